@@ -55,36 +55,39 @@ from pmr.system.truncation import extend
 
 Array = NDArray[np.float64]
 
-#: Least number of coordinates of a model by which the error of another one is estimated.
+#: Least number of coordinates of a model that serves to estimate the error of another model.
 FEWEST = 6
-#: Share of the first truncated mode's motion that is not quasi-static above which a warning asks for more modes.
+#: A warning asks for more modes if more than this share of the first truncated mode's motion is not quasi-static.
 REACHED = 0.5
-#: Step times highest circular frequency up to which a moving slider was seen to be stable with rho_inf = 1.
+#: Largest product of step and highest circular frequency with which a moving slider was stable with rho_inf = 1.
 RESOLVED = 2.0
-#: Keys of every estimate in summary.json, besides those of kinds of outputs.
+#: Keys of every estimate in summary.json that are not kinds of outputs.
 _FIGURES = ("probes", "by", "chi", "largest", "seconds", "not_covered")
 
 
 @dataclass(frozen=True)
 class ReductionError:
-    """Part of a summary with ``estimate``, the estimated error of the reduction, and its band and sections."""
+    """Part of a summary with the estimated error of the reduction (``estimate``), its band, and its sections."""
 
     part: SummaryPart
-    band: Array | None = None  # error of each displacement of the tip over time, (T, d) in m, with margin
-    sections: Mapping[str, float] = field(default_factory=dict)  # along each section of a boom, fractions
+    band: Array | None = None  # (T, d) m: error over time of each of the tip's d displacements, with margin
+    sections: Mapping[str, float] = field(default_factory=dict)  # by section of a boom: error along it, a fraction
 
     def of_section(self, name: str) -> dict[str, Any]:
-        """Contents of summary.json for one section: ``estimate``, the error along it; empty if there is none."""
+        """Contents of summary.json for one section: ``estimate``, the error along it; empty if there is no estimate."""
         return {"estimate": self.sections[name]} if name in self.sections else {}
 
 
 def needs_other_model(scene: Scene, reduced: ReducedModel) -> bool:
-    """Whether the scene wants an estimate that needs another model of the body (`estimate_by_other_model`)."""
+    """Whether the scene asks for an estimate that needs another model of the body (`estimate_by_other_model`)."""
     return scene.reduction.estimate and reason_without_estimate({ALONE: reduced}) is not None
 
 
 def other_model_scene(scene: Scene, reduced: ReducedModel) -> Scene:
-    """The scene with the other model's reduction: free modes with residual flexibility, no fewer coordinates."""
+    """The scene with the reduction of the other model: free modes with residual flexibility, and enough coordinates.
+
+    It has at least as many coordinates as `reduced`.
+    """
     choice = scene.reduction
     other = Reduction(basis="free_modes", coordinates=max(FEWEST, reduced.size), solver=choice.solver)
     return scene.model_copy(update={"reduction": other})
@@ -97,9 +100,10 @@ def reduction_error(
     other: ReducedModel | None = None,
     estimated: Estimate | None = None,
 ) -> ReductionError:
-    """Estimate the reduction's error by enrichment modes, or by the `other` model of a body alone.
+    """Estimate the error of the reduction by enrichment modes, or for a single body by the `other` model.
 
-    Effects that the error does not cover are listed in it.  `estimated`, if it is passed, is not computed again.
+    The result lists the effects that the error does not cover.  If the estimate is known already, it is passed as
+    `estimated` and not computed again.
     """
     system, excitation = simulated.system, simulated.excitation
     models = system.modal
@@ -132,7 +136,7 @@ def reduction_error(
 def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitation: Excitation) -> float | None:
     """Error of the two lowest natural frequencies on the way, a fraction with margin, by the enrichment modes.
 
-    None if there is no estimate (`no_estimate`) or nothing vibrates.
+    None if errors can't be estimated (`reason_without_estimate`) or if nothing vibrates.
     """
     if reason_without_estimate(models) is not None:
         return None
@@ -147,7 +151,7 @@ def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitat
 def _effects_left_out(
     models: Mapping[str, ReducedModel], system: System, excitation: Excitation, count: int | None
 ) -> list[str]:
-    """Effects that an estimate with up to `count` enrichment modes leaves out, a clause each."""
+    """Clauses about effects that an estimate with up to `count` enrichment modes (None: all) leaves out."""
     stressed = [SECOND_ORDER_EFFECTS] * (bool(system.terms) and not all(map(has_frame_matrices, models.values())))
     if ALONE in models:
         return [*stressed, *effects_not_covered(models[ALONE], excitation.signals, excitation.stepping, count)]
@@ -159,7 +163,7 @@ def _effects_left_out(
 class SimulatedSystem:
     """A system of reduced bodies, its excitation, and its motion.
 
-    The motion is simulated again if it was not kept, `recorded_run` being None then.
+    If the motion was not kept, `recorded_run` is None, and the motion is simulated again when it is needed.
     """
 
     system: System
@@ -169,7 +173,7 @@ class SimulatedSystem:
 
     @classmethod
     def from_simulations(cls, system: System, excitation: Excitation, simulations: Simulations) -> SimulatedSystem:
-        """The system with the motion and response of the scene's first simulator, and its parts of each step."""
+        """The system with motion and response of the scene's first simulator, and the parts of each of its steps."""
         run = simulations.first.run
         if run is None:
             return cls(system, excitation)
@@ -182,16 +186,16 @@ class SimulatedSystem:
 
 
 def _try_estimate(clock: Clock, make: Callable[[], Estimate]) -> tuple[Estimate | None, str, list[str]]:
-    """The estimate that `make` returns, an empty reason and no warnings.
+    """Estimate that `make` returns, with an empty reason and no warnings.
 
-    If it fails, None, the reason, and warnings about forces that scatter.
+    If it fails: None, the reason, and warnings about forces that differ much between nearly equal models.
     """
     try:
         with clock.stage("estimate"):
             return make(), "", []
-    except (SimulationError, InputError) as error:  # other simulators may do what march refuses
+    except (SimulationError, InputError) as error:  # other simulators may run systems that march refuses
         messages = [error.warning] if isinstance(error, UnsettledError) and error.warning else []
-        return None, str(error).removeprefix("estimate: "), messages  # the clock's stage
+        return None, str(error).removeprefix("estimate: "), messages  # the prefix is the name of the clock's stage
 
 
 def estimate_summary(estimated: Estimate, not_covered: Sequence[str] = ()) -> dict[str, Any]:
@@ -206,9 +210,9 @@ def estimate_summary(estimated: Estimate, not_covered: Sequence[str] = ()) -> di
 def estimate_warnings(
     models: Mapping[str, ReducedModel], stepping: TimeStepping, estimated: Estimate | None
 ) -> list[str]:
-    """Warnings about too few coordinates, or about a step that is too long for an estimate without damping.
+    """Warnings about too few coordinates, and about a step that is too long for an estimate without damping.
 
-    `models` are by body; `estimated` is None if there is no estimate.
+    `models` are by name of the body; `estimated` is None if there is no estimate.
     """
     beam, chi = (0.0, 0.0) if estimated is None else (estimated.error_of("beam"), estimated.chi or 0.0)
     messages = []
@@ -225,7 +229,7 @@ def estimate_warnings(
 
 
 def error_envelope(error: Array) -> Array:
-    """Largest absolute value (T, o) of errors (T, o) within two periods of their oscillation around each time."""
+    """Largest absolute value (T, o) of errors (T, o), around each time, within two periods of their oscillation."""
     signs = np.signbit(error)
     crossings = np.count_nonzero(signs[1:] != signs[:-1], axis=0)
     width = np.empty_like(error)
@@ -238,10 +242,11 @@ def error_envelope(error: Array) -> Array:
 def step_part(
     scene: Scene, simulated: SimulatedSystem, natural: Array, step_estimate: StepError | None = None
 ) -> SummaryPart:
-    """``step`` of summary.json: the time step's error, with warnings.
+    """Entry ``step`` of summary.json, the error of the time step, with warnings.
 
-    `natural` (S, f) in Hz are f natural frequencies in S positions on the way.  `step_estimate`, if it is passed, is
-    not computed again.  The size of the error is not warned of if the step was chosen by it, as with `[accuracy]`.
+    `natural` (S, f) in Hz are f natural frequencies in S positions on the way.  If the error is known already, it is
+    passed as `step_estimate` and not computed again.  If the step was chosen by its error, as with `[accuracy]`, there
+    is no warning about the size of the error.
     """
     system, excitation = simulated.system, simulated.excitation
     if scene.simulation.simulators[0] != "march":
@@ -259,7 +264,7 @@ def step_part(
     searched = scene.accuracy is not None
     messages = [] if searched else step_warnings(step_estimate, excitation.stepping, excitation.signals, natural)
     response = simulated.response or evaluate_motion(system, simulated.run)
-    exact = ("frequency", *["pad_force"] * impacts)  # no step is in frequencies, and impacts have a line of their own
+    exact = ("frequency", *["pad_force"] * impacts)  # frequencies have no step; impacts have their own line
     lacking = quantities_not_covered(
         scene, with_forces_on_machine(scene, response), step_estimate.further_errors, exact
     )

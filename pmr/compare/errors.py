@@ -1,14 +1,15 @@
-r"""Errors of responses against reference responses, their share of round-off, and the frequency band of a motion.
+r"""Errors of responses against reference responses, bounds of their round-off, and the band of a motion.
 
 .. math::
     e_{NRMS}(s, r) = \min\Big( \frac{1}{|N|} \sum_{i \in N}
         \frac{\sqrt{\frac{1}{J} \sum_j (s_{ij} - r_{ij})^2}}{\sqrt{\frac{1}{J} \sum_j r_{ij}^2}},\; 1 \Big), \qquad
     e_{abs}(s, r) = \lVert s - r \rVert
 
-s is the signal, r the reference, i the component, j the time step and J the number of steps.  N holds the components
-that move.  The publication counts those whose reference has an RMS above 1e-10 m, which leaves out its pinned node
-(Weyrer et al., section "Experiments"); here it is those above 1e-6 of the component that moves most, because a limit in
-m would treat every motion of a small structure as zero.
+s is the signal, r the reference, i the component, j the time step and J the number of steps.  N is the set of
+components that move.  Weyrer, Gerstmayr, Mikkola, Orzechowski: Model Order Reduction of a Sliding Beam using a Global
+Basis, section "Experiments", counts components whose reference has an RMS above 1e-10 m, which leaves out the pinned
+node.  Here components count whose reference has an RMS above 1e-6 of the largest one, because a limit in m would treat
+every motion of a small structure as zero.
 """
 
 from __future__ import annotations
@@ -27,31 +28,32 @@ from pmr.simulation.start import dense
 from pmr.system.body import SlidingBody, force_outputs, length_outputs, other_outputs, released_rows
 
 Array = NDArray[np.float64]
-#: Error of a signal against a reference of the same shape.
+#: Function that returns the error of a signal against a reference of the same shape.
 Measure = Callable[[Array, Array], float]
 ResponseFunction = Callable[[Response], Array]
 Pair = tuple[Array, Array]
-#: Of two responses, that of the model which comes later here is the reference.
+#: Names of models; of two responses, the one whose model comes later here is the reference.
 ORDER = ("reduced", "full", "ancf")
 
 #: Components whose reference RMS does not exceed this share of the largest one are left out of e_NRMS: a direction in
 #: which nothing happens holds round-off only.
 RELATIVE_FLOOR = 1e-6
-#: Norm above which squares of a reference neither underflow nor lose digits, in all components that are counted.
+#: Norm of a reference above which the squares of all components that count neither underflow nor lose digits.
 LEAST = 1e-130
-#: Share of a displacement or a force that may remain as round-off where it cancels: tens of thousands of units of
-#: double precision.  BLAS routines leave up to 1.6e-12 of a displacement.
+#: Share of a displacement or force that may remain as round-off if its contributions cancel: tens of thousands of units
+#: of double precision.  BLAS routines leave up to 1.6e-12 of a displacement.
 ROUND_OFF = 1e-11
 #: Stiffness in N/m that makes a held coordinate rigid.
 HOLDS = 1e300
-#: Number of coordinates of a body up to which its round-off is bounded: the matrix is dense.
+#: Largest number of coordinates of a body whose round-off is bounded: this takes a dense matrix.
 LARGEST_COMPLIANCE = 500
 
 
 def nrms(signal: Array, reference: Array) -> float:
     """e_NRMS of a signal (T,) or (T, M) against a reference of the same shape, as a fraction in [0, 1].
 
-    T is the number of times, M that of components.  Raises ValueError or SimulationError as `relative_error` does.
+    T is the number of times, M the number of components.  Raises ValueError or SimulationError as `relative_error`
+    does.
     """
     return min(relative_error(signal, reference), 1.0)
 
@@ -60,10 +62,10 @@ def relative_error(signal: Array, reference: Array) -> float:
     """RMS of the difference over the RMS of the reference, averaged over all components that move; a fraction.
 
     It is e_NRMS without the limit of 1, so that a motion that grows can be recognised.  Signal and reference have the
-    shape (T,) or (T, M): times, components.  Where squares of the values would leave the range of double precision,
-    both are divided by the largest absolute value of the reference first.  If the reference is zero throughout, the
-    error is 0 if the signal is zero too, and 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a
-    value is not finite.
+    shape (T,) or (T, M): times, components.  If squares of the values would leave the range of double precision, both
+    are divided by the largest absolute value of the reference first.  If the reference is zero throughout, the error is
+    0 if the signal is zero too, and 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a value is
+    not finite.
     """
     if signal.shape != reference.shape:
         raise ValueError(f"shapes {signal.shape} and {reference.shape} differ")
@@ -86,7 +88,7 @@ def _norms_over_time(values: Array) -> Any:
 
 
 def absolute_error(signal: Array, reference: Array) -> float:
-    """e_abs, the euclidean norm of the difference over all steps (and components), in the signals' unit.
+    """Error e_abs, the Euclidean norm of the difference over all steps and components, in the unit of the signals.
 
     Raises SimulationError if a value of the difference, or its norm, is not finite.
     """
@@ -105,18 +107,18 @@ def refuse_infinite(*values: Array) -> None:
 
 
 def largest_absolute(values: Array, axis: int | None = 0) -> Any:
-    """Largest absolute value along `axis` (0: of each column), or of all entries if `axis` is None; NaN if one is NaN.
+    """Largest absolute value along `axis` (0: of each column; None: of all entries); NaN if an entry is NaN.
 
-    It is computed from the maximum and the minimum, which saves the memory that an array of absolute values would take.
+    It is computed from maximum and minimum, which saves the memory of an array of absolute values.
     """
     return np.maximum(values.max(axis=axis, initial=0.0), -values.min(axis=axis, initial=0.0))
 
 
 def observed_quantities(tips: int, columns: slice) -> Mapping[str, ResponseFunction]:
-    """Functions of a response that return the compared quantities of a body alone, (T, k) each, by name.
+    """Functions of a response, by name, that return the compared quantities of a single body, (T, k) each.
 
-    ``tip`` is the last `tips` columns of the displacements in m, ``beam`` those numbered `columns` (these may include
-    the tip's), ``pad_force`` all contact forces in N.
+    ``tip`` returns the last `tips` columns of the displacements in m.  ``beam`` returns the columns of the
+    displacements in the slice `columns`, which may include the tip's.  ``pad_force`` returns all contact forces in N.
     """
     return {
         "tip": lambda response: response.displacement[:, -tips:],
@@ -137,13 +139,14 @@ def errors_between(
 ) -> dict[str, dict[str, float]]:
     """Errors of all pairs of models, as ``{"reduced_vs_full": {"tip": ..., "beam": ..., "pad_force": ...}, ...}``.
 
-    `responses` are by the name of their model.  `measure` is `nrms` or `relative_error` (fractions) or `absolute_error`
-    (m, and N for forces).  In each pair the model that comes later in `order` is the reference.  The pinned node, which
-    does not move, counts in no pair.  All further outputs that both responses have, such as probes and reactions, are
-    compared too, under their own names.
+    `responses` maps names of models to their responses.  `measure` is `nrms` or `relative_error` (fractions) or
+    `absolute_error` (m for displacements, N for forces).  In each pair, the model that comes later in `order` is the
+    reference.  The pinned node, which does not move, counts in no pair.  All further outputs that both responses have,
+    such as probes and reactions, are compared too, under their own names.
 
-    A kink of the path is a blow on the beam.  What the reduced model can't follow of it lets the full model vibrate at
-    frequencies above those of the reduced one; forces show that, displacements hardly do (docs/paper.md).
+    A kink of the path is a blow on the beam.  The part of this blow that the reduced model can't follow makes the full
+    model vibrate at frequencies above those of the reduced model; forces show that, displacements hardly do
+    (docs/paper.md).
     """
     return errors_of_pairs(compared_pairs(responses, order, quantities), measure)
 
@@ -158,9 +161,9 @@ def compared_pairs(
     order: tuple[str, ...] = ORDER,
     quantities: Mapping[str, ResponseFunction] = NODE_QUANTITIES,
 ) -> dict[str, dict[str, Pair]]:
-    """Pairs (signal, reference), each (T, o), which `errors_between` compares, by ``<a>_vs_<b>`` and quantity.
+    """Pairs (signal, reference), each (T, o), that `errors_between` compares, by ``<a>_vs_<b>`` and quantity.
 
-    o is the number of columns of a quantity.  Columns in which neither signal nor reference exceeds round-off are set
+    The number of columns of a quantity is o.  Columns in which neither signal nor reference exceeds round-off are set
     to 0.
     """
     present = [name for name in order if name in responses]
@@ -179,10 +182,11 @@ def compared_pairs(
 
 
 def _other_pairs(response: Response, reference: Response, force: float) -> dict[str, Pair]:
-    """Pairs (signal, reference), (T,) each, of probes, reactions and other outputs that both responses have, by name.
+    """Pairs (signal, reference), (T,) each, of all other outputs that both responses have, by the outputs' names.
 
-    A pair is replaced by zeros where neither of the two exceeds `RELATIVE_FLOOR` times the largest output in the same
-    unit; in N and N m also where neither exceeds `force`, the round-off of forces.
+    Other outputs are probes, reactions and the like.  A pair is replaced by zeros if neither signal nor reference
+    exceeds `RELATIVE_FLOOR` times the largest output in the same unit; in N and N m also if neither exceeds `force`,
+    the round-off of forces.
     """
     units = dict(zip(response.other_names, response.other_units, strict=True))
     pairs = {name: (response.other(name), reference.other(name)) for name in units if name in reference.other_names}
@@ -212,10 +216,10 @@ def with_common_forces(first: Response, second: Response) -> tuple[Response, Res
 def _without_round_off(
     compared_response: Response, reference: Response, least: float, force: float
 ) -> tuple[Response, Response]:
-    """Both responses with zeros in the columns of displacements and forces in which neither of them exceeds round-off.
+    """Both responses with zeros in those columns of displacements and forces in which neither exceeds round-off.
 
-    Round-off is `least` in m for displacements, and for forces the larger of `force` in N and `ROUND_OFF` times the
-    largest force.
+    The round-off of displacements is `least` in m.  The round-off of forces is the larger of `force` in N and
+    `ROUND_OFF` times the largest force.
     """
     x, y = zero_round_off(compared_response.displacement, reference.displacement, least)
     size = max(float(largest_absolute(response.slider_force, None)) for response in (compared_response, reference))
@@ -237,7 +241,7 @@ def zero_round_off(signal: Array, reference: Array, round_off: float | Array) ->
 
 
 def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> float:
-    r"""Displacement in m that may be round-off alone, where loads (T, i) in N act for `end` seconds.
+    r"""Largest displacement in m that may be nothing but round-off, if loads (T, i) in N act for `end` seconds.
 
     .. math:: 10^{-11} \max_o \lVert O_o^T \rVert \sum_i \lVert B_i \rVert \max_t |f_i|, \qquad
         \lVert x \rVert^2 = x^T \big(K + (2 \pi / t_e)^2 M\big)^{-1} x
@@ -245,26 +249,26 @@ def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> fl
     with the row :math:`O_o` of each displacement output, the column :math:`B_i` of each of the i inputs, its load
     :math:`f_i`, stiffness K, mass M and :math:`t_e` = `end`.
 
-    By Cauchy and Schwarz the product bounds what the loads do to an output of the bodies with their contacts released,
-    in whichever coordinates.  Round-off is a share of that also where a slider cancels the displacement, or where loads
-    along the axis don't bend the body at all.  It is linear in the loads, so that no motion counts as round-off because
-    the loads are small.  It is 0 if a body has more than `LARGEST_COMPLIANCE` coordinates.
+    By the inequality of Cauchy and Schwarz, the product bounds the effect of the loads on an output of the bodies with
+    released contacts, in any coordinates.  Round-off is a share of this effect, even if a slider cancels the
+    displacement, or if loads along the axis don't bend the body at all.  It is linear in the loads, so that no motion
+    counts as round-off because the loads are small.  It is 0 if a body has more than `LARGEST_COMPLIANCE` coordinates.
     """
     return float(ROUND_OFF * _largest_motions(bodies, loads, end, length_outputs).max(initial=0.0))
 
 
 def probe_round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> Array:
-    """Round-off (k,) of each of the k outputs that are neither in m nor in N, in its unit, as in `round_off`."""
+    """Round-off (k,), as in `round_off`, of each of k probes: outputs that are neither in m nor in N; in its unit."""
     return ROUND_OFF * _largest_motions(bodies, loads, end, other_outputs)
 
 
 def _largest_motions(
     bodies: Mapping[str, SlidingBody], loads: Array, end: float, select: Callable[[SlidingBody], NDArray[np.bool_]]
 ) -> Array:
-    """Bound (o,) on each of the outputs that `which` selects, in its unit, under loads (T, i) in N for `end` seconds.
+    """Bound (o,) on each of o selected outputs, in its unit, under loads (T, i) in N for `end` seconds.
 
-    `which` returns a mask of a body's outputs.  All bounds are 0 if a body has more than `LARGEST_COMPLIANCE`
-    coordinates.
+    `select` returns the mask of the selected outputs of a body.  All bounds are 0 if a body has more than
+    `LARGEST_COMPLIANCE` coordinates.
     """
     sizes, reach, first = list[Array](), 0.0, 0
     for body in bodies.values():
@@ -278,12 +282,13 @@ def _largest_motions(
 
 
 def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> float:
-    r"""Force in N that may be round-off alone in a body under loads (T, i) in N for `end` seconds.
+    r"""Largest force in N that may be nothing but round-off in a body under loads (T, i) in N for `end` seconds.
 
-    It is bounded as in `round_off`, for the outputs that are forces and for the multipliers of the released rows, those
-    that move or only push.  The force of a row is at most :math:`\lVert B \rVert |f| / \sqrt{\lVert C^T \rVert^2 + G +
-    1/k}` with the row C and its residual flexibility G, both at the path coordinate s in m, and its stiffness k;
-    `ROUND_OFF` times that counts as round-off.  It is 0 if the body has more than `LARGEST_COMPLIANCE` coordinates.
+    It is bounded as in `round_off`, for the outputs that are forces and for the multipliers of the rows that move or
+    only push.  The force of a row is at most :math:`\lVert B \rVert |f| / \sqrt{\lVert C^T \rVert^2 + G + 1/k}` with
+    the inputs B, their loads f, the row C and its residual flexibility G at the path coordinate s in m, and the row's
+    stiffness k (norms as in `round_off`).  `ROUND_OFF` times that is the result.  It is 0 if the body has more than
+    `LARGEST_COMPLIANCE` coordinates.
     """
     if (A := _dynamic_stiffness(body, end)) is None:
         return 0.0
@@ -298,9 +303,9 @@ def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> fl
 
 
 def _dynamic_stiffness(body: SlidingBody, end: float) -> Array | None:
-    """K + (2 pi / end)^2 M (n, n) with held coordinates made rigid; None where the body is too large.
+    """Matrix K + (2 pi / end)^2 M (n, n) with held coordinates made rigid; None if it can't be computed.
 
-    It is None for more than `LARGEST_COMPLIANCE` coordinates, or unless `end` in s is positive.
+    It is None if the body has more than `LARGEST_COMPLIANCE` coordinates, or unless `end` in s is positive.
     """
     if body.size > LARGEST_COMPLIANCE or not end > 0.0:
         return None
@@ -312,32 +317,32 @@ def _dynamic_stiffness(body: SlidingBody, end: float) -> Array | None:
 
 
 def _norms(A: Array, rows: Array) -> Array:
-    """Norm sqrt(x A^-1 x^T), (r,), of each row x of `rows` (r, n), with the symmetric matrix A (n, n)."""
+    """Norms sqrt(x A^-1 x^T) (r,) of the rows x of `rows` (r, n), with the symmetric matrix A (n, n)."""
     return np.asarray(np.sqrt(np.maximum(np.einsum("rn,nr->r", rows, np.linalg.solve(A, rows.T)), 0.0)))
 
 
 def _load_norm(A: Array, body: SlidingBody, loads: Array) -> float:
-    """Sum over all inputs i of the largest absolute load of `loads` (T, i) in N times the norm of its column of B.
+    """Sum over the inputs of the largest absolute load (T, i) in N times the norm of the input's column of B.
 
     The norm is that of `_norms` with the matrix A.
     """
     return float(_norms(A, np.asarray(body.B).T) @ np.abs(loads).max(axis=0, initial=0.0))
 
 
-#: Forces, or moments, (T,) by kind and unit, such as ``("pad_force", "N")``, and by their names.
+#: Histories (T,) of forces or moments: by kind and unit, such as ``("pad_force", "N")``, then by name.
 ForceHistories = dict[tuple[str, str], dict[str, Array]]
 
-#: Share of the norm of the largest kind of forces: errors of kinds with a smaller norm are relative to that share.
+#: Share of the largest norm of all kinds of forces: errors of kinds with a smaller norm are relative to this share.
 LITTLE_FORCE = 1e-3
 #: Units of forces and moments.
 FORCE_UNITS = ("N", "N m")
 
 
 def force_histories(response: Response) -> ForceHistories:
-    """All forces of a response, (T,) each, by kind and unit and then by name.
+    """Histories (T,) of all forces of a response, by kind and unit, then by name.
 
     Keys are such as ``("pad_force", "N")`` or ``("reaction", "N m")``.  Forces of contacts are those at the ends of
-    steps; for pads that only push these are smaller than the peaks within steps.
+    steps; for pads that only push, the peaks within steps are larger.
     """
     forces = ForceHistories()
     first = len(response.output_names)
@@ -353,22 +358,22 @@ def force_histories(response: Response) -> ForceHistories:
 def force_errors(
     forces: Mapping[tuple[str, str], Mapping[str, Array]], reference: Mapping[tuple[str, str], Mapping[str, Array]]
 ) -> dict[str, float]:
-    r"""Errors by kind, fractions, of the forces that occur in both; the larger one where a kind has forces and moments.
+    r"""Errors by kind, fractions, of the forces that occur in both; for a kind with moments too, the larger error.
 
     .. math::
         e = \frac{\lVert f - r \rVert}{\max(\lVert r \rVert,\; 10^{-3} \max_k \lVert r_k \rVert)}
 
     with the forces f and their reference r over all forces of a kind and all times; r_k are the reference forces of
-    each kind k in the same unit.  The error of a kind that bears next to nothing, such as the force of a cylinder that
-    holds still, is thereby relative to `LITTLE_FORCE` times the largest kind.  Kinds are left out if all reference
-    forces in their unit are zero.
+    each kind k in the same unit.  So the error of a kind with very small forces, such as that of a cylinder that holds
+    still, is relative to `LITTLE_FORCE` times the largest kind.  Kinds are left out if all reference forces in their
+    unit are zero.
     """
     pairs = dict[tuple[str, str], tuple[float, float]]()
     for key in (key for key in forces if key in reference):
         names = [name for name in forces[key] if name in reference[key]]
         if names:
             y, r = (np.array([of[key][name] for name in names]) for of in (forces, reference))
-            scale = float(np.abs(r).max(initial=0.0)) or 1.0  # squares neither vanish nor overflow
+            scale = float(np.abs(r).max(initial=0.0)) or 1.0  # scaled, so that squares neither vanish nor overflow
             pairs[key] = scale * float(np.linalg.norm((y - r) / scale)), scale * float(np.linalg.norm(r / scale))
     errors = dict[str, float]()
     for (kind, unit), (apart, size) in pairs.items():
@@ -379,11 +384,11 @@ def force_errors(
 
 
 def band_limit(y: Array, step: float) -> float:
-    """Frequency in Hz above which 1 % of signals y (T, o) lies, by their RMS; 0 if all of them are constant.
+    """Frequency in Hz above which 1 % of the signals y (T, o) lies, by their RMS; 0 if all signals are constant.
 
     `step` is the time between samples in s.
     """
-    from scipy.fft import next_fast_len  # slow to import, and few need it
+    from scipy.fft import next_fast_len  # imported here: it is slow to import and rarely needed
 
     window, count = np.hanning(len(y))[:, None], next_fast_len(len(y), real=True)
     power = np.sum(np.abs(np.fft.rfft((y - y.mean(axis=0)) * window, n=count, axis=0)) ** 2, axis=1)
@@ -396,14 +401,14 @@ def band_limit(y: Array, step: float) -> float:
 def band_of_response(response: Response) -> float:
     """Band in Hz of the motion of a response: `band_limit` of the last displacement, which is the tip's.
 
-    It is that of all displacements if the tip moves by no more than round-off, as on a support.
+    If the tip moves by round-off only, as on a support, it is the `band_limit` of all displacements.
     """
     tip, step = response.displacement[:, -1:], float(response.t[1] - response.t[0])
     return band_limit(tip if np.ptp(tip) > response.round_off else response.displacement, step)
 
 
 def error_below_frequency(signal: Array, reference: Array, step: float, highest: float) -> float:
-    """`relative_error` of a signal (T, o) against a reference, both without what they have above `highest` in Hz.
+    """`relative_error` of a signal (T, o) against a reference, after frequencies above `highest` in Hz are removed.
 
     `step` is the time between samples in s.
     """

@@ -2,16 +2,16 @@ r"""Estimate the error of a reduced model without a full model.
 
 The error comes from inertia and damping of the truncated modes.  A second run has more coordinates: the first truncated
 modes (enrichment modes), and attachment modes (`pmr.system.attachment`), which add inertia and damping of all further
-modes in the directions of all loads that a body bore in the first run:
+modes in the directions of all loads that acted on a body in the first run:
 
 .. math:: \text{estimate} = 1.25 \lVert y_{\text{second}} - y_r \rVert
 
-with the outputs y_r of the reduced model and those of the second run.  1.25 is a margin: without it the estimate was
-0.98 to 1.2 times the true error in random scenes, damped and not, with one slider, two sliders and twelve pads
-(tests/compare/test_estimate_kinds_sweep.py).  It is no bound (docs/moving_residual_flexibility.md, section 12);
-`pmr.compare.trust` names the cases in which it is seen to fail.  Where pads land and lift off, an impact a moment
-earlier changes the whole motion after it: then a third run, without the enrichment modes, has to be close to the second
-one.
+with the outputs y_r of the reduced model and y_second of the second run.  The factor 1.25 is a margin: without it, the
+estimate was 0.98 to 1.2 times the true error in random scenes, damped and not, with one slider, two sliders and twelve
+pads (tests/compare/test_estimate_kinds_sweep.py).  The estimate is no bound (docs/moving_residual_flexibility.md,
+section 12); `pmr.compare.trust` names the cases in which it was seen to fail.  If pads land and lift off, an impact
+that comes a moment earlier changes the whole motion after it.  Then a third run, without the enrichment modes, has to
+be close to the second one.
 """
 
 from __future__ import annotations
@@ -67,10 +67,10 @@ from pmr.system.truncation import extend, is_modal
 Array = NDArray[np.float64]
 Models = Mapping[str, ReducedModel]
 
-#: Factor on the difference to a richer model in estimates.
+#: Factor by which estimates multiply the difference to a richer model.
 MARGIN = 1.25
-#: Share of inertia that attachment modes leave out where the motion grows with `LEFT_OUT`: under rigid contacts the
-#: flexibility that remains is round-off, which may have the wrong sign.
+#: Share of inertia that attachment modes leave out if the motion grows with the share `LEFT_OUT`: under rigid contacts
+#: the flexibility that remains is round-off, which may have the wrong sign.
 MORE_LEFT_OUT = 1e-5
 
 
@@ -78,24 +78,24 @@ MORE_LEFT_OUT = 1e-5
 class Estimate:
     """Estimated errors of the outputs of reduced bodies, with margin.
 
-    Fractions are e_NRMS relative to the second run's motion, not capped: above 1 the error is larger than the motion.
-    `by` is the method: ``attachment`` modes, or an ``other model``.
+    Fractions are e_NRMS relative to the second run's motion, without the limit of 1: above 1, the error is larger than
+    the motion.  `by` is the method: ``attachment`` modes, or an ``other model``.
     """
 
-    errors: Mapping[str, float]  # by kind of output (`pmr.compare.outputs`), without those that are `unknown`
-    probes: Mapping[str, float]  # of each output in another unit, by name (`probe_differences`)
-    error: Array  # (T, o) m: what is missing in the displacements, as far as these runs show, without margin
-    tips: tuple[int, ...]  # numbers of the displacements that are the tip's
+    errors: Mapping[str, float]  # fractions by kind of output (`pmr.compare.outputs`); `unknown` kinds are missing
+    probes: Mapping[str, float]  # fractions by name of the probe (`probe_differences`)
+    error: Array  # (T, o) m: error of the displacements as far as these runs show it, without margin
+    tips: tuple[int, ...]  # numbers of the displacements of the tip
     seconds: float  # wall time of the estimate, all runs included
     by: str
-    enrichment: int | None = None  # modes of each body that the second run has more; None: all that models keep
+    enrichment: int | None = None  # number of modes that the second run has more, for each body; None: all
     chi: float | None = None  # share of the first truncated mode's motion that is not quasi-static
-    bodies: Mapping[str, float] = field(default_factory=dict)  # error along each of several bodies, with margin
-    unknown: Mapping[str, str] = field(default_factory=dict)  # kinds without an estimate, and why, in words
-    scatter: str = ""  # sentence about peak forces (`describe_scatter`) where these are not settled, else empty
+    bodies: Mapping[str, float] = field(default_factory=dict)  # error along each body by name, with margin
+    unknown: Mapping[str, str] = field(default_factory=dict)  # reasons, in words, for kinds without an estimate
+    scatter: str = ""  # sentence about peak forces that are not settled (`describe_scatter`), else empty
 
     def error_of(self, kind: str) -> float:
-        """Error of one kind of output, a fraction with margin; 0 where there is no estimate of it."""
+        """Error of one kind of output, a fraction with margin; 0 if there is no estimate of this kind."""
         return self.errors.get(kind, 0.0)
 
     @property
@@ -117,7 +117,7 @@ class Estimate:
 def reason_without_estimate(models: Models) -> str | None:
     """Why errors of bodies with these models can't be estimated, in words; None if they can.
 
-    `models` are by body.
+    `models` maps names of bodies to models.
     """
     return next(
         (
@@ -163,7 +163,10 @@ class _Simulation:
         run: SystemTrajectory | None = None,
         response: Response | None = None,
     ) -> _Simulation:
-        """Simulate the system under the excitation and evaluate its outputs; `run` and `response` are not repeated."""
+        """Simulate the system under the excitation and evaluate its outputs.
+
+        If `run` or `response` are passed, they are used and not computed again.
+        """
         run = run or run_from_start(system, excitation)
         response = response or evaluate_motion(system, run)
         return cls(system, run, response, outputs_of_response(system, run, excitation, response))
@@ -171,14 +174,14 @@ class _Simulation:
 
 @dataclass(frozen=True)
 class _Difference:
-    """Outputs of a richer model minus those of a model, the richer model's run, and kinds of outputs that are in doubt.
+    """Outputs of a richer model minus those of a model, and the simulation of the richer model.
 
-    In doubt are kinds in which two richer models disagree.
+    `unsettled` are kinds of outputs in which two richer models disagree.
     """
 
     difference: Outputs  # of the richer model minus those of the model
     richer: _Simulation
-    enrichment: int  # modes of each body that it has more, at most
+    enrichment: int  # largest number of additional modes of a body
     errors_by_name: Mapping[str, float] = field(
         default_factory=dict
     )  # errors by name (`_errors_by_name`), without margin
@@ -195,9 +198,11 @@ def estimate_error(
 ) -> Estimate:
     """Estimate the error of a system of reduced bodies by a second run with enrichment modes and attachment modes.
 
-    `models` are the reduced models by body, on their modes alone; `system` has further coordinates where there are
-    cylinders (`pmr.system.attachment`).  Its `run` under the excitation and its `response` are computed unless they
-    are passed.  The second run, and a third one where pads lift off, divide each step into the same parts as `run`.
+    `models` are the reduced bodies by name, on their modes alone; the bodies of `system` have further coordinates if
+    there are cylinders (`pmr.system.attachment`).  `run` is the motion of `system` under the excitation, and `response`
+    the response to it; each is computed if it is None.  The second run, and a third one if pads lift off, divide each
+    step into the same parts as `run`.
+
     Raises ValueError if there is no estimate (`reason_without_estimate`); InputError or SimulationError as for
     `pmr.simulation.Simulator`; SimulationError too if the two richer models disagree on the motion after an impact.
     """
@@ -242,9 +247,9 @@ def estimate_error(
 
 
 def _reason_without_forces(model: ReducedModel, excitation: Excitation, of_run: Outputs, richer: Outputs) -> str | None:
-    """Why forces of sliders and pads of a body alone have no estimate, in words; None if they have one.
+    """Why forces of sliders and pads of a single body have no estimate, in words; None if they have one.
 
-    `of_run` are the outputs of the model, `richer` those of the richer one.
+    `of_run` are the outputs of the model, `richer` those of the richer model.
     """
     if has_impulsive_force(model, excitation):
         return SLIDER_IMPACTS
@@ -258,11 +263,11 @@ def _attachment_difference(
 ) -> _Difference:
     """Simulate the richer model, with enrichment and attachment modes, and return its difference to the first run.
 
-    Attachment modes are for the contact forces and loads of the first run, whose parts of each step are used again.  If
-    the motion grows, it is simulated with fewer attachment modes, then with half as many enrichment modes, and so on;
-    raises GrowthError if the motion grows with all of them.  Where pads lift off in the first run, a third run without
-    enrichment modes shows in which kinds of outputs richer models disagree; raises UnsettledError if they disagree in
-    displacements.
+    The attachment modes are responses to the contact forces and loads of the first run, whose parts of each step are
+    used again.  If the motion grows, the richer model gets fewer attachment modes, then half as many enrichment modes,
+    and so on; a GrowthError is raised if the motion grows with all of these models.  If pads lift off in the first run,
+    a third run without enrichment modes shows in which kinds of outputs richer models disagree; an UnsettledError is
+    raised if they disagree in displacements.
     """
     if not excitation.stepping.schedule:
         excitation = divide_steps(first.system, excitation, first.run)
@@ -300,10 +305,10 @@ def _attachment_difference(
         differences(richer_run.outputs, better.outputs, floors, kinds) for richer_run in (first, other)
     )
     unknown = [kind for kind in kinds if not are_settled(errors_of_first[kind], apart[kind])]
-    if "pad_force" not in unknown:  # which all other forces balance
+    if "pad_force" not in unknown:  # pad forces balance all other forces
         unknown = [kind for kind in unknown if kind in OUTPUT_KINDS]
     peaks = [float(richer_run.run.forces[:, pushing].max()) for richer_run in (first, better, other)]
-    # Where they disagree on forces, what they differ by in displacements has to be within the estimate's margin.
+    # If they disagree on forces, their difference in displacements has to be within the margin of the estimate.
     stricter = SETTLED / (MARGIN - 1.0) if "pad_force" in unknown else 1.0
     for kind in ("beam", "tip"):
         if not are_settled(errors_of_first[kind], stricter * apart[kind]):
@@ -313,13 +318,13 @@ def _attachment_difference(
 
 
 def _with_enrichment(model: ReducedModel, count: int) -> ReducedModel:
-    """The model with up to `count` of its enrichment modes as coordinates."""
+    """The model with its first `count` enrichment modes, or all if it has fewer, as coordinates."""
     most = 0 if model.enrichment is None else model.enrichment.count
     return extend(model, min(count, most)) if min(count, most) else model
 
 
 def _errors_by_name(response: Response, richer: Response, excitation: Excitation) -> dict[str, float]:
-    """Errors of `response` against `richer`, fractions without margin, of all outputs that `errors_between` compares.
+    """Errors of `response` against `richer` in all outputs that `errors_between` compares: fractions without margin.
 
     They include reactions and probes by name, and forces of each kind between kinks of extensions.
     """
@@ -328,9 +333,9 @@ def _errors_by_name(response: Response, richer: Response, excitation: Excitation
 
 
 def _errors_by_section(system: System, displacement: Array, error: Array) -> dict[str, float]:
-    """Error along each body by its name, a fraction with margin; empty for a body alone.
+    """Error along each body, a fraction with margin, by the body's name; empty for a single body.
 
-    `displacement` (T, o) in m are those of all bodies, `error` (T, o) in m what is missing in them.
+    `displacement` (T, o) in m are the displacements of all bodies, `error` (T, o) in m their errors.
     """
     first, errors = 0, dict[str, float]()
     for name, body in system.bodies.items() if len(system.bodies) > 1 else ():
@@ -349,12 +354,12 @@ def _probes(system: System) -> list[str]:
 
 
 def estimate_by_other_model(system: System, reference: ReducedModel, excitation: Excitation) -> Estimate:
-    r"""Estimate the error of a body alone on any basis by another model of the same body whose error can be estimated.
+    r"""Estimate the error of a single body on any basis, by another model of this body whose error can be estimated.
 
     .. math:: \lVert y - y_r \rVert \le \lVert y_b - y_r \rVert + \lVert y - y_b \rVert
 
     with the exact outputs y, the outputs y_r of `system`, and y_b those of `reference`, a model on free modes
-    with residual flexibility; the last term is the estimate for `reference`.  Raises ValueError, InputError and
+    with residual flexibility; the estimate for `reference` stands for the last term.  Raises ValueError, InputError and
     SimulationError as `estimate_error` of the other model does.
     """
     begin = time.perf_counter()
@@ -382,7 +387,7 @@ def estimate_by_other_model(system: System, reference: ReducedModel, excitation:
 def _with_common_forces(first_run: _Simulation, second_run: _Simulation) -> tuple[Outputs, Outputs, list[str]]:
     """Outputs of both runs with only the forces that occur in both, and the names of all other forces.
 
-    A force occurs in one run only if a basis does not move the row of its contact, which is then left out of the model.
+    A force is missing in a run if the basis does not move the row of its contact: such rows are left out of a model.
     """
     names = [each.response.force_names for each in (first_run, second_run)]
     common = [name for name in names[1] if name in names[0]]
@@ -394,7 +399,7 @@ def _with_common_forces(first_run: _Simulation, second_run: _Simulation) -> tupl
 
 
 def chi(body: ReducedModel, run: Trajectory, f: Array, mode: int) -> float:
-    r"""Share of a mode's motion that is not quasi-static, in a run of a body on its modes under loads f (T, i) in N.
+    r"""Share of a mode's motion that is not quasi-static, in a `run` of a body on modes under loads f (T, i) in N.
 
     .. math::
         \chi = \frac{\mathrm{rms}(\eta - \varphi^T g / \omega^2)}{\mathrm{rms}(\eta)}, \quad
@@ -404,7 +409,7 @@ def chi(body: ReducedModel, run: Trajectory, f: Array, mode: int) -> float:
     multipliers :math:`\lambda` and path coordinate s of the run (docs/moving_residual_flexibility.md, sections 10 and
     12).
 
-    It is 0 if the mode moves by round-off only, as torsion does under loads in a plane of symmetry.
+    The result is 0 if the mode moves by round-off only, as torsion does under loads in a plane of symmetry.
     """
     force = f @ body.B[mode] - np.einsum(
         "tm,tm->t", evaluate(select_columns(body.rows, [mode]), run.s)[:, :, 0], run.multipliers
@@ -415,20 +420,20 @@ def chi(body: ReducedModel, run: Trajectory, f: Array, mode: int) -> float:
 
 def _rms(x: Array) -> float:
     """RMS of all entries of x."""
-    unit = float(np.abs(x).max(initial=0.0))  # squares of tiny values would vanish
+    unit = float(np.abs(x).max(initial=0.0))  # scaled: squares of tiny values would vanish
     return unit * float(np.sqrt(np.mean((x / unit) ** 2))) if unit > 0.0 else 0.0
 
 
-#: Share of the error that two richer models may differ by where pads lift.
+#: Largest difference between two richer models, over the error, if pads lift off.
 SETTLED = 0.5
-#: Largest number of steps, evenly taken from all, for whose loads attachment modes are made.
+#: Largest number of steps, evenly spaced among all, whose loads decide on attachment modes.
 ANSWERED_STEPS = 20_000
 
 
 def carried_loads(system: System, run: SystemTrajectory) -> dict[str, sp.csr_matrix]:
-    """Forces of contacts and loads on the carriers and inputs of each body in a run, (S, K + i) in N, by body.
+    """Contact forces on the carriers of each body in a run, and loads on its inputs: (S, K + i) in N, by body.
 
-    S is the number of steps, at most `ANSWERED_STEPS`; K is the number of carriers of the body, i that of its inputs.
+    S is the number of steps, at most `ANSWERED_STEPS`, evenly spaced; the body has K carriers and i inputs.
     """
     forces, first = {}, 0
     for name, body in system.reduced.items():
@@ -441,10 +446,10 @@ def carried_loads(system: System, run: SystemTrajectory) -> dict[str, sp.csr_mat
 
 
 def carrier_forces_of_run(carriers: CarrierRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> sp.csr_matrix:
-    """Forces of rows on their carriers in a run of one body, and its loads (T, i): (S, K + i) in N.
+    """Forces of rows on K carriers in a run of one body, and its loads: (S, K + i) in N.
 
-    They are at S steps, at most `ANSWERED_STEPS`, evenly taken from all T.  `run.s` has to hold the path coordinate of
-    each row, (T, m) in m.
+    The S steps, at most `ANSWERED_STEPS`, are evenly spaced among the T steps of the run and of the `loads` (T, i).
+    `run.s` must have the path coordinate of each row, (T, m) in m.
     """
     steps = np.linspace(0, len(run.t) - 1, min(len(run.t), ANSWERED_STEPS)).astype(int)
     return carrier_forces(carriers, rows, run.s[steps], run.multipliers[steps], loads[steps])
@@ -453,11 +458,11 @@ def carrier_forces_of_run(carriers: CarrierRows, rows: Sequence[Row], run: Traje
 def carrier_forces(
     carriers: CarrierRows, rows: Sequence[Row], x: Array, multipliers: Array, loads: Array
 ) -> sp.csr_matrix:
-    r"""Forces of m rows on K carriers, then the loads: a sparse matrix (T, K + i) in N.
+    r"""Forces of m rows on K carriers and, in further columns, the loads: a sparse matrix (T, K + i) in N.
 
-    A row with the multiplier :math:`\lambda` acts on its few carriers with :math:`-b(x) \lambda`, b being its weights
-    on them.  The rows are at the path coordinates x (T, m) in m, their multipliers are (T, m) in N, the loads (T, i) in
-    N.
+    A row with the multiplier :math:`\lambda` acts on its few carriers with :math:`-b(x) \lambda`, where b are its
+    weights on these carriers.  The rows are at the path coordinates x (T, m) in m; their `multipliers` are (T, m) in N,
+    and the `loads` (T, i) in N.
     """
     T, K = len(x), len(carriers.values)
     on, shares = [np.broadcast_to(K + np.arange(loads.shape[1]), loads.shape)], [loads]
@@ -467,29 +472,30 @@ def carrier_forces(
     columns, entries = np.hstack(on), np.hstack(shares)
     ends = columns.shape[1] * np.arange(T + 1)
     forces = sp.csr_matrix((entries.ravel(), columns.ravel(), ends), (T, K + loads.shape[1]))
-    forces.sum_duplicates()  # rows may touch the same ones
+    forces.sum_duplicates()  # several rows may touch the same carrier
     return forces
 
 
 def lifts_off(forces: Array) -> bool:
     """Whether any of p contacts that only push is closed at some steps and open at others.
 
-    `forces` (T, p) in N are theirs; an open contact has none.
+    `forces` (T, p) in N are the forces of these contacts; the force of an open contact is zero.
     """
     pushed = forces > 0.0
     return bool(np.any(pushed.any(axis=0) & ~pushed.all(axis=0)))
 
 
 def are_settled(error: float, difference: float) -> bool:
-    """Whether two richer models differ little enough, by `difference`, for an estimate of the error `error`; fractions.
+    """Whether two richer models differ little enough for an estimate of the error.
 
-    They do if `difference` is at most `SETTLED` times the error, or if the error is round-off.
+    Both `error` and `difference` are fractions.  The models do if the difference is at most `SETTLED` times the error,
+    or if the error is round-off.
     """
     return difference <= SETTLED * error or error <= ROUND_OFF
 
 
 def describe_scatter(peaks: Sequence[float]) -> str:
-    """Sentence about the largest forces, in N, of pads that land and lift off in nearly equal models.
+    """Sentence about the largest forces, in N, of pads that land and lift off in several nearly equal models.
 
     It is empty if the smallest and the largest of the `peaks` agree to three digits.
     """
@@ -520,23 +526,21 @@ LEFT_OUT_AT_REST = 1e-4
 def system_with_attachment_modes(system: System, x: Array, forces: Sequence[Array], loads: Sequence[Array]) -> System:
     """Return the system with attachment modes for the contact forces and loads of several load cases at rest.
 
-    The residual flexibility of a model at rest is exact but for the effect of axial forces on it.  Attachment modes for
-    the loads on the bodies (`pmr.system.attachment`) and enrichment modes have second-order matrices and inertia, so
-    they add that effect.
+    The residual flexibility of a model at rest is exact, except that axial forces do not change it.  Attachment modes
+    for the loads on the bodies (`pmr.system.attachment`) and enrichment modes have second-order matrices and inertia,
+    so they add the effect of axial forces.
 
     Parameters
     ----------
-    system : System
-        Of reduced bodies.
-    x : (P, sides) array, m
+    system : System     System of reduced bodies. x : (P, sides) array, m
         Path coordinates of all sides of the contacts in P positions.
     forces, loads : sequences of arrays, (P, m) and (P, i) in N
-        Forces of the m contacts and loads on the i inputs, an array for each load case.
+        Forces of the m contacts, and loads on the i inputs, with one array for each load case.
 
     Raises
     ------
     InputError
-        If the models don't hold what attachment modes need (`reason_without_estimate`).
+        If the models lack data that attachment modes need (`reason_without_estimate`).
     """
     models = system.modal
     if why := reason_without_estimate(models):
@@ -546,7 +550,7 @@ def system_with_attachment_modes(system: System, x: Array, forces: Sequence[Arra
     bodies, first = {}, 0
     for name, model in models.items():
         last, carriers = first + len(model.input_names), model.carriers
-        assert carriers is not None  # as `reason_without_estimate` says
+        assert carriers is not None  # `reason_without_estimate` has checked this
         on = system.sides_of(name)
         rows = [system.row(system.sides[number].place) for number in on]
         pressing = [

@@ -1,4 +1,4 @@
-"""Forces of pads, cylinders, ropes and supports: their extremes, and warnings where they pull or are unknown."""
+"""Forces of pads, cylinders, ropes and supports: their extremes, and warnings if they pull or are unknown."""
 
 from __future__ import annotations
 
@@ -28,21 +28,22 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Ratio of a cylinder's largest stiffness about the pivot to its smallest above which a support is no stand-in for it.
+#: A support can't stand in for a cylinder if the cylinder's largest stiffness about the pivot is more than this times
+#: its smallest.
 TURNED = 1.1
-#: Share of a cylinder's force across the boom that its force along the boom exceeds before a support lacks it.
+#: A support lacks a cylinder's force along the boom if this is more than this share of the force across the boom.
 LEANING = 0.1
 
-#: Share of a pad's largest push, or of a tenth of the largest force of any pad if that is more, above which its pull is
-#: warned of.
+#: There is a warning if a pad's pull exceeds this share of its largest push, or of a tenth of the largest force of any
+#: pad if that is more.
 PULLED = 0.01
 
 
 def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart:
-    """``pads``, ``cylinders`` and ``reactions`` of summary.json: smallest and largest force of each, when and where.
+    """Entries ``pads``, ``cylinders`` and ``reactions`` of summary.json: extremes of each force, when and where.
 
-    Cylinders also have the largest ``friction`` in N that they overcome, what friction has ``dissipated`` in J, and
-    their impulses at ``kinks``.  Warnings name pads that are pulled and forces that are unknown.
+    Cylinders also have the largest ``friction`` in N that they overcome, the energy in J that friction has
+    ``dissipated``, and their impulses at ``kinks``.  Warnings name pads that are pulled and forces that are unknown.
     """
     joined, along, figures = len(scene.sections) > 1, scene.path_positions(response.t), dict[str, Any]()
     if joined or scene.pads:
@@ -62,10 +63,10 @@ def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart
 
 
 def pad_extremes(scene: Scene, response: Response) -> dict[str, Extremes]:
-    """Extremes in N, positive where a pad pushes the body inwards, of all pads whose force the response holds, by name.
+    """Extremes in N of all pads whose force the response contains, by name; positive pushes the body inwards.
 
-    Of a body alone they are in the order of its rings; of sections they are those of all contacts and springs but
-    cylinders.
+    For a single body they are in the order of its rings.  For sections they are those of all contacts and springs that
+    are no cylinders.
     """
     along = scene.path_positions(response.t)
     names = [name for ring in _pad_rings(scene) for name, _, _ in ring.named_pads]
@@ -83,12 +84,12 @@ def pad_extremes(scene: Scene, response: Response) -> dict[str, Extremes]:
 
 
 def _pad_rings(scene: Scene) -> tuple[PadRing, ...]:
-    """Rings of pads of a body alone; none of a boom of several sections."""
+    """Rings of pads of a single body; none for a boom of several sections."""
     return scene.pads if len(scene.sections) == 1 else ()
 
 
 def _cylinder_rows(scene: Scene, system: System, response: Response) -> Iterator[dict[str, Any]]:
-    """Rows of ``cylinders`` in summary.json: the extremes of each cylinder's force, its friction and its kinks."""
+    """Yield rows of ``cylinders`` in summary.json: extremes of each cylinder's force, its friction and its kinks."""
     at_kinks, along = cylinder_impulses(scene, system), scene.path_positions(response.t)
     driven = {force_name(cylinder_name(name)): name for name in scene.names[1:]}
     for force in response.force_names:
@@ -108,11 +109,11 @@ def _friction_figures(scene: Scene, system: System, response: Response, body: st
     .. math:: \int f\, dy - f^2 / (2 \textstyle\sum \kappa), \qquad y = s - \Lambda / k
 
     with the joint's total friction f, the extension s, the cylinder's force :math:`\Lambda` and stiffness k, and the
-    stiffnesses :math:`\kappa` at which the joint's pads stick, as if all of them stuck alike (`pmr.system.contacts`).
-    `body` is the name of the section.
+    stiffnesses :math:`\kappa` with which the joint's pads stick, as if all pads stuck in the same way
+    (`pmr.system.contacts`).  `body` is the name of the section.
     """
     friction = Friction.from_contacts(system.contacts)
-    assert friction is not None  # as the response has its friction
+    assert friction is not None  # the response has friction
     joint = friction.joints.index(body)
     f, drive = response.other(friction_name(body)), response.force(force_name(cylinder_name(body)), 0)
     y = scene.paths[body].value(response.t) - friction.cylinder_compliance[joint] * drive
@@ -122,10 +123,11 @@ def _friction_figures(scene: Scene, system: System, response: Response, body: st
 
 
 def reaction_rows(scene: Scene, response: Response, path: Array) -> dict[str, object]:
-    """``reactions`` of summary.json, rows with ``name``, ``unit`` and `Extremes.summary`; empty if there are none.
+    """Entry ``reactions`` of summary.json: rows with ``name``, ``unit`` and the keys of `Extremes.summary`.
 
-    They are those of all supports, rigid or not.  In a boom their names begin with the section's.  `path` (T,) in m is
-    the path coordinate, or the reach of sections, at the times of the response.
+    There is a row for each support, rigid or not; without supports the result is empty.  In a boom, the names begin
+    with that of the section.  `path` (T,) in m is the path coordinate, or the reach of the sections, at the times of
+    the response.
     """
     extremes_of = reaction_extremes(response, path)
     rows = [{"name": of.support, "unit": of.unit, **extremes.summary()} for of, extremes in extremes_of.items()]
@@ -143,7 +145,7 @@ def missing_reaction_warnings(scene: Scene) -> list[str]:
     These are reactions along x of beams without axial coordinates, and forces of supports with ``points = "all"``.
     """
     weight_along = scene.gravity is not None and scene.gravity.direction[0] != 0.0
-    # what slides in others is accelerated along them, and has cylinders
+    # sections that slide in others are accelerated along them, and have cylinders
     bodies_without_axial = [
         member.part.name or "the body"
         for member in members(scene)
@@ -177,10 +179,10 @@ def _pad_force(response: Response, name: str) -> Array | None:
 
 
 def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Response) -> list[str]:
-    """Warnings about pads that hold both ways and are pulled: one for each ring of a body alone, one for all joints.
+    """Warnings about pads that hold both ways and are pulled: one a ring for a single body, one for all joints.
 
-    Each says how many pads pull, which one most, and which key to set.  Points that hold a planar beam both ways are
-    meant to pull, so only pads count.
+    Each warning says how many pads pull, which pad pulls most, and which key to set.  Points that hold a planar beam
+    both ways are meant to pull, so only pads count.
     """
     loads, lines = pad_extremes(scene, response), list[str]()
     largest = max((max(load.most, -load.least) for load in loads.values()), default=0.0)
@@ -201,7 +203,7 @@ def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Res
 
 
 def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:
-    """A warning that names the rigid pads that do not move and whose force the model doesn't contain; else nothing.
+    """A warning that names rigid pads that do not move and whose force the model does not contain; else nothing.
 
     Such a pad is held by the choice of coordinates.
     """
@@ -230,7 +232,10 @@ def _ring_warning(ring: PadRing, pulling: Mapping[str, Extremes], response: Resp
 
 
 def _joints_warning(contacts: Sequence[Contact], pulling: Mapping[str, Extremes], response: Response) -> str:
-    """Warning about the pads of all joints that pull; `contacts` are their contacts, `pulling` the extremes by name."""
+    """Warning about the pads of all joints that pull; `pulling` has the extremes of their forces by name.
+
+    `contacts` are the contacts of these pads.
+    """
     pad = min((contact.name for contact in contacts), key=lambda name: pulling[name].least)
     sections = list(dict.fromkeys(contact.inner.body for contact in contacts))
     more = f", and {len(contacts) - 1} more" if len(contacts) > 1 else ""
@@ -250,8 +255,8 @@ def cylinder_impulses(boom: Scene, system: System) -> dict[str, list[dict[str, f
     .. math:: I_i = \sum_{k \ge i} m_k\, \Delta \dot X_k, \qquad \Delta \dot X_k = \sum_{j \le k} \Delta \dot s_j
 
     with the jump :math:`\Delta \dot s_j` in the speed of the extension of section j, the mass :math:`m_k` of section k,
-    and the jump :math:`\Delta \dot X_k` in its speed.  A cylinder i pushes its section and all sections beyond, which
-    lean on it.
+    and the jump :math:`\Delta \dot X_k` in the speed of section k.  The cylinder i pushes section i and all sections
+    beyond, which lean on section i.
     """
     jumps = [path.kinks(boom.time.end) for path in boom.paths.values()]
     masses = [_accelerated_mass(system.bodies[name]) for name in boom.names[1:]]
@@ -266,7 +271,7 @@ def cylinder_impulses(boom: Scene, system: System) -> dict[str, list[dict[str, f
 
 
 def _accelerated_mass(body: SlidingBody) -> float:
-    """Mass in kg of a body that an extension accelerates; 0 if the body has no input for that."""
+    """Mass in kg that an extension of the body accelerates; 0 if the body has no input for this acceleration."""
     along = [k for k, name in enumerate(body.input_names) if name in (EXTENSION, INERTIA + "x")]
     if not along:
         return 0.0
@@ -292,20 +297,20 @@ def _kink_warnings(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
-    r"""Force (T,) in N on each section on ropes, or that others on ropes follow, by its name; positive pushes it out.
+    r"""Force (T,) in N, by name, on each section that ropes move or that such sections follow; positive pushes out.
 
-    A section k with :math:`s_k = r_k s_j + c_k`, r_k being the ratio and c_k the offset of its extension, hangs on a
+    A section k whose extension is :math:`s_k = r_k s_j + c_k`, with the ratio r_k and the offset c_k, is moved by a
     rope that the joint j drives.  Let :math:`F_k` be the force along the boom between section k and the next outer one
     if each section had a cylinder of its own.  By virtual work
 
     .. math::
         T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k
 
-    is the force with which the rope or cylinder of the joint j pushes, all strands of a rope together.  The power for
-    all that a cylinder moves is :math:`T_j \dot s_j`.  Friction of the joints' pads is included, that of sheaves is
-    not.
+    is the force with which the rope or cylinder of the joint j pushes; for a rope, with all of its strands together.
+    The power with which a cylinder moves its section and those that follow is :math:`T_j \dot s_j`.  Friction of the
+    joints' pads is included, that of sheaves is not.
 
-    Empty if there are no ropes, or if forces along the boom are unknown.
+    The result is empty if there are no ropes, or if forces along the boom are unknown.
     """
     shares = rope_shares(scene)
     if any(force_name(cylinder_name(name)) not in response.force_names for name in shares):
@@ -318,9 +323,10 @@ def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
 def ropes_part(scene: Scene, response: Response) -> SummaryPart:
     """``ropes`` of summary.json: ``name``, the section that it ``follows`` or None, and the extremes of its ``force``.
 
-    The force is in N.  A section that follows none has also the ``power`` in W that moves it and all sections that
-    follow it.  A rope whose EA is known has its largest ``length`` in m on the way and its ``stiffness`` in N/m at that
-    length, of all strands together.  Ropes that would have to push are warned of.
+    The force is in N.  A section that follows no other also has the ``power`` in W that moves it and all sections that
+    follow it.  A rope whose stiffness EA is known also has its largest ``length`` in m on the way, and the
+    ``stiffness`` in N/m of all its strands together at that length.  There is a warning about ropes that would have to
+    push.
     """
     if len(scene.sections) < 2:
         return SummaryPart()
@@ -355,8 +361,8 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
 
     with the length L at the luffing angle :math:`\varphi`, the rotation R, the lug r_1 on the boom, the foot r_0 on the
     machine, the force F, the power P and the moment :math:`\mathfrak M` about the pivot of all forces with which the
-    boom presses on its machine (`pmr.simulation.reactions`).  The pivot turns freely and the cylinder alone keeps the
-    angle, whatever holds the base in the scene.  Empty without such a cylinder.
+    boom presses on its machine (`pmr.simulation.reactions`).  The pivot turns freely, and the cylinder alone keeps the
+    angle, whatever holds the base in the scene.  The part is empty without such a cylinder.
     """
     if scene.frame is None or scene.frame.cylinder is None or CYLINDER not in response.other_names:
         return SummaryPart()
@@ -379,7 +385,7 @@ def turning_warnings(scene: Scene, angles: Array) -> list[str]:
     """A warning if a support with a stiffness stands in for a luffing cylinder that turns or leans; else nothing.
 
     The cylinder turns if its stiffness about the pivot varies by more than a factor of `TURNED` over the luffing
-    `angles` (T,) in rad.  It leans if its force along the boom exceeds `LEANING` times that across it.
+    `angles` (T,) in rad.  It leans if its force along the boom exceeds `LEANING` times its force across the boom.
     """
     if scene.frame is None or scene.frame.cylinder is None:
         return []

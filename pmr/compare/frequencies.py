@@ -1,15 +1,15 @@
-r"""Natural frequencies along the path of a scene, beside closed forms and published ones, and frequency responses.
+r"""Natural frequencies along a scene's path, with closed forms and published values, and frequency responses.
 
-Closed forms are those of the uniform Euler-Bernoulli beam, pinned at 0, supported at s, free at L.  The rotation of the
-beam over the support is the one unknown; the moments with which the two spans resist it must cancel.  With the mass per
-length rho A, the bending stiffness E I, a = beta s, b = beta (L - s) and beta^4 = rho A omega^2 / (E I) the dynamic
-stiffnesses of the two spans are
+Closed forms are those of the uniform Euler-Bernoulli beam that is pinned at 0, supported at s and free at L.  The only
+unknown is the rotation of the beam over the support; the moments with which the two spans resist this rotation must
+cancel.  With the mass per length rho A, the bending stiffness E I, a = beta s, b = beta (L - s) and beta^4 = rho A
+omega^2 / (E I), the dynamic stiffnesses k_1 of the pinned-pinned span and k_2 of the free span are
 
 .. math::
     k_1 = EI \beta \frac{2 \sin a \sinh a}{\sin a \cosh a - \cos a \sinh a}, \qquad
     k_2 = EI \beta \frac{\cos b \sinh b - \sin b \cosh b}{1 + \cos b \cosh b}
 
-(a pinned-pinned and a free span; the limits beta -> 0 are 3 EI / s and -rho A omega^2 (L - s)^3 / 3).
+The limits for beta -> 0 are 3 EI / s and -rho A omega^2 (L - s)^3 / 3.
 """
 
 from __future__ import annotations
@@ -38,18 +38,20 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Number of frequencies that are compared for a body alone, of positions in which they are, of positions for models of
-#: more than `LARGE` coordinates, where each position takes some tenths of a second and more, and that limit.
+#: For a single body: number of frequencies that are compared; number of positions in which they are compared; number of
+#: positions for models of more than `LARGE` coordinates, where each position takes tenths of a second and more;
+#: `LARGE`.
 CURVES, POSITIONS, FEWER_POSITIONS, LARGE = 6, 49, 11, 300
-#: Number of positions along the path, and of frequencies, of frequency responses.
+#: Number of positions along the path at which frequency responses are computed, and number of their frequencies.
 RESPONSES, RESPONSE_FREQUENCIES = 5, 400
 _UNITS = {"N": "m/N", "m/s^2": "m/(m/s²)"}
 
 
 def comparison_positions(scene: Scene, size: int) -> Array:
-    """Path coordinates (S,) in m, evenly over the path, at which frequencies of a model are compared.
+    """Path coordinates (S,) in m, evenly spaced over the path, at which frequencies of a model are compared.
 
-    There are `POSITIONS`, fewer if the model has a `size` of more than `LARGE` coordinates, one if nothing moves.
+    S is `POSITIONS`, or less if the number of coordinates of the model, `size`, is more than `LARGE`, or 1 if nothing
+    moves.
     """
     low, high = scene.path_bounds
     return np.linspace(low, high, POSITIONS if size <= LARGE else FEWER_POSITIONS) if high > low else np.array([low])
@@ -67,8 +69,8 @@ def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:
 def closed_form_frequencies(scene: Scene, s: Array, count: int) -> Array:
     """The `count` lowest frequencies (S, count) in rad/s of the scene's beam with its slider at s (S,) in m.
 
-    They are in ascending order; with axial coordinates they include those of the bar, held at 0 and free at its end.
-    The shape is (S, 0) if there is no closed form.
+    They are in ascending order; if the beam has axial coordinates, they include the frequencies of the bar, held at 0
+    and free at its end.  The shape is (S, 0) if there is no closed form.
     """
     profile = scene.body.profile
     if profile is None or not is_pinned_beam(member_at(scene)):
@@ -82,15 +84,15 @@ def closed_form_frequencies(scene: Scene, s: Array, count: int) -> Array:
     return np.array([np.sort(np.concatenate([row, axial]))[:count] for row in bending])
 
 
-_STEP = np.pi / 400.0  # of beta L; neighbouring roots are further apart than this
-_AT_ONCE = 1000  # steps
+_STEP = np.pi / 400.0  # step in beta L; neighbouring roots are further apart
+_AT_ONCE = 1000  # number of steps in beta L that are evaluated together
 
 
 def bending_frequencies(s: float, length: float, bending_stiffness: float, mass_per_length: float, count: int) -> Array:
     """The `count` lowest circular frequencies (count,) in rad/s with the support at s, 0 < s <= length (m).
 
-    `bending_stiffness` is in N m^2, `mass_per_length` in kg/m.  Raises ValueError if s does not lie on the beam, or on
-    the pin.
+    `bending_stiffness` is in N m^2, `mass_per_length` in kg/m.  Raises ValueError if s is not on the beam, or is at the
+    pin.
     """
     if not 0.0 < s <= length:
         raise ValueError(f"s = {s:g} m: allowed are 0 < s <= {length:g} m")
@@ -109,10 +111,10 @@ def bending_frequencies(s: float, length: float, bending_stiffness: float, mass_
 
 
 def axial_frequencies(length: float, axial_stiffness: float, mass_per_length: float, count: int) -> Array:
-    """The `count` lowest frequencies (2 n - 1) pi / (2 L) sqrt(EA / rho A) in rad/s of a bar, n = 1, 2, ....
+    """The `count` lowest frequencies (2 n - 1) pi / (2 L) sqrt(EA / rho A) in rad/s, n = 1, 2, ..., of a bar.
 
-    It is held at one end; L is its `length` in m, EA its `axial_stiffness` in N, rho A its `mass_per_length` in kg/m
-    (Blevins 1979, table 8-16).
+    The bar is held at one end; L is its `length` in m, EA its `axial_stiffness` in N, rho A its `mass_per_length` in
+    kg/m (Blevins 1979, table 8-16).
     """
     n = np.arange(1, count + 1)
     return (2 * n - 1) * np.pi / (2.0 * length) * np.sqrt(axial_stiffness / mass_per_length)
@@ -127,8 +129,8 @@ def _characteristic(x: Any, share: float) -> Any:
         2 \sin a \tanh a\, (1 / \cosh b + \cos b) + (\cos b \tanh b - \sin b)\, (\sin a - \cos a \tanh a), \qquad
         a = x\, s / L, \quad b = x\, (1 - s / L)
 
-    which is k_1 + k_2, the dynamic stiffnesses of the spans in this module's docstring, divided by EI beta and
-    multiplied by the denominators of both over cosh a cosh b, so that nothing overflows.
+    This is the sum of the dynamic stiffnesses k_1 and k_2 in this module's docstring, divided by EI beta, times the
+    denominators of k_1 and k_2, over cosh a cosh b, so that nothing overflows.
     """
     a, b = x * share, x * (1.0 - share)
     supported = 2.0 * np.sin(a) * np.tanh(a) * (1.0 / np.cosh(b) + np.cos(b))
@@ -141,16 +143,16 @@ def frequency_response(
 ) -> FrequencyResponse:
     """Displacement of the tip per unit of each load over frequency, with all paths at rest.
 
-    It is what a drive or a controller meets.  Computed by `Assembly.frequency_responses` at `RESPONSE_FREQUENCIES`
-    frequencies from a tenth of the lowest natural frequency to 1.2 times the highest.  For each load the output is that
-    displacement of the tip which its static part moves most.
+    A drive or a controller acts on a boom with this response.  It is computed by `Assembly.frequency_responses` at
+    `RESPONSE_FREQUENCIES` frequencies, from a tenth of the lowest natural frequency to 1.2 times the highest.  For each
+    load, the output is the displacement of the tip that the load moves most when it is static.
 
     Parameters
     ----------
     system : System
     places : (S, sides) array, m
         Path coordinates of all sides of the contacts in S positions.
-    along : (S,) array, m
+    abscissa : (S,) array, m
         One coordinate of each position, such as the reach, by which results name it.
     tips : collection of str
         Names of the outputs that are displacements of the tip.
@@ -175,7 +177,7 @@ def frequency_response(
         [assembly.frequency_responses(rows.at_time(k), omega, c[k])[:, which] for k in range(len(abscissa))]
     )
     static = answers[:, 0].real
-    furthest = np.abs(static).max(axis=0).argmax(axis=0)  # of each load, the direction in which it moves the tip
+    furthest = np.abs(static).max(axis=0).argmax(axis=0)  # for each load: direction in which it moves the tip most
     inputs = np.arange(len(system.input_names))
     return FrequencyResponse(
         abscissa,
@@ -190,10 +192,10 @@ def frequency_response(
 
 
 def frequency_part(response: FrequencyResponse | None) -> SummaryPart:
-    """``frequency_response`` of summary.json; nothing if `response` is None.
+    """Entry ``frequency_response`` of summary.json; nothing if `response` is None.
 
-    For each load and each position s in m: the ``static`` gain, the ``largest`` gain (None without damping) and the
-    frequency ``at`` which it occurs, in Hz.
+    For each load and each position s in m it has the ``static`` gain, the ``largest`` gain (None without damping), and
+    the frequency ``at`` which that occurs, in Hz.
     """
     if response is None:
         return SummaryPart()
@@ -210,18 +212,19 @@ def frequency_part(response: FrequencyResponse | None) -> SummaryPart:
     return SummaryPart({"frequency_response": figures})
 
 
-#: Number of coordinates of full sections above which only `FEWER_PLACES_OF_BOOM` positions are computed.
+#: If full sections together have more coordinates than this, frequencies are computed in `FEWER_PLACES_OF_BOOM`
+#: positions only.
 LARGE_SYSTEM = 1200
 
 
 @dataclass(frozen=True)
 class WayPoints:
-    """Positions on the way of a scene, S of them on P paths, and how many frequencies are compared in each."""
+    """Positions on the way of a scene, S of them on P paths, and the number of frequencies compared in each."""
 
-    along: Array  # (S,) m: the path coordinate of a body alone, the reach of sections
+    along: Array  # (S,) m: path coordinate of a single body, or reach of sections
     s: Array  # (S, P) m: coordinates of all paths
     count: int
-    t: Array  # (S,) s: when the run is there first; loads and axial forces of that time stress the system
+    t: Array  # (S,) s: first time at which the run is there; axial forces of this time stress the system
 
     def sides(self, system: System) -> Array:
         """Path coordinates (S, sides) in m of the sides of all contacts of a system."""
@@ -229,7 +232,7 @@ class WayPoints:
 
 
 def result_paths(scene: Scene, excitation: Excitation) -> Paths:
-    """Paths of a result: those of sections or of a body alone, without the angle that a luffing cylinder turns with."""
+    """Paths that a result shows: those of sections or of a single body, without the angle of a luffing cylinder."""
     count = len(scene.paths)
     return Paths(tuple(scene.paths), excitation.s[:, :count], excitation.rates[:, :count])
 
@@ -238,8 +241,8 @@ def way_points(scene: Scene, excitation: Excitation, size: int) -> WayPoints:
     """Positions from one end of the way to the other at which frequencies are compared.
 
     `size` is the number of coordinates of the full model, 0 if there is none; large models have fewer positions.  If
-    nothing moves along its path but stiffness changes with time, by second order or a luffing cylinder, the positions
-    are the same at evenly spaced times.
+    nothing moves along its path, but the stiffness changes with time because of second order or a luffing cylinder, the
+    positions are all the same, at evenly spaced times.
     """
     alone = ALONE in scene.bodies
     count = PLACES_OF_BOOM if size <= LARGE_SYSTEM else FEWER_PLACES_OF_BOOM
@@ -257,22 +260,23 @@ def way_points(scene: Scene, excitation: Excitation, size: int) -> WayPoints:
 
 
 def _first_times(excitation: Excitation, s: Array) -> Array:
-    """Times (S,) in s at which the only path is closest to each path coordinate s (S,) in m for the first time."""
+    """First times (S,) in s at which the only path is closest to each of the path coordinates s (S,) in m."""
     return np.array([excitation.times[np.argmin(np.abs(excitation.s[:, 0] - at))] for at in s])
 
 
 def _way_points_by_reach(scene: Scene, excitation: Excitation, count: int) -> WayPoints:
-    """Positions, `count` at most, at which the sections first have evenly spaced reaches."""
+    """Up to `count` positions, evenly spaced in the reach of the sections, each at the time of its first occurrence."""
     steps = evenly_reached_steps(scene, excitation.times, count)
     t = excitation.times[steps]
     return WayPoints(scene.reach(t), excitation.s[steps], CURVES_OF_BOOM, t)
 
 
 def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, points: WayPoints) -> Frequencies:
-    """Natural frequencies in Hz of the reduced system at the positions `points`, with every contact closed.
+    """Natural frequencies in Hz of the reduced system in the positions `points`, with every contact closed.
 
-    Terms have the amplitudes of the times `at.t`.  For a body alone without terms the closed form is included, if there
-    is one; for a boom of which two joints move, a map of the first frequency over both extensions.
+    Terms have the amplitudes of the times `points.t`.  For a single body without terms, the result includes the closed
+    form if there is one.  For a boom with at least two joints that move, it includes a map of the first frequency over
+    the extensions of two of them.
     """
     c = excitation.amplitudes(system.term_names, points.t)
     curves = {"reduced": Assembly(system).frequencies(points.sides(system), points.count, c)}
@@ -286,7 +290,7 @@ def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, poi
 
 
 def response_on_way(scene: Scene, system: System, excitation: Excitation) -> FrequencyResponse | None:
-    """Frequency response of the last body's tip in `RESPONSES` positions on the way; None unless the scene wants it."""
+    """Frequency response of the last body's tip in `RESPONSES` positions on the way; None unless it is asked for."""
     if not scene.sections[-1].observe.frequency_response:
         return None
     if ALONE in system.bodies:
@@ -298,16 +302,16 @@ def response_on_way(scene: Scene, system: System, excitation: Excitation) -> Fre
     return frequency_response(system, at.sides(system), at.along, tip_names(scene), c)
 
 
-#: Number of frequencies that are compared for a boom, of positions in which they are, and of those for large models.
+#: For a boom: number of frequencies that are compared, of positions, and of positions for large models.
 CURVES_OF_BOOM, PLACES_OF_BOOM, FEWER_PLACES_OF_BOOM = 4, 13, 4
 #: Number of extensions of each joint at which the first frequency is mapped.
 MAPPED = 9
-#: Share of the reach by which a published reach, which is rounded, may lie beyond it.
+#: Share of the reach by which a published reach, which is rounded, may exceed the boom's reach.
 BESIDE = 1e-4
 
 
 def evenly_reached_steps(boom: Scene, t: Array, count: int) -> NDArray[np.int64]:
-    """Steps (S,), `count` at most, at which the boom first has evenly spaced reaches from its shortest to its longest.
+    """Up to `count` steps at which the boom has evenly spaced reaches, shortest to longest, for the first time.
 
     `t` (T,) are the times of all steps in s.
     """
@@ -319,8 +323,9 @@ def evenly_reached_steps(boom: Scene, t: Array, count: int) -> NDArray[np.int64]
 def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
     """Lowest frequency over the extensions of the first two joints that move on paths of their own.
 
-    Every contact is closed.  All other joints with paths of their own are at their start; joints that follow others
-    move with them.  None if fewer than two joints move.  With second order the boom rests at its steepest angle.
+    Every contact is closed.  Other joints with paths of their own are at their start; joints that follow others move
+    with them.  With second order, the boom rests at its steepest angle.  None is returned if fewer than two joints
+    move.
     """
     ends = {
         name: path.bounds(0.0, boom.time.end) for name, path in boom.paths.items() if not _follows_other(boom, name)
@@ -347,15 +352,15 @@ def frequency_map(boom: Scene, system: System) -> FrequencyMap | None:
 
 
 def _follows_other(boom: Scene, name: str) -> bool:
-    """Whether the joint of a section follows that of another one."""
+    """Whether the joint of the section called `name` follows the joint of another section."""
     joint = boom.sections[boom.names.index(name)].joint
     return joint is not None and joint.follows is not None
 
 
 def published_part(boom: Scene, frequencies: Frequencies) -> SummaryPart:
-    """``published_frequencies`` of summary.json: the published first frequency at each reach, and that of each model.
+    """Entry ``published_frequencies`` of summary.json: first frequency at each published reach, published and by model.
 
-    Frequencies of models are interpolated in the reach.  Published ones beyond this boom's reach are left out, and a
+    Frequencies of models are interpolated in the reach.  Published values beyond this boom's reach are left out, and a
     warning says so.
     """
     published = boom.published.frequencies if boom.published else ()

@@ -1,15 +1,17 @@
 r"""Error of a structural model against a richer one of the same bodies, pads and loads, for the error budget.
 
-Both are reduced alike and simulated under the scene's paths and loads.  With the histories :math:`y_o(t_j)` of the
-outputs o of a kind (displacements, forces of pads) at the steps j the error is
+Both models are reduced in the same way and simulated under the scene's paths and loads.  With the histories
+:math:`y_o(t_j)` of the outputs o of a kind (displacements, forces of pads) at the steps j, and of the richer model with
+the mark "richer", the error is
 
 .. math::
     e = \frac{\lVert y^{richer}_o(t_j) - y_o(t_j) \rVert}{\lVert y^{richer}_o(t_j) \rVert}
 
-over all outputs of the kind that both models have, and all steps (forces: `force_errors`).  For frequencies it is the
-largest :math:`|f / f^{richer} - 1|` of the two lowest at positions all along the path.  Of the richer model only those
-modes are compared that move most in directions in which the poorer one moves: a planar beam has no lateral modes.  With
-second order both models are stressed as they are when the run is at that position.
+over all outputs of the kind that both models have, and all steps (forces: `pmr.compare.errors.force_errors`).  For
+frequencies, the error is the largest :math:`|f / f^{richer} - 1|` of the two lowest frequencies f at positions all
+along the path.  Only those modes of the richer model are compared that move most in directions in which the poorer
+model moves: a planar beam has no lateral modes.  With second order, both models have the axial forces that act when the
+run is at that position.
 """
 
 from __future__ import annotations
@@ -33,17 +35,17 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Number of frequencies that are compared, of modes among which they are, and of positions along the path.  The error
-#: of beams with walls that give way is largest over an eighth of it; nine positions missed that in two of twenty booms
-#: (`benchmarks.walls`).
+#: Number of frequencies that are compared, of modes among which they are chosen, and of positions along the path.  The
+#: error of beams with walls that give way is largest on an eighth of the path; nine positions missed this part for two
+#: of twenty booms (`benchmarks.walls`).
 FREQUENCIES, MODES, PLACES = 2, 12, 33
-#: Least share of a mode's motion in directions of the poorer model, for the mode to be compared.
+#: A mode is compared if at least this share of its motion is in directions of the poorer model.
 KNOWN = 0.5
 #: Share of the largest motion of any mode up to which a mode's motion is round-off.
 NO_MOTION = 1e-9
-#: Kinds of outputs that are compared, as a summary calls them; forces as `force_errors` compares them.
+#: Kinds of outputs that are compared, by their names in summaries; forces are compared by `force_errors`.
 MODEL_KINDS = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "reaction")
-#: Share of the largest frequency below which a frequency is that of a rigid-body motion.
+#: Share of the largest frequency below which a frequency belongs to a rigid-body motion.
 RIGID = 1e-3
 DIRECTIONS = ("x", "y", "z")
 STRESS = "stress, which depends on how walls bend at pads, loads and corners"
@@ -52,7 +54,7 @@ IMPACTS = "impacts of pads that lift off and close again, which differ from mode
 
 @dataclass(frozen=True)
 class Motion:
-    """Frequencies, motions of modes and response of one model in a run: P positions, f modes."""
+    """Frequencies, motions of modes and response of one model in a run, with f modes at P positions."""
 
     frequencies: Array  # (P, f) Hz
     mode_motions: Array  # (P, 3, f): sums of the squared displacements of all outputs along x, y, z in each mode
@@ -60,7 +62,7 @@ class Motion:
 
     @classmethod
     def compute(cls, scene: Scene, system: System, response: Response | None = None) -> Motion:
-        """Compute the frequencies at up to `PLACES` positions, and simulate the response unless it is passed.
+        """Compute the frequencies at up to `PLACES` positions; simulate the response unless it is passed.
 
         Raises an `InputError` if the motion grows without bound.
         """
@@ -82,14 +84,15 @@ class Motion:
         return cls(np.array(frequencies), np.array(motions), response)
 
     def lowest_frequencies(self, directions: Array) -> Array:
-        """The lowest frequencies (P, `FREQUENCIES`) in Hz of modes that move most in the directions of the mask (3,).
+        """Lowest frequencies (P, `FREQUENCIES`) in Hz of the modes that move most in some of the directions x, y, z.
 
-        Where there are fewer such modes, the rest is NaN.  If the model moves in no other direction, all modes count.
+        `directions` (3,) is the mask of these directions.  If there are fewer such modes, the rest is NaN. If the model
+        moves in no other direction, all modes count.
         """
         every, share = self.mode_motions.sum(axis=1), self.mode_motions[:, directions].sum(axis=1)
         mine = (share >= KNOWN * every) & (share > NO_MOTION * share.max(axis=1, keepdims=True))
         if not self.mode_motions[:, ~directions].any():
-            mine[:] = True  # torsion, too, which moves no output
+            mine[:] = True  # all modes, including torsion, which moves no output
         lowest_of_places = np.full((len(mine), FREQUENCIES), np.nan)
         for k, of_place in enumerate(mine):
             those = self.frequencies[k, of_place][:FREQUENCIES]
@@ -103,13 +106,13 @@ class Motion:
 
     @property
     def forces(self) -> ForceHistories:
-        """Forces by kind and unit, then by name; of pads that only push the peaks within each step."""
+        """Forces by kind and unit, then by name; for pads that only push they are the peaks within each step."""
         response = self.response
         peaks = response.slider_force if response.force_peaks is None else response.force_peaks
         return force_histories(replace(response, slider_force=peaks))
 
     def displacements_at(self, other: Motion) -> dict[str, Array]:
-        """Displacements (T,) of this motion at the positions of another motion's outputs, by the names of these.
+        """Displacements (T,) of this motion at positions of another motion's outputs, by the names of these outputs.
 
         They are interpolated linearly between this motion's own positions on the same body, in the same direction.
         Outputs beyond these positions are left out.
@@ -135,9 +138,9 @@ class Motion:
 
 
 def evenly_spaced_steps(excitation: Excitation) -> list[int]:
-    """Steps, without repetitions, at which the sum of all path coordinates is closest to evenly spaced values.
+    """Steps at which the sum of all path coordinates is closest to evenly spaced values, without repetitions.
 
-    These are `PLACES` values from the smallest sum to the largest.
+    There are `PLACES` values, from the smallest sum to the largest.
     """
     reach = excitation.s.reshape(len(excitation.times), -1).sum(axis=1)
     at = np.linspace(reach.min(), reach.max(), PLACES)
@@ -145,7 +148,7 @@ def evenly_spaced_steps(excitation: Excitation) -> list[int]:
 
 
 def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str) -> dict[str, Any]:
-    """``budget.model`` of summary.json: errors of a model against a `richer` one, called `richer_name`.
+    """Entry ``budget.model`` of summary.json: errors of `motion` against that of a `richer` model, `richer_name`.
 
     Kinds of outputs in which the richer model does not move are None.
     """
@@ -174,7 +177,7 @@ def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str)
 
 
 def frequency_error(f: Array, reference: Array) -> float | None:
-    """The largest :math:`|f / f_r - 1|` of frequencies f (..., n) in Hz against f_r; None if all are of rigid bodies.
+    """Largest :math:`|f / f_r - 1|` of frequencies f (..., n) in Hz against f_r; None if all are of rigid motions.
 
     f_r is `reference`, of the same shape; NaN entries are left out.
     """
@@ -193,7 +196,7 @@ def _largest(motion: Motion) -> float:
 
 
 def _relative_difference(y: Array, reference: Array) -> float | None:
-    """Norm of the difference over that of the reference, a fraction; None if the reference is zero.
+    """Norm of the difference over the norm of the reference, a fraction; None if the reference is zero.
 
     Both are divided by the largest value of the reference first, so that squares don't overflow.
     """

@@ -33,21 +33,21 @@ from pmr.system.terms import Term, terms_of
 Array = NDArray[np.float64]
 
 
-#: Share of the motion in the plane of luffing up to which that across it counts as zero.
+#: Motion across the plane of luffing counts as zero up to this share of the motion in the plane.
 ACROSS = 1e-9
 
 
 def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies: Frequencies) -> SummaryPart:
     r"""``frame`` and ``buckling`` of summary.json; empty without a frame.
 
-    ``gyroscopic`` is :math:`2 |\omega| / \omega_1` and ``centrifugal`` :math:`(|\omega| / \omega_1)^2` with the largest
-    angular velocity :math:`\omega` of the frame and the lowest circular frequency :math:`\omega_1` on the way: the
-    terms that are left out without second order have these sizes relative to the stiffness.  Both are None past the
+    With the largest angular velocity :math:`\omega` of the frame and the lowest circular frequency :math:`\omega_1` on
+    the way, ``gyroscopic`` is :math:`2 |\omega| / \omega_1` and ``centrifugal`` is :math:`(|\omega| / \omega_1)^2`: the
+    sizes, relative to the stiffness, of the terms that are left out without second order.  Both are None past the
     buckling load, where :math:`\omega_1` is 0.  ``frequencies`` is ``stressed`` if axial forces and the frame act on
     the frequencies, or ``unstressed`` without second order.
 
-    ``share`` is how much axial forces and the frame's speed change the stiffness at most (`second_order_effect`); above
-    ``limit`` second order matters.
+    ``share`` is the largest share by which axial forces and the frame's speed change the stiffness
+    (`second_order_effect`); if it is above ``limit``, second order matters.
     """
     if scene.frame is None:
         return SummaryPart()
@@ -93,11 +93,11 @@ def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies
 
 
 def _plane_buckling_warnings(scene: Scene, system: System) -> list[str]:
-    """A warning that names the bodies in which buckling across the plane of luffing is not seen; else nothing.
+    """A warning that names bodies whose model can't show buckling across the plane of luffing; else nothing.
 
-    In these no load acts across the plane, so the reduced model does not move there.
+    No load acts on these bodies across the plane, so their reduced models do not move in that direction.
     """
-    assert scene.frame is not None  # of a scene that has one
+    assert scene.frame is not None  # only called for a scene with a frame
     held = []
     for name, body in system.bodies.items():
         across, up = (
@@ -152,7 +152,8 @@ def _signal_range(angle: Array) -> dict[str, float]:
 _log = logging.getLogger(__name__)
 #: Number of times, ends included, at which the effect of second order is computed.
 STRESSED_TIMES = 41
-#: Share of the stiffness above which ``auto`` keeps second order, and a warning says if it is left out.
+#: Change of the stiffness, as a share of it, above which ``auto`` keeps second order, and a warning is given without
+#: it.
 SECOND_ORDER_LIMIT = 2e-3
 
 
@@ -161,8 +162,8 @@ class SecondOrderEffect:
     """Effect of axial forces and of the frame's speed on stiffness at some times of a run."""
 
     t: Array  # (T,) s
-    factors: Array  # (T,) by which all axial forces would have to grow until the boom buckles; inf where none presses
-    shares: Array  # (T,) by which the stiffness changes (`second_order_effect`)
+    factors: Array  # (T,) on all axial forces at which the boom would buckle; inf if nothing presses
+    shares: Array  # (T,) of the stiffness that second order changes (`second_order_effect`)
 
     @property
     def least_factor(self) -> float:
@@ -194,17 +195,18 @@ def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Seco
     r"""Effect of second order in a scene with a frame, with all contacts closed.
 
     Axial forces and the frame's speed add :math:`\sum_k c_k G_k` to the stiffness K, with the amplitude c_k and the
-    matrix G_k of each term k.  The share by which they change it at a time is the largest part of the strain energy
-    that they add to or take from any motion q,
+    matrix G_k of each term k.  The share by which they change the stiffness at a time is the largest share of the
+    strain energy that they add to, or take from, any motion q,
 
     .. math::
         \max_q \frac{\lvert q^T \sum_k c_k G_k\, q \rvert}{q^T K q}, \qquad C q = F \lambda,
 
     with contact rows C, compliance F and contact forces :math:`\lambda`; for a load P along a column that buckles at
-    P_cr it is P / P_cr.  Without second order a static deflection is off by that share, and a vibration falls behind by
-    :math:`\pi` times it a period (docs/moving_frame.md has measurements, on which `SECOND_ORDER_LIMIT` rests).
+    P_cr it is P / P_cr.  Without second order, the relative error of a static deflection is that share, and a vibration
+    lags by :math:`\pi` times that share (as a phase in rad) in each period (docs/moving_frame.md has measurements, on
+    which `SECOND_ORDER_LIMIT` rests).
 
-    Raises an InputError where contacts do not hold the bodies.
+    Raises an InputError if contacts do not hold the bodies.
     """
     terms = list(stress_terms(scene))
     system = replace(system_of(_with_second_order(scene, False), bodies), terms=terms_of(scene, bodies, terms))
@@ -215,7 +217,7 @@ def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Seco
     rows = assembly.contact_rows_over_time(x[steps])
     factors, shares = np.full(len(steps), np.inf), np.zeros(len(steps))
     for k, step in enumerate(steps):
-        with np.errstate(divide="ignore", invalid="ignore"):  # of cylinders of no length
+        with np.errstate(divide="ignore", invalid="ignore"):  # cylinders may have the length 0
             c = {name: float(signal.value(excitation.times[step])) for name, signal in signals.items()}
         if not np.isfinite(list(c.values())).all():
             continue
@@ -229,7 +231,7 @@ def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Seco
 def _second_order_steps(excitation: Excitation) -> NDArray[np.int64]:
     """Numbers of the steps at which second order is computed, `STRESSED_TIMES` at most.
 
-    Steps near a kink of an extension are left out: its acceleration lasts one step and is no lasting load.
+    Steps near a kink of an extension are left out: the acceleration of the kink lasts one step and is no lasting load.
     """
     steps = np.unique(np.linspace(0, excitation.stepping.steps, STRESSED_TIMES).astype(np.int64))
     kinks = [t for path in excitation.paths.values() for t in path.kinks(excitation.stepping.end)]
@@ -238,15 +240,15 @@ def _second_order_steps(excitation: Excitation) -> NDArray[np.int64]:
 
 
 def decide_second_order(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Scene:
-    """The scene with second order or without it, if its frame leaves that open (``auto``); else the scene unchanged.
+    """The scene with or without second order, if its frame leaves the decision open (``auto``); else the same scene.
 
-    Second order is kept if it matters (`Stressed.matters`), or if contacts do not hold the bodies.
+    Second order is kept if it matters (`SecondOrderEffect.matters`), or if contacts do not hold the bodies.
     """
     if scene.frame is None or scene.frame.second_order != "auto":
         return scene
     try:
         effect = second_order_effect(scene, bodies)
-    except InputError:  # what nothing holds: no stiffness to compare with
+    except InputError:  # nothing holds the bodies: there is no stiffness to compare with
         return _with_second_order(scene, True)
     chosen = "kept" if effect.matters else "left out"
     _log.info("second order is %s: stiffness changes by %.2g %%", chosen, 100.0 * effect.largest_share)
@@ -254,7 +256,10 @@ def decide_second_order(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Scen
 
 
 def with_choice_of_terms(scene: Scene, terms: Sequence[Term]) -> Scene:
-    """The scene with the choice of second order of a system with these `terms`, if its own is ``auto``."""
+    """The scene with second order if a system with these `terms` has it, and without it else; only for ``auto``.
+
+    A scene that does not leave the choice to ``auto`` is returned unchanged.
+    """
     open_ = scene.frame is not None and scene.frame.second_order == "auto"
     return _with_second_order(scene, bool(terms)) if open_ else scene
 
@@ -273,7 +278,7 @@ OVER = ("", "x", "y", "z")
 class SpaceEnergy:
     """Energy in J of a boom in space at the times t in s, and work in J since the start, (T,) each.
 
-    `drives` is the work of the frame's drives, `others` that of everything else.
+    `drive_work` is the work of the frame's drives, `other_work` the work of all other loads and contacts.
     """
 
     t: Array
@@ -283,12 +288,12 @@ class SpaceEnergy:
 
     @property
     def residual_energy(self) -> Array:
-        """Change of energy, (T,) in J, that no work accounts for: damping takes it, or it is an error of the step."""
+        """Change of energy (T,) in J since the start less all work: dissipation by damping, or an error of the step."""
         return self.energy - self.energy[0] - self.drive_work - self.other_work
 
 
 def energy_in_space(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory) -> SpaceEnergy:
-    r"""Energy of a scene with a frame, and work of its drives, beyond those of the same boom when rigid.
+    r"""Energy of a scene with a frame, and work of its drives, each less that of the same boom if it were rigid.
 
     The work of a step is that of the mean forces over it, which is of second order in the step.
 
@@ -299,15 +304,16 @@ def energy_in_space(scene: Scene, system: System, excitation: Excitation, run: S
         + \int \rho\, (\ddot u + 2 \omega \times \dot u + \dot\omega \times u) \cdot (\omega \times u) + f \cdot \dot u
 
     with the energy E, the work W, the density :math:`\rho`, the displacement u relative to the frame, the angular
-    velocity :math:`\omega` of the frame, gravity g, the vertical e_Z, the strain energy U, the loads f, V = v_0 + omega
-    x (p + X e_x + r) + X' e_x and c = V x omega.  V is the velocity of a point at rest in the frame: v_0 is that of the
-    pivot, p the base's tail from the pivot, X the tail of the section along the boom's axis e_x, and r the point from
-    that tail.
+    velocity :math:`\omega` of the frame, gravity g, the vertical e_Z, the strain energy U, the loads f, and the
+    velocity V = v_0 + omega x (p + X e_x + r) + X' e_x of a point at rest in the frame, c = V x omega.  Here v_0 is the
+    velocity of the pivot, p the position of the base's tail relative to the pivot, X the position of the section's tail
+    along the boom's axis e_x, and r the position of the point relative to that tail.
 
     W is done by the drives of the frame and of the extensions, which move all mass at its deflected position, by loads,
-    and by contacts that travel.  V is affine in r: of u only momenta of the fields of `pmr.simulation.frame` are
-    needed.  With second order u includes the lengths by which sections and cylinders get shorter along the axis as they
-    bend; without it the integrals with two u but that of |u'|^2 are left out, as in the equations of motion.
+    and by contacts that travel.  V is affine in r, so only the momenta of u with the fields of `pmr.simulation.frame`
+    are needed.  With second order u includes the lengths by which sections and cylinders get shorter along the axis as
+    they bend; without it, integrals of products of two u are left out, except that of |u'|^2, as in the equations of
+    motion.
     """
     account = _EnergyBalance(scene, run)
     for name, body in system.bodies.items():
@@ -321,9 +327,9 @@ def energy_in_space(scene: Scene, system: System, excitation: Excitation, run: S
 
 
 def energy_part(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory | None) -> SummaryPart:
-    """``energy`` of summary.json in J, changes from the start to the end; empty without a frame.
+    """Entry ``energy`` of summary.json in J, changes from the start to the end; empty without a frame.
 
-    If `run` is None, because its states were not kept, it is simulated again, which takes microseconds a step.
+    If `run` is None, because its states were not kept, the motion is simulated again, which takes microseconds a step.
     """
     if scene.frame is None:
         return SummaryPart()
@@ -340,7 +346,7 @@ def energy_part(scene: Scene, system: System, excitation: Excitation, run: Syste
 
 @dataclass(frozen=True)
 class _Moments:
-    """Integrals (T, 4, 3) of rho u_j, then of rho u_j times x, y and z, for the axes j = x, y, z, and their rates.
+    """Integrals `u` (T, 4, 3) of rho u_j times 1, x, y and z, for the axes j = x, y, z, and their `rate` (T, 4, 3).
 
     u is the displacement of a section relative to the frame, rho its density.
     """
@@ -350,7 +356,7 @@ class _Moments:
 
 
 class _EnergyBalance:
-    """Energy (T,) and work of each step (T - 1,) in J: bodies, terms and momenta are added in this order."""
+    """Energy (T,) in J, and work of each of T - 1 steps in J; add bodies first, then terms, then momenta."""
 
     def __init__(self, scene: Scene, run: SystemTrajectory) -> None:
         assert scene.frame is not None  # `energy_in_space` is for scenes with a frame
@@ -362,7 +368,7 @@ class _EnergyBalance:
         self.energy, self.drives, self.others = run.energy.copy(), np.zeros(len(run.t) - 1), np.diff(run.work)
 
     def add_fields(self, name: str, body: SlidingBody, system: System) -> None:
-        """Set the moments of a body, in place, and subtract the work of its inertia loads from `others`.
+        """Set the moments of a body, in place, and subtract the work of its inertia loads from the attribute `others`.
 
         Inertia loads are forces in the frame only; in space they do no work.
         """
@@ -376,11 +382,11 @@ class _EnergyBalance:
                 self.others -= step_means(load) * np.diff(moments.u[at])
 
     def add_term(self, frame_term: FrameTerm, term: Term, c: Array) -> None:
-        """Add energy and work of a term of second order, whose amplitudes are c (T,).
+        """Add energy and work of a term of second order with the amplitudes c (T,).
 
-        Terms of loads are skipped: their work is that of the loads.
+        Terms of loads are skipped: their work is part of the work of the loads.
         """
-        if frame_term.kind in ("load", "cylinder load"):  # their work is that of the loads
+        if frame_term.kind in ("load", "cylinder load"):  # part of the work of the loads
             return
         q, v = (np.hstack([getattr(self._run.bodies[name], what) for name in term.bodies]) for what in "qv")
         G, V = ((0.0 * q.T if A is None else A @ q.T).T for A in (term.stiffness, term.damping))
@@ -398,11 +404,11 @@ class _EnergyBalance:
             ) / 2.0 * row_products(step_means(q), step_means(G))
 
     def _add_shortening(self, frame_term: FrameTerm, c: Array, bent: Array, rate: Array) -> None:
-        """Add the displacements along the axis of a section that bends, or of one whose cylinder leans, to the moments.
+        """Add to the moments the displacement along the axis of a section that bends, or whose cylinder leans.
 
-        `bent` and `rate` (T,) are q^T G q / 2 and its rate, with the amplitude c (T,) and the matrix G of the term.
+        `bent` and `rate` (T,) are q^T G q / 2 and its rate, with the matrix G of the term and its amplitude c (T,).
         """
-        if frame_term.kind == "cylinder":  # it is shorter along the axis the shorter it is
+        if frame_term.kind == "cylinder":  # a cylinder of length L that leans by d shortens by d^2 / 2 L
             length, longer = (
                 getattr(self._scene.extension(frame_term.number), what)(self._run.t) for what in ("value", "rate")
             )
@@ -416,7 +422,7 @@ class _EnergyBalance:
         moments.rate[:, over, 0] += rate
 
     def add_momentum(self, number: int, moments: _Moments) -> None:
-        """Add energy and work that are linear in the displacements of the section with that number."""
+        """Add the energy and work that are linear in the displacements of the section with this `number`."""
         t, omega, gravity = self._run.t, self._turning.velocity, self._scene.gravity
         weight = (gravity.signal.value(t) if gravity else 0.0 * t)[:, None] * self._turning.up
         V = _speeds(self._scene, omega, number, t)
@@ -432,10 +438,10 @@ class _EnergyBalance:
 
 
 def _speeds(scene: Scene, omega: Array, number: int, t: Array) -> Array:
-    """Velocity of points at rest in the frame, (T, 4, 3), without that of the pivot.
+    """Velocities (T, 4, 3) of points at rest in the frame, without the velocity of the pivot.
 
-    It is that at a section's tail in m/s, then its slopes over x, y and z in 1/s.  `omega` (T, 3) in rad/s is the
-    angular velocity of the frame.
+    First comes the velocity at the tail of the section with this `number` in m/s, then its slopes over x, y and z in
+    1/s.  `omega` (T, 3) in rad/s is the angular velocity of the frame.
     """
     assert scene.frame is not None
     place, out = np.zeros((len(t), 3)) + scene.frame.tail_position, np.zeros((len(t), 3))
@@ -459,7 +465,7 @@ def _pivot_velocity(frame: Frame, t: Array) -> Array:
 
 
 def _contract(a: Array, b: Array) -> Array:
-    """Sum over the last two axes of the products of entries, (T,)."""
+    """Sums (T,) over the last two axes of the products of the entries of two arrays."""
     return np.asarray(np.einsum("tij,tij->t", a, b))
 
 

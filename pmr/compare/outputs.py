@@ -1,9 +1,9 @@
-"""Outputs by which models are compared: displacements, the tip's, forces, velocities and probes, and their errors.
+"""Outputs by which models are compared, and their errors: displacements, velocities, forces and probes.
 
-For a trajectory in the coordinates of a body, forces are its outputs in N and the multipliers of its sliders and pads.
-Velocities are the rates of the displacements, with those of the residual flexibility, which follows its forces at once
-(`output_rates`).  All outputs in other units count as probes: stresses, strains, and displacements and rotations that
-are measured at a point.
+For a trajectory in the coordinates of a body, forces are the body's outputs in N and the multipliers of its sliders and
+pads.  Velocities are the rates of the displacements; they include the rates of the residual part, which follows its
+forces at once (`output_rates`).  All outputs in other units count as probes: stresses, strains, and displacements and
+rotations that are measured at a point.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ from pmr.system.system import AnyBody, BodySystem, System
 
 Array = NDArray[np.float64]
 
-#: Kinds of outputs by their names in scenes and summaries, and the kind that only sections have.
+#: Names of the kinds of outputs in scenes and summaries, and name of the kind that only sections have.
 OUTPUT_KINDS = ("beam", "tip", "pad_force", "velocity", "probe")
 CYLINDER_FORCE = "cylinder_force"
 #: Kinds of outputs that are forces.
 FORCE_KINDS = ("pad_force", CYLINDER_FORCE)
-#: Share of the largest probe in the same unit: errors of smaller probes are relative to that share, not to their size.
+#: Share of the largest probe in the same unit: errors of smaller probes are relative to this share of the largest.
 LITTLE = 0.01
 _HISTORIES = ("displacement", "velocity", "force", "probe")
 
@@ -59,12 +59,12 @@ class Outputs:
     """Outputs of a simulation by kind: T times, o displacements, p forces, k probes."""
 
     displacement: Array  # (T, o) m
-    velocity: Array  # (T, o) m/s; (T, 0) where velocities are not wanted
+    velocity: Array  # (T, o) m/s; (T, 0) if velocities are not wanted
     force: Array  # (T, p) N
     probe: Array  # (T, k) in `units`
-    units: tuple[str, ...]  # of the probes, (k,)
-    tips: tuple[int, ...]  # numbers of the displacements that are the tip's
-    forces: tuple[str, ...] = ()  # kind of each force, (p,); empty: all are forces of sliders and pads
+    units: tuple[str, ...]  # (k,): units of the probes
+    tips: tuple[int, ...]  # numbers of the displacements of the tip
+    forces: tuple[str, ...] = ()  # (p,): kind of each force; empty if all are forces of sliders and pads
 
     def of_kind(self, kind: str) -> Array:
         """Outputs of one kind, one of `OUTPUT_KINDS` or `CYLINDER_FORCE`: (T, number of outputs of that kind)."""
@@ -82,20 +82,20 @@ class Outputs:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of which there are outputs; ``velocity`` is always among them, even if no velocities were computed."""
+        """Kinds of outputs that there are; ``velocity`` is always among them, even if no velocities were computed."""
         return tuple(
             kind for kind in (*OUTPUT_KINDS, CYLINDER_FORCE) if kind == "velocity" or self.of_kind(kind).shape[1]
         )
 
     def select_displacements(self, places: Sequence[int]) -> Outputs:
-        """Outputs with only those displacements, and their velocities, whose numbers are in `places`, in that order."""
+        """Outputs with only the displacements, and their velocities, whose numbers are in `places`, in that order."""
         which, rates = list(places), self.velocity.shape[1] > 0
         tips = tuple(which.index(tip) for tip in self.tips if tip in which)
         velocity = self.velocity[:, which] if rates else self.velocity
         return replace(self, displacement=self.displacement[:, which], velocity=velocity, tips=tips)
 
     def plus(self, difference: Outputs) -> Outputs:
-        """Sum of these outputs and a difference of outputs, kind by kind."""
+        """Sum of these outputs and the outputs `difference`, kind by kind."""
         return replace(self, **{name: getattr(self, name) + getattr(difference, name) for name in _HISTORIES})
 
     def minus(self, other: Outputs) -> Outputs:
@@ -103,13 +103,13 @@ class Outputs:
         return self.plus(other.times(-1.0))
 
     def times(self, factor: float) -> Outputs:
-        """These outputs, all kinds of them, times a factor."""
+        """Product of these outputs, of all kinds, and a factor."""
         return replace(self, **{name: factor * getattr(self, name) for name in _HISTORIES})
 
 
 @dataclass(frozen=True)
 class RoundOffBounds:
-    """Largest round-off of a displacement (m), of a force (N) and of each probe (k,)."""
+    """Largest round-off of displacements (m), of forces (N) and of each of k probes (k,)."""
 
     displacement: float
     force: float
@@ -117,10 +117,10 @@ class RoundOffBounds:
 
     @classmethod
     def for_system(cls, system: System, excitation: Excitation, forces: Array | None = None) -> RoundOffBounds:
-        """Bounds of the round-off of a system's outputs under these loads (`pmr.compare.errors.round_off`).
+        """Bounds of the round-off of a system's outputs under the excitation's loads (`pmr.compare.errors.round_off`).
 
-        For several bodies the bound of forces is `RELATIVE_FLOOR` times the largest of the contact forces `forces` (T,
-        m) in N, or 0 without these; for a body alone it is `pmr.compare.errors.force_round_off`.
+        For several bodies, the bound of forces is `RELATIVE_FLOOR` times the largest of the contact forces `forces` (T,
+        m) in N, or 0 if these are None.  For a single body it is `pmr.compare.errors.force_round_off`.
         """
         f, end, least = excitation.forces(system.input_names), excitation.stepping.end, 0.0
         if ALONE in system.bodies:
@@ -134,9 +134,9 @@ class RoundOffBounds:
 def differences(
     outputs: Outputs, reference: Outputs, floors: RoundOffBounds, kinds: Sequence[str] = OUTPUT_KINDS
 ) -> dict[str, float]:
-    """Error of outputs against a reference by kind (`pmr.compare.errors.relative_error`), as fractions.
+    """Errors of outputs against a reference, as fractions by kind (`pmr.compare.errors.relative_error`).
 
-    Columns that are round-off in both, by the `floors`, count as zero.
+    Columns that are round-off in both, according to the `floors`, count as zero.
     """
     moves = zero_round_off(outputs.displacement, reference.displacement, floors.displacement)
     errors = dict[str, float]()
@@ -160,13 +160,13 @@ def differences(
 
 
 def probe_differences(outputs: Outputs, reference: Outputs, floors: RoundOffBounds) -> Array:
-    r"""Error of each probe, (k,) fractions; probes that are round-off in both count as zero.
+    r"""Error of each probe, (k,) fractions; a probe that is round-off in both counts as zero.
 
     .. math:: \mathrm{rms}(y_k - r_k) / \max(\mathrm{rms}(r_k),\ 0.01 \max_j \mathrm{rms}(r_j))
 
-    with the probe y_k, its reference r_k, and all probes j in the unit of k.  So a small stress, such as that across a
-    wall that is bent, is not judged by its own size.  Where the denominator is 0, the error is 0 if the probe is zero
-    too, else 1.
+    with the probe y_k, its reference r_k, and all probes j in the unit of k.  So the error of a small stress, such as
+    that across a wall that is bent, is not relative to its own size.  If the denominator is 0, the error is 0 if the
+    probe is zero too, else 1.
     """
     y, r = zero_round_off(outputs.probe, reference.probe, floors.probe)
     refuse_infinite(y, r)
@@ -179,9 +179,9 @@ def probe_differences(outputs: Outputs, reference: Outputs, floors: RoundOffBoun
 
 
 def has_impulsive_force(model: ReducedModel, excitation: Excitation) -> bool:
-    """Whether the path has a kink before the end and a rigid slider moves on it, so that its force has no limit.
+    """Whether the force of a rigid slider has no limit, because its path has a kink before the end.
 
-    At a kink a rigid slider strikes the body.  The shorter the step, the larger the force of that impact, and no two
+    At a kink a rigid slider strikes the body.  The shorter the step, the larger is the force of that impact, and no two
     models agree on it.
     """
     rigid = np.flatnonzero(model.row_compliance == 0.0)
@@ -195,18 +195,18 @@ Supports = Sequence[tuple[str, str]]  # names and units of rigid supports
 
 #: Kind of contacts that keep overlapping sections parallel: they bear moments, not forces of pads.
 STRAIGHT = "straight"
-#: Number of steps before and after a kink whose forces are left out.
+#: Number of steps, before a kink and after it, whose forces are left out.
 BESIDE_KINK = 2.0
 
 
 def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, ResponseFunction]:
-    """Functions of a response that return the compared quantities of a boom, (T, k) each, by name.
+    """Functions of a response, by name, that return the compared quantities of a boom, (T, k) each.
 
     ``tip`` returns the displacements of the last section's tip in m, ``beam`` all displacements in m, and each kind of
     forces that `response` has, such as ``pad_force``, the forces of that kind in N.  If an extension has a kink before
     the end, there is also ``<kind>_between_kinks`` for each kind of forces, which leaves out all times within
-    `BESIDE_KINK` steps of a kink: the force at a kink has no limit, since it grows as the step gets shorter or the
-    cylinder stiffer.
+    `BESIDE_KINK` steps of a kink.  The force at a kink has no limit: it grows as the step gets shorter or the cylinder
+    stiffer.
     """
     last, t, stepping = response.outputs[len(response.output_names) - 1].body, response.t, excitation.stepping
     at = [kink for path in excitation.paths.values() for kink in path.kinks(stepping.end)]
@@ -223,10 +223,10 @@ def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, 
 
 
 def _forces_at_steps(kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
-    """Forces of one kind at `steps`, (S, k) in N; those that are negligible against the largest of any kind are 0.
+    """Forces of one kind at `steps`, (S, k) in N; forces that are negligible are set to 0.
 
-    Negligible is a force, such as that of a cylinder that holds still, of at most `RELATIVE_FLOOR` times the largest
-    one.
+    A force is negligible, such as that of a cylinder that holds still, if it is at most `RELATIVE_FLOOR` times the
+    largest force of any kind.
     """
     which = np.array(force_kinds(response)) == kind
     size = np.abs(response.slider_force).max(axis=0)
@@ -237,7 +237,7 @@ def _forces_at_steps(kind: str, steps: slice | NDArray[np.bool_], response: Resp
 def force_kinds(response: Response) -> list[str]:
     """Kind of each force of a response, in order: ``pad_force``, ``cylinder_force`` or ``support_force``.
 
-    The last one is the force of a support that gives way.
+    A ``support_force`` is the force of a support with a stiffness.
     """
     return [f"{output.kind}_force" for output in response.outputs if output.is_force]
 
@@ -245,8 +245,8 @@ def force_kinds(response: Response) -> list[str]:
 def output_contacts(system: BodySystem[AnyBody]) -> list[int]:
     """Numbers of the contacts whose forces are outputs.
 
-    Left out are rigid supports, whose forces are reactions, and contacts of the kind `STRAIGHT`; of a body alone also
-    contacts that neither move nor only push.
+    Rigid supports are left out, since their forces are reactions, and so are contacts of the kind `STRAIGHT`.  For a
+    single body, contacts that neither move nor only push are left out too.
     """
     bearing_contacts = [
         (k, contact)
@@ -262,9 +262,9 @@ def output_contacts(system: BodySystem[AnyBody]) -> list[int]:
 
 
 def force_kinds_of_system(system: System) -> tuple[str, ...]:
-    """Kind of each force output of a system: of the springs of all bodies, then of `output_contacts`.
+    """Kind of each force output of a system: first of the springs of all bodies, then of `output_contacts`.
 
-    Of a body alone all kinds are ``pad_force``.
+    For a single body all kinds are ``pad_force``.
     """
     springs = [kind for body in system.bodies.values() for kind in column_names(body).kinds[1]]
     kinds = [*springs, *(system.contacts[k].kind for k in output_contacts(system))]
@@ -285,7 +285,7 @@ def tip_names(boom: Scene) -> set[str]:
 
 
 def section_columns(section: str, response: Response) -> list[int]:
-    """Numbers of the displacements in a response that belong to a section, its tip's included."""
+    """Numbers of the displacements in a response that belong to a section, including those of its tip."""
     return [k for k, output in enumerate(response.outputs) if output.body == section and output.kind in ("beam", "tip")]
 
 
@@ -307,8 +307,8 @@ def load_rates(model: ReducedModel, excitation: Excitation) -> Rates:
 def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, loads: Rates) -> Rates:
     """Multipliers z (T, m) in N, which deform the residual part, and their rates (T, m) in N/s (see `output_rates`).
 
-    `path_rate` (T,) is the rate of the path coordinate in m/s.  Contacts that are open have the rate 0.  Raises
-    ValueError if the model has no residual flexibility.
+    `path_rate` (T,) is the rate of the path coordinate in m/s.  Open contacts have the rate 0.  Raises ValueError if
+    the model has no residual flexibility.
     """
     tables, s = model.flexibility, trajectory.s
     if tables is None:
@@ -318,7 +318,7 @@ def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, l
     right += apply_table(tables.inputs, s, loads.rate) + ds * apply_table(tables.inputs, s, loads.value, 1)
     right -= ds * apply_table(tables.rows, s, z, 1)
     G = evaluate(tables.rows, s) + np.diag(model.row_compliance)
-    is_open = ~np.isnan(model.row_clearance) & (z == 0.0)  # no force, and none that changes
+    is_open = ~np.isnan(model.row_clearance) & (z == 0.0)  # force and rate are zero
     apart = is_open[:, :, None] | is_open[:, None, :]
     G, right = np.where(apart, np.eye(z.shape[1]), G), np.where(is_open, 0.0, right)
     return Rates(z, np.linalg.solve(G, right[:, :, None])[:, :, 0])
@@ -336,19 +336,20 @@ def output_rates(model: ReducedModel, trajectory: Trajectory, excitation: Excita
     H(s) (`inputs`) and G(s) (`rows`); a prime is the derivative with respect to s (docs/moving_residual_flexibility.md,
     section 5).  Without residual flexibility only :math:`O \dot p` is left.
 
-    Where s or f has a kink, so do z and the deformation under the slider: their rates jump, as those of a massless part
-    can and those of a real one can't.  On smooth paths the recovered part makes velocities more accurate, on the
-    paper's straight ramps less so (section 5 has numbers).
+    At a kink of s or f, z and the deformation under the slider have kinks too: their rates jump, which is possible only
+    without mass.  On smooth paths the rates of the residual part make velocities more accurate, on paths of straight
+    ramps less so (section 5 has numbers).
 
-    The coordinates feel the damping of the residual part through the rows' forces (`Inertia`), but the outputs contain
-    its static deformation only.  With damping D = beta K the deformation x = R (B f - C^T z), R being the residual
-    flexibility, lags behind its forces, and rows that give way share the forces anew.  The outputs leave out
+    The damping of the residual part acts on the coordinates through the forces of the rows, but the outputs contain
+    only the static deformation of the residual part.  With damping D = beta K the deformation x = R (B f - C^T z), with
+    the residual flexibility R, lags behind its forces, and the forces are shared differently between rows that give
+    way.  The outputs leave out
 
     .. math::
         \Delta y = -\beta\,(O \dot x - X \bar G^{-1} C \dot x), \qquad \bar G = G + 1/k
 
-    With rigid rows only the part of this that comes from the loads differs from zero.  Stresses are affected most, for
-    the residual part has a large share in them, and more modes do not remove the difference.
+    With rigid rows, only the part of this difference that comes from the loads is not zero.  Stresses are affected
+    most, since the residual part has a large share in them; more modes do not remove the difference.
     """
     result, tables = trajectory.v @ model.outputs.T, model.flexibility
     if tables is None:
@@ -359,28 +360,28 @@ def output_rates(model: ReducedModel, trajectory: Trajectory, excitation: Excita
     return np.asarray(result - ds * apply_table(tables.outputs, trajectory.s, z.value, 1))
 
 
-#: Largest number of values of a run that are kept; of larger runs only outputs are.
+#: Largest number of values of a run that are kept in memory; for larger runs only outputs are kept.
 MOST_RECORDED = 20_000_000
 
 
 def run_from_start(system: System | SystemForm, excitation: Excitation, every: int = 1) -> SystemTrajectory:
-    """Simulate a system by the compiled simulator and return every `every`-th step of the motion.
+    """Simulate a system by the compiled simulator; return the motion at every `every`-th step.
 
-    It starts in static equilibrium or undeformed, as the excitation says.  Repeated runs of one `SystemForm` share its
-    tables.
+    It starts in static equilibrium or undeformed, as the excitation says.  Repeated runs of the same `SystemForm` share
+    its tables.
     """
     form = system if isinstance(system, SystemForm) else SystemForm.of(system)
     return systems.simulate_form(form, excitation, every=every)
 
 
 def fits_in_memory(system: System, stepping: TimeStepping) -> bool:
-    """Whether the states and multipliers at all steps are few enough, `MOST_RECORDED` numbers, to be kept in memory."""
+    """Whether states and multipliers at all steps are at most `MOST_RECORDED` numbers and so can be kept in memory."""
     bodies, contacts = system.bodies.values(), len(system.contacts)
     return stepping.steps * (2 * sum(body.size for body in bodies) + contacts) <= MOST_RECORDED
 
 
 def divide_steps(system: System, excitation: Excitation, run: SystemTrajectory | None = None) -> Excitation:
-    """Excitation whose steps are divided into the parts that a run of the system divides them into.
+    """Excitation whose steps are divided into the same parts as in a run of the system.
 
     `run` is simulated if it is None.  The excitation is returned unchanged if no contact only pushes, or if its time
     grid sets the number of parts.
@@ -393,7 +394,7 @@ def divide_steps(system: System, excitation: Excitation, run: SystemTrajectory |
 
 
 def outputs_of_run(system: System, run: SystemTrajectory, excitation: Excitation, every: int = 1) -> Outputs:
-    """Outputs, with velocities, at every `every`-th step of a run, which has all steps of the excitation."""
+    """Outputs, with velocities, at every `every`-th step of a run that contains all steps of the excitation."""
     y, stride = np.hstack(list(systems.displacements(system, run).values())), slice(None, None, every)
     sampled, displacement = (
         outputs_from_columns(system, y[stride], run.forces[stride]),
@@ -403,7 +404,7 @@ def outputs_of_run(system: System, run: SystemTrajectory, excitation: Excitation
 
 
 def outputs_of_response(system: System, run: SystemTrajectory, excitation: Excitation, response: Response) -> Outputs:
-    """Outputs at all steps of a run, with velocities, read from its response."""
+    """Outputs, with velocities, at all steps of a run, taken from the response to that run."""
     probes = np.concatenate([other_outputs(body) for body in system.bodies.values()])
     other_columns = np.empty((len(run.t), 0)) if response.others is None else response.others
     return Outputs(
@@ -418,16 +419,16 @@ def outputs_of_response(system: System, run: SystemTrajectory, excitation: Excit
 
 
 def outputs_without_rates(system: System, run: SystemTrajectory) -> Outputs:
-    """Outputs at all steps of a run without velocities, which are expensive to compute."""
+    """Outputs at all steps of a run, without velocities, which take long to compute."""
     y = np.hstack(list(systems.displacements(system, run).values()))
     return outputs_from_columns(system, y, run.forces)
 
 
 def without_kink_forces(system: System, sampled: Outputs, excitation: Excitation, times: Array, step: float) -> Outputs:
-    """Outputs `sampled` at `times` (T,) in s with all forces set to 0 near kinks of the extensions.
+    """Outputs `sampled` at `times` (T,) in s, with all forces near kinks of the extensions set to 0.
 
-    Near is within `BESIDE_KINK` times `step` in s.  There forces have no limit: the shorter the steps, the larger they
-    are. The outputs of a body alone on one path are returned unchanged.
+    Near means within `BESIDE_KINK` times `step` in s.  There forces have no limit: the shorter the steps, the larger
+    are the forces.  The outputs of a single body on one path are returned unchanged.
     """
     if system.on_one_path:
         return sampled
@@ -441,9 +442,9 @@ def away_from_kinks(excitation: Excitation, times: Array, step: float) -> NDArra
 
 
 def outputs_from_columns(system: System, y: Array, forces: Array) -> Outputs:
-    """Outputs, without velocities, from all output columns y (T, o) of the bodies and contact forces (T, m) in N.
+    """Outputs without velocities, from all outputs y (T, o) of the bodies and contact forces (T, m) in N.
 
-    The forces in the result are those of springs, then of pads, sliders and cylinders (`output_contacts`).
+    The forces in the result are those of springs, then those of pads, sliders and cylinders (`output_contacts`).
     """
     bodies = list(system.bodies.values())
     displacements, springs, probes = (
@@ -469,7 +470,8 @@ def displacement_rates(system: System, run: SystemTrajectory, excitation: Excita
     r"""Rates (T, o) in m/s of the displacements `displacement` (T, o) in m, at all steps of the excitation.
 
     For a body on one path with tables of residual flexibility they are `output_rates`.  For several bodies, and with
-    attachment modes, they are :math:`O \dot q` plus central differences of the rest of the displacements, y - O q.
+    attachment modes, they are :math:`O \dot q` plus central differences of y - O q, with the displacements y, the
+    output matrix O and the coordinates q.
     """
     if system.on_one_path and all(map(_has_rate_tables, system.bodies.values())):
         body, motion = only_body_motion(system, run, excitation)
@@ -485,13 +487,13 @@ def displacement_rates(system: System, run: SystemTrajectory, excitation: Excita
 
 
 def _has_rate_tables(body: SlidingBody) -> bool:
-    """Whether the rates of a body's outputs follow from tables of flexibility: it has these and no attachment modes."""
+    """Whether rates of a body's outputs can be computed from tables: it has flexibility and no attachment modes."""
     attached = body.carriers is not None and getattr(body.carriers, "inertia", None) is None
     return body.flexibility is not None and not attached
 
 
 def only_body_motion(system: System, run: SystemTrajectory, excitation: Excitation) -> tuple[ReducedModel, Trajectory]:
-    """The only body, with no rows but those of its contacts, and its motion with one path coordinate s (T,) in m."""
+    """The single body, with only the rows of its contacts, and its motion with one path coordinate s (T,) in m."""
     (body,), (motion,) = system.reduced.values(), run.bodies.values()
     rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]
     s = excitation.on_slider.path_within(body.domain) if excitation.paths else np.full(len(run.t), body.domain[0])

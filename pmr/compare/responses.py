@@ -1,4 +1,4 @@
-"""Responses of systems: simulation by the simulators that a scene names, evaluation of motions, and memory needed."""
+"""Responses of systems: simulation by the simulators of a scene, evaluation of motions, and memory they take."""
 
 from __future__ import annotations
 
@@ -43,12 +43,13 @@ if TYPE_CHECKING:
 
 Indices = NDArray[np.int64]
 
-#: A full model of more coordinates than this is simulated by PETSc, for diagonalising costs more.  Exudyn factorises in
-#: every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method may not converge.
+#: A full model with more coordinates than this is simulated by PETSc, because diagonalising it would take longer.
+#: Exudyn factorises in every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method
+#: may not converge.
 MARCHED_UP_TO = 400
-#: Number of coordinates up to which ``march`` simulates full models of several sections, diagonalised one by one.
+#: Largest number of coordinates of full models of several sections that ``march`` simulates, diagonalised one by one.
 SECTIONS_MARCHED_UP_TO = 1200
-#: Seconds: shorter simulations are repeated for their time, since caches are empty in the first one.
+#: Seconds: shorter simulations are repeated to measure their time, since caches are empty in the first run.
 SHORT = 0.1
 
 
@@ -57,9 +58,9 @@ class Simulation:
     """Response of one simulation, with the states that were recorded."""
 
     response: Response
-    states: Mapping[str, BodyStates]  # of each body, at the steps for which they were wanted
+    states: Mapping[str, BodyStates]  # by name of the body, at the steps that were asked for
     parts: Indices | None  # (T,): number of parts of each step; None if not known
-    run: SystemTrajectory | None  # the motion at all steps; None where it was not kept
+    run: SystemTrajectory | None  # motion at all steps; None if it was not kept
     own_response: Response  # the response of the system alone, without forces and motions of the scene's machine
 
 
@@ -67,14 +68,14 @@ class Simulation:
 class Simulations:
     """Responses and solver times of all simulators of a scene."""
 
-    first: Simulation  # by the one that the scene names first
-    seconds: Mapping[str, float]  # of each simulator's solver, the first one's first
-    agreement: Mapping[str, float]  # largest difference in displacements between each two of them, m (`agreement`)
-    time_grid: TimeStepping  # the time grid, with the first one's parts of each step where contacts only push
-    repeat: Callable[[], Mapping[str, float]]  # repeat the simulations as the scene says; least seconds of each
+    first: Simulation  # by the first simulator in the scene
+    seconds: Mapping[str, float]  # solver time by simulator, in the order of the scene
+    agreement: Mapping[str, float]  # m: largest difference of displacements between two simulators, by pair
+    time_grid: TimeStepping  # with the first simulation's parts of each step if contacts only push
+    repeat: Callable[[], Mapping[str, float]]  # repeats simulations; least seconds of each
 
     def with_least_seconds(self) -> Simulations:
-        """Repeat short simulations and return these with the shortest solver time of each simulator."""
+        """Repeat short simulations; return the same results with the shortest solver time of each simulator."""
         least = self.repeat()
         response = replace(self.first.response, seconds=next(iter(least.values())))
         return replace(self, first=replace(self.first, response=response), seconds=least)
@@ -85,9 +86,9 @@ def simulate(
 ) -> Simulations:
     """Simulate a reduced system once by every simulator that the scene names, and record states at the `steps`.
 
-    The response and states are those of the first simulator; of the others, solver times and the differences in
-    displacements are returned.  Where contacts only push, Exudyn divides each step into the parts that the compiled
-    simulator chose, if that ran first.  Each simulation is a stage of `clock`.
+    The response and states are those of the first simulator; for the others, the solver times and the differences in
+    displacements are returned.  If contacts only push, and the compiled simulator ran first, Exudyn divides each step
+    into the same parts.  Each simulation is a stage of `clock`.
 
     Raises InputError, with the key to change, if the motion grows without bound.
     """
@@ -123,9 +124,9 @@ def simulate_by(
     steps: Sequence[int] = (),
     done: Progress | None = None,
 ) -> Simulation:
-    """Simulate by one simulator; short simulations are repeated as the scene says, and the shortest time is reported.
+    """Simulate by one simulator and record states at the `steps`.
 
-    States are recorded at the `steps`.
+    Short simulations are repeated as the scene says, and the shortest solver time is reported.
     """
     prepared = _prepare_simulation(system, excitation, simulator, np.asarray(steps, np.int64))
     result = prepared.run(done)
@@ -140,7 +141,7 @@ def march_once(scene: Scene, system: System, excitation: Excitation) -> Response
 
 
 def agreement(responses: Mapping[str, Response]) -> dict[str, float]:
-    """Largest difference of displacements in m between two simulators at any time, by ``<a>_vs_<b>``."""
+    """Largest difference in m, at any time, between the displacements of two simulators, by ``<a>_vs_<b>``."""
     return {
         f"{a}_vs_{b}": float(np.abs(responses[a].displacement - responses[b].displacement).max())
         for a, b in combinations(responses, 2)
@@ -149,9 +150,9 @@ def agreement(responses: Mapping[str, Response]) -> dict[str, float]:
 
 @contextmanager
 def refuse_growth(scene: Scene) -> Iterator[None]:
-    """Context in which a motion of the reduced model that grows without bound raises an InputError for the user.
+    """Context that turns a motion of the reduced model that grows without bound into an InputError for the user.
 
-    It names the key to change, `time.step` or `time.rho_inf`.
+    The error names the key to change, `time.step` or `time.rho_inf`.
     """
     try:
         yield
@@ -172,9 +173,9 @@ def check_installed(scene: Scene) -> None:
 
 
 def compared_quantities(scene: Scene, response: Response) -> Mapping[str, ResponseFunction]:
-    """Functions of a response that return the compared quantities, by name, for this scene and responses like this one.
+    """Functions of a response, by name, that return the compared quantities of this scene, for responses like this one.
 
-    They are `observed_quantities` of a body alone and `quantities_of_boom` of a boom.
+    They are `observed_quantities` for a single body and `boom_quantities` for a boom.
     """
     if ALONE not in scene.bodies:
         return boom_quantities(Excitation.from_scene(scene), response)
@@ -194,10 +195,10 @@ class PreparedSimulation:
     """A simulation whose set-up is done, so that it can be repeated."""
 
     run: Callable[[Progress | None], Simulation]
-    seconds: Callable[[int], list[float]]  # repeat the solver alone that many times; seconds of each
+    seconds: Callable[[int], list[float]]  # repeats the solver alone this many times; seconds of each
 
     def least_seconds(self, first: float, repeats: int) -> float:
-        """The shortest solver time in s of `repeats` runs, of which the `first` took that many seconds.
+        """Shortest solver time in s of `repeats` runs, of which the first took `first` seconds.
 
         Runs are repeated only if the first one took no more than `SHORT`.
         """
@@ -205,10 +206,11 @@ class PreparedSimulation:
 
 
 def _prepare_simulation(system: System, excitation: Excitation, simulator: str, steps: Indices) -> PreparedSimulation:
-    """Prepare a simulator so that repeated runs of the system under the excitation share its set-up.
+    """Prepare a simulator, so that repeated runs of the system under the excitation share its set-up.
 
-    States are recorded at the `steps`.  The motion at all steps is kept as well, except for full bodies with ``march``,
-    and for a body alone without terms if Exudyn simulates it or its steps are too many (`is_recorded`).
+    States are recorded at the `steps`.  The motion at all steps is kept as well, with these exceptions: full bodies
+    with ``march``, and a single body without terms if Exudyn simulates it or if its motion does not fit in memory
+    (`fits_in_memory`).
     """
     alone = ALONE in system.bodies and not system.terms
     if simulator == "march":
@@ -233,9 +235,9 @@ def _prepare_simulation(system: System, excitation: Excitation, simulator: str, 
 def _prepare_march(
     system: System, excitation: Excitation, steps: Indices, recorded_steps: Indices
 ) -> PreparedSimulation:
-    """Prepare the compiled simulator; the response is evaluated block by block.
+    """Prepare the compiled simulator (``march``); the response is evaluated block by block.
 
-    The motion is kept at the `recorded_steps`; states are returned at the `steps`, which are all recorded.
+    The motion is kept at the `recorded_steps`.  States are returned at the `steps`, all of which are recorded.
     """
     form = SystemForm.of(system)
     f, every = excitation.forces(system.input_names), len(recorded_steps) == len(excitation.times)
@@ -264,7 +266,7 @@ def _prepare_march(
 
 Array = NDArray[np.float64]
 
-#: Fields of a response with a value for each step, without its energies.
+#: Fields of a response that have a value for each step; energies are not among them.
 RESPONSE_HISTORIES = (
     "t", "displacement", "slider_force", "residual_position", "residual_velocity", "force_peaks", "others",
 )  # fmt: skip
@@ -282,9 +284,9 @@ def evaluate_motion(system: System, trajectory: SystemTrajectory) -> Response:
 
 
 class Evaluation:
-    """Evaluate a system's motion block by block, without keeping its states, and return the response to all of it.
+    """Evaluates a system's motion block by block, without keeping its states, and returns the response to all of it.
 
-    `t` (T,) are the times of all steps in s, `loads` (T, i) those on all inputs in N.
+    `t` (T,) are the times of all steps in s, `loads` (T, i) the loads on all inputs in N.
     """
 
     def __init__(self, system: System, t: Array, loads: Array) -> None:
@@ -308,18 +310,18 @@ class Evaluation:
 
     def response(self, ended: SimulationEnd) -> Response:
         """Response at all steps, after the last block; `ended` has the solver's seconds and the surplus of energy."""
-        assert self._found is not None  # as every simulation has a block
+        assert self._found is not None  # every simulation has a block
         columns: dict[str, Any] = {name: self._columns.get(name) for name in RESPONSE_HISTORIES}
         energy = Energy(*(self._columns[name] for name in vars(self._found.energy)))
         return replace(self._found, **columns, energy=energy, seconds=ended.seconds, surplus=ended.surplus)
 
     def _with_round_off(self, response: Response, part: SystemTrajectory) -> Response:
-        """The response without histories, but with bounds of round-off.
+        """The response with bounds of round-off, and with its histories set to None, because `_columns` holds them.
 
-        Forces have a bound only for a body alone without terms.
+        Forces have a bound only for a single body without terms.
         """
         system, end = self._system, float(np.ptp(self._t))
-        nothing: dict[str, Any] = dict.fromkeys(RESPONSE_HISTORIES)  # histories are in `_columns`
+        nothing: dict[str, Any] = dict.fromkeys(RESPONSE_HISTORIES)  # `_columns` holds the histories
         response = replace(response, **nothing, round_off=round_off(system.bodies, self._loads, end))
         if ALONE not in system.bodies or system.terms:
             return response
@@ -351,16 +353,17 @@ def _evaluate(system: System, part: SystemTrajectory) -> Response:
 
 
 def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) -> tuple[Array, Array]:
-    """Violation (T, m) in m of each row's equation and its rate (T, m) in m/s, at the T steps of one block.
+    """Violation (T, m) in m of each row's equation, and the rate (T, m) in m/s of this violation, at T steps.
 
     For rows that only push, the violation is the difference to the clearance if they press, and the overlap otherwise.
-    The rate is NaN where rows give way, which have no equation at velocity level, and where path rates are unknown.
+    The rate is NaN for rows that give way, since these have no equation at velocity level, and if path rates are not
+    known.
     """
     q, v, s, multipliers = motion.q, motion.v, motion.s, motion.multipliers
     violation = body.apply_rows(s, q) - body.row_compliance * multipliers
     if body.flexibility is not None:
         violation = violation + body.flexibility.row_motion(s, multipliers, part.loads)
-    excess = violation - body.row_clearance  # where rows push any gap, elsewhere a negative one
+    excess = violation - body.row_clearance  # rows that press: any gap; open rows: negative gaps only
     overlap = np.where(multipliers > 0.0, excess, np.maximum(excess, 0.0))
     violation = np.where(np.isnan(body.row_clearance), violation, overlap)
     if body.flexibility is not None or np.any(body.row_compliance) or part.rates is None:
@@ -371,9 +374,9 @@ def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) ->
 
 @dataclass(frozen=True)
 class MotionOutputs:
-    """Simulated outputs (T, o) of each body, forces and peaks (T, m) in N of all contacts, and energies.
+    """Simulated outputs (T, o) of each body by name, forces and peaks (T, m) in N of all contacts, and energies.
 
-    T is the number of times, o that of outputs of the body, m that of contacts; peaks are None if no step has parts.
+    The numbers are T of times, o of outputs of the body, and m of contacts.  `peaks` is None if no step has parts.
     """
 
     outputs: Mapping[str, Array]
@@ -383,9 +386,9 @@ class MotionOutputs:
 
 
 def append_friction(response: Response, system: BodySystem[AnyBody], friction: Array | None) -> Response:
-    """Append each joint's total friction force in N to the other outputs, from that of each of n pads (T, n) in N.
+    """Append the total friction force in N of each joint to the other outputs of a response.
 
-    The response is returned unchanged without friction.
+    `friction` (T, n) in N is the friction of each of n pads.  Without friction the response is returned unchanged.
     """
     joint_friction = Friction.from_contacts(system.contacts)
     if joint_friction is None or friction is None:
@@ -395,11 +398,11 @@ def append_friction(response: Response, system: BodySystem[AnyBody], friction: A
 
 
 def response_to_motion(system: BodySystem[Any], t: Array, motion: MotionOutputs) -> Response:
-    """Response to any simulator's motion at the times t (T,) in s; its solver time and residuals are NaN."""
+    """Response to any simulator's motion at the times t (T,) in s; its solver time and residuals are set to NaN."""
     displacements, springs, other_outputs = list[Array](), list[Array](), list[Array]()
     other_names, other_units = list[str](), list[str]()
     x, names, force_names = list[Array](), list[str](), list[str]()
-    kinds: tuple[list[str], list[str], list[str]] = ([], [], [])  # of displacements, forces and others
+    kinds: tuple[list[str], list[str], list[str]] = ([], [], [])  # of displacements, of forces, and of other outputs
     of_bodies: tuple[list[str], list[str], list[str]] = ([], [], [])
     for name, body in system.bodies.items():
         of, y = column_names(body), motion.outputs[name]
@@ -445,9 +448,9 @@ MACHINE = "machine"
 def append_machine(scene: Scene, response: Response) -> Response:
     """Append displacements, rates and forces of a machine that moves by itself to the response of a scene.
 
-    Displacements are in m or rad, rates in m/s or rad/s.  Forces are those of springs, dampers and constraints in N or
-    N m, positive along the axes, by the directions of ``[frame.base]``; a direction in which none acts has no force.
-    The response is returned unchanged if no motion of a machine was found with the scene's.
+    Displacements are in m or rad, rates in m/s or rad/s.  Forces in N or N m are those of springs, dampers and
+    constraints, positive along the axes, by the directions of ``[frame.base]``; a direction without any of these has no
+    force.  The response is returned unchanged if the scene has no computed motion of a machine.
     """
     motions = {} if scene.frame is None or scene.frame.base is None else scene.frame.base.motions
     free_motions: dict[str, MotionSamples] = {
@@ -469,28 +472,28 @@ def append_machine(scene: Scene, response: Response) -> Response:
 
 _log = logging.getLogger(__name__)
 
-#: Number of arrays (T, n) of states of n coordinates at all T steps that exist at once where Exudyn simulates, which
-#: keeps all states, and where a reduced model's error is estimated by two richer models.  `march` keeps no states of a
-#: full body alone; of several bodies it does.
+#: Number of arrays (T, n) of states, n coordinates at T steps, that exist at once: if Exudyn simulates, which keeps all
+#: states; and if the error of a reduced model is estimated by two richer models.  ``march`` keeps the states of several
+#: full bodies, but not those of a single one.
 ARRAYS_OF_STATES = 4
-#: Number of arrays (T, o) of o outputs that exist at once in addition to the responses, where the reduction's error is
-#: estimated, and elsewhere.  Measured with two responses: 6.9 kB a step for 66 outputs and 10 coordinates, by this
-#: formula 7.5; 1.7 kB for 51 outputs, by this formula 2.3.
+#: Number of arrays (T, o) of o outputs that exist at once in addition to the responses: if the error of the reduction
+#: is estimated; and if it is not.  Measured with two responses: 6.9 kB a step for 66 outputs and 10 coordinates, by
+#: this formula 7.5; 1.7 kB for 51 outputs, by this formula 2.3.
 ESTIMATED, COMPARED = 10, 2
-#: Numbers a step that each response holds in addition to its outputs.
+#: Count of numbers that each response has for a step in addition to its outputs.
 NUMBERS_BESIDE = 12
-BYTES = 8  # bytes
-NOTABLE_BYTES = 2**30  # bytes: histories that take more are warned of
+BYTES = 8  # bytes of a number
+NOTABLE_BYTES = 2**30  # bytes: there is a warning if histories take more
 
 
 def needed_bytes(scene: Scene, size: int, outputs: int) -> int:
     """Largest memory in bytes that the histories of all steps take at once.
 
-    `size` is the number of coordinates of all full models together, `outputs` that of their outputs.
+    `size` is the number of coordinates, and `outputs` the number of outputs, of all full models together.
     """
     bodies, full = scene.bodies.values(), full_simulator(scene, size)
     r, several = sum(body.reduction.coordinates for body in bodies), len(bodies) > 1
-    responses = len(scene.compare.against) + len(scene.simulation.simulators) + 1  # one simulated again for its time
+    responses = len(scene.compare.against) + len(scene.simulation.simulators) + 1  # 1 is for a repeated one
     responses += 2 * (scene.compare.richer not in ("auto", "none"))
     keeping = [r] if several or any(name != "march" for name in scene.simulation.simulators) else []
     if "full" in scene.compare.against and (full == "exudyn" or (several and full == "march")):
@@ -506,16 +509,16 @@ def needed_bytes(scene: Scene, size: int, outputs: int) -> int:
 
 
 def memory_warnings(scene: Scene, size: int, outputs: int) -> list[str]:
-    """A warning if the histories take more than `NOTABLE_BYTES`, else nothing; arguments as for `needed_bytes`."""
+    """A warning if the histories take more than `NOTABLE_BYTES`, else nothing; arguments are as for `needed_bytes`."""
     total = needed_bytes(scene, size, outputs)
     return [] if total < NOTABLE_BYTES else [f"{scene.time.steps:,} steps take about {total / 1e9:.1f} GB of memory"]
 
 
 def check_memory(scene: Scene, size: int, outputs: int, free: int | None, tell: bool = True) -> None:
-    """Raise an InputError, with the number of steps that fits, if the histories do not fit into `free` bytes of memory.
+    """Raise an InputError, with the number of steps that fits, if histories do not fit into `free` bytes of memory.
 
-    Histories of less than `NOTABLE_BYTES` are not checked, nor are any if `free` is None (unknown).  Those that take
-    more but fit are logged as a warning if `tell` is true.  `size` and `outputs` are as for `needed_bytes`.
+    Histories of less than `NOTABLE_BYTES` are not checked, and nothing is checked if `free` is None (unknown).  If
+    `tell` is true, a warning is logged for larger histories that fit.  `size` and `outputs` are as for `needed_bytes`.
     """
     for message in memory_warnings(scene, size, outputs):
         total = needed_bytes(scene, size, outputs)
@@ -548,8 +551,8 @@ def simulate_cable(
 ) -> ancf.CableMotion:
     """Motion of the scene's beam as an ANCF cable, at the material points x (o,) in m.
 
-    Raises InputError if Exudyn is not installed, and as for `pmr.simulation.exudyn.ancf.simulate`; SimulationError if a
-    step fails or a result is not finite.
+    Raises InputError if Exudyn is not installed, and whenever `pmr.simulation.exudyn.ancf.simulate` does;
+    SimulationError if a step fails or a result is not finite.
     """
     cable = ancf_cable(scene)
     from pmr.simulation.exudyn import ancf
@@ -558,9 +561,9 @@ def simulate_cable(
 
 
 def cable_response(scene: Scene, x: ArrayLike, done: Progress | None = None) -> Response:
-    """Response of the ANCF cable, a reference, at the material points x (o,) in m.
+    """Response of the ANCF cable, which serves as a reference, at the material points x (o,) in m.
 
-    Its joint holds a point in space, so it has no rows: their residuals are NaN.
+    The joint of the cable holds a point in space, so it has no rows: their residuals are NaN.
     """
     motion = simulate_cable(scene, x, Excitation.from_scene(scene), done)
     from pmr.simulation.exudyn import ancf

@@ -1,4 +1,4 @@
-"""Simulation of a saved system under a scene, with the results of `pmr run` that need no full model."""
+"""Simulation of a saved system under a scene, with those results of `pmr run` that need no full model."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from pmr.scene.keys import ALONE
 from pmr.system.from_scene import with_terms_of
 from pmr.system.system import System
 
-#: Why there is no estimate for a boom from a file of versions 1 and 2.
+#: Reason why there is no estimate for a boom from a file of version 1 or 2.
 EARLIER = "the file is of an earlier version, without the modes that the estimate needs"
 
 
@@ -44,8 +44,8 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
     Raises
     ------
     InputError
-        If the scene describes other bodies or joints than the system's, loads and inputs differ, a path leaves the
-        system's, or a simulator can't do what is asked.
+        If the scene describes other bodies or joints than those of the system, if its loads differ from the system's
+        inputs, if a path leaves that of the system, or if a simulator can't simulate the system.
     SimulationError
         If a step fails.
     """
@@ -103,7 +103,7 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
 
 
 def _error(scene: Scene, simulated: SimulatedSystem, clock: Clock) -> ReductionError:
-    """Estimated error of the reduction; without any values if the file is of an earlier version (`EARLIER`)."""
+    """Estimated error of the reduction; it has no values if the file is of an earlier version (reason: `EARLIER`)."""
     error = reduction_error(scene, simulated, clock)
     bodies, estimated = simulated.system.reduced.items(), all(part.reduction.estimate for part in scene.sections)
     if estimated and any(model.cylinder_modes and name not in simulated.system.on_modes for name, model in bodies):

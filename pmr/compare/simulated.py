@@ -1,4 +1,4 @@
-"""Response of a reduced system to a scene, and the check that it was made for that scene; FEniCSx is not needed."""
+"""Response of a reduced system to a scene, and the check that the system was made for it; without FEniCSx."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def simulate(scene: Scene, reduced: System | ReducedModel | Mapping[str, Reduced
     Raises
     ------
     InputError
-        If the scene has other bodies, joints or loads than those from which the system was made.  Of a boom also if
-        `reduced` is neither its system nor a model for each of its sections.
+        If the scene has other bodies, joints or loads than those from which the system was made.  For a boom, it is
+        raised too if `reduced` is neither the boom's system nor a model for each section.
     """
     return simulate_with_states(scene, reduced, ()).response
 
@@ -56,13 +56,14 @@ def simulate_with_states(
     scene, reduced
         As for `simulate`, which raises the same errors.
     steps : sequence of int, optional
-        Ascending numbers of steps, 0 for the start; by default all of them.
+        Ascending numbers of steps, 0 for the start; by default all steps.
 
     Returns
     -------
     Simulation
-        `response`, and `states` by body, ``""`` for a single one: coordinates ``p`` (S, r), their rates ``v``, path
-        coordinates ``s`` (S, m) in m and ``multipliers`` (S, m) in N of its `rows`, ``loads`` (S, i).
+        Its `response`, and its `states` by name of the body, ``""`` for a single body.  States have coordinates ``p``
+        (S, r) and their rates ``v``, ``loads`` (S, i), and for the m rows of the body the path coordinates ``s`` (S, m)
+        in m and ``multipliers`` (S, m) in N.
     """
     steps = range(scene.time.steps + 1) if steps is None else steps
     scene = with_models_of(scene, reduced)
@@ -81,7 +82,7 @@ def simulate_with_states(
 def excitation_of_scene(scene: Scene, system: System) -> Excitation:
     """Paths, loads and time grid of a `pmr.scene.Scene` for a system.
 
-    An InputError is raised as by `check_scene_fits`, or where a path leaves the rows of the system.
+    An InputError is raised as by `check_scene_fits`, or if a path leaves the rows of the system.
     """
     scene = with_choice_of_terms(scene, system.terms)
     check_scene_fits(scene, system)
@@ -155,7 +156,7 @@ def join_models(scene: Scene, reduced: ReducedModel | Mapping[str, ReducedModel]
     return system_of(decide_second_order(scene, ordered_models), ordered_models)
 
 
-#: Keys that may differ from the scene that the model was made from: signals, and how reductions are computed or judged.
+#: Keys that may differ from the scene that a model was made from: signals, and how reductions are computed and judged.
 FREE = frozenset({
     *("signal", "acceleration", "rise", "path", "travel", "frequency_response", "solver", "estimate"),
     *("extension", "overlap", "follows", "ratio", "offset"),
@@ -163,17 +164,17 @@ FREE = frozenset({
 
 
 class HasProvenance(Protocol):
-    """A model or system with the provenance of the scene that it was made from; the provenance may be empty."""
+    """A model or system with its provenance, which describes the scene it was made from; this may be empty."""
 
     @property
     def provenance(self) -> dict[str, Any]: ...
 
 
 def with_models_of(scene: Scene, models: HasProvenance | Mapping[str, HasProvenance]) -> Scene:
-    """The scene in which bodies whose structural model is ``auto`` have that of the reduced `models`.
+    """The scene, in which bodies whose structural model is ``auto`` get the structural model of the reduced `models`.
 
-    Measurements chose it when these were reduced.  `models` are a system, a model of a body alone, or a model of each
-    section by its name.
+    When these were reduced, measurements chose the structural model.  `models` are a system, a model of a single body,
+    or a model of each section by name.
     """
     parts = []
     for number, (name, part) in enumerate(scene.bodies.items()):
@@ -188,11 +189,11 @@ def with_models_of(scene: Scene, models: HasProvenance | Mapping[str, HasProvena
 
 
 def check_same_scene(model: HasProvenance, scene: Scene, number: int | None = None) -> None:
-    """Raise an InputError if a model was made from another scene: the first key that differs, and the model's value.
+    """Raise an InputError, with the first key that differs and its old value, if a model is from another scene.
 
-    Compared are bodies, supports, pads, joints, damping, observed outputs, and positions and directions of loads, of a
-    whole scene, or of the section `number` if it is passed.  Keys that the file of an older model does not hold are not
-    compared.
+    Bodies, supports, pads, joints, damping, observed outputs, and positions and directions of loads are compared; of
+    the whole scene, or only of the section `number` if that is passed.  Keys that are missing in the file of an older
+    model are not compared.
     """
     recorded_scene = model.provenance.get("scene")
     if not isinstance(recorded_scene, Mapping):
@@ -216,7 +217,7 @@ def check_same_scene(model: HasProvenance, scene: Scene, number: int | None = No
 
 
 class Difference(NamedTuple):
-    """Difference of a scene to the one that a model was made from: key, value in the scene, value in the model."""
+    """Difference between a scene and the one that a model was made from: key, the scene's value, the model's value."""
 
     key: str
     present: object

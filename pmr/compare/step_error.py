@@ -1,4 +1,4 @@
-r"""Error that the time step itself leaves: the same model is run again with half the step, a quarter, and so on.
+r"""Error by the time step: the same model is simulated again with half the step, a quarter, and so on.
 
 .. math::
     d_k = \lVert y_{h/2^k} - y_{h/2^{k+1}} \rVert, \qquad
@@ -7,13 +7,13 @@ r"""Error that the time step itself leaves: the same model is run again with hal
 
 with the given step h, the outputs y_h of the run with it, the exact outputs y, and n halvings.  Generalized-alpha is of
 second order, so rho tends to 1/4 (Richardson's extrapolation) for motions that the steps resolve, and to about 1/2
-behind kinks and jumps.  Where it is above 0.6, the steps don't resolve the motion yet and are halved again: two runs
-that both miss it may agree.  Runs with shorter steps have a rho_inf of at least 0.95, for with less all of them damp
-what they don't resolve, and agree on that, too.  Only halving shows the error, doubling the step would not: a tone that
-looks like a slower one at the step h does so at 2 h as well.
+after kinks and jumps.  If rho is above 0.6, the steps don't resolve the motion yet and are halved again: two runs that
+both miss the motion may agree.  Runs with shorter steps have a rho_inf of at least 0.95: with less, all runs would damp
+motions that they don't resolve, and would agree on the damped motion.  Only halving shows the error.  Doubling the step
+would not: a tone that looks like a slower tone at the step h does so at 2 h as well.
 
-Reduced and full model take the same steps, so no comparison of the two shows this error.  Summary and warnings about it
-are written here, too.
+Reduced and full model take the same steps, so no comparison of the two shows this error.  The module also writes the
+summary of this error and warnings about it.
 """
 
 from __future__ import annotations
@@ -69,30 +69,30 @@ Compared = TypeVar("Compared")
 
 #: Ratio of two differences in a row above which a motion is not resolved yet.
 ROUGH = 0.6
-#: Share of the error that may come from beyond the finest run, by extrapolation.
+#: Largest share of the error that extrapolation beyond the finest run may contribute.
 SETTLED = 0.25
 #: Differences up to this one are small enough, whether they decrease or not.
 NEGLIGIBLE = 1e-3
 #: Differences up to this one count as zero.
 NO_DIFFERENCE = 1e-12
-#: Steps of all runs together up to which steps are halved more than twice.
+#: Limit on the number of steps of all runs together, for halving the step more than twice.
 BUDGET = 300_000
-#: Such a limit where contacts only push: after an impact smaller steps settle nothing.
+#: The same limit if contacts only push: after an impact, smaller steps settle nothing.
 BUDGET_OF_IMPACTS = 50_000
 #: Largest number of steps of any run, the first two halvings included.
 LONGEST = 4_000_000
 #: Largest number of times at which runs are compared.
 COMPARED = 20_000
-#: Least rho_inf of the runs with shorter steps.  With less, steps damp motions that they don't resolve, so that runs in
-#: which these are missing agree; with 1, rows that move can make such motions grow.
+#: Least rho_inf of the runs with shorter steps.  With less, steps damp motions that they don't resolve, so that runs
+#: that lack these motions agree; with 1, rows that move can make such motions grow.
 UNDAMPED = 0.95
 
 
 def reference_rho(system: System, rho_inf: float) -> float:
-    """`rho_inf` of the runs with which a run with `rho_inf` is compared: at least `UNDAMPED` where that is possible.
+    """Spectral radius rho_inf of the runs with which a run with `rho_inf` is compared; at least `UNDAMPED` if possible.
 
-    It is unchanged if the system has rows without residual flexibility, which can grow with less damping, or contacts
-    that only push, which bounce otherwise.
+    It is `rho_inf` itself if the system has rows without residual flexibility, which can grow with less damping, or
+    contacts that only push, which would bounce.
     """
     parts = [body if system.on_one_path else body.carriers for body in system.bodies.values()]
     flexible = all(getattr(part, "flexibility", None) is not None for part in parts)
@@ -104,19 +104,19 @@ class Sample:
     """Outputs and forces of a run at the T times at which runs are compared."""
 
     outputs: Outputs
-    forces: ForceHistories = field(default_factory=dict)  # of completed responses, without steps near kinks
+    forces: ForceHistories = field(default_factory=dict)  # from completed responses, without steps near kinks
 
 
 class SteppedSystem:
     """A system that is simulated with several time steps.
 
-    `run` is the run with the given step; it is simulated if it is needed and None.  If `complete` is a function, which
-    adds to a response those forces that follow from others, all kinds of forces are sampled.
+    `run` is the run with the given step; if it is None, it is simulated when it is needed.  `complete`, if it is not
+    None, adds to a response the forces that follow from other forces; then all kinds of forces are sampled.
 
-    Where contacts only push, the given run chooses the number of parts of each step, unless its time grid sets that
-    number or the run is too long to be recorded.  Runs with shorter steps divide each step into the most parts of that
-    step, the one before and the one after in the given run, and half of the step into as many: so parts become shorter
-    with the step, at impacts and between them.
+    If contacts only push, the given run chooses the number of parts of each step, unless its time grid sets that number
+    or the run is too long to be recorded.  In runs with shorter steps, each half of a given step has the largest number
+    of parts that this step, the one before and the one after have in the given run.  So parts become shorter with the
+    step, at impacts and between them.
     """
 
     def __init__(
@@ -129,16 +129,16 @@ class SteppedSystem:
         self.system, self.excitation, self._known, self._complete = system, excitation, run, complete
         self._form = SystemForm.of(system)
         self.pushing = not np.isnan(system.clearance).all()
-        #: The time grid whose error is wanted.
+        #: The time grid whose error is to be computed.
         self.given = replace(excitation.stepping, schedule=())
         self.reference_rho = reference_rho(system, self.given.rho_inf)
         #: Displacement in m that may be round-off.
         self.round_off = round_off(system.bodies, excitation.forces(system.input_names), self.given.end)
-        #: Numbers of the tip's displacements among all.
+        #: Numbers of the tip's displacements among all displacements.
         self.tips = tip_columns(system)
         self.moved = np.flatnonzero(np.concatenate([length_outputs(body) for body in system.bodies.values()]))
         chosen = self.pushing and not self.given.parts and fits_in_memory(system, self.given)
-        #: The given run, where it chose parts.
+        #: The given run if it chose the numbers of parts; else None.
         self.run = self.simulate(self.given) if chosen else None
         self._known = self._known or self.run
         self._parts = self.given.parts
@@ -155,7 +155,7 @@ class SteppedSystem:
         return TimeStepping(grid.end, step, self.reference_rho, schedule=tuple(np.repeat(most, 2**times).tolist()))
 
     def simulate(self, stepping: TimeStepping) -> SystemTrajectory:
-        """Motion at all steps on a time grid; the given run is not simulated again if it is known.
+        """Motion at all steps on a time grid; if the grid is that of the given run and this is known, it is returned.
 
         Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
         """
@@ -164,12 +164,12 @@ class SteppedSystem:
         return run_from_start(self._form, self.excitation.on_grid(stepping))
 
     def displacements(self, run: SystemTrajectory, numbers: list[int] | None = None) -> Array:
-        """Displacements (T, o) in m in a run, all of them or those numbers that `which` lists."""
+        """Displacements (T, o) in m in a run: all, or those with the given `numbers`."""
         chosen = self.moved if numbers is None else self.moved[numbers]
         return np.hstack(list(systems.displacements(self.system, run, chosen.tolist()).values()))
 
     def simulate_displacements(self, stepping: TimeStepping, numbers: list[int] | None = None) -> Array:
-        """Displacements (T, o) in m on a time grid, all of them or those that `which` lists; nothing else is recorded.
+        """Displacements (T, o) in m on a time grid: all, or those with the given `numbers`; nothing else is recorded.
 
         Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
         """
@@ -177,9 +177,9 @@ class SteppedSystem:
         return systems.observe(self._form, self.excitation.on_grid(stepping), chosen.tolist()).y
 
     def sample(self, stepping: TimeStepping, every: int, rates: bool = False) -> tuple[Sample, SystemTrajectory | None]:
-        """Sample each `every`-th step of a run on a time grid; return that and the run, or None if it was not recorded.
+        """Sample each `every`-th step of a run on a time grid; return the sample and the run (None if not recorded).
 
-        Velocities are sampled where `rates` are wanted.  Displacements that are round-off are zero, and so are forces
+        Velocities are sampled if `rates` is true.  Displacements that are round-off are set to zero, and so are forces
         near kinks of extensions.  Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
         """
         excitation, run, of_all = self.excitation.on_grid(stepping), None, ForceHistories()
@@ -198,7 +198,7 @@ class SteppedSystem:
         return Sample(replace(sampled, displacement=moves), of_all), run
 
     def _forces(self, run: SystemTrajectory) -> ForceHistories:
-        """All forces of a run at the times that are not near kinks; empty if there is no `complete`."""
+        """All forces of a run at the times that are not near kinks; empty if `complete` is None."""
         if self._complete is None:
             return {}
         away = away_from_kinks(self.excitation, run.t, self.given.step)
@@ -207,10 +207,10 @@ class SteppedSystem:
 
 
 class Runs:
-    """Runs of a `stepped` system with its step, half of it, a quarter and so on, at the reference rho_inf.
+    """Runs of a system with its step, half the step, a quarter and so on, at the rho_inf of `reference_rho`.
 
-    Velocities are sampled where `rates` are wanted.  `halved` is how often the step of the last run is halved, -1
-    before the first run; `taken` is the number of steps of all runs together.
+    The system is `stepped`.  Velocities are sampled if `rates` is true.  `halved` counts how often the step of the last
+    run is halved, -1 before the first run; `taken` is the number of steps of all runs together.
     """
 
     def __init__(self, stepped: SteppedSystem, rates: bool = False) -> None:
@@ -227,7 +227,7 @@ class Runs:
 
     @property
     def _work(self) -> int:
-        """Number of steps of the last run, each counted as often as it has parts."""
+        """Number of steps of the last run, in which a step counts as often as it has parts."""
         stepping = self.last_grid
         return sum(stepping.schedule) or stepping.steps * max(1, stepping.parts)
 
@@ -243,9 +243,9 @@ class Runs:
         return steps <= LONGEST and (self.halved < 2 or self.taken + steps <= self._budget)
 
     def sample_initial_run(self, first: Sample) -> Sample:
-        """Sample the run with the given step and rho_inf.
+        """Sample of the run with the given step and the given rho_inf.
 
-        `first` is the first run's sample, which is returned if that is the same run.
+        `first` is the sample of the first run; it is returned if the first run has the given rho_inf too.
         """
         grid, stepping = self._stepped.given, self.last_grid
         if self._stepped.run is None and (stepping.rho_inf, stepping.parts) == (grid.rho_inf, grid.parts):
@@ -255,7 +255,7 @@ class Runs:
         return self._stepped.sample(grid, self._stride, self._rates)[0]
 
     def next(self) -> Sample:
-        """Sample the next run, with half the step of the last one, at the times of comparison.
+        """Sample of the next run, which has half the step of the last run, at the times of comparison.
 
         Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
         """
@@ -269,9 +269,9 @@ class Runs:
         return sample
 
     def band(self) -> float:
-        """Frequency in Hz above which 1 % of the tip's motion lies, by its RMS, in the last run; 0 if nothing moves.
+        """Frequency in Hz above which 1 % of the tip's motion lies in the last run, by its RMS; 0 if nothing moves.
 
-        If the tip does not move, as on a support, it is that of all displacements.
+        If the tip does not move, as on a support, it is the frequency for all displacements.
         """
         of, stepping = self._stepped, self.last_grid
         if self._last is None:
@@ -283,15 +283,15 @@ class Runs:
         return band_limit(y if np.any(y) else self._without_round_off(of.displacements(self._last)), stepping.step)
 
     def _without_round_off(self, y: Array) -> Array:
-        """Signals y (T, o) with zeros in the columns that don't exceed round-off."""
+        """Signals y (T, o) with zeros in the columns that are only round-off."""
         return zero_round_off(y, y, self._stepped.round_off)[0]
 
 
 class ConvergenceSeries(Generic[Compared]):
-    """Differences between runs with ever smaller steps, and the error that they show.
+    """Differences between runs with ever smaller steps, and the error of a run that they show.
 
-    `difference` measures the difference of a run to a finer one, as a fraction.  `first` is the run with the longest
-    step; the error is that of the run `given`, by default of `first`.
+    `difference` measures the difference of a run to a finer run, as a fraction.  `first` is the run with the longest
+    step.  The error is that of the run `initial` ("the given run"), or of `first` if `initial` is None.
     """
 
     def __init__(
@@ -302,20 +302,20 @@ class ConvergenceSeries(Generic[Compared]):
         self.differences: list[float] = []
 
     def add(self, finer: Compared) -> None:
-        """Add the samples of the next run, with a smaller step."""
+        """Add the sample of the next run, which has a smaller step."""
         self.differences.append(self._apart(self.last, finer))
         self.last = finer
 
     @property
     def difference_to_last(self) -> float:
-        """Difference of the given run to the last one."""
+        """Difference of the given run to the last run, a fraction."""
         return self._apart(self.first, self.last)
 
     @property
     def remainder(self) -> float:
-        """Sum of all differences that further halvings would add, as a geometric series.
+        """Sum of all differences that further halvings would add, computed as a geometric series.
 
-        It is infinite if the differences don't decrease, and for fewer than two of them.
+        It is infinite if the differences don't decrease, and if there are fewer than two differences.
         """
         if len(self.differences) < 2:
             return np.inf
@@ -332,32 +332,33 @@ class ConvergenceSeries(Generic[Compared]):
 
     @property
     def error_bound(self) -> float:
-        """Error of the given run with a rest of at most the last difference, even if differences don't decrease."""
+        """Error of the given run with the last difference as largest remainder, even if differences don't decrease."""
         return self.difference_to_last + min(self.remainder, self.differences[-1])
 
     @property
     def is_settled(self) -> bool:
-        """Whether the rest is at most `SETTLED` times the given run's difference to the last one, or all is negligible.
+        """Whether the `remainder` is small: at most `SETTLED` times the given run's difference to the last run.
 
-        Negligible is that difference if its sum with the last two differences is at most `NEGLIGIBLE`.
+        It is true too if all differences are negligible: the sum of that difference and the last two is at most
+        `NEGLIGIBLE`.
         """
         difference = self.difference_to_last
         small = len(self.differences) > 1 and difference + sum(self.differences[-2:]) <= NEGLIGIBLE
         return self.remainder <= SETTLED * difference or small
 
     def error(self, part: float | None = None) -> float:
-        """Error of the given run: its difference to the last run, with its share of the rest.
+        """Error of the given run: its difference to the last run, plus the `remainder`.
 
-        `part` is the difference in some of the outputs, whose error is then returned with a proportional share of the
-        rest.  If differences don't decrease, the difference itself is returned, which is the least that the error may
-        be.
+        `part` is the difference in only some of the outputs; the error of these outputs is then returned, with a
+        proportional share of the remainder.  If differences don't decrease, the difference itself is returned, which is
+        the least that the error may be.
         """
         difference, remainder = self.difference_to_last, self.remainder
         part = difference if part is None else part
         return part * (1.0 + remainder / difference) if np.isfinite(remainder) and difference > 0.0 else part
 
     def halvings_needed(self, limit: float) -> int | None:
-        """How often the step has to be halved for an error below `limit`; None if these runs don't show it."""
+        """How often the step has to be halved for an error below `limit`; None if the runs don't show it."""
         if not self.is_settled:
             return None
         remainder = self.remainder if np.isfinite(self.remainder) else self.differences[-1]
@@ -371,28 +372,29 @@ Array = NDArray[np.float64]
 
 #: Share of the motion above which a step is called too coarse.
 STEP_LIMIT = 0.02
-#: Factor on errors of forces of completed responses: differences decrease less evenly than those of displacements.
+#: Margin on errors of forces in completed responses: their differences decrease less evenly than those of
+#: displacements.
 MARGIN_OF_FORCES = 1.25
 
 
 @dataclass(frozen=True)
 class StepError:
-    """Error that the time step leaves in a model's displacements; fractions of the finest run's motion, not capped."""
+    """Error of a model's displacements by the time step; fractions of the finest run's motion, which may exceed 1."""
 
     beam: float
     tip: float
-    largest: float | None  # m: largest difference of any output at any time; None by ``mean``
+    largest: float | None  # m: largest difference of an output at any time; None if `by` is ``mean``
     finest: float  # s: smallest step that was taken
     settled: bool  # whether the runs approach each other; if not, the error is at least of this size
-    by: str  # ``motion``; or ``mean``, of RMS values: contacts only push, and motions diverge after an impact
-    enough: float | None  # s: largest of the steps taken with an error below `STEP_LIMIT`; None if there is none
+    by: str  # ``motion``; or ``mean`` for RMS values, if contacts only push: motions diverge after an impact
+    enough: float | None  # s: largest step of a run with an error below `STEP_LIMIT`; None if there is none
     band: float | None  # Hz: 1 % of the tip's motion lies above it, in the finest run; None until `with_band`
     seconds: float  # wall time of all runs
     further_errors: Mapping[str, float] = field(default_factory=dict)  # errors of further kinds of outputs and forces
-    unsettled: tuple[str, ...] = ()  # those of the further kinds in which the runs do not approach each other
+    unsettled: tuple[str, ...] = ()  # further kinds in which the runs do not approach each other
 
     def error_of(self, kind: str) -> float:
-        """Error of a kind of outputs or forces, a fraction; infinite where it was not computed."""
+        """Error of a kind of outputs or forces, a fraction; infinite if it was not computed."""
         return {"beam": self.beam, "tip": self.tip, **self.further_errors}.get(kind, np.inf)
 
 
@@ -406,20 +408,21 @@ def step_error(
 ) -> StepError:
     """Error of the time step in a simulation of the system from the start of the excitation.
 
-    Runs are by `march`; Exudyn's solver has the same scheme and start.  Steps are halved until the error of
-    displacements, and that of further `kinds`, is settled.
+    Runs are simulated by the compiled simulator (``march``); Exudyn's solver has the same scheme and start.  Steps are
+    halved until the error of displacements, and that of further `kinds`, is settled.
 
     Parameters
     ----------
     system, excitation
-        What is simulated, and its paths, loads and time grid.
+        System that is simulated, and its paths, loads and time grid.
     run : SystemTrajectory, optional
-        The run with the given step, which chose its own parts of steps, if it is known.
+        The run with the given step, if it is known; it must have chosen its own parts of steps.
     kinds : sequence of str
         Kinds of outputs (`pmr.compare.outputs`), besides displacements, whose errors are wanted.
     complete : callable, optional
-        Adds to a response the forces that follow from others.  Then errors of all kinds of forces (`force_errors`) are
-        returned, with the margin `MARGIN_OF_FORCES` and without steps near kinks; this takes no further runs.
+        Function that adds to a response the forces that follow from other forces.  Then errors of all kinds of forces
+        (`force_errors`) are returned, with the margin `MARGIN_OF_FORCES` and without steps near kinks; this takes no
+        further runs.
     band : bool
         Whether to find the band of the motion, in Hz.
 
@@ -483,23 +486,24 @@ def step_error(
 
 
 def with_band(error: StepError, system: System, excitation: Excitation) -> StepError:
-    """Return this error with the band of the motion, for which the run with the finest step is simulated again."""
+    """Return this error with the band of the motion; for that, the run with the finest step is simulated again."""
     runs = Runs(SteppedSystem(system, excitation))
     runs.halved = round(np.log2(excitation.stepping.step / error.finest))
     return replace(error, band=runs.band())
 
 
 def _difference(kind: str, floors: RoundOffBounds, sampled: Sample, finer: Sample) -> float:
-    """Difference of a run to a finer one in a kind of outputs, as a fraction of the finer run's size."""
+    """Difference of a run to a finer run in a kind of outputs, as a fraction of the finer run's size."""
     return differences(sampled.outputs, finer.outputs, floors, [kind])[kind]
 
 
 def _force_series(
     initial_run: Sample, samples: Sequence[Sample], in_the_mean: bool
 ) -> dict[str, ConvergenceSeries[ForceHistories]]:
-    """A ladder for each kind of forces of completed responses; of their RMS values over time if `in_the_mean`.
+    """A series of differences for each kind of forces of completed responses, by kind.
 
-    `initial_run` is the given run, `samples` are those with smaller and smaller steps.
+    The differences are those of RMS values over time if `in_the_mean` is true.  `initial_run` is the given run,
+    `samples` are those of runs with smaller and smaller steps.
     """
     forces_of_run, *finer_forces = (
         _rms_forces(run.forces) if in_the_mean else run.forces for run in (initial_run, *samples)
@@ -513,7 +517,7 @@ def _force_series(
 
 
 def _force_difference(kind: str, histories: ForceHistories, finer: ForceHistories) -> float:
-    """Difference of a run to a finer one in a kind of forces, as a fraction of the finer run's; 0 without any."""
+    """Difference of a run to a finer run in a kind of forces, as a fraction of the finer run's; 0 without forces."""
     return force_errors(histories, finer).get(kind, 0.0)
 
 
@@ -530,7 +534,8 @@ def _rms(y: Array) -> Array:
 def step_summary(error: StepError | None, reason: str | None = None, not_covered: Sequence[str] = ()) -> dict[str, Any]:
     """Contents of ``step`` in summary.json: the fields of `StepError`, further kinds, ``limit`` and ``reason``.
 
-    ``not_covered`` lists in words what has no error.  If `error` is None, all fields are None, and ``reason`` says why.
+    ``not_covered`` lists in words the quantities without an error.  If `error` is None, all fields are None, and
+    ``reason`` says why.
     """
     names = [name for name in StepError.__annotations__ if name not in ("further_errors", "unsettled")]
     figures = dict.fromkeys(names) if error is None else {name: getattr(error, name) for name in names}
@@ -541,7 +546,7 @@ def step_summary(error: StepError | None, reason: str | None = None, not_covered
 def step_warnings(
     step_error_of_run: StepError, stepping: TimeStepping, signals: Sequence[tuple[str, SignalBase]], natural: Array
 ) -> list[str]:
-    """A warning if the step's error exceeds `STEP_LIMIT`, or `FAR` in other outputs, or is not settled; else nothing.
+    """A warning if the step's error is not settled or exceeds `STEP_LIMIT`, in other outputs `FAR`; else nothing.
 
     `signals` are pairs (name, signal) of path and loads; `natural` (S, f) in Hz are f frequencies in S positions on the
     way, ascending.
@@ -592,7 +597,7 @@ def _motion_clause(band: float, h: float, natural: Array) -> str:
 
     `h` is the step in s, `natural` (S, f) in Hz are f natural frequencies in S positions.
     """
-    frequencies = natural[:, ~np.isnan(natural).all(axis=0)]  # some reduced models have fewer modes than are drawn
+    frequencies = natural[:, ~np.isnan(natural).all(axis=0)]  # reduced models may have fewer modes than columns
     lowest = np.sort(np.nanmin(frequencies, axis=0)) if frequencies.size else np.empty(0)
     sentence = f"the motion goes up to {band:.3g} Hz, {_steps_per_period(band, h)}"
     excited = int(np.count_nonzero(lowest <= band))

@@ -75,8 +75,8 @@ def comparison_part(
 ) -> SummaryPart:
     """Errors against the references, in the quantities that `measured` returns, and the simulators of each model.
 
-    Errors that are due to ringing of the full model are not stated as errors: they are in ``not_judged``, with a
-    warning each.  The warning names contacts of the full model that are `rigid`.
+    Errors that come from ringing of the full model are not listed as errors: they are in ``not_judged``, with a warning
+    each.  The warnings name `rigid`, the rigid contacts of the full model.
     """
     reduced, full = responses["reduced"].displacement, responses.get("full")
     reference = reduced if full is None else full.displacement
@@ -102,10 +102,10 @@ def comparison_part(
 
 
 def impacts_part(system: System, excitation: Excitation, responses: Mapping[str, Response]) -> SummaryPart:
-    """``impacts`` of rigid sliders at kinks of the path: the error ``pad_force`` of their forces below ``band`` in Hz.
+    """Entry ``impacts``, for rigid sliders at kinks of the path: error ``pad_force`` of forces below ``band`` in Hz.
 
     Above this frequency lies 1 % of the full model's motion at the tip, and most of the forces that an impact causes.
-    Empty if no rigid slider meets a kink, or without a full model.
+    The part is empty if no rigid slider meets a kink, or without a full model.
     """
     alone = system.reduced.get(ALONE)
     if alone is None or "full" not in responses or not has_impulsive_force(alone, excitation):
@@ -124,7 +124,7 @@ def impacts_part(system: System, excitation: Excitation, responses: Mapping[str,
 
 
 def sampling_part(excitation: Excitation) -> SummaryPart:
-    """Warnings about path and loads that the steps do not resolve."""
+    """Warnings about paths and loads that the steps do not resolve."""
     signals, stepping = excitation.signals, excitation.stepping
     return SummaryPart(warnings=describe_lost_features(signals, stepping) + describe_overshoots(signals, stepping))
 
@@ -146,9 +146,9 @@ def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
 
     .. math:: D = \sum_l n_l \sum_i D_i(f_l\, \Delta\sigma_i)
 
-    with the damage D, the lines l of the spectrum, which occur n_l times with the factor f_l on the stresses, and the
-    damage D_i of each of the run's rainflow cycles i with the stress range :math:`\Delta\sigma_i`
-    (`pmr.results.fatigue`), for each stress component by itself.  ``life`` is how often the whole spectrum may occur
+    for each stress component by itself, with the damage D, the lines l of the spectrum, which occur n_l times with the
+    factor f_l on the stresses, and the damage D_i by each of the run's rainflow cycles i, whose stress range is
+    :math:`\Delta\sigma_i` (`pmr.results.fatigue`).  ``life`` is the number of times that the whole spectrum may occur
     until D is 1; None if D is 0. A warning names the worst stress if its D is above 1.
     """
     settings = scene.fatigue
@@ -180,7 +180,7 @@ def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
 
 
 def utilisation_part(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) -> SummaryPart:
-    """``utilisation`` of summary.json by model, of bodies whose material has a yield stress.
+    """Entry ``utilisation`` of summary.json, by model, for bodies whose material has a yield stress.
 
     ``value`` is the largest stress over the yield stress of its material; ``stress`` and ``yield`` in Pa, ``t`` in s,
     ``position`` in m in the axes of the ``section``.  A warning says if the yield stress is exceeded.
@@ -188,7 +188,7 @@ def utilisation_part(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) ->
     Parameters
     ----------
     stresses : mapping
-        By body, what `pmr.reduction.recovery.RecoveredBody.summary` returns.
+        By name of the body: result of `pmr.reduction.recovery.RecoveredBody.summary`.
     """
     largest = dict[str, dict[str, Any]]()
     for part in scene.sections:
@@ -205,7 +205,7 @@ def utilisation_part(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) ->
 
 
 def masses_part(masses_of_bodies: Mapping[str, Any]) -> SummaryPart:
-    """``masses`` of summary.json: the ``name`` of each body and what `pmr.fullmodel.model.Masses.summary` returns."""
+    """Entry ``masses`` of summary.json: the ``name`` of each body, with `pmr.fullmodel.model.Masses.summary`."""
     rows = [
         {"name": name, **masses_of_body.summary()}
         for name, masses_of_body in masses_of_bodies.items()
@@ -220,7 +220,7 @@ def _utilisations(part: Body, peak: Mapping[str, Any], regions: Mapping[str, Any
     `peak` is the largest stress of the body, `regions` have the largest stress of each region by name.
     """
     materials = {name: region.material for name, region in part.body.regions.items() if region.material is not None}
-    if peak.get("region") in materials:  # elsewhere the largest stress is that of a region of the body's material
+    if peak.get("region") in materials:  # else the largest stress is in the body's own material
         own_regions = [of_region for name, of_region in regions.items() if name not in materials]
         peak = max(own_regions, key=lambda of_region: float(of_region["value"]), default={})
     peaks = [(peak, part.body.material)] if peak else []
@@ -267,10 +267,10 @@ def parts_of_motion(
     natural: Frequencies,
     step: SummaryPart,
 ) -> list[SummaryPart]:
-    """Parts on forces, the step's error, published frequencies, parts of steps, sampling, frame and energy.
+    """Parts on forces, error of the step, published frequencies, parts of steps, sampling, frame and energy.
 
-    `simulations` are those of `simulated`; `natural` are frequencies on the way; `step` is the part on the step's
-    error.
+    `simulations` are the simulations of `simulated`; `natural` are natural frequencies on the way; `step` is the part
+    on the error of the step.
     """
     excitation, system = Excitation.from_scene(scene), simulated.system
     omega = contact_step.contact_frequency(system, excitation)
@@ -295,8 +295,8 @@ def sections_part(
 ) -> SummaryPart:
     """``sections`` of summary.json: name, coordinates, error along each section against the full model, and `more`.
 
-    `more` has further values for each section by name; the largest ``stress_peak`` of all sections is returned as well,
-    and its value as ``max_von_mises``.  For a body alone only `more` is returned.
+    `more` has further values for each section by name.  The largest ``stress_peak`` of all sections is returned as
+    well, and its value as ``max_von_mises``.  For a single body only `more` is returned.
     """
     if ALONE in boom.bodies:
         return SummaryPart(dict(more.get(ALONE, {})))

@@ -29,8 +29,8 @@ from pmr.system.system import AnyBody, BodySystem
 
 Array = NDArray[np.float64]
 
-#: Largest share of a motion that may change its sign with every step, where there is no energy balance that shows
-#: whether it grows.  Displacements alternate by such a share only after the multipliers (index 3) have spoilt them.
+#: Largest share of a motion that may change its sign with every step, if there is no energy balance that shows growth.
+#: Displacements alternate by such a share only after multipliers (of equations of index 3) have spoilt them.
 ALTERNATING = 1e-3
 _CALLED = {"full": "the full model", "ancf": "the ANCF cable"}
 
@@ -40,8 +40,9 @@ def reason_for_distrust(response: Response, rigid: Sequence[str] = ()) -> str | 
 
     `rigid` are the names of rigid contacts, which the reason mentions.
 
-    The energy of the response has to come from loads and moving rows (`pmr.simulation.balance`).  For the ANCF cable,
-    whose energy leaves out the axial strain, the displacements must not alternate from step to step instead.
+    There is a reason if energy of the response comes from neither loads nor moving rows (`pmr.simulation.balance`).
+    The energy of the ANCF cable leaves out the axial strain; for this cable there is a reason instead if displacements
+    alternate from step to step.
     """
     if not np.isfinite(response.displacement).all():
         return "its displacements are not finite"
@@ -58,12 +59,12 @@ def reason_for_distrust(response: Response, rigid: Sequence[str] = ()) -> str | 
 
 
 def missing_reference_warnings(reasons: Mapping[str, str]) -> list[str]:
-    """A warning for each reference that is missing; `reasons` has the reason by the name of the reference."""
+    """A warning for each reference that is missing; `reasons` maps the name of the reference to the reason."""
     return [f"no reference by {_CALLED.get(name, name)}: {reason}" for name, reason in reasons.items()]
 
 
 def distrust_warnings(reduced: Response, rigid: Sequence[str] = ()) -> list[str]:
-    """A warning for each reason why the reduced motion is not to be trusted.
+    """A warning for each reason why the reduced motion can't be trusted.
 
     `rigid` are the names of rigid contacts, as for `reason_for_distrust`.
     """
@@ -78,11 +79,11 @@ def distrust_warnings(reduced: Response, rigid: Sequence[str] = ()) -> list[str]
     return lines
 
 
-SMALL = 0.1  # share of the body's length: a tip that moves by it comes closer by about half a per cent of the length
+SMALL = 0.1  # share of the body's length: a tip that moves this far comes closer by half a per cent of the length
 
 
 def large_motion_warnings(length: float, responses: Iterable[Response]) -> list[str]:
-    """A warning if a body of `length` in m moves by more than `SMALL` times that, which no linear model describes."""
+    """A warning if a body of `length` in m moves by more than `SMALL` of its length, too far for a linear model."""
     largest = max(float(np.abs(response.displacement).max(initial=0.0)) for response in responses)
     if not largest > SMALL * length:
         return []
@@ -92,7 +93,7 @@ def large_motion_warnings(length: float, responses: Iterable[Response]) -> list[
     ]
 
 
-#: Share of ringing in a force above which it is warned of, and above which an error may be due to the reference.
+#: Share of ringing in a force above which there is a warning, and above which an error may be due to the reference.
 RINGING_SHARE = 0.02
 ALTERNATES = "change their sign with every step"
 
@@ -114,9 +115,10 @@ def alternation_remedy(rigid: Sequence[str]) -> str:
 
 
 def rigid_contacts(system: BodySystem[AnyBody]) -> list[str]:
-    """Names of contacts without compliance of their own, except rigid supports.
+    """Names of the contacts without compliance of their own, without rigid supports.
 
-    If all bodies are reduced ones with residual flexibility, only cylinders are counted: that gives way at all others.
+    If all bodies are reduced and have residual flexibility, only cylinders count: at all other contacts the residual
+    flexibility gives way.
     """
     flexible = all(getattr(body, "flexibility", None) is not None for body in system.bodies.values())
     rigid = [contact for contact in system.contacts if contact.compliance == 0.0 and contact.kind != "support"]
@@ -124,14 +126,14 @@ def rigid_contacts(system: BodySystem[AnyBody]) -> list[str]:
 
 
 def alternating_share(signal: Array) -> float:
-    r"""Share of a signal (T, ...), of all its columns together, that changes its sign with every step.
+    r"""Share of a signal (T, ...) that changes its sign with every step, for all columns of the signal together.
 
     .. math:: \mathrm{rms}(\delta^8 y / 2^8) / \mathrm{rms}(y)
 
-    with the signal y and its central difference :math:`\delta` over a step.  For a tone with n steps a period it is
-    :math:`\sin^8(\pi / n)`: 1e-4 for ten of them, 1 for two.  Such a part comes from the time integration: the
-    multipliers of rigid rows that move ring so (docs/time_integration.md), long before displacements or energies show
-    it.  It is 0 for fewer than nine steps.
+    with the signal y and its central difference :math:`\delta` over a step.  For a tone with n steps a period, the
+    share is :math:`\sin^8(\pi / n)`: 1e-4 for ten steps, 1 for two.  Such a part comes from the time integration: the
+    multipliers of rigid rows that move ring in this way (docs/time_integration.md), long before displacements or
+    energies show it.  The share is 0 for fewer than nine steps.
     """
     size = float(np.sqrt(np.mean(signal**2)))
     if size == 0.0 or len(signal) < 9:
@@ -140,7 +142,7 @@ def alternating_share(signal: Array) -> float:
 
 
 def ringing_share(signal: Array, reference: Array | None = None) -> float:
-    """RMS of the alternating part of a signal (T, o) over that of the signal itself, or of `reference` (T, o).
+    """RMS of the alternating part of a signal (T, o), over the RMS of the signal, or of `reference` (T, o) if given.
 
     It is averaged over the columns as in `relative_error`.
     """
@@ -151,8 +153,8 @@ def ringing_share(signal: Array, reference: Array | None = None) -> float:
 def is_ringing(signal: Array, reference: Array) -> bool:
     """Whether the error of a signal (T, o) against a reference is due to ringing of the reference.
 
-    It is if the error is above `RINGING_SHARE`, and the alternating parts of both the difference and the reference are
-    more than half of the error.
+    It is if the error is above `RINGING_SHARE`, and if the alternating part of the difference and that of the reference
+    are each more than half of the error.
     """
     error = relative_error(signal, reference)
     return (
@@ -163,7 +165,7 @@ def is_ringing(signal: Array, reference: Array) -> bool:
 
 @dataclass(frozen=True)
 class RingingReference:
-    """An error for which no reduced model is to be blamed, since the reference rings (`is_ringing`)."""
+    """An error that says nothing about the reduced model, because the reference rings (`is_ringing`)."""
 
     alternating: float  # share of the reference that changes its sign with every step
     band: float  # Hz: 1 % of the full model's motion lies above it
@@ -171,9 +173,9 @@ class RingingReference:
 
     @classmethod
     def judge(cls, pair: Pair, full: Response) -> RingingReference | None:
-        """Judge a pair of signal and reference (T, o), of which the reference comes from the response `full`.
+        """Return the error of a pair (signal, reference), each (T, o), with the reference from the response `full`.
 
-        None if the error is not due to ringing of the reference (`is_ringing`).
+        None is returned if the error is not due to ringing of the reference (`is_ringing`).
         """
         if not is_ringing(*pair):
             return None
@@ -183,10 +185,10 @@ class RingingReference:
 
 
 def ringing_warnings(not_judged: Mapping[str, RingingReference], rigid: Sequence[str] = ()) -> list[str]:
-    """One warning that names all quantities that are not judged; nothing if all of them are.
+    """One warning that names all quantities whose errors are in `not_judged`; nothing if that is empty.
 
-    `not_judged` is by the names of quantities in summary.json.  The warning gives contacts that are `rigid` in the full
-    model as the cause, if there are any.
+    `not_judged` is by the names of quantities in summary.json.  If the full model has `rigid` contacts, the warning
+    names them as the cause.
     """
     if not not_judged:
         return []
@@ -203,7 +205,7 @@ def ringing_warnings(not_judged: Mapping[str, RingingReference], rigid: Sequence
 
 
 def _without_alternation(signal: Array) -> Array:
-    """The signal (T, o) without its alternating part, except in its first and last four steps."""
+    """The signal (T, o) without its alternating part; its first and last four steps are unchanged."""
     steady = np.copy(signal)
     if len(signal) > 8:
         steady[4:-4] -= _alternating_part(signal)
@@ -217,16 +219,16 @@ def _alternating_part(signal: Array) -> Array:
     return signal
 
 
-#: What no estimate covers; the error of the time step is in ``step`` of summary.json.
+#: Effects that no estimate covers; the error of the time step is in ``step`` of summary.json.
 AWAY_FROM_PROBES = "stresses away from probes"
-#: What no estimate covers where a rigid support holds a body: its force is not among the rows that give way.
+#: Effect that no estimate covers if a rigid support holds a body: its force is not that of a row that gives way.
 RIGID_REACTIONS = "reactions of rigid supports"
-#: What neither an estimate nor a full model covers where the machine's motion was found with the reduced model.
+#: Effect that neither an estimate nor a full model covers if the machine's motion was computed with the reduced model.
 MACHINE_MOTION = "the motion of frame.machine, which is found with the reduced model and its step"
-#: What no estimate covers with second order if a body has too many carriers
+#: Effect that no estimate covers with second order if a body has too many carriers
 #: (`pmr.system.attachment.has_frame_matrices`).
 SECOND_ORDER_EFFECTS = "effects of axial forces and the frame on the residual part, most of all on pad forces"
-#: What no estimate covers if the vectors of a basis don't move some rows, which are left out of the model.
+#: Effect that no estimate covers if the vectors of a basis don't move some rows, which are then left out of the model.
 ROWS_LEFT_OUT = "what the basis does not move and leaves out: {}"
 #: Reasons why there is no estimate of forces of sliders.
 SLIDER_IMPACTS = (
@@ -240,7 +242,7 @@ LOAD_JUMPS = (
     "forces of sliders: where a load jumps, damping of the modes that are left out carries a part of it at first, "
     "which no reduced model has"
 )
-#: Damping ratio of the first truncated mode above which truncated modes bear a notable part of a jump.
+#: Damping ratio of the first truncated mode above which truncated modes bear a notable part of a load's jump.
 DAMPED = 0.05
 #: Reasons why there is no estimate of outputs in which richer models disagree, by kind.
 UNSETTLED_KINDS = {
@@ -253,7 +255,7 @@ BEYOND = 0.05
 
 
 def highest_mode_frequency(model: ReducedModel, stepping: TimeStepping, count: int | None = None) -> float:
-    """Frequency in Hz of the highest enrichment mode, or of the highest of the first `count`, as time stepping has it.
+    """Frequency in Hz of the highest of the first `count` enrichment modes (None: of all), lowered by time stepping.
 
     Time stepping lowers natural frequencies (`effects_not_covered`).
     """
@@ -263,10 +265,10 @@ def highest_mode_frequency(model: ReducedModel, stepping: TimeStepping, count: i
 
 
 def has_damped_jump(model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], end: float) -> bool:
-    """Whether a load jumps within the run, and truncated modes are damped enough to bear much of it at first.
+    """Whether a load jumps within the run, and truncated modes have enough damping to bear much of the jump at first.
 
     With damping proportional to stiffness the highest modes give way last, so the force starts from another value than
-    that of any number of modes.  `signals` are pairs (name, signal), `end` is the end of the run in s.
+    with any number of modes.  `signals` are pairs (name, signal), `end` is the end of the run in s.
     """
     modes = model.enrichment
     if modes is None or modes.damping[0] <= 2.0 * DAMPED * np.sqrt(modes.stiffness[0]):
@@ -278,16 +280,16 @@ def has_damped_jump(model: ReducedModel, signals: Sequence[tuple[str, SignalBase
 def effects_not_covered(
     model: ReducedModel, signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping, count: int | None = None
 ) -> list[str]:
-    r"""Effects that the estimate with all enrichment modes, or the first `count`, leaves out, a clause each.
+    r"""Clauses about effects that an estimate with the first `count` enrichment modes (None: all) leaves out.
 
-    `signals` are pairs (name, signal) of loads and path.  Of modes beyond its enrichment modes the estimate contains
-    the quasi-static motion and the next term of that series, which converges below the lowest of these modes
-    (docs/moving_residual_flexibility.md, section 10).  So it leaves out what a load excites beyond the enrichment
-    modes. Time stepping with the step h moves a natural frequency :math:`\omega` to :math:`\Omega`, :math:`\tan(\Omega
-    h / 2) = \omega h / 2`, with rho_inf = 1 and hardly less with other values, so these frequencies are compared with
-    the load as the steps sample it.
+    `signals` are pairs (name, signal) of loads and path.  For modes beyond the enrichment modes, the estimate contains
+    the quasi-static motion and the next term of a series in frequency, which converges below the lowest of these modes
+    (docs/moving_residual_flexibility.md, section 10).  So it leaves out motions that a load excites beyond the
+    enrichment modes.  Time stepping with the step h moves a natural frequency :math:`\omega` to :math:`\Omega`,
+    :math:`\tan(\Omega h / 2) = \omega h / 2`, with rho_inf = 1 and hardly less with other values, so these frequencies
+    are compared with the load as the steps sample it.
 
-    Where an estimate lacks a kind of output, callers add `SLIDER_IMPACTS`, `SLIDER_RINGING`, `LOAD_JUMPS` or one of
+    If an estimate lacks a kind of output, callers add `SLIDER_IMPACTS`, `SLIDER_RINGING`, `LOAD_JUMPS` or one of
     `UNSETTLED_KINDS`.
     """
     top = highest_mode_frequency(model, stepping, count)
@@ -313,12 +315,12 @@ def coverage_warnings(clauses: Sequence[str]) -> list[str]:
 
 
 def _has_classical_damping(model: ReducedModel) -> bool:
-    """Whether the estimate has the damping of all truncated modes: it is Rayleigh's, or there is none."""
+    """Whether the estimate has the damping of all truncated modes, because damping is Rayleigh's or zero."""
     return model.rayleigh is not None or not model.D.any()
 
 
 def _clause_above(name: str, signal: SignalBase, stepping: TimeStepping, top: float) -> Iterator[str]:
-    """Clause, at most one, that says how much of a signal excites modes above the frequency `top` in Hz."""
+    """Yield a clause that says how much of a signal excites modes above the frequency `top` in Hz, if it is notable."""
     tones = [part.highest_frequency(0.0, stepping.end) for part in signal.parts]
     aliased_tone = max((_aliased_frequency(tone, stepping.step) for tone in tones), default=0.0)
     if aliased_tone > top:
@@ -329,15 +331,15 @@ def _clause_above(name: str, signal: SignalBase, stepping: TimeStepping, top: fl
 
 
 def _aliased_frequency(frequency: float, h: float) -> float:
-    """Frequency in Hz, after aliasing, with which a tone of `frequency` in Hz appears in samples at steps of h in s."""
+    """Frequency in Hz at which a tone of `frequency` in Hz appears if it is sampled at steps of h in s."""
     return abs(frequency - round(frequency * h) / h)
 
 
 def _share_above(signal: SignalBase, stepping: TimeStepping, top: float) -> float:
     """Share of the signal's changes above the frequency `top` in Hz, by RMS, sampled at the steps.
 
-    The straight line between its ends is subtracted first, which would otherwise count as a jump from the end to the
-    start.
+    The straight line between the signal's ends is subtracted first; otherwise it would count as a jump from the end to
+    the start.
     """
     x = signal.value(stepping.times)
     x = x - np.linspace(x[0], x[-1], len(x))
@@ -347,16 +349,16 @@ def _share_above(signal: SignalBase, stepping: TimeStepping, top: float) -> floa
     return float(np.sqrt(power[above].sum() / total)) if total > 0.0 else 0.0
 
 
-#: Error of a reduction, or of forces by the time step, above which it is warned of.
+#: Error of a reduction, or of forces by the time step, above which there is a warning.
 FAR = 0.1
 
 
 def stated_quantities(scene: Scene, response: Response) -> list[str]:
-    """Keys of the quantities, other than displacements, of which a run's results contain values.
+    """Keys of the quantities, other than displacements, for which a run's results contain values.
 
-    These are the kinds of forces and reactions in the response, such as ``pad_force``, unless all forces of a kind are
-    zero or round-off against the largest of all kinds; ``frequency`` always; ``stress`` if the scene recovers it;
-    ``probe`` if there are probes.
+    They are the kinds of forces and reactions in the response, such as ``pad_force``; kinds are left out whose forces
+    are all zero, or round-off compared with the largest of all kinds.  ``frequency`` is always among the keys,
+    ``stress`` if the scene recovers it, and ``probe`` if there are probes.
     """
     histories = force_histories(response)
     sizes = {
@@ -374,19 +376,19 @@ def quantities_not_covered(
 ) -> list[str]:
     """Labels of the quantities in a run's results for which `part`, one part of the error budget, has no error.
 
-    `part` has errors by the keys of quantities; keys in `exact` are of quantities that need no error.
+    `part` maps keys of quantities to errors; keys in `exact` belong to quantities that need no error.
     """
     stated = stated_quantities(scene, response)
     return [QUANTITIES[kind].label for kind in stated if part.get(kind) is None and kind not in exact]
 
 
 def unsettled_force_clauses(kinds: Sequence[str]) -> list[str]:
-    """Clause for each of the kinds of forces in `kinds`, which still change as the step gets smaller."""
+    """A clause for each kind of forces in `kinds`, whose values still change as the step gets smaller."""
     return [f"{QUANTITIES[kind].label} beyond the figure stated: smaller steps go on changing them" for kind in kinds]
 
 
 def reduction_warnings(summary: Mapping[str, Any]) -> list[str]:
-    """A warning if the summary's error of the reduced model, against the full one or estimated, is above `FAR`."""
+    """A warning if the reduced model's error in the summary, against the full model or estimated, is above `FAR`."""
     source, errors = reduction_error(summary)
     far = {kind: error for kind, error in errors.items() if error > FAR}
     if not far:
@@ -398,7 +400,7 @@ def reduction_warnings(summary: Mapping[str, Any]) -> list[str]:
 def budget_warnings(scene: Scene, budget: Mapping[str, Any]) -> Iterator[str]:
     """A warning for each part of the error budget, ``model`` and ``mesh``, above `compare.model_tolerance`.
 
-    With `[accuracy]` or `[budget]` the mesh is left to `pmr.compare.accuracy.order.accuracy_warnings`.
+    With `[accuracy]` or `[budget]`, warnings about the mesh come from `pmr.compare.accuracy.order.accuracy_warnings`.
     """
     allowed = scene.compare.model_tolerance
     model, mesh = budget.get("model") or {}, budget.get("mesh")

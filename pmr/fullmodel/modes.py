@@ -134,10 +134,10 @@ def _orthonormalise(W: Array, MW: Array, comm: MPI.Comm, most: int) -> _Block:
 
 
 def _border(T: Array, columns: Array) -> Array:
-    """Matrix T (m, m) with b rows and columns added behind it; T and the result are symmetric.
+    """Return T (k, k) bordered by b rows and columns, from the lowest rows `columns` (d, b) of the new columns.
 
-    `columns` (d, b) are the last d entries of each new column, and the entries above them are zero.  The new diagonal
-    block (b, b) is symmetrised.
+    These d >= b rows include the new diagonal block (b, b), which is symmetrised; the rows of the new columns above
+    them are zero.  T and the result are symmetric.
     """
     d, b = columns.shape
     m = len(T) + b

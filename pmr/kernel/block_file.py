@@ -1,4 +1,4 @@
-"""Blocks of named arrays, from which the kernel reads a system (src/system.c has the layout of their bytes)."""
+"""Blocks of named arrays from which the kernel reads a system (src/system.c describes the layout of the bytes)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _HEAD, _ARRAY = struct.Struct("=8siiqQ32x"), struct.Struct("=40siiqq")
 
 
 def pack(arrays: Mapping[str, NDArray[Any] | str]) -> bytearray:
-    """Pack arrays of integers or real numbers, and texts, into a block whose checksum is still zero (see `seal`)."""
+    """Pack arrays of integers or real numbers, and texts, into a block whose checksum is zero until `seal` sets it."""
     at, heads, parts = LINE * (1 + len(arrays)), bytearray(), list[tuple[int, bytes]]()
     for name, array in arrays.items():
         kind, content, count = _encode(array)
@@ -39,12 +39,12 @@ def lines(names: Iterable[str]) -> str:
 
 
 def seal(block: bytearray, checksum: int) -> None:
-    """Write `checksum`, that of the bytes behind the first `LINE`, into a block, in place."""
+    """Write `checksum` into a block, in place; it has to be the checksum of the bytes after the first `LINE` bytes."""
     block[24:32] = struct.pack("=Q", checksum)
 
 
 def _encode(array: NDArray[Any] | str) -> tuple[int, bytes, int]:
-    """Kind (`_INTEGERS`, `_NUMBERS` or `_BYTES`), bytes and number of entries of an array or text."""
+    """Kind (`_INTEGERS`, `_NUMBERS` or `_BYTES`), bytes, and number of entries of an array or text."""
     if isinstance(array, str):
         text = array.encode()
         return _BYTES, text, len(text)
@@ -54,7 +54,7 @@ def _encode(array: NDArray[Any] | str) -> tuple[int, bytes, int]:
 
 
 def unpack(block: bytes) -> dict[str, NDArray[Any] | str]:
-    """Arrays and texts of a block by name, the reverse of `pack`, unchecked and without their shapes.
+    """Arrays and texts of a block by name, as `pack` took them, but without shapes; the block is not checked.
 
     Integers are int32, real numbers float64.
     """

@@ -11,14 +11,14 @@ from pathlib import Path
 from cffi import FFI
 
 SOURCES = Path("pmr", "kernel", "src")
-#: Compiled by themselves; the other files are parts of avx2.c and baseline.c (variant.c).
+#: Files that are compiled by themselves; all other files are included by avx2.c and baseline.c (variant.c).
 FILES = ("block.c", "system.c", "signals.c", "frame.c", "dispatch.c", "avx2.c", "baseline.c")
 FLAGS = ["-std=gnu11", "-O2", "-ffp-contract=fast", "-fvisibility=hidden", "-Wall", "-Wextra"]
 BEGIN, END = "/* ---- from here on cffi reads this file: declarations only ---- */", "/* ---- up to here ---- */"
 
 
 def declarations(header: str) -> str:
-    """Part of the header between `BEGIN` and `END`, which cffi can read."""
+    """Part of the header between the marks `BEGIN` and `END`, which cffi can read."""
     return header.partition(BEGIN)[2].partition(END)[0]
 
 

@@ -1,4 +1,4 @@
-"""Arrays of a system, as one block that kernel, file and FMU share (src/internal.h describes each array)."""
+"""Arrays of a system in the form that kernel, file and FMU share (src/internal.h describes each array)."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ class SystemData:
     """Arrays of a system by name, and the meaning of the numbers in them."""
 
     arrays: Arrays
-    used_modes: NDArray[np.int64]  # (r,): numbers of the bodies' modes among all modes, of which others are padding
-    modes: dict[str, slice]  # modes of each body among all, padding included
+    used_modes: NDArray[np.int64]  # (r,): numbers of the bodies' modes; modes with other numbers are padding
+    modes: dict[str, slice]  # by body: slice of its modes among all modes, padding included
     rows: Arrangement
-    further: tuple[tuple[str, str, bool], ...]  # name and unit of each further output, and whether it is a motion
+    further: tuple[tuple[str, str, bool], ...]  # name, unit, and whether it is a motion, of each further output
 
 
 def system_data(
     system: System, forms: Mapping[str, Modal], frame: Frame | None = None, reduced: CombinedRings | None = None
 ) -> SystemData:
-    """Write a system as the kernel's arrays, from the modal forms of its bodies by name and its moving frame, if any.
+    """Arrays of a system for the kernel, from the modal forms of its bodies by name and its moving `frame`, if any.
 
-    `reduced` is the result of `system_in_modes` if the caller has it; there are then no reactions of supports.
+    `reduced` is the result of `system_in_modes` if the caller has computed it; then there are no reactions of supports.
     """
     supports = [supports_of(system, name, form, reduced is None) for name, form in forms.items()]
     reduced = reduced or system_in_modes(system, forms, supports)
@@ -82,15 +82,15 @@ def system_data(
 
 @dataclass(frozen=True)
 class Outputs:
-    """Numbers of the system's outputs and of the reactions of supports among all outputs of the bodies."""
+    """Numbers, among all outputs of the bodies, of the system's own outputs and of the reactions of supports."""
 
     outputs: NDArray[np.int64]
     reactions: NDArray[np.int64]
-    counts: tuple[int, ...]  # outputs of each body that are no reactions
+    counts: tuple[int, ...]  # number of outputs of each body that are no reactions
 
     @classmethod
     def of(cls, rows: Arrangement, supports: Sequence[Supports]) -> Outputs:
-        """Split the outputs of bodies, of which the last ones are the reactions of these supports."""
+        """Split the outputs of the bodies: the last outputs of each body are the reactions of its `supports`."""
         outputs, reactions = list[NDArray[np.int64]](), list[NDArray[np.int64]]()
         for part, of in zip(rows.parts, supports, strict=True):
             numbers = np.arange(part.outputs.start, part.outputs.stop)
@@ -100,24 +100,25 @@ class Outputs:
         return cls(np.concatenate(outputs), np.concatenate(reactions), tuple(map(len, outputs)))
 
     def split(self, array: Array) -> tuple[Array, Array]:
-        """Columns (any, outputs) and (any, reactions) of an array (any, both), padded with zeros.
+        """Columns of an array (any, both) for outputs, (any, outputs), and for reactions, (any, reactions).
 
-        They are padded to whole registers, and by one more register.
+        Both are padded with zeros to whole registers, and by one more register.
         """
         parts = (array[:, numbers] for numbers in (self.outputs, self.reactions))
         first, second = (np.pad(_fill_rows(columns, columns.shape[1]), ((0, 0), (0, LANES))) for columns in parts)
         return first, second
 
     def before(self, part: Part) -> tuple[int, int]:
-        """Number of the first output of a body among all outputs, and of its first reaction among all reactions."""
+        """Number of a body's first output among all outputs, and of its first reaction among all reactions."""
         first, second = (np.searchsorted(numbers, part.outputs.start) for numbers in (self.outputs, self.reactions))
         return int(first), int(second)
 
 
 def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supports] = ()) -> CombinedRings:
-    """System of the bodies in their modes, with rings of pads combined; without carriers if it is on one path.
+    """System of the bodies in their modes, with rings of pads combined into fewer contacts.
 
-    With `supports`, one for each body, their reactions are additional outputs behind those of each body.
+    If the system is on one path, the bodies have no carriers.  With `supports`, one for each body, the reactions of
+    each body are additional outputs after its own.
     """
     bodies = {}
     for number, (name, form) in enumerate(forms.items()):
@@ -130,7 +131,7 @@ def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequen
 
 
 def _sizes(system: System, modal: System, rows: Arrangement, motions: int, outputs: int) -> Arrays:
-    """Sizes of the system in the order in which `read_arrays` of src/system.c reads them."""
+    """Sizes of the system, in the order in which the function `read_arrays` in src/system.c reads them."""
     m, pads = len(modal.contacts), len(rows.F) - len(modal.contacts)
     inputs, order = rows.parts[-1].inputs.stop, np.arange(len(rows.F))
     single = len(rows.blocks) == len(rows.parts) == 1 and np.array_equal(rows.blocks[0].numbers, order) and m and inputs
@@ -160,7 +161,7 @@ def _is_diagonal(A: Array) -> bool:
 
 
 def _fill_rows(array: Array, width: int) -> Array:
-    """Array with its last axis padded with zeros to `width` entries, rounded up to whole registers."""
+    """Array with zeros appended along its last axis, up to `width` rounded up to whole registers."""
     missing = round_up(width) - array.shape[-1]
     return np.pad(np.asarray(array, float), [(0, 0)] * (array.ndim - 1) + [(0, missing)])
 
@@ -196,7 +197,7 @@ def _bodies(rows: Arrangement, split: Outputs) -> Arrays:
 
 
 def _contacts(system: System, rows: Arrangement, split: Outputs) -> Arrays:
-    """Constant arrays of the contacts: rows, clearances, which of them push, and ropes that lengthen."""
+    """Constant arrays of the contacts: rows, clearances, which contacts push, and ropes that lengthen."""
     m, moments = len(system.contacts), len(rows.F) - len(system.contacts)
     clearance = np.pad(system.clearance, (0, moments), constant_values=np.nan)
     slopes = np.pad(system.compliance.slopes, ((0, 0), (0, moments), (0, moments)))
@@ -220,7 +221,7 @@ def _contacts(system: System, rows: Arrangement, split: Outputs) -> Arrays:
 
 
 def _blocks(rows: Arrangement, split: Outputs) -> Arrays:
-    """Arrays of the blocks of rows and of pairs of blocks; the tables of all blocks follow each other."""
+    """Arrays of the blocks of rows and of pairs of blocks; the tables of all blocks are stored one after the other."""
     parts: dict[str, list[NDArray[Any]]] = {
         name: [np.zeros(0, np.int64 if name in ("block_rows", "touched") else np.float64)]
         for name in ("breaks", "block_rows", "touched", "weights", "between", *(f"table_{what}" for what in "CGSHXR"))
@@ -254,7 +255,7 @@ def _blocks(rows: Arrangement, split: Outputs) -> Arrays:
         width = max((row.touched.shape[1] for row in block.on_carriers), default=0)
         wide = [_carrier_weights(row, width, on) for row in block.on_carriers]
         head += [len(on), width]
-        for what, k in (("touched", 0), ("weights", 1)):  # interval by interval, with all rows of each
+        for what, k in (("touched", 0), ("weights", 1)):  # interval by interval, each with all rows
             head.append(store(what, np.stack([arrays[k] for arrays in wide], axis=1) if wide else parts[what][0]))
         numbers.append(head)
     for k, first in enumerate(rows.blocks):
@@ -268,19 +269,20 @@ def _blocks(rows: Arrangement, split: Outputs) -> Arrays:
 
 
 def _pad_powers(c: Array, powers: int) -> Array:
-    """Coefficients with zeros before the highest power, so that there are at least so many powers."""
+    """Coefficients with zeros before the highest power, so that there are at least `powers` powers."""
     return np.concatenate([np.zeros((max(powers - len(c), 0), *c.shape[1:])), c])
 
 
 def _carriers(rows: tuple[Row, ...]) -> NDArray[np.int64]:
-    """Numbers of the carriers that the rows touch, ascending."""
+    """Ascending numbers of the carriers that the rows touch."""
     return np.unique(np.concatenate([np.zeros(0, np.int64), *(row.touched.ravel() for row in rows)]))
 
 
 def _carrier_weights(row: Row, width: int, carriers: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
-    """Index in `carriers` of those that a row touches (intervals, width), and coefficients (intervals, powers, width).
+    """Indices in `carriers` of those that a row touches, (intervals, width), and their coefficients.
 
-    Both are padded to `width`: by the last carrier, and by zeros.
+    The coefficients are (intervals, powers, width).  If a row touches fewer than `width` carriers, the last carrier is
+    repeated with zero coefficients.
     """
     missing = width - row.touched.shape[1]
     touched = np.searchsorted(carriers, np.pad(row.touched, ((0, 0), (0, missing)), "edge"))
@@ -288,7 +290,7 @@ def _carrier_weights(row: Row, width: int, carriers: NDArray[np.int64]) -> tuple
 
 
 def _terms(system: System, rows: Arrangement) -> Arrays:
-    """Matrices of terms as registers of `LANES` rows by one column; registers that no term touches are left out."""
+    """Matrices of terms, in registers of `LANES` rows by one column; registers without entries are left out."""
     r = rows.parts[-1].modes.stop
     where = {
         name: range(part.modes.start, part.modes.start + part.body.size)
@@ -320,7 +322,7 @@ def _terms(system: System, rows: Arrangement) -> Arrays:
 
 
 def _friction(rows: Arrangement) -> Arrays:
-    """Arrays of the pads with friction, joint by joint."""
+    """Arrays of the pads with friction, grouped by joint."""
     friction, nothing = rows.friction, np.zeros(0, np.int64)
     if friction is None:
         numbers = ("joint_paths", "joint_cylinders", "pad_contacts")

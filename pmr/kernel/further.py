@@ -1,14 +1,15 @@
 r"""Arrays of a moving frame and of further outputs: reactions of rigid supports, the tip, the luffing cylinder.
 
-With the motions Phi of `pmr.system.body_matrices` and :math:`P = \Phi^T M X X^T` a body presses on its rigid
-supports with
+A body with the modes X, whose coordinates z give the coordinates X z, has the motions Phi of `pmr.system.body_matrices`
+and :math:`P = \Phi^T M X X^T`.  It presses on its rigid supports with
 
 .. math::
     \lambda_f = (\Phi^T - P) B f - (\Phi^T D - P D) X \dot z - (\Phi^T K - P K) X z - (C \Phi - C P^T)^T \lambda
         - \sum_k c_k (\Phi^T - P) (G_k X z + V_k X \dot z)
 
-so each of these forces is an output of modes, loads and multipliers, plus contributions of rates and terms.
-`pmr_frame_outputs` of src/frame.c has the equations of the tip and the cylinder.
+under loads f, multipliers lambda and terms with amplitudes c_k.  So each of these forces is an output of modes, loads
+and multipliers, plus contributions of rates and terms.  `pmr_frame_outputs` of src/frame.c has the equations of the tip
+and the cylinder.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any] | str]
-#: Entries of a term's matrix below this share of its largest one are round-off of zero.
+#: Entries of a term's matrix below this share of its largest entry are round-off.
 NEGLIGIBLE = 1e-13
 
 
@@ -49,30 +50,30 @@ class Modal(Protocol):
 
     @property
     def X(self) -> Array:
-        """Modes (n, r) by which the original coordinates are q = X z."""
+        """Modes X (n, r); the original coordinates of the body are q = X z with the coordinates z of the modes."""
 
     @property
     def rows(self) -> tuple[int, ...]:
-        """Numbers, among the rows of the original body, of the rows that `body` has."""
+        """Numbers of the original body's rows that `body` still has."""
 
 
 @dataclass(frozen=True)
 class Supports:
-    """Reactions of a body's h rigid supports, by its n coordinates, r modes, their rates and i inputs.
+    """Reactions of a body's h rigid supports, by its n coordinates, r modes, rates of modes, and i inputs.
 
-    h is 0 if the body does not record the forces of its contacts on the supports.
+    The number h is 0 if the body does not record the forces of its contacts on the supports.
     """
 
-    names: tuple[str, ...]  # of the outputs
+    names: tuple[str, ...]  # names of the reactions as outputs
     units: tuple[str, ...]
     inertia: Array  # P (h, n), on the body's coordinates
-    of_modes: Array  # (h, r)
-    of_rates: Array  # (h, r)
-    inputs: Array  # (h, i)
+    of_modes: Array  # (h, r): by unit coordinates of the modes
+    of_rates: Array  # (h, r): by unit rates of the modes
+    inputs: Array  # (h, i): by unit inputs
 
 
 def supports_of(system: System, name: str, form: Modal, output: bool = True) -> Supports:
-    """Reactions of a body's rigid supports in its modes; none if `output` is false or they are not known."""
+    """Reactions of a body's rigid supports in its modes; none if `output` is false or reactions are not known."""
     body, X, r = system.bodies[name], form.X, form.body.size
     reactions = body.reactions if isinstance(body, ReducedModel) else None
     carried = reactions is not None and reactions.carried is not None and body.carriers is not None
@@ -92,12 +93,12 @@ def supports_of(system: System, name: str, form: Modal, output: bool = True) -> 
 
 
 def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, supports: Supports) -> ReducedModel:
-    """Return the body in its modes, `modal`, with reactions as outputs behind its own."""
+    """Return the body in its modes, `modal`, with the reactions of supports as outputs after the body's own."""
     body = system.bodies[name]
     if not supports.names or not isinstance(body, ReducedModel):
         return modal
     reactions = body.reactions
-    assert reactions is not None  # of a body that has supports
+    assert reactions is not None  # the body has supports
     outputs, (_, i, o) = np.vstack([modal.outputs, supports.of_modes]), _sizes(modal)
     if system.on_one_path:
         pressed = select_columns(
@@ -139,9 +140,9 @@ def _no_flexibility(body: ReducedModel) -> Flexibility:
 def support_arrays(
     system: System, supports: Sequence[Supports], forms: Sequence[Modal], modes: Sequence[slice], width: int
 ) -> Arrays:
-    """Arrays by which rates and terms contribute to reactions.
+    """Arrays with the contributions of rates and terms to reactions.
 
-    `modes` are the padded slices of the modes of each body, `width` is the padded number of reactions.
+    `modes` are the slices of each body's modes, padding included; `width` is the number of reactions, padding included.
     """
     r = modes[-1].stop
     rates, first = np.zeros((r, width)), np.cumsum([0, *(len(of.names) for of in supports)])
@@ -174,13 +175,14 @@ def support_arrays(
 
 
 def cylinder_arrays(scene: Scene, paths: Sequence[str], numbers: Mapping[str, int], outputs: int) -> Arrays:
-    """Arrays of the luffing cylinder; empty if there are no hinges, it holds the base, or a force has no number.
+    """Arrays of the luffing cylinder; empty without hinges, if it holds the base, or if a force has no number.
 
-    The cylinder's force follows from K forces on the ground, ``cylinder_sources`` (K,), by their moments about the
-    pivot: ``cylinder_moments`` (K, 1 + P) are those of unit forces in m, and their changes by 1 m of each path.  All
-    forces with a moment are needed.  ``cylinder_pin`` has the numbers of a pin's reactions along x and z, -1 without,
-    and of the force at the lug.  `numbers` has the numbers of outputs, reactions and contact forces by name; `outputs`
-    is how many outputs there are.  The force of a cylinder that holds the base is that of a contact.
+    The force of the cylinder follows from K forces on the ground, ``cylinder_sources`` (K,), by their moments about the
+    pivot.  ``cylinder_moments`` (K, 1 + P) are the moments of unit forces in m, and the changes of these by 1 m of each
+    of P paths.  All forces with a moment are needed.  ``cylinder_pin`` has the numbers of the pin's reactions along x
+    and z (-1 if there are none) and of the force at the lug.  `numbers` maps the names of outputs, reactions and
+    contact forces to their numbers; `outputs` is the number of outputs.  If the cylinder holds the base, its force is
+    that of a contact.
     """
     if scene.frame is None or scene.frame.cylinder is None or scene.holding_cylinder is not None:
         return {}
@@ -213,9 +215,9 @@ def cylinder_arrays(scene: Scene, paths: Sequence[str], numbers: Mapping[str, in
 def frame_output_arrays(
     scene: Scene | None, system: System, paths: Sequence[str], reactions: Sequence[str], motions: int
 ) -> tuple[Arrays, list[str]]:
-    """Arrays of the tip and the luffing cylinder, and names of all further outputs, `reactions` first.
+    """Arrays of the tip and the luffing cylinder, and names of all further outputs, with the `reactions` first.
 
-    The arrays are empty if there is no `scene` with a frame, or no `motions` drive it.
+    The arrays are empty if there is no `scene` with a frame, or if the number of `motions` that drive the frame is 0.
     """
     integers, names = np.zeros(0, np.int64), list[str]()
     arrays: Arrays = dict.fromkeys(("tip_numbers", "cylinder_sources", "cylinder_pin"), integers)
@@ -237,14 +239,14 @@ def frame_output_arrays(
     return arrays, [*reactions, *names]
 
 
-#: Kinds of quantities in the order in which src/internal.h numbers them.
+#: Kinds of quantities, in the order of their numbers in src/internal.h.
 KINDS = ("one", "turned", "velocity", "turning", "gradient", "motion", "reach", "over")
 ANGLES = ("luffing", "slewing", "base.rx", "base.ry", "base.rz")
 AXES = ("base.x", "base.y", "base.z")
 
 
 class Frame(Protocol):
-    """Loads and amplitudes as sums of products of quantities (`pmr.simulation.moving.MovingFrame`)."""
+    """Loads and amplitudes of a moving frame, as sums of products of quantities (`pmr.simulation.moving`)."""
 
     @property
     def scene(self) -> Scene:
@@ -252,11 +254,11 @@ class Frame(Protocol):
 
     @property
     def drivers(self) -> tuple[str, ...]:
-        """Names of the n motions, paths first."""
+        """Names of the n motions that drive the frame; paths come first."""
 
     @property
     def quantities(self) -> tuple[tuple[str | int, ...], ...]:
-        """Quantities (q,) that occur in the products: the kind of each, then its numbers or name."""
+        """Quantities (q,) that occur in the products; each has a kind, followed by its numbers or its name."""
 
     @property
     def factors(self) -> NDArray[np.float64]:
@@ -268,11 +270,11 @@ class Frame(Protocol):
 
     @property
     def first(self) -> NDArray[np.int64]:
-        """Number of the first product of each of i inputs, then of each of K terms, (i + K + 1,); p at the end."""
+        """Number of the first product of each of i inputs and then of each of K terms, followed by p: (i + K + 1,)."""
 
 
 def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
-    """Arrays of a frame for a system with these paths; empty without one.
+    """Arrays of a frame for a system with these paths; empty if `frame` is None.
 
     An InputError is raised if the frame has no motion for one of the paths.
     """
@@ -295,15 +297,15 @@ def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
 
 
 def _quantity(quantity: tuple[str | int, ...], numbers: dict[str, int]) -> list[int]:
-    """Number of a quantity's kind in `KINDS`, and two numbers, zero where not used.
+    """Number in `KINDS` of a quantity's kind, followed by two numbers, which are zero if they are not used.
 
-    Gravity, named loads and motions of the base become the kind ``motion`` with the number of the motion.  Gravity and
-    motions of the base that the scene does not have become a ``reach`` over no paths, which is zero.
+    Gravity, named loads and motions of the base become the kind ``motion`` with the number of the motion in `numbers`.
+    Gravity and motions of the base that the scene does not have become the kind ``reach`` over no paths, which is zero.
     """
     kind, *of = quantity
     if kind in ("gravity", "load", "shaken"):
         name = "gravity" if kind == "gravity" else AXES[int(of[0])] if kind == "shaken" else str(of[0])
-        if name not in numbers and kind != "load":  # weight and a base that moves are there only where a scene has them
-            return [KINDS.index("reach"), 0, 0]  # a sum of no paths
+        if name not in numbers and kind != "load":  # the scene has no weight, or no base that moves
+            return [KINDS.index("reach"), 0, 0]  # sum over no paths: zero
         return [KINDS.index("motion"), numbers[name], 0]
     return [KINDS.index(str(kind)), *map(int, of), *[0] * (2 - len(of))]

@@ -1,4 +1,4 @@
-"""Systems of the compiled kernel (src/pmr_kernel.h says what each function does)."""
+"""Systems of the compiled kernel (src/pmr_kernel.h describes each function of the kernel)."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ Integers = NDArray[np.int32]
 
 
 def code_variant() -> str:
-    """Name of the kernel's code that runs on this processor: avx2, sse2, vectors or plain."""
+    """Name of the kernel code for this processor that runs: avx2, sse2, vectors or plain."""
     return str(ffi.string(lib.pmr_variant()).decode())
 
 
 def checksum(content: bytes | bytearray) -> int:
-    """Checksum of `content`: of the bytes of a block behind the first `LINE`."""
+    """Checksum of the bytes of a block after its first `LINE` bytes, as a block stores it."""
     return int(lib.pmr_checksum(ffi.from_buffer(content), len(content)))
 
 
 class FrameDrivers(NamedTuple):
-    """Drivers that follow from n motions of a frame."""
+    """Drivers of a system that follow from n motions of its frame."""
 
-    u: Array  # (N,)
-    derivatives: Array  # (N, 3, n): by the motions' values, rates and second rates
+    u: Array  # (N,): values of the drivers
+    derivatives: Array  # (N, 3, n): of u by values, rates and second rates of the motions
 
 
 class Kernel:
@@ -61,7 +61,7 @@ class Kernel:
     further: int
 
     def __init__(self, block: bytes | bytearray) -> None:
-        """Copy and open a block; an InputError is raised if the bytes are no block of this kernel, or are damaged."""
+        """Copy and open a block; an InputError is raised if the bytes are no block of this kernel, or damaged."""
         self._block = _aligned_bytes(block)
         out, why = ffi.new("pmr_system **"), ffi.new(f"char[{lib.PMR_MESSAGE}]")
         if lib.pmr_system_open(ffi.from_buffer(self._block), len(self._block), out, why):
@@ -80,10 +80,10 @@ class Kernel:
         frame: Frame | None = None,
         reduced: CombinedRings | None = None,
     ) -> Kernel:
-        """Kernel of a system whose bodies have these modal forms by name (`pmr.simulation.modal.modal_form`).
+        """Kernel of a system whose bodies have these modal forms, by name (`pmr.simulation.modal.modal_form`).
 
-        With a moving `frame` (`pmr.simulation.moving.MovingFrame`) the frame's motions drive it.  `reduced` is that of
-        `pmr.kernel.data.system_data`.
+        If there is a moving `frame` (`pmr.simulation.moving.MovingFrame`), the motions of the frame drive the system.
+        `reduced` is as for `pmr.kernel.data.system_data`.
         """
         data = system_data(system, forms, frame, reduced)
         block = pack(data.arrays)
@@ -92,7 +92,7 @@ class Kernel:
 
     @classmethod
     def read(cls, path: Path) -> Kernel:
-        """Kernel from a file that `write` wrote; an InputError is raised if the file is no such file, or is damaged."""
+        """Kernel from a file that `write` wrote; an InputError is raised if it is another kind of file, or damaged."""
         return cls(path.read_bytes())
 
     def write(self, path: Path) -> None:
@@ -105,7 +105,7 @@ class Kernel:
         return self._block.tobytes()
 
     def frame_drivers(self, motions: ArrayLike) -> FrameDrivers:
-        """Drivers u (N,) for motions (3, n) of the frame, and derivatives (N, 3, n) of the drivers by the motions.
+        """Drivers u (N,) for motions (3, n) of the frame, and the derivatives (N, 3, n) of u by these motions.
 
         The rows of `motions` are values, rates and second rates.  An InputError is raised for a system without a frame.
         """
@@ -118,7 +118,7 @@ class Kernel:
         return FrameDrivers(u, derivatives)
 
     def names(self, kind: Literal["drivers", "motions", "outputs", "further", "contacts", "forces"]) -> tuple[str, ...]:
-        """Names of that kind in the order of their numbers; empty if there are none."""
+        """Names of drivers, motions and so on (`kind`), in the order of their numbers; empty if there are none."""
         count = ffi.new("size_t *")
         text = lib.pmr_system_names(self._system, kind.encode(), count)
         lines = ffi.buffer(text, count[0])[:].split(b"\n") if count[0] else []
@@ -131,7 +131,7 @@ def pointer(array: Array | None) -> Any:
 
 
 def integer_pointer(array: Integers | None) -> Any:
-    """Address of an array of integers for the kernel, NULL for None, with the condition of `pointer`."""
+    """Address of an array of integers for the kernel, NULL for None; the caller has to keep the array."""
     return ffi.NULL if array is None else ffi.cast("int32_t *", array.ctypes.data)
 
 

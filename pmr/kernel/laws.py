@@ -18,16 +18,16 @@ Mask = NDArray[np.bool_]
 
 
 class ContactError(SimulationError):
-    """A complementarity problem without a solution.
+    """A complementarity problem has no solution.
 
-    `row` is the number of the contact that depends on those before it; None if the search did not end.
+    `row` is the number of the contact that depends on the contacts before it; None if the search did not end.
     """
 
     row: int | None = None
 
 
 class ContactForces(NamedTuple):
-    """Solution of a complementarity problem of m contacts."""
+    """Solution of a complementarity problem of m contacts: their forces, and which of them are closed."""
 
     forces: Array  # (m,) N
     closed: Mask  # (m,): contacts without a gap
@@ -41,14 +41,14 @@ def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> ContactForc
     A : (m, m) array, m/N
         Symmetric and positive definite.
     b : (m,) array, m
-        Displacements of the contacts beyond their clearances without forces.
+        Displacements of the contacts beyond their clearances if there are no contact forces.
     pushes, closed : (m,) arrays
-        Contacts that only push, and those that are closed where the search begins.
+        Masks of the contacts that only push, and of those that are closed when the search begins.
 
     Returns
     -------
     ContactForces
-        lambda, and the contacts with w = 0.
+        The forces lambda, and the mask of contacts with w = 0.
 
     Raises
     ------
@@ -79,13 +79,13 @@ def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> ContactForc
 
 
 class ContactSearch:
-    """Search for the closed contacts, for callers that solve for their forces; the same as that of `solve_contact`."""
+    """Search for the closed contacts as in `solve_contact`, for callers that compute the contact forces themselves."""
 
     def __init__(self) -> None:
         self._state = ffi.new("pmr_search *")
 
     def change(self, closed: Mask, wrong: Mask) -> Mask:
-        """Contacts (m,) that are closed in the next solve, from those that were `closed` and those that are `wrong`.
+        """Contacts (m,) to be closed in the next solve, from those that were `closed` and those that are `wrong`.
 
         A contact is wrong if it is closed and pulls, or if it is open and overlaps.
         """
@@ -95,15 +95,16 @@ class ContactSearch:
 
 
 class FixedPoint:
-    """Iterates x (n,) of a fixed point x = phi(x), extrapolated by generalized conjugate residuals.
+    """Iterates x (n,) towards a fixed point x = phi(x), extrapolated by generalized conjugate residuals.
 
-    For a linear phi they converge after as many iterates as its derivative has distinct eigenvalues, of any size.
+    For a linear phi, they converge after as many iterates as the derivative of phi has distinct eigenvalues, however
+    large these are.
     """
 
     def __init__(self, size: int, most: int = 32, add_up: Callable[[float], float] | None = None) -> None:
         """Begin without iterates, for n = `size` numbers, with at most `most` stored directions.
 
-        Where each rank has a part of the iterates, `add_up` adds up an inner product over the ranks.
+        If each rank has a part of the iterates, `add_up` adds up an inner product over the ranks.
         """
         count = 4 * -(-size // 4)
         room = np.zeros((4 + 2 * most) * count + LINE // 8)
@@ -113,7 +114,7 @@ class FixedPoint:
         names = ("x", "f", "least_x", "least_f", "directions")
         for name, row in zip((*names, "changes"), (0, 1, 2, 3, 4, 4 + most), strict=True):
             setattr(self._state, name, pointer(self._rows[row:]))
-        self._raised: BaseException | None = None  # by `add_up`: C can't pass it on
+        self._raised: BaseException | None = None  # error in `add_up`, which C can't pass on
         if add_up is not None:
 
             def add(value: Any, _: Any) -> None:
@@ -125,7 +126,7 @@ class FixedPoint:
             self._state.sum = self._add = ffi.callback("void(double *, void *)", add, onerror=store_error)
 
     def restart(self) -> None:
-        """Discard all iterates before, as needed if phi has become another function."""
+        """Discard all previous iterates; to be called if phi has become another function."""
         lib.pmr_restart(self._state)
 
     def next(self, x: Array, phi: Array) -> Array:
@@ -141,10 +142,10 @@ class FixedPoint:
 class SchemeFactors(NamedTuple):
     """Factors of generalized-alpha with steps of `h` s.
 
-    With the acceleration-like variable a and the acceleration z'', a step begins with the prediction a* = a_from_share
-    a + a_from_force z'', v* = v + v_from_share a + v_from_force z'' and z* = z + h v + z_from_share a + z_from_force
-    z''.  The acceleration of the step adds gain, v_gain and z_gain times itself to a*, v* and z*.  The same factors
-    apply to a force and its share in a.
+    With coordinates z, rates v, the acceleration-like variable a and the acceleration z'', a step begins with the
+    prediction a* = a_from_share a + a_from_force z'', v* = v + v_from_share a + v_from_force z'' and z* = z + h v +
+    z_from_share a + z_from_force z''.  The acceleration of the step adds gain, v_gain and z_gain times itself to a*, v*
+    and z*.  The same factors apply to a force and its share in a.
     """
 
     h: float
@@ -160,19 +161,19 @@ class SchemeFactors(NamedTuple):
 
     @classmethod
     def of(cls, step: float, rho_inf: float) -> SchemeFactors:
-        """Factors for a step in s, with the spectral radius `rho_inf` (0 to 1) at infinite frequency."""
+        """Factors for a step of `step` in s, with the spectral radius `rho_inf` (0 to 1) at infinite frequency."""
         factors = ffi.new("pmr_factors *")
         lib.pmr_scheme_factors(step, rho_inf, factors)
         return cls(*(getattr(factors, name) for name in cls._fields))
 
 
 class JointCylinder(NamedTuple):
-    """Cylinder of a joint whose pads have friction, at the end of a step that ends with the multiplier `force`."""
+    """Cylinder of a joint whose pads have friction, at the end of a step that has the multiplier `force`."""
 
-    gives: float = 0.0  # m/N: 1/k; 0 of a rigid one or none
-    compliance: float = 0.0  # m/N: diagonal entry of the cylinder in the matrix A of the multipliers
+    gives: float = 0.0  # m/N: 1/k; 0 if the cylinder is rigid or missing
+    compliance: float = 0.0  # m/N: diagonal entry of the cylinder in the matrix A (`solve_contact`)
     force: float = 0.0  # N
-    friction: float = 0.0  # N: sum of the pads' friction under which `force` was found
+    friction: float = 0.0  # N: sum of the pads' friction with which `force` was computed
     drive: float = 0.0  # N: force plus friction at the end of the last step
 
 
@@ -180,7 +181,7 @@ class PadFriction(NamedTuple):
     """Friction of the n pads of a joint, along the boom."""
 
     friction: Array  # (n,) N
-    limits: Array  # (n,) N: friction at which they slide
+    limits: Array  # (n,) N: friction at which each pad slides
 
 
 def slide_pads(
@@ -196,9 +197,7 @@ def slide_pads(
 
     Parameters
     ----------
-    stiffness : (n,) array, N/m
-        Along the boom while a pad sticks.
-    laws : (n, 3) array
+    stiffness : (n,) array, N/m     Stiffness of each pad along the boom while it sticks. laws : (n, 3) array
         Constants of the pads' laws of friction (`pmr.system.contacts.friction_law`).
     forces, old : (n,) arrays, N
         Forces of the pads, and their friction at the end of the last step (`pmr.system.contacts`).

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int32]
 
 
-#: Why step k of a machine, at t in s, fails though that of its boom does not.
+#: Why step k of a machine, at t in s, fails although the step of its boom succeeds.
 REASONS = {
     lib.PMR_LOST: "the machine's motion is not found at step {k}, t = {t:g} s",
     lib.PMR_UPRIGHT: "the machine pitches by 90 degrees at t = {t:g} s, where roll and yaw turn about one axis",
@@ -26,9 +26,9 @@ REASONS = {
 
 @dataclass(frozen=True)
 class Machine:
-    """A machine with the boom that it carries, and their excitation over T steps.
+    """A machine with the boom that it carries, and the excitation of both over T steps.
 
-    The fields are those of `pmr_machine` (src/pmr_kernel.h), where their shapes and units are.
+    The fields are those of `pmr_machine` in src/pmr_kernel.h, with shapes and units.
     """
 
     axes: Integers
@@ -60,7 +60,7 @@ class Machine:
 
 
 class MachineSimulation:
-    """Simulation of a machine with its boom, and what is recorded of the machine at T steps; `state` is the boom's.
+    """Simulation of a machine with its boom over T steps, and recorded arrays; `state` is the state of the boom.
 
     An InputError is raised for a boom that a machine can't carry: on a frame without a base that moves, with contacts
     that only push, or with settings of several substeps or of energy.
@@ -78,7 +78,7 @@ class MachineSimulation:
             else:
                 scalars[field.name] = value if kind.kind == "primitive" else np.ravel(value).tolist()
         counts = {"sections": len(machine.masses), "shortened_count": len(machine.of_shortened)}
-        self._arrays = arrays  # they stay as long as what points to them
+        self._arrays = arrays  # kept as long as the pointers to them
         self._machine = ffi.new("pmr_machine *", scalars | counts | {"inertial_count": len(machine.inertial)})
         out = ffi.new("pmr_machine_run **")
         if lib.pmr_machine_run_open(state.pointer, self._machine, out):
@@ -87,8 +87,8 @@ class MachineSimulation:
         self._run = ffi.gc(out[0], lib.pmr_machine_run_close)
         steps, inertial = len(machine.motions), len(machine.inertial)
         self.number = 0
-        self.motion = np.zeros((steps, 3, 6))  # directions, their rates and second rates
-        self.held = np.zeros((steps, 6))  # N, N m: forces that hold directions which are not free
+        self.motion = np.zeros((steps, 3, 6))  # of each direction: value, rate, second rate
+        self.held = np.zeros((steps, 6))  # N, N m: forces that hold the directions that are not free
         self.springs = np.zeros((steps, 6))  # N, N m: forces of springs and dampers
         self.momenta = np.zeros((steps, 6))  # linear momentum; angular momentum about the ground's origin
         self.inertia = np.zeros((steps, inertial))  # values of the inputs by which the frame accelerates the boom
@@ -99,10 +99,11 @@ class MachineSimulation:
         return ffi.new("pmr_machine_record *", {name: pointer(getattr(self, name)[first:]) for name in names})
 
     def holding_forces(self, motion: Array, z: Array, v: Array, a: Array) -> Array:
-        """Forces (6,) in N and N m that hold the machine at t = 0, by its directions x, y, z, roll, pitch and yaw.
+        """Forces (6,) in N and N m that hold the machine at t = 0, in the directions x, y, z, roll, pitch and yaw.
 
-        It has the `motion` (3, 6): directions in m and rad, rates, second rates; the boom's modes are at z, their rates
-        v and accelerations a (modes,).  A StepError is raised if compliant contacts depend on each other.
+        The `motion` (3, 6) of the machine has the directions in m and rad, their rates and second rates.  The boom's
+        modes have coordinates z, rates v and accelerations a (modes,).  A StepError is raised if compliant contacts
+        depend on each other.
         """
         forces, arrays = np.zeros(6), [np.ascontiguousarray(array, float) for array in (motion, z, v, a)]
         failed = lib.pmr_machine_run_holding_forces(self._run, *map(pointer, arrays), pointer(forces))
@@ -110,7 +111,7 @@ class MachineSimulation:
         return forces
 
     def start(self, motion: Array, z: Array, v: Array) -> None:
-        """Begin at t = 0 with the machine's `motion` (3, 6), and the boom's modes at z with rates v (modes,).
+        """Begin at t = 0 with the machine's `motion` (3, 6), and with coordinates z and rates v (modes,) of the boom.
 
         The second rates of free directions are computed.  The initial state is recorded in row 0.  Errors are raised as
         by `advance`.
@@ -121,11 +122,11 @@ class MachineSimulation:
         self._raise_unless_done(failed, 0)
 
     def advance(self, count: int) -> None:
-        """Take `count` steps and record each in the row of its number; `number` is then that of the last step.
+        """Take `count` steps and record each in the row of its number; `number` is then the number of the last step.
 
-        An InputError is raised for more steps than there are motions, a StepError if the boom's step fails, and a
-        SimulationError if the machine's motion is not found or it pitches by 90 degrees.  After an error both are at
-        the end of the last whole step.
+        An InputError is raised for more steps than there are motions, a StepError if a step of the boom fails, and a
+        SimulationError if the motion of the machine is not found or if the machine pitches by 90 degrees.  After an
+        error, machine and boom are at the end of the last whole step.
         """
         taken, first, left = ffi.new("int64_t *"), self.number + 1, len(self.motion) - 1 - self.number
         if not 0 <= count <= left:
@@ -135,7 +136,7 @@ class MachineSimulation:
         self._raise_unless_done(failed, self.number + 1)
 
     def _raise_unless_done(self, failed: int, k: int) -> None:
-        """Raise the error of step k for the kernel's error code `failed`, if it is one."""
+        """Raise the error that the kernel's error code `failed` of step k stands for; nothing if it stands for none."""
         if failed in REASONS:
             raise SimulationError(REASONS[failed].format(k=k, t=k * self.state.settings.step))
         self.state.raise_unless_done(failed, f"step {k}")

@@ -1,14 +1,17 @@
-r"""Rows of a system's contacts as the kernel evaluates them: tables of sides that travel along one path on one body.
+r"""Rows of contacts as the kernel evaluates them: tables of those sides that travel along one path on one body.
 
-With the sides of a contact, each of them :math:`b_a(x_a) U` on its body's carriers (`pmr.system.carriers`),
+Each side a of a contact has the row :math:`b_a(x_a) U` with weights b_a on the carriers U of its body
+(`pmr.system.carriers`).  The rows C of all contacts and their flexibility F are
 
 .. math::
     C = C_0 + \sum_k C_k(s_k), \qquad F = F_0 + \sum_k G_k(s_k) + \sum_{k < l} w_k(s_k)\, R\, w_l(s_l)^T
 
-over the blocks k of sides that travel along one path on one body.  Sides that don't travel are in the constants C_0 and
-F_0.  The last sum is over blocks of one body on different paths.  A single body whose contacts share one path is one
-block with the body's own tables.  Rows m to m + n, behind those of the m contacts, belong to the n pads with friction
-(`pmr.system.contacts`): each is the row C' of its contact, on which a moment acts.
+where a block k consists of the sides that travel along one path, with the coordinate s_k, on one body; w_k are the
+weights of its sides, and R is the residual flexibility between the body's carriers.  Sides that don't travel contribute
+to the constants C_0 and F_0.  The last sum is over pairs of blocks of one body on different paths.  A single body whose
+contacts share one path is one block with the body's own tables.  The first m rows belong to the m contacts, the next n
+rows to the n pads with friction (`pmr.system.contacts`): each of these is the derivative C' of the pad's row, on which
+a moment acts.
 """
 
 from __future__ import annotations
@@ -37,7 +40,7 @@ from pmr.system.system import Side, System
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-#: Numbers in a register: the modes of each body are padded with zeros to a multiple of it.
+#: Count of numbers in a register: the modes of each body are padded with zeros to a multiple of this count.
 LANES = 4
 
 
@@ -48,7 +51,7 @@ def round_up(count: int) -> int:
 
 @dataclass(frozen=True)
 class Part:
-    """A body in its modes, and the slices of its modes, inputs and outputs among those of all bodies."""
+    """A body in its modes, and the slices that its modes, inputs and outputs have among those of all bodies."""
 
     number: int
     body: ReducedModel
@@ -60,7 +63,7 @@ class Part:
     def flexibility(self) -> CarrierFlexibility:
         """Residual flexibility between the carriers of the body; zeros if it has none."""
         carriers = self.body.carriers
-        assert carriers is not None  # as `System` checks
+        assert carriers is not None  # `System` checks this
         K, i, o = len(carriers.values), len(self.body.input_names), len(self.body.outputs)
         nothing = {"rows": (K, K), "inputs": (K, i), "outputs": (o, K), "direct": (o, i), "energy": (i, i)}
         return carriers.flexibility or CarrierFlexibility(**{name: np.zeros(n) for name, n in nothing.items()})
@@ -75,30 +78,30 @@ class Part:
 
 @dataclass(frozen=True)
 class Block:
-    """Tables for q sides along one path on one body, on common breaks, and w sides that don't travel on this body."""
+    """Tables, on common breaks, for q sides that travel along one path on one body, and w sides there that don't."""
 
     part: Part
     path: int
-    numbers: Indices  # (q,): numbers of the sides' rows
-    stays: Indices  # (w,): numbers of the rows of sides on this body that don't travel
+    numbers: Indices  # (q,): numbers of the rows of the q sides
+    stays: Indices  # (w,): numbers of the rows of the w sides
     rows: PPoly  # C (q, modes)
     between: PPoly  # G (q, q) m/N
-    staying: PPoly  # G (q, w) m/N, between the sides of the block and those that don't travel
+    staying: PPoly  # G (q, w) m/N, between the q sides and the w sides
     inputs: PPoly  # H (q, i) m/N
     outputs: PPoly  # X (q, o) m/N
-    on_carriers: tuple[Row, ...] = ()  # rows of the sides on these breaks; empty unless the body has several paths
+    on_carriers: tuple[Row, ...] = ()  # rows of the q sides on these breaks; empty unless the body has several paths
 
 
 @dataclass(frozen=True)
 class Arrangement:
-    """Rows of m contacts and n pads with friction, as constants and blocks."""
+    """Rows of m contacts and n pads with friction: constant parts, and blocks that depend on paths."""
 
     parts: tuple[Part, ...]
     paths: tuple[str, ...]
     ranges: tuple[tuple[float, float], ...]  # m: lowest and highest s of each path
     blocks: tuple[Block, ...]
-    C: Array  # (m + n, modes): constant part of the rows, as in F, H and X
-    F: Array  # (m + n, m + n) m/N, with the contacts' compliance
+    C: Array  # (m + n, modes): constant part of the rows, as are F, H and X
+    F: Array  # (m + n, m + n) m/N: flexibility with the contacts' compliance
     H: Array  # (m + n, i) m/N
     X: Array  # (m + n, o) m/N
     friction: Friction | None
@@ -122,7 +125,7 @@ def arrange(system: System) -> Arrangement:
 
 
 def _without_rigid_flexibility(block: Block, rigid: NDArray[np.bool_]) -> Block:
-    """Return the block without the flexibility of the rows that are rigid, (m + n,)."""
+    """Return the block with zero flexibility for the rows in the mask `rigid` (m + n,)."""
     on, staying = rigid[block.numbers], block.staying.c.copy()
     if not on.any() and not rigid[block.stays].any():
         return block
@@ -138,7 +141,7 @@ def _without_rigid_flexibility(block: Block, rigid: NDArray[np.bool_]) -> Block:
 
 
 def _arrange_exactly(system: System) -> Arrangement:
-    """Arrange the rows of a system, with flexibility that is round-off."""
+    """Arrange the rows of a system; flexibility that is round-off is kept."""
     parts, friction = _parts(system), Friction.from_contacts(system.contacts)
     F = np.pad(system.compliance.constant, (0, 0 if friction is None else len(friction.pads)))
     size = {what: getattr(parts[-1], what).stop for what in ("modes", "inputs", "outputs")}
@@ -170,7 +173,7 @@ def _arrange_exactly(system: System) -> Arrangement:
 
 
 def _parts(system: System) -> tuple[Part, ...]:
-    """Bodies of a system with the slices of their modes, inputs and outputs among those of all."""
+    """Bodies of a system, each with the slices of its modes, inputs and outputs among those of all bodies."""
     parts, r, i, o = list[Part](), 0, 0, 0
     for number, body in enumerate(system.reduced.values()):
         modes, inputs, outputs = round_up(body.size), len(body.input_names), len(body.outputs)
@@ -180,7 +183,7 @@ def _parts(system: System) -> tuple[Part, ...]:
 
 
 def _block_of_tables(system: System, part: Part) -> Block:
-    """Block of all contacts of a single body on one path, from the body's own tables."""
+    """Block of all contacts of the single body of a system on one path, from the tables of this body."""
     body, flexibility = part.body, part.body.flexibility
     tables = (
         [body.rows] if flexibility is None else [body.rows, flexibility.rows, flexibility.inputs, flexibility.outputs]
@@ -211,7 +214,7 @@ def _block_on_path(
 ) -> Block:
     """Block of the `sides` on one path of a body, over `domain` in m.
 
-    Sides on the body that don't travel have the rows `stays` (w,) and the weights `weights` (w, K) on the K carriers.
+    Sides on the body that don't travel have rows with the numbers `stays` (w,), and `weights` (w, K) on the K carriers.
     """
     rows = [_row_on_path(system, side) for side in sides]
     breaks = common_breaks([PPoly(row.coefficients, row.breaks) for row in rows], domain)
@@ -234,20 +237,20 @@ def _block_on_path(
 
 
 def _rubbing_sides(system: System, friction: Friction | None) -> list[Side]:
-    """Sides of pads with friction, on which moments act, with the numbers of rows behind the contacts."""
+    """Sides of pads with friction, on which moments act; their row numbers follow those of the contacts."""
     pads = [] if friction is None else friction.pads.tolist()
     m = len(system.contacts)
     return [Side(m + k, s.place, s.sign) for k, pad in enumerate(pads) for s in system.sides if s.contact == pad]
 
 
 def _row(system: System, side: Side) -> Row:
-    """Row of a side as a function of the coordinate x on the body; C' for a side that a moment acts on."""
+    """Row of a side as a function of the coordinate x on its body; for a side on which a moment acts, C'."""
     row = system.row(side.place)
     return row if side.contact < len(system.contacts) else row.slope
 
 
 def _fixed_side_weights(system: System, side: Side) -> Array:
-    """Weights (K,) of the carriers in the row of a side that does not travel, with the side's sign."""
+    """Weights (K,) on the carriers of the row of a side that does not travel, times the side's sign."""
     return np.asarray(side.sign * _row(system, side).weights(side.place.at).toarray()[0])
 
 
@@ -255,7 +258,7 @@ def _row_on_path(system: System, side: Side) -> Row:
     """Row of a side as a function of the path coordinate s, with x = at + rate s, times the side's sign."""
     row, place = _row(system, side), side.place
     c, breaks, touched = row.coefficients, row.breaks, row.touched
-    if place.rate < 0.0:  # the intervals begin at their other end
+    if place.rate < 0.0:  # intervals are reversed: each begins at its former end
         shifted, h = c.copy(), np.diff(breaks)[:, None]
         for last in range(len(c), 1, -1):
             for p in range(1, last):
@@ -271,5 +274,5 @@ def _row_on_path(system: System, side: Side) -> Row:
 
 
 def _zeros(breaks: Array, shape: tuple[int, ...]) -> PPoly:
-    """Table of zeros with values of that shape."""
+    """Table of zeros with values of the given shape."""
     return PPoly(np.zeros((1, len(breaks) - 1, *shape)), breaks)

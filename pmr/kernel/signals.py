@@ -18,13 +18,13 @@ class Signal(Protocol):
 
     @property
     def strands(self) -> tuple[Any, ...]:
-        """Pieces of polynomials and sines whose sum is the signal; a NotImplementedError if it is no such sum."""
+        """Pieces of polynomials and sines whose sum is the signal; a NotImplementedError if it is not such a sum."""
 
 
 class Signals:
-    """N signals, one for each driver in their order, as the kernel's `pmr_signals`.
+    """N signals, one for each driver and in the order of the drivers, as the kernel's `pmr_signals`.
 
-    A NotImplementedError is raised if a signal is no sum of pieces; such drivers have to be sampled
+    A NotImplementedError is raised if a signal is not a sum of such pieces; then the drivers have to be sampled
     (`State.advance_sampled`).
     """
 
@@ -61,7 +61,7 @@ class Signals:
         )
 
     def at(self, t: float) -> tuple[Array, Array]:
-        """Values (N,) at t in s, and first and second rates (2, N)."""
+        """Values (N,) of the signals at t in s, and their first and second rates (2, N)."""
         count = len(self.first_strand) - 1
         u, rates = np.zeros(count), np.zeros((2, count))
         lib.pmr_signals_at(

@@ -35,7 +35,7 @@ class Failure(IntEnum):
 
 
 class StepError(SimulationError):
-    """A step or start that failed: its error code, and the number of the contact that causes it, -1 if none does."""
+    """A step or start failed: error code, and number of the contact that caused it, -1 if no contact did."""
 
     def __init__(self, message: str, failure: Failure, contact: int) -> None:
         super().__init__(message)
@@ -44,22 +44,22 @@ class StepError(SimulationError):
 
 @dataclass(frozen=True)
 class Settings:
-    """How a system is stepped.
+    """Time step, damping and substeps with which a system is simulated.
 
-    With several `parts` each step has as many equal substeps, of these numbers, as keep the forces of contacts that
-    only push within the tolerance.
+    With several numbers in `parts`, each step is divided into equal substeps; of these numbers, the smallest is taken
+    that keeps the error of the forces of contacts that only push within the tolerance.
     """
 
     step: float  # s
     rho_inf: float = 0.9  # spectral radius at infinite frequency, 0 to 1
     parts: tuple[int, ...] = (1,)  # allowed numbers of substeps in a step, ascending
-    contact_omega: float = 0.0  # rad/s of contacts that only push; 0: their forces don't decide on substeps
-    tolerance: float = 1e-5  # error of their forces in a substep, over the largest force so far
+    contact_omega: float = 0.0  # rad/s: frequency of contacts that only push; 0: their forces don't decide on substeps
+    tolerance: float = 1e-5  # error of these forces in a substep, over the largest force so far
     energy: bool = True
 
 
 class Record:
-    """Arrays for what is recorded of T steps, one row each; quantities that are not in `names` are not recorded."""
+    """Recorded arrays of T steps, one row for each step; quantities that are not in `names` are not recorded."""
 
     FIELDS = ("z", "v", "multipliers", "impulses", "peaks", "energy", "friction", "outputs", "drivers")
 
@@ -71,7 +71,7 @@ class Record:
         self.steps = steps
 
     def __getitem__(self, name: str) -> Array:
-        """Recorded array (T, columns) of that name."""
+        """Recorded array (T, columns) of the quantity `name`."""
         return self.arrays[name]
 
     def at(self, first: int) -> Any:
@@ -95,9 +95,10 @@ class StateOutputs(NamedTuple):
 class State:
     """One simulation of a system; it belongs to one thread at a time.
 
-    Its arrays are read only and follow the simulation: modal coordinates `z` and rates `v` (modes,), `multipliers`
-    (contacts,) in N, `impulses` (contacts,) in N s of the last step, `energy` (2,) in J stored and put in since the
-    start, `friction` (pads,) in N, and `drivers` (N,).  An InputError is raised for settings that are not allowed.
+    Its arrays are read only and follow the simulation.  They are modal coordinates `z` and rates `v` (modes,),
+    `multipliers` (contacts,) in N, `impulses` (contacts,) in N s of the last step, `energy` (2,) in J, stored and put
+    in since the start, `friction` (pads,) in N, and `drivers` (N,).  An InputError is raised for settings that are not
+    allowed.
     """
 
     def __init__(self, kernel: Kernel, settings: Settings) -> None:
@@ -127,7 +128,7 @@ class State:
         self.multipliers, self.impulses = (self._array(part, m) for part in (view.multipliers, view.impulses))
         self.energy, self.friction = self._array(view.energy, 2), self._array(view.friction, kernel.pads)
         self.drivers = self._array(view.drivers, kernel.drivers)
-        # drivers and motions of a step: filled in place, as finding an array's address takes longer than a step
+        # drivers and motions of a step: filled in place, since getting an array's address takes longer than a step
         self._u, self._motions = np.zeros(kernel.drivers), np.zeros((3, kernel.motions))
         self._u_pointer, self._motions_pointer = pointer(self._u), pointer(self._motions)
 
@@ -162,10 +163,11 @@ class State:
         v: ArrayLike = (),
         rates: ArrayLike | None = None,
     ) -> None:
-        """Begin at t = 0 under drivers u (N,): at rest, at given z and v (modes,), or at rest in equilibrium.
+        """Begin at t = 0 under drivers u (N,): at rest, with given z and v (modes,), or at rest in equilibrium.
 
-        With `rates` (P,) of the paths in m/s, v is corrected where it violates rigid contacts that move, by the change
-        of least kinetic energy.  A StepError is raised if nothing holds the bodies, or contacts depend on each other.
+        If `rates` (P,) of the paths in m/s are given, v is corrected, by the change of least kinetic energy, so that it
+        satisfies rigid contacts that move.  A StepError is raised if nothing holds the bodies, or if contacts depend on
+        each other.
         """
         drivers = self._check_array("u", u, self.kernel.drivers)
         is_given = kind == "given"
@@ -177,10 +179,10 @@ class State:
         self.raise_unless_done(lib.pmr_start_moving(self._state, _STARTS[kind], *pointers), "the start")
 
     def step(self, u: ArrayLike, rates: ArrayLike | None = None) -> None:
-        """Take one step to drivers u (N,) at its end.
+        """Take one step, at the end of which the drivers are u (N,).
 
-        Substeps follow straight lines between the drivers or, with the drivers' `rates` (2, N) at the beginning and the
-        end of the step, cubics.  A StepError is raised as by `advance`.
+        In substeps, drivers follow straight lines or, with their `rates` (2, N) at the beginning and the end of the
+        step, cubics.  A StepError is raised as by `advance`.
         """
         self._fill(self._u, "u", u)
         led = (
@@ -197,9 +199,10 @@ class State:
         z: ArrayLike = (),
         v: ArrayLike = (),
     ) -> None:
-        """Begin at t = 0 with motions (3, n) of the frame: values, rates and second rates.
+        """Begin at t = 0 with n motions of the frame, (3, n): values, rates and second rates.
 
-        Of motion k the first rows[k] rows count, 1 to 3; None for all 3.  `kind`, z and v are those of `start`.
+        Of motion k, only the first rows[k] of the three count; None stands for all 3.  `kind`, z and v are as for
+        `start`.
         """
         is_given, count = kind == "given", self.kernel.motions
         at = self._check_array("motions", np.ravel(motions), 3 * count)
@@ -210,9 +213,9 @@ class State:
         self.raise_unless_done(lib.pmr_start_in_frame(self._state, _STARTS[kind], *pointers), "the start")
 
     def step_in_frame(self, motions: ArrayLike, rows: Integers | None = None) -> None:
-        """Take one step to motions (3, n) of the frame at its end: values, rates and second rates.
+        """Take one step, at the end of which the n motions of the frame are (3, n): values, rates and second rates.
 
-        Of motion k the first rows[k] rows count, 1 to 3; None for all 3.
+        Of motion k, only the first rows[k] of the three count; None stands for all 3.
         """
         self._fill(self._motions, "motions", motions)
         counted = ffi.NULL if rows is None else _rows(rows, self.kernel.motions)
@@ -228,11 +231,12 @@ class State:
         every: int = 1,
         parts: Integers | None = None,
     ) -> None:
-        """Take `steps` steps with drivers from signals; record each `every`-th, from row `first` of the record on.
+        """Take `steps` steps with drivers from signals; record each `every`-th step, from row `first` of the record on.
 
-        `parts` is the number of substeps of each step, int32 (steps,), out of those of the settings; None if the kernel
-        chooses them.  A StepError is raised if a step fails.  The state is then at the end of the last whole step, and
-        steps before have been recorded; with `Failure.NOT_FINITE` it has to be started or restored.
+        `parts` are the numbers of substeps of each step, int32 (steps,), each from those of the settings; if it is
+        None, the kernel chooses.  A StepError is raised if a step fails.  The state is then at the end of the last
+        whole step, and previous steps have been recorded; after `Failure.NOT_FINITE` the state has to be started or
+        restored.
         """
         _check_room(record, first, steps // every)
         taken, schedule = ffi.new("int64_t *"), _schedule(parts, steps)
@@ -242,11 +246,12 @@ class State:
     def advance_sampled(
         self, u: Array, per: int, record: Record, first: int = 0, every: int = 1, parts: Integers | None = None
     ) -> tuple[int, int]:
-        """Take steps with samples u (steps * per + 1, N) of the drivers; return how many were taken, and `needed`.
+        """Take steps with sampled drivers; return the number of steps taken, and a number of substeps that is missing.
 
-        There are `per` samples in each step, the first where the last step ended.  It stops before a step that needs
-        more substeps than there are samples; `needed` is their number, 0 if all steps were taken.  The other arguments
-        and errors are those of `advance`.
+        The samples u (steps * per + 1, N) are `per` in each step; the first sample is at the end of the last step
+        before.  The state stops before a step that needs more substeps than it has samples; the number of these
+        substeps is the second result, which is 0 if all steps were taken.  The other arguments and errors are those of
+        `advance`.
         """
         u = np.ascontiguousarray(u, float)
         steps = (len(u) - 1) // per
@@ -262,7 +267,7 @@ class State:
         return int(taken[0]), int(needed[0])
 
     def outputs(self) -> StateOutputs:
-        """Outputs, and forces of all contacts, at the end of the last step."""
+        """Outputs of the system, and forces of all contacts, at the end of the last step."""
         y, forces = np.zeros(self.kernel.outputs), np.zeros(self.kernel.forces)
         lib.pmr_outputs(self._state, pointer(y), pointer(forces))
         return StateOutputs(y, forces)
@@ -270,20 +275,22 @@ class State:
     def further(self) -> Array:
         """Further outputs (further,) at the end of the last step.
 
-        They are the reactions of rigid supports in N and N m and, with a frame, the position of the tip in m from the
-        pivot along the ground's axes and the force of the luffing cylinder in N.
+        They are the reactions of rigid supports in N and N m.  With a frame, there follow the position of the tip in m,
+        relative to the pivot along the ground's axes, and the force of the luffing cylinder in N.
         """
         further = np.zeros(self.kernel.further)
         lib.pmr_further(self._state, pointer(further))
         return further
 
     def evaluate(self, at: ArrayLike, seed: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None) -> dict[str, Array]:
-        """Accelerations (modes,), outputs (o,), further (further,) and forces (forces,), by these names.
+        """Accelerations, outputs, further outputs and contact forces of the state, in continuous time, as a dict.
 
-        They belong to z and v of the state, in continuous time, under drivers (N,) or motions (3, n) of a frame, `at`.
-        Rigid contacts and friction have the forces of the last step.  The state is not changed.  With a `seed` of
-        drivers or motions, z and v (modes,), they are the directional derivatives of these quantities along it, with
-        closed contacts staying closed.
+        Its keys are ``accelerations`` (modes,), ``outputs`` (o,), ``further`` (further,) and ``forces`` (forces,).
+        They belong to the present z and v of the state, under drivers (N,) or motions (3, n) of a frame, which are
+        `at`.  Rigid contacts and friction have the forces of the last step.  The state is not changed.
+
+        With a `seed`, which consists of changes of drivers or motions, of z and of v (modes,), the results are the
+        directional derivatives of these quantities along the seed; closed contacts stay closed.
         """
         kernel = self.kernel
         sizes = {"accelerations": kernel.modes, "outputs": kernel.outputs}
@@ -303,7 +310,7 @@ class State:
         return values
 
     def linearize(self, u: ArrayLike) -> Jacobian:
-        """Derivatives of the next step to drivers u (N,); contacts stay open or closed and pads stuck or sliding.
+        """Derivatives of the next step, to drivers u (N,); contacts stay open or closed, pads keep sticking or sliding.
 
         The state is not changed.
         """
@@ -316,15 +323,15 @@ class State:
         return Jacobian(**arrays)
 
     def save(self) -> bytes:
-        """Bytes of the state, for `restore`."""
+        """Bytes of the state, from which `restore` continues."""
         content = ffi.new("char[]", lib.pmr_state_bytes(self._state))
         lib.pmr_state_save(self._state, content)
         return bytes(ffi.buffer(content))
 
     def restore(self, content: bytes) -> None:
-        """Continue from the bytes that `save` returned for a state of the same system and settings.
+        """Continue from the bytes that `save` returned for a state of the same system with the same settings.
 
-        An InputError is raised if they are of another state, or are damaged.
+        An InputError is raised if the bytes belong to another state, or are damaged.
         """
         why = ffi.new(f"char[{lib.PMR_MESSAGE}]")
         failed = lib.pmr_state_restore(self._state, content, len(content), why)
@@ -338,9 +345,9 @@ class State:
         return self._state
 
     def _fill(self, room: Array, name: str, values: ArrayLike) -> None:
-        """Copy `values` into the array `room`; an InputError names `name` if the shapes differ.
+        """Copy `values` into the array `room`; an InputError that names `name` is raised if the shapes differ.
 
-        The kernel itself refuses values that are not finite.
+        Values that are not finite are refused by the kernel itself.
         """
         array = np.asarray(values, float)
         if array.shape != room.shape:
@@ -348,7 +355,7 @@ class State:
         room[:] = array
 
     def _check_array(self, name: str, values: ArrayLike, count: int) -> Array:
-        """Contiguous array of `values`; an InputError names `name` unless it has the shape (count,) and is finite."""
+        """Contiguous array of `values`; an InputError with `name` unless it has the shape (count,) and is finite."""
         array = np.ascontiguousarray(values, float)
         if array.shape != (count,):
             raise InputError("state", name, array.shape, f"{(count,)} is allowed")
@@ -357,9 +364,9 @@ class State:
         return array
 
     def raise_unless_done(self, failed: int, where: str) -> None:
-        """Raise a StepError for the error code `failed` of a kernel's function, unless it is PMR_DONE.
+        """Raise a StepError for the error code `failed` of a kernel function; nothing if the code is PMR_DONE.
 
-        The message says `where` it failed, and names the contact that caused it.
+        The message contains `where` the function failed, and names the contact that caused it.
         """
         if failed == lib.PMR_DONE:
             return
@@ -379,10 +386,10 @@ class State:
 
 @dataclass(frozen=True)
 class Jacobian:
-    """Derivatives of a step by its prediction x = (z*, v*, a*) (3 modes,) and the drivers u (N,) at its end.
+    """Derivatives of a step by the prediction x = (z*, v*, a*) (3 modes,) and by the drivers u (N,) at the step's end.
 
-    dx_next = A dx + B du of the next prediction, dy = C dx + D du of the outputs, dlambda = L dx + K du of the
-    multipliers.
+    They are dx_next = A dx + B du for the next prediction, dy = C dx + D du for the outputs y, and dlambda = L dx + K
+    du for the multipliers.
     """
 
     A: Array
@@ -400,7 +407,7 @@ def _check_room(record: Record, first: int, rows: int) -> None:
 
 
 def _schedule(parts: Integers | None, steps: int) -> Any:
-    """Address of the number of substeps of each step, NULL for None; an InputError unless it is int32 (steps,)."""
+    """Address of the numbers of substeps of each step, NULL for None; an InputError unless they are int32 (steps,)."""
     if parts is None:
         return ffi.NULL
     if parts.dtype != np.int32 or parts.shape != (steps,) or not parts.flags.c_contiguous:
@@ -409,7 +416,7 @@ def _schedule(parts: Integers | None, steps: int) -> Any:
 
 
 def _rows(rows: Integers | None, count: int) -> Any:
-    """Address of how many rows of each motion count, NULL for None; an InputError unless it is int32 (count,)."""
+    """Address of the numbers of rows of motions that count, NULL for None; an InputError unless int32 (count,)."""
     if rows is None:
         return ffi.NULL
     if rows.dtype != np.int32 or rows.shape != (count,) or not rows.flags.c_contiguous:
@@ -418,19 +425,20 @@ def _rows(rows: Integers | None, count: int) -> Any:
 
 
 class BoundStep:
-    """Steps of a state for loops in Python, with pointers that are found once; calls return an error code, 0 if none.
+    """Steps of a state for loops in Python; its pointers are made only once, and its methods return an error code or 0.
 
-    `step` takes a step to `motions` (3, n) of the frame, of each of which the first `rows` (n,) rows count; without a
-    frame, to the drivers u (N,) in the first row of `motions` (3, N), which `step_by_rates` follows along cubics with
-    the `rates` (2, N) at both ends of the step.  `observe` writes to `values` the quantities with the given `numbers`:
-    outputs, then the forces of contacts.
+    With a frame, `step` takes a step to `motions` (3, n) of the frame; of motion k only the first rows[k] rows count,
+    with `rows` (n,).  Without a frame, it takes a step to the drivers u (N,) in the first row of `motions` (3, N);
+    `step_by_rates` does the same along cubics, with the `rates` (2, N) of the drivers at both ends of the step.
+    `observe` writes to `values` the quantities with the given `numbers`, counted through the outputs and then the
+    forces of contacts.
     """
 
     def __init__(self, state: State, numbers: Sequence[int]) -> None:
         kernel, count = state.kernel, len(numbers)
         self.motions = np.zeros((3, kernel.motions or kernel.drivers))
         self.rows: Integers = np.ones(self.motions.shape[1], np.int32)
-        self.rates = np.zeros((2, kernel.drivers))  # at both ends of a step
+        self.rates = np.zeros((2, kernel.drivers))  # rates of the drivers at both ends of a step
         self._numbers, self.values = np.array(numbers, np.int32), np.zeros(count)
         handle, motions = state.pointer, pointer(self.motions)
         if kernel.motions:

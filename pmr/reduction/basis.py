@@ -1,24 +1,27 @@
 r"""Bases of reduced models: proper orthogonal decomposition (POD) of snapshots, and Galerkin projection on a basis.
 
-POD of a pool of snapshots S.
+POD decomposes a pool of k snapshots S (n, k) into basis vectors V with singular values sigma:
 
 .. math::
     S = V \Sigma W^T, \qquad V^T X V = I, \qquad
     \kappa(r) = \sum_{i \le r} \sigma_i^2 \Big/ \sum_i \sigma_i^2
 
-with X = I (the paper) or X = M.  The Gram matrix S^T X S is never formed: it would square the condition number and lose
-the singular values below sqrt(eps) sigma_1.  Instead S = Q R with Q^T X Q = I, and R, which is only (k, k) for k
-snapshots, is decomposed by LAPACK.  Volkwein: Model Reduction using Proper Orthogonal Decomposition, 2011, section 1.
+with X = I (Weyrer, Gerstmayr, Mikkola, Orzechowski: Model Order Reduction of a Sliding Beam using a Global Basis; "the
+paper" below) or X = M, and the share kappa(r) of the first r vectors.  The Gram matrix S^T X S is never formed: it
+would square the condition number and lose the singular values below sqrt(eps) sigma_1.  Instead S = Q R with Q^T X Q =
+I, and R, which is only (k, k) for k snapshots, is decomposed by LAPACK.  Volkwein: Model Reduction using Proper
+Orthogonal Decomposition, 2011, section 1.
 
-Galerkin projection of the full model on a basis: from here on no finite-element library is needed.
+The Galerkin projection of the full model on a basis can be simulated without any finite-element library.
 
 Eigenmodes vanish at the supports, and so does every POD vector of them, as an SVD of the whole pool returns them, up to
 round-off of eps sigma_1 / sigma_j in vector j.  The projected row of a support consists of that round-off alone.  If it
 were zero it would make the system singular; since it is not, it holds one coordinate, and because the round-off grows
 as sigma_j falls, the last vectors are held.  The paper keeps its two rows of supports: of its 20 coordinates 18 move.
-Which combination of the last vectors is held changes with the sign of a snapshot, and with it the error (evolved case,
-beam, 20 coordinates: 2.00 to 2.05 %).  Here such rows are recognised, and either left out (1.49 %) or made to hold
-exactly the last coordinates (1.79 %; published: 1.82 %), which is reproducible.
+Which combination of the last vectors is held changes with the sign of a snapshot, and so does the error (2.00 to 2.05 %
+for the paper's evolved case: its beam with 20 coordinates).  Here such rows are recognised.  They are either left out
+(error 1.49 %) or replaced by rows that hold exactly the last coordinates (1.79 %; published: 1.82 %).  Both are
+reproducible.
 """
 
 from __future__ import annotations
@@ -52,7 +55,7 @@ class Basis:
     """Basis of r vectors for a full model with n coordinates, the same for all path coordinates."""
 
     V: PETSc.Mat  # dense (n, r), orthonormal in `product`; the largest entry of each column is positive
-    sigma: Array  # (k,): all singular values of the pool, descending, those beyond r too
+    sigma: Array  # (k,): all k singular values of the pool, descending
     product: str  # ``"euclidean"`` or ``"mass"``
 
     @property
@@ -64,12 +67,12 @@ class Basis:
     def accuracy(self) -> float:
         """Relative round-off to expect in the last vector, eps sigma_1 / sigma_r.
 
-        What all snapshots satisfy exactly, such as zeros at a support, V satisfies to about this.
+        Equations that all snapshots satisfy exactly, such as zeros at a support, V satisfies up to about this value.
         """
         return float(np.finfo(float).eps * self.sigma[0] / self.sigma[self.size - 1])
 
     def kappa(self, r: int | None = None) -> float:
-        """Share of the pool's squared norm that is in the first r vectors; None for all vectors of the basis."""
+        """Share of the pool's squared norm that is in the first r vectors; None stands for all vectors of the basis."""
         return kappa(self.sigma, self.size if r is None else r)
 
 
@@ -95,18 +98,18 @@ def pod(
     Parameters
     ----------
     model : FullModel
-        Has the mass matrix for ``product = "mass"``.
+        Full model; its mass matrix is used for ``product = "mass"``.
     snapshots : Snapshots
         The pool.
     size : int or None
         Number of vectors r, at most the numerical rank of the pool; None for as many as this rank.
-    product : ``"euclidean"`` or ``"mass"``
-        In which the vectors are orthonormal.
-    solver : ``"auto"``, ``"dense"`` or ``"slepc"``
-        LAPACK on process 0 (reproducible), or Gram-Schmidt on the distributed matrix.  ``auto`` takes the one that the
-        snapshots' solver would take.
+    product : ``"euclidean"`` or ``"mass"``     Product in which the vectors are orthonormal. solver : ``"auto"``,
+    ``"dense"`` or ``"slepc"``
+        LAPACK on process 0 (reproducible), or Gram-Schmidt on the distributed matrix.  ``auto`` makes the same choice
+        as for the solver of the snapshots.
     rigid_count : int
-        Rigid-body modes that the caller puts before these vectors; they count as coordinates in the error's message.
+        Number of rigid-body modes that the caller puts before these vectors; the error's message counts them as
+        coordinates.
 
     Raises
     ------
@@ -114,7 +117,8 @@ def pod(
         If `size` exceeds the numerical rank of the pool.
     """
     decompose = _dense_pod if is_dense(model, solver) else _distributed_pod
-    # Where all snapshots vanish (at a support), so does the basis: left in, these rows would fill with round-off.
+    # Coordinates at which all snapshots are zero (supports) are taken out: round-off would make them nonzero in the
+    # basis.
     columns = np.array(snapshots.S.getDenseArray())
     first = snapshots.S.getOwnershipRange()[0]
     moving = np.flatnonzero(columns.any(axis=1))
@@ -137,7 +141,7 @@ def pod(
 
 
 def modal_basis(modes: Snapshots) -> Basis:
-    """Basis of eigenmodes as they are: M-orthonormal, so all singular values in the mass product are 1."""
+    """Basis of eigenmodes, which are M-orthonormal; all singular values in the mass product are set to 1."""
     return Basis(modes.S, np.ones(modes.S.getSize()[1]), "mass")
 
 
@@ -146,13 +150,13 @@ def with_rigid_modes(
 ) -> Basis:
     """Basis of all rigid-body modes, then the POD of the rest of the pool; `size` vectors in all, collective.
 
-    A residual flexibility can't replace a rigid-body motion, so the basis has to contain all of these exactly; a POD
-    basis of modes with the slider held contains them to a few digits only.
+    A residual flexibility can't replace a rigid-body motion, so the basis has to contain all rigid-body modes exactly;
+    a POD basis of modes with the slider held contains them to a few digits only.
 
     Parameters
     ----------
     rigid : (n_local, count) array
-        This rank's rows of the rigid-body modes, M-orthonormal.
+        Rigid-body modes, M-orthonormal: this rank's part of their coordinates.
     size, product, solver
         As for `pod`; the singular values of the rigid-body modes are those of the pool's projection on them.
 
@@ -179,7 +183,10 @@ def with_rigid_modes(
 
 
 def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
-    """Vectors (n_local, k) and singular values (k,) of S by LAPACK on rank 0; in the mass product unless M is None."""
+    """Vectors (n_local, k) and singular values (k,) of S by LAPACK on rank 0, in the product of M.
+
+    M is None for the Euclidean product.
+    """
     comm = S.comm.tompi4py()
     shares = comm.gather(np.array(S.getDenseArray()), root=0)
     mass = None if M is None else gather(M)
@@ -198,9 +205,10 @@ def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
 
 
 def _distributed_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
-    """Vectors (n_local, k) and singular values (k,) of S by Gram-Schmidt, in the mass product unless M is None.
+    """Vectors (n_local, k) and singular values (k,) of S by Gram-Schmidt, in the product of M.
 
-    S = Q R by orthogonalising twice, R = U Sigma W^T, V = Q U.
+    S = Q R is computed by orthogonalising twice; then R = U Sigma W^T gives V = Q U.  M is None for the Euclidean
+    product.
     """
     Q, comm = np.array(S.getDenseArray(), order="F"), S.comm.tompi4py()
     k = Q.shape[1]
@@ -219,15 +227,16 @@ def _distributed_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
 
 #: Number of path coordinates at which the rank of the reduced rows is checked.
 RANK_CHECKS = 64
-#: Smallest singular values of rows, scaled to unit length, below which they depend on each other, or nearly do.
+#: Smallest singular values of rows, scaled to unit length, below which the rows are dependent or nearly dependent.
 INDEPENDENT, NEARLY_DEPENDENT = 1e-9, 1e-4
 
 
 def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
-    """Galerkin projection of a model: V^T A V of M, D, K and its `matrices`, V^T B, O V and C(s) V; same on every rank.
+    """Galerkin projection of a model on the basis V, without the supports that V satisfies; same on every rank.
 
-    Fixed rows that every basis vector satisfies (supports, for eigenmodes) are left out and named in the result.  An
-    InputError is raised if the remaining rows depend on each other, as with a basis that is too small.
+    It consists of V^T A V for A = M, D, K and the model's `matrices`, and of V^T B, O V and C(s) V.  Fixed rows that
+    every basis vector satisfies (supports, for eigenmodes) are left out and named in the result.  An InputError is
+    raised if the remaining rows depend on each other, as with a basis that is too small.
     """
     complete = galerkin(model, basis, provenance)
     satisfied = satisfied_rows(complete.rows, tolerance=min(1e2 * basis.accuracy, 1e-3))
@@ -270,21 +279,24 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, object]) -> R
 
 
 def _rigid_work(model: FullModel) -> Array | None:
-    """Work R^T B (k, i) of the inputs on the k rigid motions R; None if these are not known or the model has clamps."""
+    """Work R^T B (k, i) of the inputs on the k rigid motions R; None for a model with clamps or without known R."""
     if model.rigid is None or not model.rigid.whole:
         return None
     return np.asarray(model.comm.allreduce(model.rigid.coordinates.T @ local_csr(model.inputs)))
 
 
 def without_rows(model: ReducedModel, numbers: Sequence[int]) -> ReducedModel:
-    """Return the model without the rows of these numbers, whose names it records as left out."""
+    """Return the model without the rows of these `numbers`; their names are added to `left_out`."""
     numbers_left = [i for i in range(len(model.row_names)) if i not in numbers]
     left_out = (*model.left_out, *(model.row_names[i] for i in numbers))
     return replace(model.with_rows(numbers_left), left_out=left_out)
 
 
 def with_held_coordinates(model: ReducedModel) -> ReducedModel:
-    """Return the model with a row for each one left out, which holds one coordinate, from the last one backwards."""
+    """Return the model with a row for each of the rows in `left_out`; each new row holds one coordinate at zero.
+
+    The coordinates that they hold are the last ones.
+    """
     count = len(model.left_out)
     held = np.zeros((len(model.rows.c), model.rows.c.shape[1], count, model.size))
     held[-1, :, range(count), model.size - 1 - np.arange(count)] = 1.0
@@ -303,7 +315,7 @@ def _check_rank(model: ReducedModel) -> None:
     """Raise an InputError if rigid rows depend on each other at a path coordinate; log a warning if they nearly do.
 
     The ends of the path are not checked: there a slider may be on a support.  Rows of pads with a stiffness may depend
-    on each other; they share the force according to their stiffness.
+    on each other: these pads share the force according to their stiffness.
     """
     rigid = np.flatnonzero(model.row_compliance == 0.0)
     names, (low, high) = [model.row_names[i] for i in rigid], model.domain

@@ -1,9 +1,9 @@
-r"""Reduced models of a scene's bodies, each by itself: a single body on its path, or sections on carriers.
+r"""Reduced models of a scene's bodies: of a single body with its path, or of sections with rows on carriers.
 
-Attachment modes of ports, which are points where a user attaches something to a reduced body.
+Ports are points where a user attaches something to a reduced body; they have attachment modes.
 
-A force b at a port causes, besides motions of the basis, a motion X = R b of what the basis leaves out, with the
-residual flexibility R (`pmr.reduction.residual_tables`).  With X among the coordinates, R b = 0 is left, so the
+A force b at a port causes, besides a motion in the basis V, the motion X = R b, with the residual flexibility R that V
+leaves out (`pmr.reduction.residual_tables`).  If X is among the coordinates, what remains of R has R b = 0, so the
 coordinates alone respond exactly to a static force at the port, wherever the sliders are.  Since R K R = R
 
 .. math:: X^T K X = b^T R b, \qquad X^T M V = X^T K V = 0
@@ -58,14 +58,14 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Energy of the response to a force at a port, over the largest, up to which a support is taken to hold the port.
+#: Energy of the response to a force at a port, over the largest such energy, up to which a support holds the port.
 HELD = 1e-12
-#: Eigenvalue of the products of responses with unit energy below which these depend on each other.
+#: Eigenvalue of the products of responses, scaled to unit energy, below which the responses depend on each other.
 INDEPENDENT = 1e-9
 
 
 def with_ports(body: FreeBody, modes: Basis) -> Basis:
-    """Return the basis of free modes with the attachment modes of the model's ports behind them; collective.
+    """Return the basis of free modes, followed by the attachment modes of the model's ports; collective.
 
     The attachment modes are M-orthonormal.
     """
@@ -89,7 +89,7 @@ def with_ports(body: FreeBody, modes: Basis) -> Basis:
 
 @dataclass(frozen=True)
 class Reduction:
-    """Full models of a scene's bodies and the reduced ones, by the bodies' names; the same on every rank."""
+    """Full models and reduced models of a scene's bodies, by the bodies' names; the same on every rank."""
 
     scene: Scene
     built: Mapping[str, AssembledBody]
@@ -97,17 +97,17 @@ class Reduction:
 
     @property
     def basis(self) -> Array | Mapping[str, Array]:
-        """Basis V (n, r) of a single body, or of each section by its name; the same on every rank.
+        """Basis V (n, r) of a single body, or a dict of the basis of each section by its name.
 
-        Its columns are the vectors that the coordinates multiply, those of a section's cylinder modes last; modes
-        without inertia (`pmr.system.attachment`) are not among them.  Under MPI every rank has all rows.
+        The columns of V are the vectors that the coordinates multiply.  Those of a section's cylinder modes come last;
+        modes without inertia (`pmr.system.attachment`) are not among them.  Under MPI every rank has the whole array.
         """
         bases = {name: self._gather_rows(name, self._recovery(name).V) for name in self.bodies}
         return bases.get(ALONE, bases)
 
     @property
     def snapshots(self) -> Array | Mapping[str, Array]:
-        """Snapshots (n, k) from which the basis of a single body is made, or those of each section by its name.
+        """Snapshots (n, k) from which the basis of a single body is made, or a dict of those of each section by name.
 
         They are the same on every rank.
         """
@@ -118,12 +118,13 @@ class Reduction:
         return pools.get(ALONE, pools)
 
     def reconstruct(self, states: Mapping[str, BodyStates]) -> Array | Mapping[str, Array]:
-        r"""Full coordinates q (S, n) of a single body, or of each section by its name, at the S times of `states`.
+        r"""Full coordinates q (S, n) at S times of a single body, or a dict of those of each section by its name.
 
         .. math:: q = V p + R\, (B f - C(s)^T \lambda)
 
-        The second term is the motion of the part that the basis leaves out, if the model has its flexibility R.
-        `states` are those of `pmr.simulate_with_states(scene, reduction.system, steps)`.
+        with reduced coordinates p, loads f and multipliers lambda.  The second term is the motion of the part that the
+        basis V leaves out, if the model has the flexibility R of this part.  `states` are those that
+        `pmr.simulate_with_states(scene, reduction.system, steps)` returns.
         """
         coordinates = {
             name: self._gather_rows(name, self._recovery(name).positions(at).T).T for name, at in states.items()
@@ -131,11 +132,11 @@ class Reduction:
         return coordinates.get(ALONE, coordinates)
 
     def project(self, q: Array, body: str = ALONE) -> Array:
-        r"""Coordinates p (r, ...) whose vectors V p are nearest to q (n, ...) in the product of the basis.
+        r"""Reduced coordinates p (r, ...) for which V p is nearest to q (n, ...) in the product of the basis V.
 
         .. math:: p = (V^T X V)^{-1} V^T X q, \qquad X = M \text{ or } I
 
-        `q` has all rows, the same on every rank; `body` is the name of a section, for a boom.
+        `q` has all n coordinates, the same on every rank.  For a boom, `body` is the name of a section.
         """
         V, model = self._recovery(body).V, self.built[body].model
         XV = times(model.M, V) if self.bodies[body].basis.product == "mass" else V
@@ -143,22 +144,22 @@ class Reduction:
         return np.linalg.solve(gram, right).reshape(len(gram), *q.shape[1:])
 
     def _recovery(self, body: str) -> Recovery:
-        """Recovery of full coordinates of that body."""
+        """Object that recovers the full coordinates of the body called `body`."""
         return Recovery(self.built[body].model, self.bodies[body].V, self.bodies[body].model)
 
     def _gather_rows(self, body: str, local: Array) -> Array:
-        """All rows (n, ...) of an array of which each rank has its own rows, `local`."""
+        """Whole array (n, ...) on every rank, of which each rank has the part `local` (n_local, ...)."""
         return np.concatenate(self.built[body].model.comm.allgather(local))
 
     @property
     def reduced(self) -> Any:
-        """The `pmr.ReducedModel` of a single body, or those of the sections by name."""
+        """The `pmr.ReducedModel` of a single body, or a dict of those of the sections by name."""
         models = self.system.reduced
         return models.get(ALONE, models)
 
     @cached_property
     def system(self) -> System:
-        """System for `pmr.simulate(scene, ...)` and for a file."""
+        """System of the reduced bodies, for `pmr.simulate(scene, ...)` and for saving to a file."""
         joined_system = join_bodies(self.scene, self.bodies)
         return (
             joined_system if ALONE in joined_system.bodies else replace(joined_system, provenance=self.scene.provenance)
@@ -166,12 +167,12 @@ class Reduction:
 
 
 def with_stress_flags(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[str, ReducedBody]:
-    """Bodies with `stressed` as the scene needs it: whether its frame has terms of second order."""
+    """Bodies by name, with `stressed` set if terms of second order of the scene's frame act on them."""
     return {name: replace(body, stressed=any(frame_terms(scene))) for name, body in bodies.items()}
 
 
 def join_bodies(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
-    """System of a scene's bodies as they are simulated; `on_modes` has their models on modes alone."""
+    """System of a scene's bodies as simulations take it; its `on_modes` has the bodies without cylinder modes."""
     bodies = with_stress_flags(scene, bodies)
     joined_system = system_of(scene, {name: body.model for name, body in bodies.items()})
     on_modes = {
@@ -187,10 +188,10 @@ def reduce_bodies(
     clock: Clock | None = None,
     vectors: Vectors | None = None,
 ) -> Mapping[str, ReducedBody]:
-    """Reduce every body as the scene asks, equal sections once; collective.
+    """Reduced bodies of a scene by their names; equal sections are reduced once; collective.
 
-    With `caches`, by the bodies' names, the results are read from a cache or written to it.  The basis of a single body
-    may consist of `vectors`, an array or a function of its full model; then no cache is used.  An InputError with the
+    With `caches`, by the bodies' names, results are read from a cache or written to it.  The basis of a single body may
+    consist of `vectors`, an array or a function of its full model; then no cache is used.  An InputError with the
     section's key is raised if a section can't be reduced.
     """
     caches, clock = caches or {}, clock or Clock()
@@ -212,7 +213,7 @@ def reduce_bodies(
 
 
 def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Clock | None = None) -> ReducedBody:
-    """Reduced single body from the cache, or from `reduce_body`, which is then cached; collective."""
+    """Reduced single body from the cache; if it is not there, `reduce_body` makes it and it is stored; collective."""
     if cache is None:
         return reduce_body(scene, model, clock)
     content = scene.reduction.model_dump(mode="json") | {"path": scene.travel}
@@ -220,7 +221,7 @@ def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Cloc
     if may_be_stressed(scene):
         content["stressed"] = True
     if scene.reduction.file is not None:
-        content["file"] = scene.hash  # which has the content
+        content["file"] = scene.hash  # the scene's hash covers the content of the file
     body = cache.reduced_body(content, lambda: reduce_body(scene, model, clock))
     return replace(body, modal=replace(body.modal, provenance=provenance(scene, body.basis)))
 
@@ -228,7 +229,7 @@ def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Cloc
 def reduce_body(
     scene: Scene, model: FullModel, clock: Clock | None = None, vectors: Vectors | None = None
 ) -> ReducedBody:
-    """Reduce the full model of a single body as the scene asks, or on a basis of `vectors`; collective."""
+    """Reduce the full model of a single body as the scene asks, or on a basis of `vectors`, if given; collective."""
     clock = clock or Clock()
     with clock.stage("snapshots"):
         body = FreeBody(model, scene.reduction.solver)
@@ -243,9 +244,9 @@ def reduce_with(
     clock: Clock | None = None,
     body: FreeBody | None = None,
 ) -> ReducedBody:
-    """Reduce a model on snapshots; collective.
+    """Reduce a model as the scene asks, on a basis made from `snapshots`; collective.
 
-    The factor of `body`, with which the snapshots were made, is used and then dropped.
+    If the snapshots were made with the factorised `body`, its factor is used again, and its memory is then freed.
     """
     with (clock or Clock()).stage("pod"):
         body = body or FreeBody(model, scene.reduction.solver)
@@ -259,7 +260,7 @@ def reduce_with(
 
 
 def _reduce_section(scene: Scene, member: Member, model: FullModel, cache: Cache | None) -> ReducedBody:
-    """Reduced section on free modes and carriers, from the cache if it is there.
+    """Reduced section on free modes and carriers, from the cache if it is stored there.
 
     It has enrichment modes if an error is estimated or terms that vary in time may act.
     """
@@ -279,13 +280,13 @@ def _reduce_section(scene: Scene, member: Member, model: FullModel, cache: Cache
 
 
 def _without_flexibility(model: ReducedModel) -> ReducedModel:
-    """Return the model without the flexibility of the modes that are left out."""
-    assert model.carriers is not None  # as section models have
+    """Return the model without the residual flexibility of the modes that it leaves out."""
+    assert model.carriers is not None  # section models have carriers
     return replace(model, flexibility=None, carriers=replace(model.carriers, flexibility=None, answers=None))
 
 
 def _name_section(scene: Scene, member: Member, body: ReducedBody) -> ReducedBody:
-    """Return a reduced body with the name, joints and provenance of that section of the scene."""
+    """Return a reduced body with the name, joints and provenance of the section `member` of the scene."""
     rows = tuple(row for row in body.modal.row_names if row in member.joint_rows)
     section, about = SectionOf(member.part.name, scene.title, rows), provenance(scene, body.basis, member.number)
     return replace(body, modal=replace(body.modal, provenance=about, section=section))

@@ -1,8 +1,8 @@
-"""Reduced bodies, and a folder that stores them by a digest of all that they follow from.
+"""Reduced bodies, and a folder in which each is stored under a digest of everything that it is computed from.
 
-The cache has what follows from a full model and costs more than the model.  The name of a file is a digest of all that
-decides its content: operators, inputs, outputs, rows, the request and the code.  So scenes that differ only in the
-signals of loads, or in the motion along the same path, use the same file, and no other scene does.
+The cache has results that follow from a full model and take longer than building the model.  The name of a file is a
+digest of everything that decides its content: operators, inputs, outputs, rows, the request and the code.  So scenes
+use the same file if they differ only in the signals of loads or in the motion along the same path.
 """
 
 from __future__ import annotations
@@ -40,16 +40,16 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ReducedBody:
-    """A body's model on a basis, and the snapshots from which the basis is made; the same on every rank."""
+    """Reduced model of a body, with its basis and the snapshots that the basis is made from; same on every rank."""
 
     snapshots: Snapshots
     basis: Basis
-    modal: ReducedModel  # with tables over one path, or of free modes on carriers
+    modal: ReducedModel  # with tables over one path, or on free modes with carriers
     stressed: bool = False  # whether terms that vary in time act on it
 
     @property
     def V(self) -> NDArray[np.float64]:
-        """This rank's rows (n_local, k) of the basis."""
+        """Basis V (n_local, k): this rank's part of the n coordinates."""
         return np.array(self.basis.V.getDenseArray())
 
     @property
@@ -59,19 +59,16 @@ class ReducedBody:
 
     @cached_property
     def model(self) -> ReducedModel:
-        """Model that is simulated: `modal` with cylinder modes and, if stressed, with modes without inertia."""
+        """Model that is simulated: `modal` with cylinder modes and, if it is stressed, with modes without inertia."""
         return simulated_model(self.modal, self.stressed)
 
 
-#: Keys of a scene that no reduction depends on.
+#: Keys of a scene that do not change any reduced model.
 IRRELEVANT_KEYS = ("title", "start", "time", "recovery", "simulation", "compare", "accuracy", "budget", "published")
 
 
 def model_digest(model: FullModel) -> str:
-    """Digest of all data of a full model, and of the code; collective.
-
-    It depends on the number of ranks.
-    """
+    """Digest of all data of a full model and of the code, which also depends on the number of ranks; collective."""
     digest = hashlib.blake2b(digest_size=16)
     matrices = [model.M, model.K, model.inputs, model.outputs, *model.matrices.values()]
     for A in matrices if model.rayleigh is not None else [*matrices, model.D]:
@@ -95,7 +92,7 @@ def model_digest(model: FullModel) -> str:
 
 
 def structure_text(scene: Scene) -> str:
-    """JSON text of a scene without what no reduction depends on: `IRRELEVANT_KEYS`, paths and signals of loads.
+    """JSON text of a scene without `IRRELEVANT_KEYS`, paths and signals of loads, which change no reduced model.
 
     The content of files that the scene names is not included.
     """
@@ -115,7 +112,7 @@ def _code() -> str:
     return environment.code_digest(environment.source_texts(), NOT_COMPUTING)
 
 
-#: Parts of the package that no reduction depends on.
+#: Parts of the package whose code does not change any reduced model.
 NOT_COMPUTING = ("report/", "studies/", "cli/", "export/", "simulation/", "compare/")
 
 
@@ -124,14 +121,14 @@ FORMAT = "pmr-cache"
 
 @dataclass(frozen=True)
 class Cache:
-    """Folder of results for one full model."""
+    """Folder in which the results for one full model are stored."""
 
     folder: Path
     model: FullModel
     content: str  # digest of the model, see `model_digest`
 
     def reduced_body(self, request: Mapping[str, object], make: Callable[[], ReducedBody]) -> ReducedBody:
-        """Return the body that is stored for this request, or that of `make`, which is then stored; collective."""
+        """Return the body stored for this request; if there is none, call `make` and store its result; collective."""
         file = self._file("reduction", request)
         arrays = self._read(file)
         if arrays is not None:
@@ -154,9 +151,10 @@ class Cache:
         return body
 
     def model_of(self, scene: Scene, make: Callable[[], ReducedModel]) -> ReducedModel:
-        """Return the reduced model of a scene with the same structure on another mesh, stored or from `make`.
+        """Return the reduced model of a scene with the same structure on another mesh; collective.
 
-        It is the same on every rank; collective.  `make` is called on every rank, and the result of rank 0 counts.
+        If it is not stored, `make` is called on every rank, and the result of rank 0 is stored.  The result is the same
+        on every rank.
         """
         file = self._file("mesh", {"scene": structure_text(scene), "path": scene.travel})
         stored_arrays = self._read(file)
@@ -167,7 +165,7 @@ class Cache:
         return model
 
     def arrays(self, kind: str, request: Mapping[str, object], make: Callable[[], Array]) -> Array:
-        """Return the array of that kind for this request, stored or from `make`, which is then stored.
+        """Return the array of this kind for this request; if it is not stored, call `make` and store its result.
 
         It is the same on every rank; collective.
         """
@@ -180,10 +178,10 @@ class Cache:
         return array
 
     def system_of(self, scene: Scene, make: Callable[[], System]) -> System:
-        """Return the reduced system of a scene of any structure, stored or from `make`, which is then stored.
+        """Return the reduced system of a scene of any structure; if it is not stored, call `make` and store its result.
 
-        It is the same on every rank; collective.  A NotHeldError of `make`, that supports and pads leave the scene free
-        to move, is stored too and raised again: finding it takes the full models.
+        It is the same on every rank; collective.  A NotHeldError of `make`, which says that supports and pads leave the
+        scene free to move, is stored too and raised again: finding it out takes the full models.
         """
         request = self._system_request(scene)
         file, unheld = self._file("system", request), self._file("unheld", request | {"end": scene.time.end})
@@ -200,17 +198,17 @@ class Cache:
         return system
 
     def _system_request(self, scene: Scene) -> dict[str, Any]:
-        """Request by which a scene's system is stored."""
+        """Request under which the system of a scene is stored."""
         path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
         return {"scene": structure_text(scene), "path": path}
 
     def _file(self, kind: str, request: Mapping[str, object]) -> Path:
-        """File of that kind for this request."""
+        """Path of the file for this kind of content and this request."""
         text = repr((self.content, sorted(request.items())))
         return self.folder / f"{kind}-{hashlib.blake2b(text.encode(), digest_size=12).hexdigest()}.npz"
 
     def _load_body(self, file: Path, arrays: Mapping[str, NDArray[Any]]) -> ReducedBody | None:
-        """Body from the model in `file` and stored `arrays` (S, V, omega, ...); None if the model's file can't be used.
+        """Body from its model's file and stored `arrays` (S, V, omega, ...); None if the model's file can't be used.
 
         Collective.
         """
@@ -224,7 +222,7 @@ class Cache:
         return ReducedBody(snapshots, Basis(V, arrays["sigma"], str(arrays["product"])), model)
 
     def _load(self, load: Callable[[Path], Content], file: Path) -> Content | None:
-        """Content of the file of the model or system that belongs to `file`, on every rank; None if it is not sound.
+        """Model or system, on every rank, from the file that belongs to `file`; None if that is not sound.
 
         Collective.
         """
@@ -238,7 +236,7 @@ class Cache:
         return everywhere
 
     def _read(self, file: Path) -> dict[str, NDArray[Any]] | None:
-        """Arrays of a file, on every rank; None if there is no such file or it is damaged.  Collective."""
+        """Arrays of a file by name, on every rank; None if there is no such file or it is damaged.  Collective."""
         arrays = None
         if self.model.comm.rank == 0 and file.is_file():
             try:
@@ -253,21 +251,21 @@ class Cache:
     def _write(
         self, file: Path, arrays: Mapping[str, NDArray[np.generic]], model: ReducedModel | System | None = None
     ) -> None:
-        """Write arrays to `file`, and a model or system to its own file; on rank 0 only.
+        """Write arrays to `file`, and a model or system, if any, to a file of its own; on rank 0 only.
 
-        If there is no room, a warning is logged.
+        If the disk has no room, a warning is logged.
         """
         if self.model.comm.rank != 0:
             return
         try:
             if model is not None:
-                model.save(_model_file(file))  # first: what is looked for is the other one
+                model.save(_model_file(file))  # written first: `file` itself shows that both are complete
             npz.write(file, dict(arrays), {"format": FORMAT})
         except NotWrittenError as error:
             _log.warning("not kept: %s", error)
 
     def _gather_rows(self, tall_matrix: PETSc.Mat) -> Array:
-        """All rows of a distributed matrix on rank 0; an empty array on other ranks."""
+        """Whole distributed matrix as an array on rank 0; an empty array on other ranks."""
         shares = self.model.comm.gather(np.array(tall_matrix.getDenseArray()))
         return np.concatenate(shares) if shares is not None else np.empty((0, 0))
 
@@ -286,5 +284,5 @@ def cache_in(folder: Path, model: FullModel) -> Cache:
 
 
 def _model_file(file: Path) -> Path:
-    """File of the reduced model or system that belongs to `file`."""
+    """Path of the reduced model or system that belongs to `file`."""
     return file.with_name(f"{file.stem}-reduced.npz")

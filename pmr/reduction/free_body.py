@@ -1,24 +1,25 @@
-r"""A body with its sliders and pads released: rigid-body modes, one factor for all solves, reactions of its supports.
+r"""A body with its sliders and pads released: rigid-body modes, static solves, and reactions of rigid supports.
 
 .. math::
     P = I - Z Z^T M, \qquad P\, K^+ P^T
 
-Z spans the rigid-body modes that the fixed rows leave free.  P^T makes a load self-equilibrated, so K^+ may be a solve
-with the rigid-body modes held at any statically determinate set of coordinates.  Free modes and the residual
-flexibility are computed with the same factor.  Craig and Kurdila: Fundamentals of Structural Dynamics, 2nd ed., 2006,
-section 17.6 (inertia relief).
+Z has the rigid-body modes that the fixed rows leave free, M-orthonormal.  P^T makes a load self-equilibrated, so K^+
+may be a solve with the rigid-body modes held at any statically determinate set of coordinates.  Free modes and the
+residual flexibility are computed with the same factor.  Craig and Kurdila: Fundamentals of Structural Dynamics, 2nd
+ed., 2006, section 17.6 (inertia relief).
 
-Geometry decides which rigid-body modes there are.  With the rigid motions R of the body, M-orthonormal, and the rows
-that measure them in one place, clamps and springs H and fixed rows C,
+Geometry decides which rigid-body modes there are.  With the M-orthonormal rigid motions R of the body, the values H of
+these motions at clamps and springs, and the fixed rows C,
 
 .. math::
     Z = R\, N, \qquad \begin{pmatrix} H \\ C R \end{pmatrix} N = 0, \qquad Z^T M Z = I
 
 N is a null space of at most six columns, with each row scaled to unit length.  No eigenvalue has to be recognised as
 zero: its round-off depends on lengths, meshes and the machine, and may be closer to a soft mode than to zero.  Z is
-rigid to the last digit, which computed eigenvectors are not.
+rigid to the last digit; computed eigenvectors would not be.
 
-The module also has the static motions of a full model's rigid supports, and from them the reactions of a reduced model.
+The module also computes the static motions of a full model that belong to its rigid supports, and from these motions
+the reactions of a reduced model.
 """
 
 from __future__ import annotations
@@ -46,9 +47,9 @@ Array = NDArray[np.float64]
 
 
 class FreeBody:
-    """Z, M Z and K^+ of a model, factorised for the first solve, and again for the first one after `drop`.
+    """Rigid-body modes Z of a model, M Z, and solves with K^+; the factor of K is computed at the first solve.
 
-    All of its methods are collective.
+    After `free_factor`, the next solve factorises anew.  All methods are collective.
     """
 
     def __init__(self, model: FullModel, choice: str = "auto") -> None:
@@ -62,18 +63,18 @@ class FreeBody:
 
     @cached_property
     def Z(self) -> Array:
-        """This rank's rows (n_local, c) of the c rigid-body modes, M-orthonormal."""
+        """The c rigid-body modes Z (n_local, c), M-orthonormal: this rank's part of the coordinates."""
         return np.asfortranarray(rigid_modes(self.model))
 
     @cached_property
     def MZ(self) -> Array:
-        """This rank's rows (n_local, c) of M Z."""
+        """Product M Z (n_local, c) of the mass matrix and the rigid-body modes: this rank's part of the coordinates."""
         return times(self.model.M, self.Z)
 
     def are_rigid(self, local: Array) -> NDArray[np.bool_]:
-        """Which of k vectors are combinations of the rigid-body modes, (k,); `local` (n_local, k) are this rank's rows.
+        """Which (k,) of k vectors are combinations of the rigid-body modes; collective.
 
-        Collective.
+        `local` (n_local, k) is this rank's part of the vectors.
         """
         dual = times(self.model.M, local)
         share = inner(self.Z, dual, self.comm)
@@ -82,9 +83,9 @@ class FreeBody:
         return np.asarray(far <= RIGID**2 * size)
 
     def solve(self, g: Array) -> Array:
-        """This rank's rows (n_local, k) of K^+ g, for self-equilibrated loads g (n_local, k).
+        """Product K^+ g (n_local, k), this rank's part, for self-equilibrated loads g (n_local, k).
 
-        g may be overwritten.
+        The array g may be overwritten.
         """
         if self._solver is None:
             rows = [*fixed_rows(self.model), *_anchor_rows(self.model, self.Z)]
@@ -92,9 +93,9 @@ class FreeBody:
         return self._solver.solve(g)
 
     def elastic_modes(self, count: int) -> Eigenpairs:
-        """1/omega^2 and vectors of the `count` lowest elastic modes, fewer if there are no more.
+        """1/omega^2 and vectors of the `count` lowest elastic modes, or of all if there are fewer.
 
-        ConvergenceError is raised if fewer converge.
+        A ConvergenceError is raised if fewer of them converge.
         """
         first, last = self.model.M.getOwnershipRange()
         loads = np.random.default_rng(7).uniform(-1.0, 1.0, (self.model.size, BLOCK))[first:last]
@@ -110,7 +111,7 @@ class FreeBody:
         self._solver = None
 
     def _relieve(self, g: Array) -> Array:
-        """This rank's rows of P K^+ P^T g for loads g (n_local, k), in Fortran's order."""
+        """Product P K^+ P^T g (n_local, k), this rank's part, for loads g (n_local, k); in Fortran's order."""
         g = g.copy(order="F")
         subtract(g, self.MZ, inner(self.Z, g, self.model.comm))
         x = np.asfortranarray(self.solve(g))
@@ -119,9 +120,10 @@ class FreeBody:
 
 
 def _anchor_rows(model: FullModel, Z: Array) -> list[Row]:
-    """Rows that hold one coordinate for each of the rigid-body modes Z, those that determine them best.
+    """Rows that each hold one coordinate, as many as there are rigid-body modes Z (n_local, c).
 
-    They are chosen by pivoted QR of the modes, each coordinate weighted by the square root of its mass.
+    The coordinates are those that determine the modes best: they are chosen by pivoted QR of the modes, with each
+    coordinate weighted by the square root of its mass.
     """
     if Z.shape[1] == 0:
         return []
@@ -136,38 +138,38 @@ def _anchor_rows(model: FullModel, Z: Array) -> list[Row]:
 HELD = 1e-9
 
 #: Distance of a vector from the span of the rigid-body modes, over its size, up to which it is in the span: for exact
-#: ones it is 1e-15, for vectors that are M-orthogonal to them 1.
+#: combinations it is 1e-15, for vectors that are M-orthogonal to the modes 1.
 RIGID = 1e-6
 
 
 def fixed_rows(model: FullModel) -> tuple[Row, ...]:
-    """Rows that are rigid, hold both ways and don't depend on s: they hold the body with sliders and pads released."""
+    """Rows that are rigid, hold both ways and don't depend on s; with sliders and pads released, only they hold."""
     return tuple(row for row in model.rows.rows if row.is_fixed)
 
 
 def rigid_modes(model: FullModel) -> Array:
-    """This rank's rows (n_local, c) of the rigid-body modes that fixed supports leave free, M-orthonormal; collective.
+    """Rigid-body modes (n_local, c) that fixed supports leave free, M-orthonormal: this rank's part; collective.
 
-    ValueError is raised if the model's rigid motions are not known.
+    A ValueError is raised if the model's rigid motions are not known.
     """
     if model.rigid is None:
         raise ValueError("the model's rigid motions are not known, nor which of them its supports hold")
     R, held = model.rigid.coordinates, model.rigid.held_measures
-    for _ in range(2):  # once leaves the condition of motions about a distant origin in the last digits
+    for _ in range(2):  # a single pass loses last digits for rotations about a distant origin
         U = np.linalg.inv(np.linalg.cholesky(inner(R, times(model.M, R), model.comm)).T)
         R, held = R @ U, held @ U
     return np.ascontiguousarray(R @ _null_space(np.vstack([held, _motion_measures(model, R)])))
 
 
 def _motion_measures(model: FullModel, R: Array) -> Array:
-    """Value (h, k) of each of h fixed rows for each of k motions R, given by this rank's rows."""
+    """Values (h, k) of h fixed rows for k motions R (n_local, k), of which each rank has its part."""
     first = model.M.getOwnershipRange()[0]
     rows = [row.project(R, first).c[-1, 0] for row in fixed_rows(model)]
     return np.asarray(model.comm.allreduce(np.reshape(rows, (len(rows), R.shape[1]))))
 
 
 def _null_space(rows: Array) -> Array:
-    """Orthonormal combinations (k, c) of k motions for which all rows (h, k) are zero."""
+    """Orthonormal combinations (k, c) of k motions for which all h rows, with the values `rows` (h, k), are zero."""
     size = np.linalg.norm(rows, axis=1, keepdims=True)
     scaled = rows[size[:, 0] > 0.0] / size[size[:, 0] > 0.0]
     count = rows.shape[1]
@@ -178,9 +180,10 @@ def _null_space(rows: Array) -> Array:
 
 
 def support_motions(body: FreeBody) -> Array | None:
-    r"""Unit motions Phi of h rigid supports, this rank's rows (n_local, h); None without rigid supports; collective.
+    r"""Unit motions Phi (n_local, h) of h rigid supports, this rank's part; None without rigid supports; collective.
 
-    They satisfy C_f Phi = I, Phi^T K q = 0 for all q with C_f q = 0, and Z^T M Phi = 0:
+    With the rows C_f of the supports and the rigid-body modes Z, they satisfy C_f Phi = I, Phi^T K q = 0 for all q with
+    C_f q = 0, and Z^T M Phi = 0:
 
     .. math::
         \Phi = P (\Phi_0 - K^+ K \Phi_0), \qquad \Phi_0 = R N + C_f^T (C_f C_f^T)^{-1} (I - C_f R N), \qquad
@@ -211,9 +214,9 @@ def support_motions(body: FreeBody) -> Array | None:
 
 
 def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Array | None) -> ReducedModel:
-    """Return the model on the basis V with the reactions of its rigid supports; unchanged if `motions` is None.
+    """Return the model on the basis V with reactions of its rigid supports; unchanged if `motions` is None.
 
-    V (n_local, r) and the supports' unit motions (n_local, h) are given by this rank's rows; collective.
+    V (n_local, r) and the supports' unit motions `motions` (n_local, h) are this rank's parts; collective.
     """
     if motions is None:
         return reduced
@@ -253,9 +256,9 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
 
 
 def _work_on_motions(reduced: ReducedModel, model: FullModel, V: Array, motions: Array) -> dict[str, Array]:
-    """Work (h, columns) of the model's matrices on the supports' motions, by name: on the vectors V.
+    """Work (h, r) of each of the model's matrices on h supports' motions and r basis vectors V, by the matrices' names.
 
-    If the carriers have this work on all vectors of their own matrices, that is returned.
+    If the carriers have this work on all vectors of their own matrices, that work is returned instead.
     """
     if reduced.carriers is not None and reduced.carriers.supports:
         return dict(reduced.carriers.supports)
@@ -263,6 +266,6 @@ def _work_on_motions(reduced: ReducedModel, model: FullModel, V: Array, motions:
 
 
 def _carrier_motions(model: FullModel, motions: Array) -> Array:
-    """Motions U Phi (K, h) of the carriers of all rows that are no rigid supports."""
+    """Values U Phi (K, h) of the motions Phi on the carriers U of all rows that are not rigid supports."""
     U = Rows(tuple(row for row in model.rows.rows if not row.is_fixed), model.size).shared_carriers.carriers
     return np.asarray(model.comm.allreduce(U[:, model.share] @ motions))

@@ -1,4 +1,4 @@
-"""The reduction that a scene asks for: snapshots or the user's vectors, their basis, and its residual flexibility.
+"""Reduction as a scene asks for it: snapshots or the user's vectors, the basis of these, and residual flexibility.
 
 Vectors of the user's own come from a file, an array, or an installed package; they are made orthonormal in their order.
 """
@@ -30,16 +30,17 @@ from pmr.system.attachment import QUASI_STATIC
 from pmr.system.reduced_model import ReducedModel
 
 Array = NDArray[np.float64]
-#: Vectors (n, k) on the coordinates of a full model, or a function of the model that returns this rank's rows of them.
+#: Vectors (n, k) on the n coordinates of a full model, or a function of the model that returns this rank's part of
+#: them.
 Vectors: TypeAlias = Array | Callable[[FullModel], Array]
-#: Share of a vector that is left, orthogonal to those before it, up to which it depends on them.
+#: Norm of a vector's part orthogonal to the vectors before it, over the vector's norm, up to which it is dependent.
 DEPENDENT = 1e-10
 
 
 def vectors_from_file(model: FullModel, file: Path) -> Snapshots:
-    """Vectors (n, k) on the full model's coordinates: the array ``V`` of an npz file, read by every rank.
+    """Snapshots from a file: the array ``V`` (n, k) of an npz file on the full model's n coordinates.
 
-    An InputError is raised if the file has no such array, or entries that are not finite.
+    Every rank reads the file.  An InputError is raised if it has no such array, or entries that are not finite.
     """
     try:
         V = np.asarray(npz.read(file)["V"], dtype=float)
@@ -56,7 +57,7 @@ def vectors_from_file(model: FullModel, file: Path) -> Snapshots:
 def vectors_from_array(model: FullModel, basis: Vectors) -> Snapshots:
     """Snapshots from `basis`: an array (n, k), or a function that gets the full model and returns vectors.
 
-    Every rank has the whole array; a function returns this rank's rows (n_local, k) only.
+    An array is whole on every rank; a function returns only this rank's part (n_local, k).
 
     Raises
     ------
@@ -76,10 +77,10 @@ def vectors_from_array(model: FullModel, basis: Vectors) -> Snapshots:
 
 
 def vectors_from_package(model: FullModel, choice: Reduction) -> Snapshots:
-    """Vectors from a function of an installed package, the entry point `pmr.bases` with the basis' name; collective.
+    """Snapshots from a function of an installed package: the entry point `pmr.bases` named as the basis; collective.
 
-    It gets the model and the scene's `choice` of a reduction, and returns this rank's rows (n_local, k) of vectors.  An
-    InputError is raised if there is no such function, it fails, or it returns anything else.
+    The function gets the model and the scene's `choice` of a reduction, and returns this rank's part (n_local, k) of k
+    vectors.  An InputError is raised if there is no such function, if it fails, or if it returns anything else.
     """
     make = environment.plugin_object("pmr.bases", choice.basis, frozenset(get_args(OwnBasis)))
     if not callable(make):
@@ -90,7 +91,7 @@ def vectors_from_package(model: FullModel, choice: Reduction) -> Snapshots:
         returned = np.asarray(make(model, choice))
         if returned.dtype.kind in "biuf":
             V = returned.astype(float)
-    except Exception as error:  # whatever the package does: every rank has to hear of it
+    except Exception as error:  # any error of the package: all ranks have to learn of it
         failed = f"it failed: {error!r}"
     fits = V.ndim == 2 and V.shape[0] == last - first and V.shape[1] > 0 and bool(np.isfinite(V).all())
     if not all(model.comm.allgather(fits)):
@@ -100,7 +101,7 @@ def vectors_from_package(model: FullModel, choice: Reduction) -> Snapshots:
 
 
 def _snapshots(model: FullModel, local: Array, source: str) -> Snapshots:
-    """Snapshots from this rank's rows (n_local, k) of vectors of which nothing else is known.
+    """Snapshots from k vectors `local` (n_local, k), this rank's part, whose frequencies and positions are not known.
 
     Their frequencies, positions and residuals are NaN.
     """
@@ -109,14 +110,14 @@ def _snapshots(model: FullModel, local: Array, source: str) -> Snapshots:
 
 
 def basis_of_vectors(model: FullModel, vectors: Snapshots, choice: Reduction, size: int | None) -> Basis:
-    """The first `size` independent vectors (None: all), each made orthonormal to those before it; collective.
+    """Basis of the first `size` independent vectors (None: all), each made orthonormal to those before; collective.
 
-    If flexibility is added, rigid-body modes come first, because it can't replace them.  All singular values are 1: the
-    vectors have no known weight.  An InputError is raised if there are fewer independent vectors.
+    If flexibility is added, rigid-body modes come first, because flexibility can't replace them.  All singular values
+    are 1: the vectors have no known weight.  An InputError is raised if there are fewer independent vectors.
     """
     V = np.array(vectors.S.getDenseArray())
     largest = np.max(model.comm.allgather(np.abs(V).max(axis=0, initial=0.0)), axis=0)
-    V /= np.where(largest > 0.0, largest, 1.0)  # squares neither vanish nor overflow
+    V /= np.where(largest > 0.0, largest, 1.0)  # scaled, so that squares neither vanish nor overflow
     if choice.flexibility:
         V = np.hstack([rigid_modes(model), V])
     in_mass = choice.product == "mass"
@@ -125,7 +126,7 @@ def basis_of_vectors(model: FullModel, vectors: Snapshots, choice: Reduction, si
         if Q.shape[1] == size:
             break
         size_before = size_after = _norm(model, v, in_mass)
-        for _ in range(2):  # once leaves round-off of what was taken away
+        for _ in range(2):  # a single pass would leave round-off of the removed part
             if size_after <= DEPENDENT * size_before:
                 break
             v = v - Q @ inner(Q, _weigh(model, v, in_mass), model.comm)[:, 0]
@@ -139,33 +140,32 @@ def basis_of_vectors(model: FullModel, vectors: Snapshots, choice: Reduction, si
 
 
 def _weigh(model: FullModel, v: Array, in_mass: bool) -> Array:
-    """Product M v (n_local, 1), or v itself unless `in_mass`, of a vector v (n_local,)."""
+    """Product M v (n_local, 1) of a vector v (n_local,) if `in_mass` is true, else v itself."""
     return times(model.M, v[:, None]) if in_mass else v[:, None]
 
 
 def _norm(model: FullModel, v: Array, in_mass: bool) -> float:
-    """Norm of a vector v (n_local,) in the mass product, or in the Euclidean one."""
+    """Norm of a vector v (n_local,), in the mass product if `in_mass` is true, else in the Euclidean one."""
     return float(np.sqrt(inner(v[:, None], _weigh(model, v, in_mass), model.comm).item()))
 
 
-#: `reduction.basis` of a scene whose vectors are an array in Python; no key of a file.
+#: Value of `reduction.basis` in a scene whose vectors are an array in Python; files can't have it.
 ARRAY = "array"
-#: Modes beyond the coordinates with which the error is estimated: attachment modes have what these
-#: leave out.
+#: Number of modes beyond the coordinates with which the error is estimated; attachment modes have the further ones.
 ENRICHMENT_MODES = 4
-#: Such modes of a single body, and of each of several sections, if a tolerance or a budget is given: the search for
-#: the smallest model chooses among them.
+#: Number of these modes if a tolerance or a budget is given, for a single body and for each of several sections: the
+#: search for the smallest model chooses among them.
 SEARCHED_MODES, SEARCHED_OF_SECTIONS = 38, 16
 
 
 def take_snapshots(
     scene: Scene, model: FullModel, body: FreeBody | None = None, vectors: Vectors | None = None
 ) -> Snapshots:
-    """Snapshots that the scene asks for, or the user's `vectors`.
+    """Snapshots as the scene asks for them, or made from the user's `vectors` if these are given.
 
     They are eigenmodes with the slider held at several positions (POD), free modes with the sliders released, or
-    vectors from a file or an installed package.  An InputError is raised if the mesh can't have what is asked for, and
-    a ConvergenceError if a solver fails.
+    vectors from a file or an installed package.  An InputError is raised if the mesh can't have such snapshots, and a
+    ConvergenceError if a solver fails.
     """
     if vectors is not None:
         return vectors_from_array(model, vectors)
@@ -181,10 +181,10 @@ def take_snapshots(
 
 
 def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
-    """Basis of the snapshots, as the scene asks for it: their POD, free modes as they are, or the user's vectors.
+    """Basis of the snapshots as the scene asks for it: their POD, free modes as they are, or the user's vectors.
 
-    A POD basis and the user's vectors get the rigid-body modes as first vectors if flexibility is added.  An InputError
-    is raised if the snapshots span too little.
+    If flexibility is added, rigid-body modes are the first vectors of a POD basis and of a basis of the user's vectors.
+    An InputError is raised if the snapshots span too little.
     """
     choice = scene.reduction
     if choice.is_external:
@@ -197,11 +197,11 @@ def build_basis(scene: Scene, model: FullModel, snapshots: Snapshots) -> Basis:
 
 
 def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
-    """Provenance of the reduced model of the body with that number in the scene."""
+    """Provenance of the reduced model of the scene's body with the given `number`."""
     member, recorded = member_at(scene, number), scene.provenance
-    if member.part.reduction.basis == ARRAY:  # the scene's own reduction does not describe the model
+    if member.part.reduction.basis == ARRAY:  # the scene's own reduction does not describe this model
         recorded = recorded | {"scene": {key: value for key, value in recorded["scene"].items() if key != "reduction"}}
-    if member.has_joint:  # as a body alone is described, with the pads of its joints
+    if member.has_joint:  # described like a single body, with the pads of its joints
         described = recorded["scene"]
         section = described.pop("sections")[number] | {"pads": [ring.model_dump(mode="json") for ring in member.pads]}
         section = {key: value for key, value in section.items() if key not in ("name", "joint", "slider")}
@@ -216,7 +216,7 @@ def provenance(scene: Scene, basis: Basis, number: int = 0) -> dict[str, Any]:
 
 
 def summary(scene: Scene, models: Mapping[str, FullModel], bodies: Mapping[str, ReducedBody]) -> dict[str, Any]:
-    """Entry ``basis`` of summary.json.
+    """Entry ``basis`` of summary.json, from full models and reduced bodies by name.
 
     For a single body, ``carriers`` is the number of carriers that its rows touch on the path.
     """
@@ -237,16 +237,16 @@ def summary(scene: Scene, models: Mapping[str, FullModel], bodies: Mapping[str, 
 
 
 def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
-    """Reduced model of the body on that basis, as the scene asks for it.
+    """Reduced model of the body on the given basis, in the form that the scene asks for.
 
-    It has enrichment modes and inertia on carriers if an error is estimated (`pmr.compare.estimate`) or terms may act,
-    or else tables of the residual flexibility if the scene asks for these.  An InputError is raised if rows depend on
-    each other.
+    If an error is estimated (`pmr.compare.estimate`) or terms that vary in time may act, it has enrichment modes, and
+    inertia on carriers.  Otherwise it has tables of the residual flexibility if the scene asks for these.  An
+    InputError is raised if rows depend on each other.
     """
     choice = scene.reduction
     if enrichment_of(scene, choice, body.model):
         reduced_body = section_model(body, basis, provenance, choice.coordinates)
-        check_independence(reduced_body)  # as all rows have the same path coordinate
+        check_independence(reduced_body)  # dependent rows matter, as all have the same path coordinate
         return reduced_body
     if choice.flexibility:
         return flexible_model(body, basis, provenance)
@@ -255,10 +255,10 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, ob
 
 
 def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
-    """Number of modes beyond the coordinates, by which the error is estimated or which follow terms without inertia.
+    """Number of modes beyond the coordinates, which serve to estimate the error or become modes without inertia.
 
-    If a tolerance or a budget is given, many are asked for; at least a quarter of all modes of a coarse mesh is then
-    left, because attachment modes need the flexibility.  Rigid sliders and pads need some of it too
+    If a tolerance or a budget is given, the number is large; at least a quarter of all modes of a coarse mesh is then
+    left, because attachment modes need the flexibility of the rest.  Rigid sliders and pads need some of it too
     (`pmr.reduction.snapshots`).
     """
     if choice.estimable and scene.goal is not None:
@@ -270,9 +270,10 @@ def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
 
 
 def with_array_basis(scene: Scene) -> Scene:
-    """Return the scene of a single body whose basis is an array; its `reduction` keeps product and flexibility.
+    """Return the scene of a single body with `reduction.basis` set to `ARRAY`, for a basis that is given as an array.
 
-    An InputError is raised for a boom of sections, whose bases consist of free modes.
+    The `reduction` keeps product and flexibility.  An InputError is raised for a boom of sections, whose bases consist
+    of free modes.
     """
     if ALONE not in scene.bodies:
         allowed = "a scene of one body is allowed with a basis: sections are reduced to free modes"
@@ -282,12 +283,12 @@ def with_array_basis(scene: Scene) -> Scene:
 
 
 def may_be_stressed(scene: Scene) -> bool:
-    """Whether terms of second order act on a scene's bodies."""
+    """Whether terms of second order may act on the bodies of a scene."""
     return scene.frame is not None and bool(scene.frame.second_order)
 
 
 def description(choice: Reduction, basis: Basis) -> str:
-    """The basis in words, with the unit of the coordinates."""
+    """The basis described in words, with the unit of the reduced coordinates."""
     if choice.is_external:
         rigid = "rigid-body modes and " if choice.flexibility else ""
         of = {"file": "from a file", ARRAY: "given as an array"}.get(choice.basis, f"of {choice.basis}")

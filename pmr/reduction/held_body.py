@@ -1,16 +1,16 @@
-r"""A scene's body held at one position of its sliders, as other programs read it: on nodes, or on frames.
+r"""A scene's body with its sliders held at one position, on nodes or on frames, as other programs read it.
 
-`held_body` is on nodes with three displacements each.  `framed_body` is in coordinates of frames, by Craig and
-Bampton's reduction: all that holds the body at s is attached to a frame of its own, the ground.  With the motion u_g of
-the ground, the motions u of the other frames, which G measures on the body, the rigid motions R and those of the frames
-R_f, the body moves by
+`held_body` has coordinates of nodes with three displacements each.  `framed_body` has coordinates of frames, by Craig
+and Bampton's reduction: all supports and pads that hold the body at s are attached to one frame, the ground.  With the
+motion u_g of the ground, the motions u of the other frames, which the rows G measure on the body, the rigid motions R
+of the body and R_f of the frames, and coordinates eta of modes Phi, the body moves by
 
 .. math::
     q = R u_g + w, \qquad w = \Psi (u - R_f u_g) + \Phi \eta, \qquad
     \Psi = K^{-1} G^T (G K^{-1} G^T)^{-1}
 
-Psi is the static response, on pads and supports, to motions of the frames; Phi are the lowest modes with all frames
-held.  Craig and Bampton: Coupling of substructures for dynamic analyses, AIAA Journal 6, 1968, pp. 1313-1319.
+Psi is the static response of the body on pads and supports to motions of the frames; Phi are the lowest modes with all
+frames held.  Craig and Bampton: Coupling of substructures for dynamic analyses, AIAA Journal 6, 1968, pp. 1313-1319.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ Indices = NDArray[np.int64]
 
 
 def held_body(scene: Scene, s: float, count: int) -> NodalBody:
-    """Body of a scene with its sliders at s (m), on nodes, with its `count` lowest modes; on one rank.
+    """Body of a scene on nodes, with its sliders held at s (m), and its `count` lowest modes; on one rank.
 
     Raises
     ------
     InputError
-        If nodes have coordinates other than three displacements, if there are masses, which the other program has to
-        attach itself, if a row only pushes, or if s is outside the path.
+        If nodes have coordinates other than three displacements, if the scene has masses (the other program has to
+        attach these), if a row only pushes, or if s is outside the path.
     """
     if scene.masses:
         allowed = "none is allowed: a flexible body is what they are attached to, in the program that reads it"
@@ -70,7 +70,7 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
     projected = (modes.phi.T @ times(A, modes.phi) for A in (full.M, full.K))
     return NodalBody(
         s=s,
-        points=np.stack([R[:, 1, 5], R[:, 2, 3], R[:, 0, 4]], axis=1),  # e_z x r, e_x x r and e_y x r have x, y and z
+        points=np.stack([R[:, 1, 5], R[:, 2, 3], R[:, 0, 4]], axis=1),  # e_z x r, e_x x r, e_y x r contain x, y, z
         M=sp.csr_matrix(M[order][:, order]),
         K=sp.csr_matrix(K[order][:, order]),
         modes=q[order],
@@ -81,7 +81,7 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
 
 
 def build_at(scene: Scene, s: float) -> AssembledBody:
-    """Full model of a scene on one rank, to be held with its sliders at s (m).
+    """Full model of a scene on one rank, checked so that it can be held with its sliders at s (m).
 
     Raises
     ------
@@ -108,7 +108,7 @@ def nodes_of(model: StructuralModel) -> Indices:
         If a node has other coordinates.
     """
     if is_assembled(model):
-        from pmr.models.solid import Solid  # its forms need FEniCSx, which given matrices do without
+        from pmr.models.solid import Solid  # imported here: its forms need FEniCSx, given matrices do not
 
         if isinstance(model, Solid):
             of_cells = model.element_coordinates(np.arange(len(model.mesh.cells)))
@@ -123,7 +123,10 @@ def nodes_of(model: StructuralModel) -> Indices:
 
 
 def _springs(structure: Structure, s: float) -> sp.csr_matrix:
-    """Sum of c^T c / compliance of all supports and pads with a stiffness at s, on the model's coordinates; sparse."""
+    """Sum of c^T c / compliance over the rows c of all supports and pads with a stiffness at s; sparse.
+
+    It is on the coordinates of the structural model.
+    """
     size = structure.model.size
     restraints = restrain(structure.pads, structure.model, sp.eye(size, format="csr"))
     K = restraints.stiffness(size)
@@ -135,7 +138,7 @@ def _springs(structure: Structure, s: float) -> sp.csr_matrix:
 
 
 def _places(structure: Structure, q: Array) -> Places:
-    """Points where loads act and outputs are measured, with their motions in the modes q (n, count)."""
+    """Points where loads act and outputs are measured, and their motions in the modes q (n, count)."""
     model = structure.model
     actions = [action for action in (*structure.loads, *structure.outputs) if isinstance(action, Action)]
     places = list(dict.fromkeys(action.on for action in actions))
@@ -144,7 +147,7 @@ def _places(structure: Structure, q: Array) -> Places:
         displacements.append(np.asarray(model.displacement(place) @ q))
         try:
             rotations.append(np.asarray(model.motion(place)[3:] @ q))
-        except InputError:  # a point or a line of a solid has no rotation
+        except InputError:  # points and lines of a solid have no rotation
             rotations.append(np.zeros((3, q.shape[1])))
     return Places(
         tuple(place if isinstance(place, str) else f"at {place:g} m" for place in places),
@@ -154,7 +157,7 @@ def _places(structure: Structure, q: Array) -> Places:
     )
 
 
-#: Distance between points, over their distance from the origin, up to which they are one frame.
+#: Distance between two points, over their distance from the origin, up to which they belong to one frame.
 APART = 1e-9
 #: Lowest omega^2 over the square of the reference frequency, below which a body is not held.
 FREE = 1e-8
@@ -162,14 +165,14 @@ FREE = 1e-8
 
 @dataclass(frozen=True)
 class _HeldModel:
-    """Full model with its sliders at s: the stiffness of its springs is in K, its rigid rows don't depend on s."""
+    """Full model with its sliders at s: K contains the stiffness of its springs, and its rigid rows are constant."""
 
     full: FullModel
     rows: tuple[Row, ...]
 
 
 def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
-    """Body of a scene with its sliders at s (m): frames where loads act and at the tip, and `count` modes; on one rank.
+    """Body of a scene with its sliders at s (m), with frames at loads and at the tip, and `count` modes; on one rank.
 
     Raises
     ------
@@ -249,7 +252,7 @@ def _not_held_error() -> InputError:
 
 
 def _named_places(scene: Scene, model: StructuralModel) -> list[str | float]:
-    """Points where loads act, and the tip; points that coincide are listed once."""
+    """Points where loads act, and the tip; of points that coincide, only the first is listed."""
     points: dict[str | float, Array] = {}
     for place in (*(load.on for load in scene.loads), scene.observe.tip):
         point = model.centroid(place)

@@ -4,12 +4,13 @@ At chosen times the full coordinates are
 
 .. math:: q = V p + R\, (B f - C(s)^T z)
 
-with the multipliers z and the flexibility R that the basis leaves out, which is applied with one factorisation to the
-loads of these times; without residual flexibility q = V p.  The outputs of the reduced model, O V p + W f - X z, equal
-O q.
+with reduced coordinates p, loads f, multipliers z, and the flexibility R that the basis V leaves out.  R is applied to
+the loads of all these times with one factorisation; without residual flexibility q = V p.  The outputs of the reduced
+model, O V p + W f - X z (`pmr.system.reduced_model`), equal O q.
 
-Velocities are V p': those of the residual part follow from rates of the multipliers, which jump wherever the path or a
-load has a kink (`pmr.compare.outputs`; docs/moving_residual_flexibility.md, sections 2, 5 and 11).
+Velocities are taken as V p'.  The velocity of the residual part would follow from rates of the multipliers, which jump
+wherever the path or a load has a kink (`pmr.compare.outputs`; docs/moving_residual_flexibility.md, sections 2, 5 and
+11).
 
 From the coordinates follow displacements of the body's points, stresses of its cells and the largest stress, as a scene
 asks for them, for reduced models and, if their states are known, for full ones.
@@ -55,7 +56,7 @@ from pmr.system.states import BodyStates
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: States recovered at once: a few times as many vectors of full length are in memory.
+#: Number of states that are recovered at once: a few times as many vectors of full length are in memory.
 BLOCK = 64
 
 
@@ -67,16 +68,15 @@ class Recovery:
     model : FullModel
         The full model, with n coordinates.
     V : (n_local, k) array
-        This rank's rows of the basis; its first columns are the reduced model's modes, without those of a cylinder.
-    reduced : ReducedModel
-        The same on every rank.
-    solver : ``"auto"``, ``"dense"`` or ``"slepc"``
-        As for the tables of the residual flexibility.
+        This rank's part of the basis; its first columns are the modes of the reduced model that are no cylinder modes.
+    reduced : ReducedModel     The reduced model, the same on every rank. solver : ``"auto"``, ``"dense"`` or
+    ``"slepc"``
+        Solver of static equations, chosen as for the tables of the residual flexibility.
 
     Attributes
     ----------
     V : (n_local, r) array
-        This rank's rows of the vectors of all coordinates of the reduced model.
+        This rank's part of the vectors that belong to all r coordinates of the reduced model.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class Recovery:
                 self._residual = ResidualFlexibility(body, self.V)
 
     def _cylinder_vectors(self, modal: ResidualFlexibility) -> Array:
-        """This rank's rows (n_local, a) of the vectors of the a cylinder modes.
+        """Vectors (n_local, a) of the a cylinder modes, this rank's part.
 
         They are combinations of responses to a force at the body's tail.
         """
@@ -111,27 +111,27 @@ class Recovery:
         return modal.powers(tail.at(tail.breaks[0]).toarray()[0, self._share], len(turned)) @ turned
 
     def positions(self, states: BodyStates) -> Array:
-        """This rank's rows of q, (S, n_local), at the times of `states`, which are the same on every rank.
+        """Full coordinates q (S, n_local), this rank's part, at the S times of `states`.
 
-        For many states of a large model use `blocks`.
+        The states are the same on every rank.  For many states of a large model, `blocks` takes less memory.
         """
         parts = [np.empty((0, len(self.V))), *self.blocks(states)]
         return np.concatenate(parts)
 
     def blocks(self, states: BodyStates) -> Iterator[Array]:
-        """Yield this rank's rows (at most `BLOCK`, n_local) of q for successive blocks of states."""
+        """Yield full coordinates q (at most `BLOCK`, n_local), this rank's part, for successive blocks of states."""
         for k in range(0, len(states.t), BLOCK):
             yield self._block(states[k : k + BLOCK])
 
     def _block(self, states: BodyStates) -> Array:
-        """This rank's rows (S, n_local) of q."""
+        """Full coordinates q (S, n_local), this rank's part."""
         q = states.p @ self.V.T
         if self._residual is not None:
             q += self._residual.apply(self._loads(states)).T
         return np.asarray(q)
 
     def _loads(self, states: BodyStates) -> Array:
-        """This rank's rows (n_local, S) of B f - C(s)^T z, in N."""
+        """Loads B f - C(s)^T z (n_local, S) in N, this rank's part."""
         model_rows = self._model.rows
         pressed = sp.csr_matrix((len(states.t), model_rows.size))
         for name, z, at in zip(states.rows, states.multipliers.T, states.s.T, strict=True):
@@ -139,26 +139,25 @@ class Recovery:
         return np.asarray(self._inputs @ states.loads.T - pressed[:, self._share].T.toarray())
 
 
-#: Name, in envelopes, of the stress by section forces in the corners of a profile.
+#: Name that envelopes use for the stress by section forces in the corners of a profile.
 AXIAL_STRESS = "axial stress"
 
 
 class BodyFields:
-    """Displacements and stresses of a body's states that are distributed over ranks; methods are collective.
+    """Displacements and stresses of a body, from states that are distributed over ranks; all methods are collective.
 
     Every method returns the same on every rank.
 
     Parameters
     ----------
-    built : Built
-        The full model, with the clamps and rigid masses that leave out coordinates of its structural model.
-    stresses : bool
-        Whether stresses are computed, if the model has any.
+    built : AssembledBody     The full model, with the clamps and rigid masses that leave out coordinates of its
+    structural model. stresses : bool
+        Whether stresses are computed, for a model that has stresses.
 
     Raises
     ------
     InputError
-        If the model's matrices were given, because it has no cells then.
+        If the model consists of given matrices: then it has no cells.
     """
 
     def __init__(self, built: AssembledBody, stresses: bool = True) -> None:
@@ -176,14 +175,17 @@ class BodyFields:
             self.stress_rows = self.forces.stresses
 
     def displacements(self, q: Array) -> Array:
-        """Displacements (S, N, 3) in m of the grid's N points, from this rank's rows q (S, n_local) of the states."""
+        """Displacements (S, N, 3) in m of the grid's N points at S times, from full coordinates q (S, n_local).
+
+        Each rank gives its own part of q.
+        """
         values = self._sum_over_ranks(self._points, q)
         return values.reshape(len(values), len(self.grid.points), 3)
 
     def stresses(self, q: Array, acting: BodyStates | None = None) -> Stresses:
-        """Stresses at S times, from this rank's rows q (S, n_local) of the states.
+        """Stresses at S times, from full coordinates q (S, n_local), of which each rank gives its own part.
 
-        A beam's section forces include the loads and contact forces `acting` on it; None if nothing acts.
+        The section forces of a beam include the loads and contact forces `acting` on it; None if nothing acts.
         """
         along = None if self.forces is None else self.forces.evaluate(np.hstack(self.comm.allgather(q)), acting)
         if self.stress_rows is None:
@@ -192,7 +194,7 @@ class BodyFields:
         return Stresses(along, self.stress_rows.split_by_point(values))
 
     def empty_envelope(self) -> RunningEnvelope | None:
-        """Empty envelope for `Stresses.along_beam`; None for bodies without section forces."""
+        """Empty envelope that collects `Stresses.along_beam`; None for bodies without section forces."""
         if self.forces is None:
             return None
         names, x, rows = self.forces.names, self.forces.x, self.stress_rows
@@ -201,7 +203,7 @@ class BodyFields:
         return RunningEnvelope((*names, *[AXIAL_STRESS] * len(rows.points)), np.concatenate([x, rows.points[:, 0]]))
 
     def _sum_over_ranks(self, rows: sp.csr_matrix, q: Array) -> Array:
-        """Values (S, k) of rows (k, n_local) on q (S, n_local), summed over all ranks."""
+        """Products (S, k) of `rows` (k, n_local) and q (S, n_local), summed over all ranks."""
         values = np.ascontiguousarray((rows @ q.T).T)
         self.comm.Allreduce(MPI.IN_PLACE, values)
         return values
@@ -209,25 +211,25 @@ class BodyFields:
 
 @dataclass(frozen=True)
 class Stresses:
-    """Stresses and section forces at S times; None where a body has none."""
+    """Stresses and section forces of a body at S times; None for what the body does not have."""
 
-    forces: Array | None  # (S, P) in N and N m: of a beam, where `SectionForces` has them
-    values: Array | None  # (S, p, c) in Pa: at the points of `BodyFields.stress_rows`
+    forces: Array | None  # (S, P) in N and N m: of a beam, as `SectionForces.names` lists them
+    values: Array | None  # (S, p, c) in Pa: c components at p points (`BodyFields.stress_rows`)
 
     @property
     def along_beam(self) -> Array:
-        """Section forces, then axial stresses, (S, P + p)."""
+        """Section forces followed by axial stresses, (S, P + p); only for a beam."""
         assert self.forces is not None
         return self.forces if self.values is None else np.hstack([self.forces, self.values[:, :, 0]])
 
 
 @dataclass(frozen=True)
 class FieldRecord:
-    """What is recorded of a body's states: stresses of all states, and fields of some of them.
+    """Recorded results of a body's states: stresses of all states, and fields of some states.
 
     `stress` is None if the model has no stresses.  `by_region` has the largest stress in each of the grid's regions.
-    `envelope`, for a beam, has the largest section forces and moments, and the axial stresses by them in the profile's
-    corners; None for other bodies.
+    `envelope` has the largest section forces and moments of a beam, and the axial stresses that these cause in the
+    profile's corners; it is None for other bodies.
     """
 
     stress: StressHistory | None
@@ -244,22 +246,20 @@ def record_fields(
     components: bool = False,
     acting: BodyStates | None = None,
 ) -> FieldRecord:
-    """Record stresses of all states, and fields of those in `pictures`, going through the states once; collective.
+    """Record stresses of all states and fields of the states in `pictures`, in a single pass; collective.
 
     Parameters
     ----------
-    view : View
-        Of the body.
-    t : (S,) array, s
+    view : BodyFields     Displacements and stresses of the body. t : (S,) array, s
         Times of the states.
     blocks : iterable of (k, n_local) arrays
-        This rank's rows of the states, in order: `Recovery.blocks`, or `in_blocks`.
+        Full coordinates of k successive states each, this rank's part: `Recovery.blocks`, or `in_blocks`.
     pictures : sequence of int
         Numbers of the states whose fields are stored.
     components : bool
-        Whether their signed stresses are stored too.
+        Whether the signed stresses of the states in `pictures` are stored too.
     acting : BodyStates, optional
-        Loads and contact forces of these states, for the section forces of beams; None if nothing acts.
+        Loads and contact forces at the times t, for the section forces of beams; None if nothing acts.
     """
     rows, cells, chosen = view.stress_rows, len(view.grid.cells), np.unique(np.asarray(pictures, np.int64))
     largest, point = np.zeros(len(t)), np.zeros(len(t), np.int64)
@@ -299,22 +299,23 @@ def record_fields(
 
 
 def in_blocks(q: Array) -> Iterator[Array]:
-    """Yield blocks of at most `BLOCK` states q (S, n_local)."""
+    """Yield successive blocks of at most `BLOCK` states, from states q (S, n_local)."""
     for k in range(0, len(q), BLOCK):
         yield q[k : k + BLOCK]
 
 
 @dataclass(frozen=True)
 class RecoveredBody:
-    """Records of a body's reduced model and of its full one, which is None if the full model's states are not known."""
+    """Recorded results of a body's reduced model and of its full model; None for a full model without known states."""
 
     reduced: FieldRecord
     full: FieldRecord | None
 
     def summary(self) -> dict[str, Any]:
-        """``max_von_mises`` in Pa, ``stress_peak``, ``stress_by_region`` and ``section_forces``, each by model.
+        """``max_von_mises`` in Pa, ``stress_peak``, ``stress_by_region`` and ``section_forces``, each a dict by model.
 
-        What a body does not have is left out: a beam without a profile has no stresses, a shell no section forces.
+        Keys that do not apply to the body are left out: a beam without a profile has no stresses, a shell no section
+        forces.
         """
         peaks = {
             name: model_fields.stress.peak for name, model_fields in self._records() if model_fields.stress is not None
@@ -333,7 +334,7 @@ class RecoveredBody:
         }
 
     def histories(self) -> dict[str, Array]:
-        """Largest von Mises stress (S,) in Pa at each recovered time, for ``reduced`` and ``full``."""
+        """Largest von Mises stress (S,) in Pa at each recovered time, by model: ``reduced`` and, if known, ``full``."""
         return {
             name: model_fields.stress.largest
             for name, model_fields in self._records()
@@ -341,13 +342,13 @@ class RecoveredBody:
         }
 
     def envelopes(self) -> dict[str, Envelope]:
-        """Envelopes along a beam, for ``reduced`` and ``full``."""
+        """Envelopes along a beam, by model: ``reduced`` and, if known, ``full``."""
         return {
             name: model_fields.envelope for name, model_fields in self._records() if model_fields.envelope is not None
         }
 
     def _records(self) -> list[tuple[str, FieldRecord]]:
-        """Names and records of the models that there are."""
+        """Names ``reduced`` and, if the full model is known, ``full``, each with the record of the model."""
         return [("reduced", self.reduced), *([("full", self.full)] if self.full is not None else [])]
 
 
@@ -360,7 +361,7 @@ def recovered_steps(scene: Scene) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class ReducedFields:
-    """View of a body, and what is recorded of its reduced model."""
+    """Fields of a body, and the recorded results of its reduced model."""
 
     view: BodyFields
     reduced: FieldRecord
@@ -374,7 +375,7 @@ def recover_reduced(
 ) -> dict[str, ReducedFields]:
     """Fields and stresses of the reduced models of a scene's bodies, by name; collective.
 
-    `states` are those at the `recovered_steps`, the same on every rank.
+    `states` are the bodies' states at the `recovered_steps`, the same on every rank.
     """
     recovery_of_scene, looked = scene.recovery, {}
     assert recovery_of_scene is not None
@@ -393,9 +394,9 @@ def recover_reduced(
 def recover_full(
     reduced_fields: Mapping[str, ReducedFields], full: Mapping[str, BodyStates]
 ) -> dict[str, RecoveredBody]:
-    """Fields and stresses of reduced and full models, by name; collective.
+    """Fields and stresses of reduced and full models, by the bodies' names; collective.
 
-    `full` has this rank's rows of the full models' states, as far as they are known.
+    `full` maps names to this rank's part of the full models' states; bodies whose states are not known are missing.
     """
     return {
         name: RecoveredBody(

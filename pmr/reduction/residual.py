@@ -35,20 +35,20 @@ from pmr.system.truncation import is_modal, truncate, with_tables
 
 Array = NDArray[np.float64]
 
-#: Largest coefficient of a fixed row on a basis that satisfies it, over that of all rows.
+#: Largest coefficient of a fixed row on a basis that satisfies this row, over the largest coefficient of all rows.
 SATISFIED = 1e-6
-#: Lowest eigenvalue of the rows' flexibility, scaled to a unit diagonal, below which they depend on each other.
+#: Lowest eigenvalue of the flexibility of rows, scaled to a unit diagonal, below which the rows are dependent.
 INDEPENDENT = 1e-9
-#: Couplings of the basis in K and D up to so many times the precision of a number, relative to their terms, are
-#: round-off; between eigenmodes up to 30 times was seen.
+#: Couplings of the basis in K and D, relative to the terms they are sums of, are round-off up to this many times the
+#: machine precision; between eigenmodes, up to 30 times was seen.
 ROUND_OFF = 100.0
-#: Least flexibility of a row over the one that the basis itself has there; see `_with_floor`.
+#: Least flexibility of a row, over the flexibility C K^+ C^T of the basis at this row; see `_with_floor`.
 FLOOR = float(np.sqrt(np.finfo(float).eps))
-#: Flexibility of a row, and its value on the basis, over the largest, up to which the supports hold it.
+#: Flexibility of a row and value of this row on the basis, each over the largest of all, up to which supports hold it.
 HELD = 1e-12
-#: Most entries of all responses to loads together, for the matrices of a moving frame to be computed between them.
+#: Most entries of all responses to loads together with which matrices of a moving frame are computed between them.
 MOST_ENTRIES = 20_000_000
-#: Eigenvalue of the products of responses of unit size, over the largest, up to which a direction is left out.
+#: Eigenvalue of the products of responses of unit size, over the largest one, up to which a direction is left out.
 SPANNED = 1e-13
 
 
@@ -58,12 +58,11 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, object]) 
     Parameters
     ----------
     body : FreeBody
-        Of the full model, with the factor that the basis was made with; the factor is dropped at the end.
+        Full model with its factor, which may exist from making the basis; the memory of the factor is freed at the end.
     basis : Basis
-        Contains all rigid-body modes that the fixed rows leave free: `pmr.reduction.basis.modal_basis` of free modes,
-        or `pmr.reduction.basis.with_rigid_modes`.
-    provenance : dict
-        Of the reduced model.
+        Basis that contains all rigid-body modes that the fixed rows leave free: `pmr.reduction.basis.modal_basis` of
+        free modes, or `pmr.reduction.basis.with_rigid_modes`.
+    provenance : dict     Provenance of the reduced model.
 
     Raises
     ------
@@ -73,8 +72,9 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, object]) 
     Notes
     -----
     Statics are exact with any basis.  Eigenmodes have no inertia in common with what they leave out; for any other
-    basis this coupling is neglected, which matters as long as low modes are missing: the paper's basis, evolved case,
-    is off by 87 % of the beam with 10 coordinates, by 0.17 % with 12 and by 0.020 % with 20.
+    basis this coupling is neglected, which matters as long as low modes are missing.  With the POD basis of the evolved
+    case of Weyrer, Gerstmayr, Mikkola, Orzechowski (`pmr.reduction.snapshots`), the error relative to the full beam is
+    87 % with 10 coordinates, 0.17 % with 12 and 0.020 % with 20.
     """
     model, shared, V = body.model, _rows_on_path(body.model), np.array(basis.V.getDenseArray())
     residual = ResidualFlexibility(body, V)
@@ -92,17 +92,17 @@ def section_model(
 ) -> ReducedModel:
     """Model of a section on free modes, with its rows on carriers; collective.
 
-    The first `coordinates` modes are its coordinates, the others its enrichment modes.  If there are any, the model has
-    the inertia of the residual part on the carriers, by which errors are estimated.  If a cylinder holds its tail, the
-    model has the responses to the cylinder's force, and the reactions of rigid supports to these by the supports'
-    `motions` (`pmr.reduction.free_body.support_motions`).
+    The first `coordinates` modes of the basis are the model's coordinates, the others are its enrichment modes.  If
+    there are enrichment modes, the model has the inertia of the residual part on the carriers, with which errors are
+    estimated.  If a cylinder holds the section's tail, the model has the responses to the cylinder's force, and the
+    work of these responses on the `motions` (n_local, h) of rigid supports (`pmr.reduction.free_body.support_motions`).
 
-    An InputError is raised as by `flexible_model`, and a ValueError if the basis consists of anything but eigenmodes.
+    An InputError is raised as by `flexible_model`, and a ValueError if the basis has vectors that are not eigenmodes.
     """
     model, shared, V = body.model, _rows_on_path(body.model), np.array(basis.V.getDenseArray())
     residual = ResidualFlexibility(body, V)
     reduced = _project(residual, basis, provenance)
-    powers = 2 if coordinates < basis.size else 1  # with enrichment modes the inertia, too
+    powers = 2 if coordinates < basis.size else 1  # R, and R M R if there are enrichment modes
     flexibility, *inertia = load_powers(residual, shared.carriers, None, powers)
     x = _cylinder_responses(residual, shared, flexibility)
     answers = None if x is None else _cylinder_values(residual, shared, x, motions)
@@ -133,13 +133,13 @@ def section_model(
 
 
 def _carrier_measures(model: FullModel, shared_carriers: SharedCarriers, basis: Basis) -> Array:
-    """Values U V (K, r) of a basis on the K carriers."""
+    """Values U V (K, r) of a basis V on the K carriers U."""
     measured = shared_carriers.carriers[:, model.share] @ np.array(basis.V.getDenseArray())
     return np.asarray(model.comm.allreduce(measured))
 
 
 def _tail_weights(shared_carriers: SharedCarriers) -> Array | None:
-    """Weights (K,) on the carriers of the row that a section's cylinder holds; None without a cylinder."""
+    """Weights (K,) on the carriers of the row that a section's cylinder holds; None for a section without one."""
     tail = next((row for row in shared_carriers.rows if row.name == TAIL), None)
     return None if tail is None else np.asarray(tail.weights(tail.breaks[0]).toarray()[0])
 
@@ -147,7 +147,7 @@ def _tail_weights(shared_carriers: SharedCarriers) -> Array | None:
 def _cylinder_responses(
     residual: ResidualFlexibility, shared_carriers: SharedCarriers, flexibility: LoadFlexibility
 ) -> Array | None:
-    """Responses (n_local, n) to a cylinder's force, this rank's rows; None without a cylinder.
+    """Responses (n_local, n) to a cylinder's force, this rank's part; None for a section without a cylinder.
 
     They are zero if supports hold the body where the cylinder acts.
     """
@@ -162,8 +162,8 @@ def _cylinder_responses(
 def _spanning_vectors(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tuple[Array | None, Array]:
     """Vectors (n_local, p) that span the responses R g to loads g (n_local, L), and the responses in them (p, L).
 
-    If there are too many loads, the vectors are None and p is 0.  For a beam p is at most its number of coordinates,
-    for a shell at most L.
+    If there are too many loads, the vectors are None and p is 0.  For a beam, p is at most its number of coordinates;
+    for a shell, at most L.
     """
     model = residual.model
     if model.size * loads.shape[1] > MOST_ENTRIES:
@@ -171,9 +171,9 @@ def _spanning_vectors(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tu
     Z = residual.apply(loads.toarray(order="F"))
     size = np.sqrt(model.comm.allreduce(np.sum(Z**2, axis=0)))
     Z *= np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
-    if model.size < 2 * loads.shape[1]:  # as of a beam: the coordinates themselves, between which matrices are sparse
+    if model.size < 2 * loads.shape[1]:  # a beam: the vectors are coordinates; matrices are sparse
         every = np.concatenate(model.comm.allgather(Z))
-        noise = np.abs(every) <= ROUND_OFF * np.finfo(float).eps  # of a beam that bends in one plane, or twists
+        noise = np.abs(every) <= ROUND_OFF * np.finfo(float).eps  # parts of a beam that bends in one plane, or twists
         return np.eye(model.size)[model.share], np.where(noise, 0.0, every) * size
     share, Q = np.linalg.eigh(inner(Z, Z, model.comm))
     is_spanned = share > SPANNED * share[-1]
@@ -184,11 +184,11 @@ def _spanning_vectors(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tu
 def _matrices(
     model: FullModel, vectors: list[Array | None], motions: Array | None
 ) -> tuple[dict[str, Array], dict[str, Array], dict[str, Array]]:
-    """The model's matrices between all `vectors`, its ports on them, and the matrices' work on supports' motions.
+    """Matrices of the model between all `vectors`, ports on these vectors, and work of the matrices on motions.
 
-    `vectors` are blocks of columns (n_local, any), None for an empty one; `motions` (n_local, h) are those of rigid
-    supports, or None.  All three results are by name, and empty for a model without matrices; the work is (h, number of
-    vectors).
+    `vectors` are blocks of columns (n_local, any), or None for an empty block.  `motions` (n_local, h) belong to h
+    rigid supports; None if there are none.  The three results are dicts by name, empty for a model without matrices;
+    the work has the shape (h, number of vectors).
     """
     if not model.matrices:
         return {}, {}, {}
@@ -203,9 +203,9 @@ def _matrices(
 def _cylinder_values(
     residual: ResidualFlexibility, shared_carriers: SharedCarriers, x: Array, motions: Array | None
 ) -> CylinderResponses:
-    """Values of the responses x (n_local, n) to the cylinder's force on carriers, inputs, outputs and supports."""
+    """Values, on carriers, inputs, outputs and supports, of the responses x (n_local, n) to the cylinder's force."""
     model, load = residual.model, _tail_weights(shared_carriers)
-    assert load is not None  # as there is x
+    assert load is not None  # without a load there is no x
     U, comm = shared_carriers.carriers[:, model.share], model.comm
     return CylinderResponses(
         load=load,
@@ -219,7 +219,7 @@ def _cylinder_values(
 
 
 def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
-    """Return the model with its first `coordinates` modes, the others being enrichment modes.
+    """Return the model with its first `coordinates` modes as coordinates and the others as enrichment modes.
 
     A ValueError is raised unless the basis consists of eigenmodes.
     """
@@ -229,7 +229,7 @@ def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
 
 
 def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
-    """Galerkin projection on a basis that satisfies the fixed rows, which are left out.
+    """Galerkin projection on a basis that satisfies the fixed rows, without these rows.
 
     An InputError is raised if the basis violates one of them.
     """
@@ -245,15 +245,15 @@ def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, 
 
 
 def _with_flexibility(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:
-    """Return the model with that flexibility; with the floor of `_with_floor` unless its basis is eigenmodes."""
+    """Return the model with this flexibility, changed by `_with_floor` unless the basis consists of eigenmodes."""
     flexible = replace(reduced, flexibility=flexibility)
     return flexible if is_modal(flexible) else _with_floor(flexible)
 
 
 def _yielding_rows(model: ReducedModel) -> list[int]:
-    """Numbers of the rows that the body's supports don't hold.
+    """Numbers of the rows that the body's supports do not hold.
 
-    A row that they hold may be rigid, because the contact gives way on its other body.
+    A row that the supports hold may be rigid, because the contact gives way on its other body.
     """
     assert model.flexibility is not None
     s = _checked_positions(model)
@@ -264,23 +264,25 @@ def _yielding_rows(model: ReducedModel) -> list[int]:
 
 
 def released_rows(model: FullModel) -> Rows:
-    """Rows of sliders and pads, that is all rows that are not fixed."""
+    """Rows of sliders and pads: all rows of the model that are not fixed (`Row.is_fixed`)."""
     return Rows(tuple(row for row in model.rows.rows if not row.is_fixed), model.size)
 
 
 def _rows_on_path(model: FullModel) -> SharedCarriers:
-    """Rows of sliders and pads on common carriers and breaks."""
+    """Rows of sliders and pads, on common carriers and common breaks."""
     return released_rows(model).shared_carriers.align_breaks(model.rows.domain)
 
 
 def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: Array) -> ReducedModel:
     r"""Return the model without stiffness of rigid-body modes and without couplings that are round-off.
 
-    Round-off in a rigid-body mode's stiffness is a spring, or a negative one, to ground.  A coupling with
+    Round-off in the stiffness of a rigid-body mode acts as a positive or negative spring to ground.  A coupling of the
+    basis vectors i and j with
 
     .. math:: |V^T K V|_{ij} \le c\, \epsilon\, (|V|^T |K|\, |V|)_{ij}
 
-    and c = `ROUND_OFF` has no correct digit; between the modes of a fine mesh all couplings are of this kind.
+    with c = `ROUND_OFF` and the machine precision :math:`\epsilon` has no correct digit; between the modes of a fine
+    mesh all couplings are of this kind.
     """
     model, rigid, bound = residual.model, residual.rigid, ROUND_OFF * np.finfo(float).eps
 
@@ -299,13 +301,15 @@ def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: 
 
 
 def _with_floor(model: ReducedModel) -> ReducedModel:
-    """Return the model with the flexibility G + 1/k of each row at least `FLOOR` times C K^+ C^T over the path.
+    """Return the model with `FLOOR` times C K^+ C^T added to G for rows whose flexibility falls below it somewhere.
 
-    A basis of modes with the slider held responds to a force at those positions by itself and leaves nothing out
-    there.  The stiffness C^T G^-1 C of such a row would drown the body's own stiffness in round-off; with the floor,
-    both round-off and the additional displacement of the row are about 1e-8 of the displacement.  On soft supports C
-    K^+ C^T is that of the supports, far more than that of bending: therefore free modes, which leave something out
-    everywhere, have no floor, and neither has a pad with enough compliance 1/k of its own.
+    These are the rows whose G + 1/k is smaller than `FLOOR` times C K^+ C^T anywhere on the path; if there is none, the
+    model is returned unchanged.  Not to be called for free modes: these leave something out everywhere, and on soft
+    supports C K^+ C^T is the flexibility of the supports, far more than that of bending.
+
+    A basis of modes with the slider held responds by itself to a force at the held positions, and leaves nothing out
+    there.  The stiffness C^T G^-1 C of such a row would drown the body's own stiffness in round-off.  With the floor,
+    both round-off and the additional displacement of the row are about 1e-8 of the displacement.
     """
     assert model.flexibility is not None
     G, C = model.flexibility.rows, model.rows
@@ -320,9 +324,10 @@ def _with_floor(model: ReducedModel) -> ReducedModel:
 
 
 def check_independence(model: ReducedModel, numbers: list[int] | None = None) -> None:
-    """Raise an InputError if G + 1/k of the rows with these `numbers` (None: all) is not positive definite on the path.
+    """Raise an InputError if G + 1/k of some rows is not positive definite at a path coordinate.
 
-    The ends of the path are not checked: there a slider may be on a support.
+    The rows have the given `numbers`; None stands for all rows.  The ends of the path are not checked: there a slider
+    may be on a support.
     """
     assert model.flexibility is not None
     numbers = list(range(len(model.row_names))) if numbers is None else numbers
@@ -340,6 +345,6 @@ def check_independence(model: ReducedModel, numbers: list[int] | None = None) ->
 
 
 def _checked_positions(model: ReducedModel) -> Array:
-    """Path coordinates (RANK_CHECKS,) in m, spread over the domain without its ends."""
+    """Path coordinates (RANK_CHECKS,) in m, spread evenly over the domain; its ends are not among them."""
     low, high = model.domain
     return low + (high - low) * (np.arange(RANK_CHECKS) + 0.5) / RANK_CHECKS

@@ -1,4 +1,4 @@
-r"""Residual flexibility R, which a basis leaves out: applied as an operator, never formed, and tabulated over the path.
+r"""Residual flexibility R that a basis leaves out: applied as an operator, never formed, and tabulated over the path.
 
 The tables are exact piecewise polynomials in s: products of the rows' polynomials with R between carriers.
 
@@ -13,10 +13,10 @@ rigid-body modes held at any statically determinate set of coordinates; P remove
 eigenmodes R is the sum of phi phi^T / omega^2 over the modes left out; for any other basis it is K^-1 - V (V^T K V)^-1
 V^T.  The basis and the responses of R are K-orthogonal in any case, and M-orthogonal too for eigenmodes.
 
-On soft supports K w = theta M w is small compared with the terms it is the sum of, and is little but round-off.  With
-theta of 2e-5 rad^2/s^2, and 2e3 of the first mode that bends, three digits remained; the error of that shell was 0.7,
-2.0 or 3.5 %, depending on the processor's kernel of BLAS.  If K w is theta M w up to round-off, M w replaces K w /
-theta: it has all its digits.
+On soft supports, K w = theta M w for a low mode w is small compared with the terms that it is the sum of, and is little
+but round-off.  For a shell with theta = 2e-5 rad^2/s^2 for its lowest mode, and 2e3 for the first mode that bends,
+three digits remained; its error was 0.7, 2.0 or 3.5 %, depending on which BLAS kernel the processor used.  If K w is
+theta M w up to round-off, M w replaces K w / theta, since M w has all its digits.
 
 Projecting on both sides avoids the cancellation of a difference: with 6 and 20 modes of a cantilever on 50 elements R
 is off by 2e-10 and 6e-10 (scaled to a unit diagonal), K^-1 less the modal part by 1e-5 and 1e-4.  Projecting again
@@ -50,16 +50,17 @@ Indices = NDArray[np.int64]
 _log = logging.getLogger(__name__)
 
 
-#: Largest entry that the mirror image of a basis may have outside the basis' span, over its largest entry.  The span of
-#: modes is exact to 3e-11, 4e-10 and 3e-9 at 70,000, 280,000 and a million coordinates; a basis with only one of two
-#: equal modes is off by 1.
+#: Largest entry outside the span of a basis that the basis' mirror image may have, over the image's largest entry.  The
+#: span of modes is exact to 3e-11, 4e-10 and 3e-9 at 70,000, 280,000 and a million coordinates; a basis with only one
+#: of two equal modes is off by 1.
 KEPT = 1e-8
-#: K w counts as an eigenmode's theta M w if they differ by no more than so many times the round-off of its terms.
+#: K w counts as theta M w of an eigenmode w if they differ by at most this many times the round-off in the terms of K
+#: w.
 ROUND_OFF = 100.0
 
 
 class ResidualFlexibility:
-    """Residual flexibility R of a model on its fixed rows for a basis V, this rank's rows (n_local, r); collective.
+    """Residual flexibility R of a model on its fixed rows, for a basis V (n_local, r), this rank's part; collective.
 
     V has to contain the rigid-body modes that loads or rows excite.
     """
@@ -89,9 +90,9 @@ class ResidualFlexibility:
         return bool(np.all(far <= KEPT * size))
 
     def apply(self, g: Array) -> Array:
-        """This rank's rows (n_local, k) of R g in m, for loads g (n_local, k) in N; collective.
+        """Product R g (n_local, k) in m, this rank's part, for loads g (n_local, k) in N; collective.
 
-        g may be overwritten.
+        The array g may be overwritten.
         """
         g = np.asfortranarray(g)
         subtract(g, self._dual, inner(self._basis, g, self._comm))
@@ -100,7 +101,7 @@ class ResidualFlexibility:
         return x
 
     def powers(self, c: Array, count: int) -> Array:
-        """This rank's rows (n_local, count) of R c, R M R c, ... for one load c (n_local,); collective."""
+        """Vectors R c, R M R c, ... (n_local, count), this rank's part, of one load c (n_local,); collective."""
         columns = [self.apply(np.array(c)[:, None])]
         while len(columns) < count:
             columns.append(self.apply(times(self.model.M, columns[-1])))
@@ -108,7 +109,10 @@ class ResidualFlexibility:
 
 
 def terms(A: PETSc.Mat, X: Array) -> Array:
-    """This rank's rows (n_local, k) of |A| |X|, which bound the terms of A X and so its round-off; collective."""
+    """Product |A| |X| (n_local, k) of absolute values, which bounds the terms of A X and so its round-off; collective.
+
+    X (n_local, k) and the result are this rank's parts.
+    """
     sizes = sparse(abs(local_csr(A)), A, columns=A.getLocalSize()[1])
     sums = times(sizes, np.abs(X))
     free_objects(sizes)
@@ -116,9 +120,9 @@ def terms(A: PETSc.Mat, X: Array) -> Array:
 
 
 def _diagonalise(model: FullModel, W: Array) -> tuple[Array, Array]:
-    """Combinations W (n_local, k) of the columns, and K W over the diagonal of W^T K W, (n_local, k).
+    """Combinations W (n_local, k) of the given columns W, and K W over the diagonal of W^T K W, (n_local, k).
 
-    They satisfy W^T M W = I, and W^T K W is diagonal.  Collective.
+    The combinations satisfy W^T M W = I, and their W^T K W is diagonal.  Collective.
     """
     if W.shape[1] == 0:
         return W, W
@@ -132,15 +136,16 @@ def _diagonalise(model: FullModel, W: Array) -> tuple[Array, Array]:
 
 Pattern: TypeAlias = sp.csr_matrix | None
 
-#: Loads solved for at a time on each rank: a few times as many vectors of full length are in memory.  A column then
-#: costs a tenth of what it costs alone, and larger blocks would not make it cheaper (70,000 coordinates of a shell).
+#: Number of loads solved for at a time on each rank: a few times as many vectors of full length are in memory.  A load
+#: then costs a tenth of what it costs alone, and larger blocks would not make it cheaper (70,000 coordinates of a
+#: shell).
 BLOCK = 64
 #: Bytes of memory above which a warning is logged.
 NOTICED = 2**30
 
 
 class SparseProduct:
-    """Products of sparse rows (m, n_local), which touch a few coordinates, with dense columns."""
+    """Products of sparse rows (m, n_local), which touch a few coordinates only, with dense columns."""
 
     def __init__(self, rows: sp.spmatrix) -> None:
         rows = sp.csr_matrix(rows)
@@ -148,17 +153,17 @@ class SparseProduct:
         self._rows = rows[:, self._touched]
 
     def multiply(self, x: Array) -> Array:
-        """This rank's part (m, k) of the rows times x (n_local, k)."""
+        """Product (m, k) of the rows with x (n_local, k); this rank's contribution to the sum over ranks."""
         return np.asarray(self._rows @ x[self._touched])
 
 
 @dataclass(frozen=True)
 class LoadFlexibility:
-    """R between L unit loads and o outputs: the loads on K carriers come first, then the inputs."""
+    """Residual flexibility R between L unit loads and o outputs; loads on K carriers come first, inputs follow."""
 
-    pairs: sp.csr_matrix | Array  # (L, L) m/N between loads: sparse for the pairs of a pattern, dense for all pairs
+    pairs: sp.csr_matrix | Array  # (L, L) m/N between loads: sparse for the pairs of a pattern, dense for all
     outputs: Array  # (o, L) m/N
-    carriers: int  # K
+    carriers: int  # number K of loads on carriers
 
     @property
     def inputs(self) -> Array:
@@ -166,29 +171,32 @@ class LoadFlexibility:
         return _dense(self.pairs[:, self.carriers :])
 
     def carrier_flexibility(self) -> CarrierFlexibility:
-        """R between carriers, inputs and outputs as dense matrices; all pairs of loads must have been computed."""
+        """R between carriers, inputs and outputs as dense matrices.
+
+        Only to be called if all pairs of loads have been computed.
+        """
         dense, K = _dense(self.pairs), self.carriers
         return CarrierFlexibility(dense[:K, :K], dense[:K, K:], self.outputs[:, :K], self.outputs[:, K:], dense[K:, K:])
 
 
 class PatternPairs:
-    """Values for pairs of loads, block by block, where a symmetric `pattern` (L, L) has an entry."""
+    """Values for those pairs of loads at which a symmetric `pattern` (L, L) has an entry, stored block by block."""
 
     def __init__(self, pattern: sp.csr_matrix) -> None:
         self._pattern = pattern
         self._blocks: list[tuple[Indices, Indices, Array]] = [(np.empty(0, int), np.empty(0, int), np.empty(0))]
 
     def partners(self, numbers: Indices) -> Indices:
-        """Numbers of the loads that form a pair with at least one of the loads `numbers`."""
+        """Numbers of the loads that form a pair with at least one of the loads with these `numbers`."""
         return np.unique(self._pattern[numbers].indices)
 
     def store(self, rows: Indices, columns: Indices, values: Array) -> None:
-        """Store this rank's part of `values` (rows, columns) for loads with these numbers."""
+        """Store this rank's contribution `values` (rows, columns) for pairs of loads numbered `rows` and `columns`."""
         block = self._pattern[rows][:, columns].tocoo()
         self._blocks.append((rows[block.row], columns[block.col], values[block.row, block.col]))
 
     def total(self, comm: MPI.Comm) -> sp.csr_matrix:
-        """All values (L, L), summed over the ranks and made symmetric; collective."""
+        """Values (L, L) summed over the ranks and made symmetric; collective."""
         rows, columns, values = (np.concatenate(parts) for parts in zip(*self._blocks, strict=True))
         summed = sp.csr_matrix((comm.allreduce(values), (rows, columns)), self._pattern.shape)
         return (summed + summed.T) / 2.0
@@ -205,11 +213,11 @@ class AllPairs:
         return self._all
 
     def store(self, rows: Indices, columns: Indices, values: Array) -> None:
-        """Store this rank's part of `values` (L, columns) for the loads numbered `columns`; `rows` are all loads."""
+        """Store this rank's contribution `values` (L, columns) for loads numbered `columns`; `rows` are all loads."""
         self._values[:, columns] = values
 
     def total(self, comm: MPI.Comm) -> Array:
-        """All values (L, L), summed over the ranks and made symmetric, in place; collective."""
+        """Values (L, L) summed over the ranks and made symmetric, in place; collective."""
         comm.Allreduce(MPI.IN_PLACE, self._values)
         self._values += self._values.T.copy()
         self._values /= 2.0
@@ -222,10 +230,10 @@ def _dense(A: sp.csr_matrix | Array) -> Array:
 
 
 def load_pairs(shared_carriers: SharedCarriers, inputs: int) -> sp.csr_matrix:
-    """Pattern (L, L) of pairs of loads: on carriers that rows touch on the same interval, and of inputs with all loads.
+    """Pattern (L, L) of the pairs of loads that tables at one path coordinate need.
 
-    Tables at one path coordinate need no other pairs: on the path of a beam each load pairs with a few others, however
-    fine the mesh.
+    They are pairs of carriers that rows touch on the same interval, and pairs of an input with any load.  On the path
+    of a beam each load pairs with a few others, however fine the mesh.
     """
     k = len(shared_carriers.rows[0].breaks) - 1
     at = np.concatenate(
@@ -238,7 +246,7 @@ def load_pairs(shared_carriers: SharedCarriers, inputs: int) -> sp.csr_matrix:
 
 
 class LoadValues:
-    """Values of the responses to loads on carriers, inputs and outputs: for pairs of a pattern, or for all (None)."""
+    """Values on carriers, inputs and outputs of the responses to loads, for pairs of a pattern (None: all pairs)."""
 
     def __init__(self, model: FullModel, carriers: sp.csr_matrix, pattern: Pattern) -> None:
         self._rows, self._outputs = carrier_loads(model, carriers).T.tocsr(), SparseProduct(local_csr(model.outputs).T)
@@ -247,24 +255,24 @@ class LoadValues:
         self._output_values = np.empty((model.outputs.getSize()[1], loads))
 
     def store(self, numbers: Indices, answers: Array) -> None:
-        """Store the values of this rank's rows (n_local, k) of the responses to the loads with these numbers."""
+        """Store the values of the responses `answers` (n_local, k), this rank's part, to loads with these `numbers`."""
         partners = self._pairs.partners(numbers)
         self._pairs.store(partners, numbers, SparseProduct(self._rows[partners]).multiply(answers))
         self._output_values[:, numbers] = self._outputs.multiply(answers)
 
     def result(self) -> LoadFlexibility:
-        """Flexibility of all loads, once all responses have been taken; collective."""
+        """Flexibility of all loads, after the responses to all loads have been stored; collective."""
         outputs = np.asarray(self._comm.allreduce(self._output_values))
         return LoadFlexibility(self._pairs.total(self._comm), outputs, self._carriers)
 
 
 def check_memory(model: FullModel, carriers: int, powers: int) -> None:
-    """Raise an InputError if matrices between so many carriers don't fit in memory; collective.
+    """Raise an InputError if the tables of `powers` matrices (carriers, carriers) don't fit in memory; collective.
 
-    The number of carriers grows with the length of the path over that of the shortest pad.  For more than `NOTICED`
-    bytes a warning is logged.
+    The number of carriers grows with the ratio of the path's length to the length of the shortest pad.  If the tables
+    need more than `NOTICED` bytes, a warning is logged.
     """
-    needed = 8 * carriers**2 * (powers + 2)  # bytes; as long as one of them is made symmetric there are two more
+    needed = 8 * carriers**2 * (powers + 2)  # bytes; making one symmetric takes two more
     free = model.comm.bcast(environment.available_memory() if model.comm.rank == 0 else None)
     message = f"pads have {carriers:,} stations along their paths, which takes about {needed / 1e9:.1f} GB of memory"
     if free is not None and needed > free:
@@ -279,9 +287,9 @@ def load_powers(
 ) -> list[LoadFlexibility]:
     """The first `count` of R, R M R, ... between carriers (K, n), inputs and outputs; collective.
 
-    The first is in m/N, the second in s^2 m/N, and so on.  Each load takes one static solve for each of them, except
-    loads that are mirror images of others.  They are stored for the pairs of loads of a `pattern` (L, L), as
-    `load_pairs` returns it, or for all pairs (None).
+    R is in m/N, R M R in s^2 m/N, and so on.  For each load, each of these takes one static solve; the values of loads
+    that are mirror images of others follow without a solve.  They are stored for the pairs of loads in a `pattern` (L,
+    L), as `load_pairs` returns it, or for all pairs (None).
     """
     model = residual.model
     if pattern is None:
@@ -310,7 +318,7 @@ def load_powers(
 def tables(flexibility: LoadFlexibility, shared_carriers: SharedCarriers) -> Flexibility:
     """Residual flexibility of rows on common carriers as tables in s: G = C R C^T, H = C R B and X = O R C^T.
 
-    All rows have the same path coordinate.  The constants W = O R B and B^T R B come with the tables.
+    All rows have the same path coordinate s.  The constants W = O R B and B^T R B are part of the result.
     """
     C, K, inputs = RowPolynomials.from_rows(shared_carriers.rows), flexibility.carriers, flexibility.inputs
     return Flexibility(
@@ -323,6 +331,6 @@ def tables(flexibility: LoadFlexibility, shared_carriers: SharedCarriers) -> Fle
 
 
 def carrier_loads(model: FullModel, carriers: sp.csr_matrix) -> sp.csc_matrix:
-    """Unit loads (n_local, L) on the carriers, then on the inputs: this rank's rows."""
+    """Unit loads (n_local, L) on the carriers, then on the inputs, this rank's part."""
     share = slice(*model.M.getOwnershipRange())
     return sp.hstack([carriers[:, share].T, local_csr(model.inputs)], format="csc")

@@ -1,20 +1,21 @@
-r"""Section forces along a beam, exact for all that acts on it, between its nodes too.
+r"""Section forces along a beam, exact at its nodes and between them, for everything that acts on the beam.
 
-A beam is cut at its nodes and between them.  A piece is in equilibrium under the loads g on its own coordinates, its
-inertia and the forces f at its ends,
+A beam is cut at its nodes and between them.  A piece p, with the coordinates q, the acceleration a and matrices K_p and
+M_p, is in equilibrium under the loads g_p on its coordinates, its inertia and the forces f at its ends,
 
 .. math:: f = K_p\, (q + \delta) + M_p\, a - g_p, \qquad g = B f - C(s)^T \lambda - \sum k\, c^T c\, q
 
-(in the second equation f are the inputs).  delta is the displacement of the cuts between nodes in addition to what
-nodal coordinates interpolate: with it the pieces on both sides of each such cut have equal forces.  At nodes forces are
-equal because the whole beam is in equilibrium there.  The loads of the pieces are those of the whole beam: the same
-pads, friction moments, loads and weights on a mesh whose nodes are doubled.  Loads on a node act between pieces.  The
-acceleration a follows from the equilibrium of the whole beam,
+(in the second equation f are the inputs, c and k the rows and stiffnesses of springs).  Delta is the displacement of
+the cuts between nodes in addition to the interpolation of nodal coordinates: with it, the pieces on both sides of each
+such cut have equal forces.  At nodes, forces are equal because the whole beam is in equilibrium there.  The loads of
+the pieces are those of the whole beam, with the same pads, friction moments, loads and weights, on a mesh in which each
+node is doubled.  Loads on a node act between pieces.  The acceleration a follows from the equilibrium of the whole
+beam,
 
 .. math:: M a = g - K q - C_0^T \lambda_0, \qquad C_0\, a = 0
 
-with rigid supports C_0.  So the forces of damping, and of all else that a scene has, are included as if they were
-distributed like the mass.
+with the rows C_0 and the forces :math:`\lambda_0` of rigid supports.  So the forces of damping and of everything else
+in a scene are included, as if they were distributed like the mass.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ from pmr.system.states import BodyStates
 
 Array = NDArray[np.float64]
 
-#: Pieces in each element of length h: the moment at a point force P is exact to P h / (4 PIECES).
+#: Number of pieces in each element of length h: the moment at a point force P is exact to P h / (4 PIECES).
 PIECES = 4
 #: Distance from a node, over the beam's length, up to which a point is on the node.
 ON_NODE = 1e-9
@@ -57,7 +58,7 @@ class SectionForces:
     names : (P,) tuple of str
         Name of each section force.
     x : (P,) array, m
-        Position of each: both ends of each piece.
+        Position of each section force; the positions are both ends of each piece.
     stresses : StressRows or None
         Stresses in the corners of the profile under these forces.
     """
@@ -76,7 +77,7 @@ class SectionForces:
             self._between = spla.splu(sp.csc_matrix(cut.joined.T @ stiffness @ cut.joined))
 
     def evaluate(self, q: Array, acting: BodyStates | None = None) -> Array:
-        """Section forces (S, P) in N and N m at S times, of full coordinates q (S, n) with all rows.
+        """Section forces (S, P) in N and N m at S times, from full coordinates q (S, n), whole on every rank.
 
         `acting` are the loads and contact forces at these times; None if nothing acts.
         """
@@ -89,7 +90,7 @@ class SectionForces:
         return np.asarray(displaced @ self._strained.T - on_pieces @ self._ends.T) - self._friction_forces(acting)
 
     def _friction_forces(self, acting: BodyStates | None) -> Array | float:
-        """Normal force (S, P) in N by friction between the tail, where the equations have it act, and the pad."""
+        """Normal forces (S, P) in N by friction, between a pad and the tail at which the equations let it act."""
         if acting is None or acting.friction_forces is None:
             return 0.0
         before = self.x < acting.s[:, :, None] - ON_NODE * self.x.max()  # (S, m, P)
@@ -118,7 +119,7 @@ class _WholeBeam:
 
 
 class _BeamPieces:
-    """Pieces of the beam, and the loads on each."""
+    """Pieces into which a beam is cut, and the loads on each piece."""
 
     def __init__(self, structure: Structure, cut: Cut) -> None:
         beam, nodes = cut.beam, structure.model.node_stations
@@ -146,10 +147,10 @@ class _BeamPieces:
         self._displacement = sp.csr_matrix(cut.coordinates @ couple(structure).T)
 
     def loads(self, q: Array, a: Array, supports: dict[str, Array], acting: BodyStates | None) -> tuple[Array, Array]:
-        """Loads on c coordinates of the pieces, with inertia, and their displacements, both (S, c).
+        """Loads, inertia included, and displacements on the c coordinates of the pieces, both (S, c).
 
-        The displacements are without delta.  q and a are (S, n); `supports` are the forces (S,) of rigid supports by
-        name.
+        The displacements do not include delta.  The coordinates q and accelerations a of the beam are (S, n);
+        `supports` has the forces (S,) of rigid supports by name.
         """
         displaced = (self._displacement @ q.T).T
         forces = (
@@ -164,7 +165,7 @@ class _BeamPieces:
 
 
 def _state_loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | None, count: int) -> Array:
-    """Loads B f - C(s)^T lambda (S, n) of the states, with moments of friction; zeros if `acting` is None.
+    """Loads B f - C(s)^T lambda (S, n) of the S states, with moments of friction; zeros if `acting` is None.
 
     Multipliers of rows that are not among `rows` are left out.
     """

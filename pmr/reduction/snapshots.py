@@ -1,4 +1,4 @@
-r"""Vectors that bases are made from: free-interface modes, and the paper's eigenmodes with the slider held.
+r"""Vectors from which bases are made: free-interface modes, and eigenmodes with the slider held.
 
 Free-interface modes are eigenmodes on the fixed supports with all sliders and pads released.
 
@@ -9,7 +9,7 @@ Rigid-body modes, if the fixed supports leave any, come first with omega = 0.  M
 mode synthesis, Computers & Structures 1, 1971, pp. 581-601; Rubin: Improved component-mode representation for
 structural dynamic analysis, AIAA Journal 13, 1975, pp. 995-1006.
 
-Eigenmodes with the slider held at several positions are the paper's snapshots.  Weyrer, Gerstmayr, Mikkola,
+Eigenmodes with the slider held at several positions are the snapshots of "the paper": Weyrer, Gerstmayr, Mikkola,
 Orzechowski: Model Order Reduction of a Sliding Beam using a Global Basis, section "Snapshot Selection".
 """
 
@@ -41,10 +41,10 @@ class Snapshots:
     """Pool of k vectors from which a basis is made.
 
     `residuals` are normwise backward errors ||K phi - omega^2 M phi|| / ((||K|| + omega^2 ||M||) ||phi||) in infinity
-    norms.  `omega`, `s` and `residuals` are NaN where they are not known or don't apply.
+    norms.  `omega`, `s` and `residuals` are NaN if they are not known or don't apply.
     """
 
-    S: PETSc.Mat  # dense (n, k), a column each; eigenmodes are mass-normalised, phi^T M phi = 1, and carry 1/sqrt(kg)
+    S: PETSc.Mat  # dense (n, k), one vector a column; eigenmodes are mass-normalised, phi^T M phi = 1, in 1/sqrt(kg)
     omega: Array  # (k,) rad/s
     s: Array  # (k,) m: path coordinate of the slider for each column
     residuals: Array  # (k,)
@@ -54,15 +54,15 @@ class Snapshots:
     def from_local(
         cls, local: Array, model: FullModel, omega: Array, s: Array, residuals: Array, source: str
     ) -> Snapshots:
-        """Snapshots of a model, from this rank's rows `local` (n_local, k) of the vectors; collective."""
+        """Snapshots of a model from k vectors, of which each rank gives its part `local` (n_local, k); collective."""
         return cls(tall(local, model.M), omega, s, residuals, source)
 
 
 def node_set(nodes: int, snapshots: int) -> NDArray[np.int64]:
-    """Node numbers, counted from 1, at which the paper holds the slider; the first node is never among them.
+    """Node numbers, counted from 1, at which the paper (module docstring) holds the slider; never the first node.
 
-    For one snapshot it is node floor(nodes / 2); for more, nodes floor(2 + (nodes - 2) k / (snapshots - 1)), k = 0 ...
-    snapshots - 1.
+    For one snapshot it is node floor(nodes / 2); for more, they are nodes floor(2 + (nodes - 2) k / (snapshots - 1))
+    with k = 0 ... snapshots - 1.
     """
     if snapshots == 1:
         return np.array([nodes // 2])
@@ -72,9 +72,9 @@ def node_set(nodes: int, snapshots: int) -> NDArray[np.int64]:
 def positions(scene: Scene, model: FullModel) -> Array:
     """Path coordinates (snapshots,) in m at which the scene asks for snapshots.
 
-    They are listed in the scene, or named: ``nodes`` is the paper's node set, among the nodes on which the first slider
-    may be while all sliders are on the beam; ``path`` spaces them evenly over the travelled part of the path.  An
-    InputError is raised if two snapshots are at the same node.
+    The scene lists them, or names a rule.  ``nodes`` is the node set of the paper (`node_set`), among the nodes at
+    which the first slider may be while all sliders are on the beam.  ``path`` spaces them evenly over the travelled
+    part of the path.  An InputError is raised if two snapshots are at the same node.
     """
     choice, count = scene.reduction.positions, scene.reduction.snapshots
     if choice == "nodes":
@@ -94,7 +94,7 @@ def positions(scene: Scene, model: FullModel) -> Array:
 
 
 def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
-    """Snapshots of a scene: `modes` mass-normalised eigenmodes with the slider held at each of the positions.
+    """Snapshots of a scene: ``reduction.modes`` mass-normalised eigenmodes for each position of the held slider.
 
     An InputError is raised if the slider can't be held at one of the positions, a ConvergenceError if too few modes
     exist or converge.
@@ -123,8 +123,8 @@ def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
 #: Work of a load or row on a mode, over its largest work on any mode, up to which it does not excite the mode.
 UNREACHED = 1e-8
 
-#: Square root of the measure of `_bent_modes`, over that of the most bent mode, up to which axial forces do not bend a
-#: mode; and number of such modes that are expected among the others.
+#: Square root of the measure in `_bent_modes`, over that of the most bent mode, up to which axial forces do not bend a
+#: mode; and number of modes to compute in addition because some are not bent.
 UNBENT, SPARE = 1e-6, 4
 
 #: Smallest share of each rigid-body mode in the span of the computed modes; 1 - 1e-8 on a beam of 2000 elements.
@@ -141,21 +141,22 @@ def free_modes(
 ) -> Snapshots:
     """The lowest M-orthonormal modes that a load or slider can excite, rigid-body modes first; collective.
 
-    There are `count` of them, and up to `enrichment` more.  `count` has to be at least the number of rigid-body modes,
-    and less than the number of excited modes, so that flexibility is left.  The `enrichment` modes leave out at least
-    as many modes as there are rigid sliders and pads, whose forces are determined by what is left out; so a coarse mesh
-    may have fewer.  Rigid-body modes come from the geometry (`pmr.reduction.free_body`), all others are M-orthogonal to
-    them.
+    There are `count` modes, followed by up to `enrichment` further modes.  `count` has to be at least the number of
+    rigid-body modes, and less than the number of excited modes, so that flexibility is left.  At least as many modes
+    remain unused as there are rigid sliders and pads, because their flexibility determines the forces of these; so a
+    coarse mesh may give fewer enrichment modes.  Rigid-body modes come from the geometry (`pmr.reduction.free_body`),
+    all others are M-orthogonal to them.
 
     Modes that no load and no slider can excite stay at rest for ever, such as those along the axis of a straight beam
-    with all loads across it.  They are left out.  If the section is `stressed`, so are those of the `enrichment` modes
-    that axial forces do not bend: these modes serve as modes without inertia, which follow such forces
-    (`pmr.system.attachment`).
+    with all loads across it.  They are left out.  If axial forces act on the section (`stressed`), enrichment modes
+    that such forces do not bend are left out too: enrichment modes serve as modes without inertia, which follow axial
+    forces (`pmr.system.attachment`).
 
-    The solver is ``"auto"``, ``"dense"`` or ``"slepc"``.  A `body` of this model and solver keeps its factor for
-    further use.  An InputError is raised if `count` is out of range, a ConvergenceError if too few modes converge.
+    The solver is ``"auto"``, ``"dense"`` or ``"slepc"``.  If a `body` of this model and solver is given, its factor is
+    used, and kept for further use.  An InputError is raised if `count` is out of range, a ConvergenceError if too few
+    modes converge.
     """
-    # one more shows whether flexibility is left; of a mesh whose modes are all computed at once more are requested
+    # one more mode shows whether flexibility is left; a dense solver has all modes, so more can be left
     rigid = sum(not row.is_fixed and row.compliance == 0.0 for row in model.rows.rows)
     spare = max(1, rigid if is_dense(model, solver) else 1)
     stress = [A for name, A in model.matrices.items() if name.startswith("axial")] if stressed and enrichment else []
@@ -183,14 +184,14 @@ def free_modes(
 
 @dataclass(frozen=True)
 class _LowestModes:
-    """The lowest modes that can be excited; the first `rigid` of them are rigid-body modes."""
+    """The lowest modes that loads and rows can excite; the first `rigid` of them are rigid-body modes."""
 
     modes: Modes
     rigid: int
 
 
 def _lowest_modes(body: FreeBody, count: int) -> _LowestModes:
-    """The `count` lowest modes that can be excited, fewer if there are no more."""
+    """The `count` lowest modes that loads and rows can excite, or all if there are fewer."""
     model, Z = body.model, body.Z
     held = replace(model, rows=Rows(fixed_rows(model), model.size))
     s = _any_position(held)
@@ -216,7 +217,7 @@ def _lowest_modes(body: FreeBody, count: int) -> _LowestModes:
 
 
 def _elastic_modes(fixed_model: FullModel, body: FreeBody, pairs: int) -> Modes:
-    """The `pairs` lowest modes without the rigid-body modes among them."""
+    """The elastic modes among the `pairs` lowest modes, of which some are rigid-body modes."""
     if is_dense(fixed_model, body.choice):
         return _remove_rigid_modes(
             fixed_model, body.Z, DenseEigenSolver(fixed_model).lowest(_any_position(fixed_model), pairs)
@@ -226,17 +227,17 @@ def _elastic_modes(fixed_model: FullModel, body: FreeBody, pairs: int) -> Modes:
 
 
 def _any_position(fixed_model: FullModel) -> float:
-    """Path coordinate in m for rows of which none depends on s."""
+    """Lowest path coordinate in m of a model whose rows do not depend on s, so that any coordinate is right."""
     return float(fixed_model.rows.domain[0]) if fixed_model.rows.rows else 0.0
 
 
 def _remove_rigid_modes(fixed_model: FullModel, Z: Array, modes: Modes) -> Modes:
-    """Modes without the rigid-body modes Z (n_local, c) that the lowest ones contain, M-orthogonal to Z.
+    """Modes that remain of `modes` without the rigid-body modes Z (n_local, c) in their span, M-orthogonal to Z.
 
     Computed rigid-body modes are rigid to a few digits only, and mix with low elastic ones.  Therefore the M-orthogonal
     complement of Z in the span of all modes is computed, and its modes follow from the frequencies of all modes.
-    ConvergenceError is raised if the modes do not contain Z: round-off in the stiffness of a rigid motion is then more
-    than the stiffness of the lowest modes.
+    A ConvergenceError is raised if the modes do not contain Z: round-off in the stiffness of a rigid motion is then
+    more than the stiffness of the lowest modes.
     """
     count = Z.shape[1]
     if count == 0:
@@ -259,10 +260,10 @@ def _remove_rigid_modes(fixed_model: FullModel, Z: Array, modes: Modes) -> Modes
 def _bent_modes(
     model: FullModel, stress: Sequence[PETSc.Mat], modes: Modes, numbers: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
-    """Which of the modes with these numbers are bent by axial forces, of the geometric stiffnesses `stress`.
+    """Which of the modes with these `numbers` are bent by axial forces, whose geometric stiffnesses are `stress`.
 
-    Mode k is measured by the sum of (phi_k^T G phi_j)^2 / omega_k^2 over these matrices G and all modes j before
-    `numbers`.
+    The measure of mode k is the sum of (phi_k^T G phi_j)^2 / omega_k^2 over the matrices G in `stress` and all modes j
+    before the first of `numbers`.
     """
     bending = np.zeros(len(numbers))
     for G in stress:
@@ -273,7 +274,10 @@ def _bent_modes(
 
 
 def _relative_work(model: FullModel, phi: Array) -> Array:
-    """Work (a, k) of a loads and released rows on k modes phi (n_local, k), each over its largest work on any mode."""
+    """Work (a, k) of loads and released rows on k modes phi (n_local, k), each over its largest work on any mode.
+
+    Each of the a rows belongs to a load or to a power of a released row.
+    """
     first = model.M.getOwnershipRange()[0]
     work = [local_csr(model.inputs).T @ phi]
     work += [
@@ -287,7 +291,7 @@ def _relative_work(model: FullModel, phi: Array) -> Array:
 
 
 def _reached_motions(work: Array) -> Array:
-    """Orthonormal combinations (c, k) of c rigid-body modes on which work is done, from the work (a, c) on each mode.
+    """Orthonormal combinations (c, k) of c rigid-body modes on which loads and rows do work (a, c).
 
     The modes may be any set that spans the rigid motions: a motion on which no work is done may be hidden in several of
     them.

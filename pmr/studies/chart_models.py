@@ -107,11 +107,11 @@ def finer_mesh_system(scene: Scene) -> System | None:
 
 
 def richer_system(scene: Scene, system: System, positions: PostureSet, up_to: float) -> System:
-    """Return the system with attachment modes for its contact forces, without a load and with half the largest.
+    """Return the system with attachment modes for its contact forces, without a load and with half the largest load.
 
-    Half the load at which the boom buckles counts where that is less; further modes are for the contact forces of the
-    shape in which it buckles.  `at` are all postures, of which three angles at each extension are used; `up_to` is in
-    kg.
+    If half the load at which the boom buckles is less than half the largest load, that load is taken instead.  Further
+    modes are for the contact forces of the shape in which the boom buckles.  `positions` are all postures, of which
+    three angles at each extension are used; `up_to` is the largest load in kg.
     """
     from pmr.compare.estimate import system_with_attachment_modes
 

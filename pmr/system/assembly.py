@@ -20,16 +20,16 @@ from pmr.system.system import System, consecutive
 from pmr.system.terms import Term, add_terms
 
 Array = NDArray[np.float64]
-#: (rad/s)^2, times M added to K, which is singular where nothing holds a body.
+#: Shift in (rad/s)^2: `Assembly.modes` adds this many times M to K, which is singular if nothing holds a body.
 SHIFT = 1.0
 
 
 class Assembly:
-    """Equations of all bodies on the n coordinates that no support holds, as sparse matrices.
+    """Equations of all bodies as sparse matrices, on the n coordinates of the bodies that no support holds at zero.
 
-    The system has m contacts, i inputs, o outputs and k terms that vary in time.  The rows of the contacts are C (m, n)
-    and what belongs to them (`ContactRows`); they depend on the coordinates x (sides,) in m of the places of all
-    contacts on their bodies, in the order of `System.sides`.
+    The system has m contacts, i inputs, o outputs and k terms that vary in time.  The rows C (m, n) of the contacts,
+    with their flexibility and the effect of inputs (`ContactRows`), depend on the coordinates x (sides,) in m of the
+    places of all contacts on their bodies, in the order of `System.sides`.
     """
 
     def __init__(self, system: System) -> None:
@@ -100,7 +100,7 @@ class Assembly:
 
     @cached_property
     def direct(self) -> Array:
-        """W = O R B (o, i) in m/N: outputs of unit inputs by the residual flexibility R."""
+        """Outputs W = O R B (o, i) in m/N of unit inputs B by the residual flexibility R, with the output matrix O."""
         W = np.zeros((_count(self.output_slices), _count(self.input_slices)))
         for name, flexibility in self._flexibility.items():
             W[self.output_slices[name], self.input_slices[name]] = flexibility.direct
@@ -108,7 +108,7 @@ class Assembly:
 
     @cached_property
     def energy(self) -> Array:
-        """B^T R B (i, i) in m/N, with the residual flexibility R."""
+        """B^T R B (i, i) in m/N with inputs B and residual flexibility R: twice the energy of unit inputs in R."""
         of_loads = np.zeros((_count(self.input_slices),) * 2)
         for name, flexibility in self._flexibility.items():
             of_loads[self.input_slices[name], self.input_slices[name]] = flexibility.energy
@@ -116,7 +116,10 @@ class Assembly:
 
     @property
     def _flexibility(self) -> dict[str, Any]:
-        """Residual flexibility of each body that has one, by name; on carriers if the body has these."""
+        """Residual flexibility of the bodies, by their names: on carriers if a body has carriers, else as tables.
+
+        Bodies without residual flexibility are left out.
+        """
         of_bodies = {
             name: (body if body.carriers is None else body.carriers).flexibility
             for name, body in self.system.bodies.items()
@@ -124,15 +127,18 @@ class Assembly:
         return {name: flexibility for name, flexibility in of_bodies.items() if flexibility is not None}
 
     def stiffness(self, c: Sequence[float] | Array = ()) -> sp.csr_matrix:
-        """K + sum_k c_k G_k (n, n) with amplitudes c (k,) of the system's terms in their order; K if c is empty."""
+        """Stiffness K + sum_k c_k G_k (n, n) with amplitudes c (k,) of the terms and G_k of term k; K if c is empty."""
         return add_terms(self.K, self.terms, "stiffness", c)
 
     def damping(self, c: Sequence[float] | Array = ()) -> sp.csr_matrix:
-        """D + sum_k c_k V_k (n, n) with amplitudes c (k,) of the system's terms in their order; D if c is empty."""
+        """Damping D + sum_k c_k V_k (n, n) with amplitudes c (k,) of the terms and V_k of term k; D if c is empty."""
         return add_terms(self.D, self.terms, "damping", c)
 
     def term_forces(self, q: Array, v: Array, c: Array) -> Array:
-        """Forces -sum_k c_k (V_k v + G_k q), (T, n) in N, of coordinates q, rates v (T, n), amplitudes c (T, k)."""
+        """Forces -sum_k c_k (V_k v + G_k q) (T, n) in N of the terms, with damping V_k and stiffness G_k of term k.
+
+        The coordinates are q (T, n), their rates v (T, n), and the amplitudes of the terms c (T, k).
+        """
         forces = np.zeros_like(q)
         for term, amplitude in zip(self.terms, c.T, strict=True):
             for A, motion in ((term.stiffness, q), (term.damping, v)):
@@ -141,7 +147,7 @@ class Assembly:
         return forces
 
     def contact_rows(self, x: Array) -> ContactRows:
-        """Rows of the contacts with their places at x (sides,) in m, as `System.coordinates` returns it."""
+        """Rows of the contacts with their places at x (sides,) in m, as `System.side_coordinates` returns them."""
         return self.contact_rows_over_time(x[None]).at_time(0)
 
     def contact_rows_over_time(self, x: Array) -> ContactRows:
@@ -159,13 +165,17 @@ class Assembly:
         return ContactRows(C, F, H, X)
 
     def row_slopes(self, x: Array) -> Array:
-        """Rows dC/dx (m, n) of the contacts with their places at x (sides,) in m, if all places move by the same dx."""
+        """Derivatives dC/dx (m, n) of the contacts' rows if all places move by the same dx.
+
+        The places are at x (sides,) in m.
+        """
         return self.row_rates(x, np.ones(len(x)))
 
     def contact_motions_by_moments(self, x: Array) -> Array:
-        """Motions (m, m) in 1/N of all contacts (rows) by a unit moment on the sides of each contact (columns).
+        """Motions (m, m) in 1/N of all contacts (first axis), each by a unit moment at one contact (second axis).
 
-        The places are at x (sides,) in m.  The moments act by the residual flexibility of the bodies only.
+        The moment acts on the sides of the contact.  The places are at x (sides,) in m.  Only the residual flexibility
+        of the bodies gives way to the moments.
         """
         moved_by_moments = np.zeros((len(self.system.contacts),) * 2)
         for name, flexibility in self._flexibility.items():
@@ -184,7 +194,7 @@ class Assembly:
     def _weights(self, place: Place, position: float, derivative: int) -> tuple[Array, Array]:
         """Numbers (d,) of the carriers that the row of a place touches at `position` in m, and their weights (d,).
 
-        With a `derivative` of 1 or more, the weights are that derivative with respect to the coordinate.
+        With a `derivative` of 1 or more, the weights are their derivatives of that order with respect to the position.
         """
         touched, b = self.system.row(place).touched_weights(position, derivative)
         return touched[0], b[0]
@@ -192,7 +202,7 @@ class Assembly:
     def outputs_by_moments(self, x: Array) -> Array:
         """Outputs (o, m) in 1/N by a unit moment on the sides of each contact, with the places at x (sides,) in m.
 
-        The moments act by the residual flexibility of the bodies only.
+        Only the residual flexibility of the bodies gives way to the moments.
         """
         moved_outputs = np.zeros((_count(self.output_slices), len(self.system.contacts)))
         for side, at in zip(self.system.sides, x, strict=True):
@@ -205,9 +215,9 @@ class Assembly:
         return moved_outputs
 
     def _add_carrier_rows(self, name: str, side_numbers: Sequence[int], x: Array, rows: ContactRows) -> None:
-        """Add to `rows` the contributions of a body on carriers, by its sides with these numbers.
+        """Add to `rows` what a body on carriers contributes, by its sides with the numbers `side_numbers`.
 
-        Their places are at x (sides, T) in m.
+        The places of these sides are at x (sides, T) in m.
         """
         sides, carriers = [self.system.sides[a] for a in side_numbers], self.system.bodies[name].carriers
         assert carriers is not None
@@ -227,10 +237,10 @@ class Assembly:
                 rows.F[:, k, contacts] += np.add.reduceat(between, ends[:-1], axis=1)
 
     def _add_table_rows(self, name: str, side_numbers: Sequence[int], x: Array, contact_rows: ContactRows) -> None:
-        """Add to `contact_rows` the contributions of a single body that has tables over its path.
+        """Add to `contact_rows` what the single body of a system with tables over its path contributes.
 
-        All its sides, with these numbers, have the same path coordinate: that of the first side that travels, in x
-        (sides, T) in m.
+        All sides, with the numbers `side_numbers`, have the same path coordinate: of the coordinates x (sides, T) in m,
+        that of the first side that travels.
         """
         body, sides = self.system.bodies[name], [self.system.sides[a] for a in side_numbers]
         s = next((at for side, at in zip(sides, x, strict=True) if side.place.path is not None), x[0])
@@ -252,8 +262,8 @@ class Assembly:
             (-\omega^2 M + i \omega D + K)\, q + C^T \lambda = B f, \qquad C q + H f - F \lambda = 0, \qquad
             y = O q + W f - X \lambda
 
-        with every contact closed, its `rows` at one place, and amplitudes c (k,) of the terms in K and D.  A
-        LinAlgError is raised if the contacts do not hold the bodies at rest.
+        with every contact closed.  The contacts have `rows` C, F, H and X at given places, and K and D contain the
+        terms with amplitudes c (k,).  A LinAlgError is raised if the contacts do not hold the bodies at rest.
         """
         M, D, K, B = (A.toarray() for A in (self.M, self.damping(c), self.stiffness(c), self.B))
         n, scale = len(K), rows.force_scale(K)
@@ -267,7 +277,7 @@ class Assembly:
         return np.array(answers)
 
     def row_rates(self, x: Array, x_rate: Array) -> Array:
-        """Rows dC/dt (m, n) of contacts with their places at x (sides,) in m that move by x_rate (sides,) in m/s."""
+        """Rates dC/dt (m, n) of the contacts' rows: places at x (sides,) in m move with x_rate (sides,) in m/s."""
         rates = np.zeros((len(self.system.contacts), self.size))
         for side, at, rate in zip(self.system.sides, x, x_rate, strict=True):
             if rate != 0.0:
@@ -280,11 +290,12 @@ class Assembly:
         return rates
 
     def frequencies(self, x: Array, count: int, c: Array | None = None) -> Array:
-        """Lowest natural frequencies ([S,] count) in Hz, every contact closed, its places at x ([S,] sides) in m.
+        """Lowest natural frequencies (count,) or (S, count) in Hz with every contact closed, at one or S places.
 
-        NaN stands where there are fewer than `count`.  Terms have amplitudes c ([S,] k), None for zero.  Of their
-        matrices only the symmetric part of the stiffness and the antisymmetric (gyroscopic) part of the damping count.
-        At the buckling load and beyond the lowest frequency is 0 Hz.
+        The places of all contacts are at x (sides,) or (S, sides) in m, and the terms have amplitudes c (k,) or (S, k);
+        None stands for zero amplitudes.  If there are fewer than `count` frequencies, the rest is NaN. Of the matrices
+        of terms, only the symmetric part of the stiffness and the antisymmetric (gyroscopic) part of the damping count.
+        At the buckling load and beyond, the lowest frequency is 0 Hz.
         """
         if x.ndim == 1:
             return np.asarray(self.frequencies(x[None], count, None if c is None else c[None])[0])
@@ -295,7 +306,7 @@ class Assembly:
         for k in range(len(x)):
             K, V, at = self.stiffness(amplitudes[k]).toarray(), self.damping(amplitudes[k]) - self.D, rows.at_time(k)
             K, turning = add_springs((K + K.T) / 2.0, at), (V - V.T).toarray() / 2.0 if V.count_nonzero() else None
-            if C is None or not np.array_equal(C, at.C[at.rigid]):  # which a cylinder's does not change along the way
+            if C is None or not np.array_equal(C, at.C[at.rigid]):  # a cylinder's row is the same everywhere
                 C = at.C[at.rigid]
                 Z = free_motions(C)
                 M = self.M.toarray() if Z is None else Z.T @ self.M.toarray() @ Z
@@ -310,15 +321,15 @@ class Assembly:
     def modes(self, rows: ContactRows, count: int, c: Array | Sequence[float] = ()) -> tuple[Array, Array]:
         """Lowest modes with every contact closed: omega (f,) in rad/s, ascending, and phi (n, f) in 1/sqrt(kg).
 
-        They are normalised to phi^T M phi = 1.  `rows` are those of `at`.  f is `count`, or less where there are fewer
-        modes.  Of terms with amplitudes c (k,) the symmetric part of the stiffness counts; at the buckling load and
-        beyond omega is 0.
+        They are normalised to phi^T M phi = 1.  `rows` are the contacts' rows at one time.  The number f is `count`, or
+        less if there are fewer modes.  Of the stiffness of terms with amplitudes c (k,), the symmetric part counts; at
+        the buckling load and beyond, omega is 0.
         """
         M, stiffness, Z = self.M.toarray(), self.stiffness(c).toarray(), free_motions(rows.C[rows.rigid])
         K = add_springs((stiffness + stiffness.T) / 2.0, rows) + SHIFT * M
         if Z is not None:
             M, K = Z.T @ M @ Z, Z.T @ K @ Z
-        if len(c) and scipy.linalg.eigvalsh(K, subset_by_index=(0, 0))[0] <= 0.0:  # nothing holds it
+        if len(c) and scipy.linalg.eigvalsh(K, subset_by_index=(0, 0))[0] <= 0.0:  # buckled: K is not positive definite
             omega2, phi = scipy.linalg.eigh(K, M, subset_by_index=(0, min(count, len(K)) - 1))
             return np.sqrt(np.maximum(omega2 - SHIFT, 0.0)), phi if Z is None else Z @ phi
         # the largest of the inverse: low modes to full relative accuracy

@@ -1,7 +1,8 @@
 r"""Responses to given loads as coordinates: residual attachment modes of a body whose rows are on carriers.
 
-Let R be the flexibility that a model's modes leave out.  Under loads G on carriers and inputs it has the static
-response X = R G.  As coordinates, these responses have inertia too, and since R K R = R
+Let R be the flexibility that the modes Phi of a model with the stiffness K and the mass M leave out.  Loads G on
+carriers and inputs have the static response X = R G.  As coordinates, these responses have inertia too.  Since R K R =
+R, the relations
 
 .. math::
     X^T K X = G^T R G, \qquad X^T M X = G^T (R M R)\, G, \qquad X^T M \Phi = X^T K \Phi = 0
@@ -10,28 +11,30 @@ follow from R and R M R between the carriers.  What is then left out is R - X (X
 residual part in the directions of known loads needs no full model.  Craig and Chang: On the use of attachment modes in
 substructure coupling for dynamic analysis, AIAA paper 77-405, 1977.
 
-The force c of a cylinder, which an extension with kinks makes oscillate, has modes of its own in every simulation of a
-boom:
+The force of a cylinder, with the row c, oscillates if an extension has kinks.  So it has modes of its own in every
+simulation of a boom, made from the responses
 
 .. math:: x_1 = R c^T, \qquad x_{k+1} = R M x_k
 
 (Ritz vectors: Wilson, Yuan, Dickens: Dynamic analysis by direct superposition of Ritz vectors, Earthquake Engineering
 and Structural Dynamics 10, 1982).  They have the section's frequencies and damping along the boom.  Residual
-flexibility has neither inertia nor damping: a section would oscillate on it for ever.  The flexibility that these modes
-leave out does not give way to a cylinder's force.
+flexibility has neither inertia nor damping: a section would oscillate on it for ever.  The residual flexibility that is
+left besides these modes does not give way to a cylinder's force.
 
-Modes without inertia, which follow loads at once, for terms that vary in time and act on what a basis leaves out.
+Modes without inertia follow loads at once.  They are needed for terms that vary in time and act on the residual part.
 
 The flexibility R that a basis leaves out responds to contacts and loads, but not to the forces of terms, which depend
-on the motion of every point.  With geometric stiffness these forces bend the residual part: rigid motions of a section
-that is inclined and compressed come with a bending of their own.  So the first residual modes are coordinates of the
-model whose inertia simulators leave out,
+on the motion of every point.  With geometric stiffness these forces bend the residual part: a rigid motion of a section
+that is inclined and compressed causes bending.  So the first residual modes are coordinates of the model whose inertia
+simulators leave out,
 
 .. math::
     2 \zeta \omega\, \dot\eta + \omega^2 \eta + \sum_k c_k\, \varphi^T A_k\, q = \varphi^T (B f - C^T \lambda)
 
-They follow the forces on them at once, as R does, and have the damping that R has not.  To first order in c, in the
-space of these modes, R becomes :math:`R_A = R - c\, R A R` and the basis V becomes :math:`V_A = V - c\, R A V`.
+with the coordinate :math:`\eta` of a mode :math:`\varphi`, its frequency :math:`\omega` and damping ratio
+:math:`\zeta`, and the matrices :math:`A_k` and amplitudes :math:`c_k` of the terms.  They follow the forces on them at
+once, as R does, and have the damping that R lacks.  To first order in c, in the space of these modes, R becomes
+:math:`R_A = R - c\, R A R` and the basis V becomes :math:`V_A = V - c\, R A V`.
 """
 
 from __future__ import annotations
@@ -51,9 +54,9 @@ from pmr.system.truncation import extend, with_tables
 
 Array = NDArray[np.float64]
 
-#: Share of the inertia of all responses that may be left out, and most attachment modes.
+#: Share of the inertia of all responses that may be left out, and largest number of attachment modes.
 LEFT_OUT, MOST = 1e-8, 128
-#: Share of loads below which their responses are round-off: of loads that cancel, as a load right at a slider.
+#: Share of the loads below which responses are round-off, as of a load and the equal force of a slider at one point.
 CANCELLED = 1e-11
 #: Number of cylinder modes in a model, and in the richer model by which its error is estimated.
 CYLINDER, RICHER = 2, 3
@@ -64,8 +67,8 @@ DEPENDENT = 1e-9
 def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
     """Return the model with `CYLINDER` modes of its cylinder as its last coordinates.
 
-    A model without a cylinder is returned unchanged.  If the responses to the cylinder's force have no inertia, there
-    are no modes, and what round-off leaves of the flexibility under this force is removed.
+    A model without a cylinder is returned unchanged.  If the responses to the cylinder's force have no inertia, no
+    modes are added, and the residual flexibility under this force, which is only round-off, is set to zero.
     """
     carriers, count = model.carriers, CYLINDER
     if carriers is None or carriers.answers is None:
@@ -84,7 +87,7 @@ def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
 
 
 def has_frame_matrices(model: ReducedModel) -> bool:
-    """Whether the matrices of a moving frame and of second order can be computed on attachment modes of this model."""
+    """Whether the matrices of a moving frame and of second order are known on the attachment modes of this model."""
     carriers = model.carriers
     if carriers is None or not carriers.matrices:
         return not model.matrices
@@ -96,9 +99,9 @@ def _extend_frame_matrices(
 ) -> ReducedModel:
     """Return `extended_model` with matrices and ports on its last a coordinates, which `model` does not have.
 
-    These coordinates are responses to combinations `loads` (K + i, a) of loads on K carriers and i inputs, plus
-    `combinations` (k, a) of the first k responses to the cylinder's force.  Without `matrices` on the carriers nothing
-    changes.
+    These coordinates are the responses to `loads` (K + i, a) on K carriers and i inputs, plus `combinations` (k, a) of
+    the first k responses to the cylinder's force.  If the carriers have no `matrices`, `extended_model` is returned
+    unchanged.
     """
     carriers, modes, r, (count, a) = model.carriers, model.enrichment, model.size, combinations.shape
     assert carriers is not None
@@ -109,7 +112,7 @@ def _extend_frame_matrices(
     size, p = len(next(iter(carriers.matrices.values()))), len(carriers.spanned)
     row_loads, X = loads if p else np.zeros_like(loads), np.zeros((size, r + a))
     X[:r, :r], X[size - n : size - n + count, r:] = np.eye(r), combinations
-    if modes is not None:  # enrichment modes, which the responses of `answers` contain
+    if modes is not None:  # the responses `answers` contain the enrichment modes
         on_modes = (carriers.enrichment.T @ row_loads[:K] + modes.B @ row_loads[K:]) / modes.stiffness[:, None]
         shares = 0.0 if answers is None else answers.mode_shares(carriers.enrichment, modes)[:, :count] @ combinations
         X[r : r + c, r:] = on_modes + shares
@@ -118,7 +121,7 @@ def _extend_frame_matrices(
     matrices = {name: X.T @ A @ X for name, A in carriers.matrices.items()}
     ports = {name: row @ X for name, row in carriers.ports.items()}
     reactions = extended_model.reactions
-    if reactions is not None:  # files of earlier versions don't have the work on these vectors
+    if reactions is not None:  # reactions in files of earlier versions are not known on these vectors
         worked = {name: A @ X[: A.shape[1]] for name, A in reactions.matrices.items()}
         reactions = replace(reactions, matrices=worked)
     return replace(
@@ -132,10 +135,10 @@ def _extend_frame_matrices(
 def _extend_reactions(
     model: ReducedModel, reactions: Reactions, answers: CylinderResponses, combinations: Array
 ) -> Reactions:
-    """Reactions of the model with `combinations` (k, a) of the first k responses as its last coordinates."""
+    """Reactions of the model with `combinations` (k, a) of the cylinder's first k responses as its last coordinates."""
     assert model.carriers is not None
     r, count, of_all = model.size, len(combinations), answers.supports
-    if model.enrichment is not None:  # modes of the largest basis that are no coordinates of the model
+    if model.enrichment is not None:  # modes of the largest basis that are not coordinates of the model
         joined = reactions.inertia[:, r : r + model.enrichment.count]
         of_all = of_all + joined @ answers.mode_shares(model.carriers.enrichment, model.enrichment)
     inertia = of_all[:, :count] @ combinations
@@ -153,12 +156,13 @@ def with_attachment_modes(
 ) -> ReducedModel:
     """Return the model with principal responses to loads (T, K + i) in N, on K carriers and i inputs, as coordinates.
 
-    They are the responses with the most inertia, at most `MOST`, that together have all but a share `left_out` of the
-    inertia.  If there is a cylinder, `RICHER` of its modes are included.  If no load moves the residual part and there
-    is no cylinder, the model is unchanged.  The model has no reactions of rigid supports any more, unless `at_rest`:
-    then its reactions are right for a model at rest only.
+    The principal responses are those with the most inertia, at most `MOST`, that together have all but a share
+    `left_out` of the inertia of all responses.  If the section has a cylinder, `RICHER` modes of the cylinder are
+    included.  If no load moves the residual part and there is no cylinder, the model is returned unchanged.
 
-    A ValueError is raised if the model has no flexibility and inertia of its residual part on carriers.
+    The result has no reactions of rigid supports, unless `at_rest` is true: then it has reactions that are right only
+    for a model at rest.  A ValueError is raised if the model lacks flexibility or inertia of its residual part on
+    carriers.
     """
     carriers = model.carriers
     if carriers is None or carriers.flexibility is None or carriers.inertia is None:
@@ -177,7 +181,7 @@ def with_attachment_modes(
     if not len(stiffness):
         return model if answers is None else _clear_cylinder_flexibility(model, answers)
     with_modes, g = _append_vectors(model, stiffness, measured @ turned, outputs @ turned), G.shape[1]
-    if at_rest and model.reactions is not None:  # where forces do not depend on which inertia supports bear
+    if at_rest and model.reactions is not None:  # at rest, forces do not depend on the inertia of the new coordinates
         reactions, none = model.reactions, np.zeros((len(model.reactions.names), len(stiffness)))
         inertia, damping, stiff = (
             np.hstack([part[:, : model.size], none])
@@ -192,8 +196,8 @@ def with_attachment_modes(
 def _diagonalise(K: Array, M: Array) -> tuple[Array, Array]:
     """Combinations X (k, a) with X^T M X = I and X^T K X = diag(omega^2), and omega^2 (a,) in (rad/s)^2.
 
-    Directions without stiffness or inertia are left out: they are round-off, of a model with nearly all modes of its
-    mesh.
+    K and M are (k, k).  Directions without stiffness or inertia are left out: they are round-off in a model that has
+    nearly all modes of its mesh.
     """
     count = len(K)
     sound = np.flatnonzero((np.diagonal(K) > 0.0) & (np.diagonal(M) > 0.0))
@@ -210,9 +214,9 @@ def _diagonalise(K: Array, M: Array) -> tuple[Array, Array]:
 
 
 def _append_vectors(model: ReducedModel, stiffness: Array, measures: Array, outputs: Array) -> ReducedModel:
-    """Return the model with a M-orthonormal vectors of that `stiffness` (a,) as its last coordinates.
+    """Return the model with a M-orthonormal vectors as its last coordinates, with their `stiffness` (a,) omega^2.
 
-    They measure `measures` (K + i, a) on K carriers and i inputs, and `outputs` (o, a).
+    Their values on K carriers and at i inputs are `measures` (K + i, a), and their outputs are `outputs` (o, a).
     """
     carriers = model.carriers
     assert carriers is not None
@@ -229,14 +233,14 @@ def _append_vectors(model: ReducedModel, stiffness: Array, measures: Array, outp
     on_modes = replace(carriers, enrichment=measures[:K], inertia=None, answers=None)
     with_modes = extend(
         replace(model, enrichment=modes, carriers=on_modes, reactions=None)
-    )  # which know nothing of them
+    )  # the old ones lack columns for the new coordinates
     return with_modes if carriers.answers is None else _clear_cylinder_flexibility(with_modes, carriers.answers)
 
 
 def _clear_cylinder_flexibility(model: ReducedModel, answers: CylinderResponses) -> ReducedModel:
-    """Return the model without round-off of its residual flexibility under the cylinder's force.
+    """Return the model without the residual flexibility under the cylinder's force, which is only round-off.
 
-    The responses to this force have to be coordinates of the model.
+    Only to be called for a model whose coordinates contain the responses to this force.
     """
     carriers, load = model.carriers, answers.load
     assert carriers is not None and carriers.flexibility is not None
@@ -255,19 +259,20 @@ def _clear_cylinder_flexibility(model: ReducedModel, answers: CylinderResponses)
 
 
 def _load_matrix(part: CarrierFlexibility) -> Array:
-    """Flexibility or inertia (K + i, K + i) between K carriers and i inputs."""
+    """Flexibility, or R M R for the inertia of a residual part, (K + i, K + i) between K carriers and i inputs."""
     return np.block([[part.rows, part.inputs], [part.inputs.T, part.energy]])
 
 
 def _principal_loads(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
-    """Combinations G (K + i, k) of the loads with G^T S G = I, those whose responses have the most inertia first.
+    """Combinations G (K + i, k) of the loads with G^T S G = I; the first ones have the responses with the most inertia.
 
-    S (K + i, K + i) is the inertia of the residual part.  At most `MOST` combinations are returned, which leave out at
-    most a share `left_out` of the inertia; loads whose responses are round-off are left out.
+    S (K + i, K + i) is the inertia of the residual part, `loads` are (T, K + i).  At most `MOST` combinations are
+    returned, which leave out at most a share `left_out` of the inertia.  Loads whose responses are round-off are not
+    used.
     """
     mass = np.trace(S)
     half = pivoted_cholesky(S)  # on a coarse mesh S has a low rank
-    gathered = loads.T @ (loads @ half)  # not by squares of the loads, which would lose what cancels
+    gathered = loads.T @ (loads @ half)  # squares of the loads would lose small sums of large loads
     energy, V = np.linalg.eigh(half.T @ gathered)
     energy, V = energy[::-1], V[:, ::-1]
     energy_so_far = np.cumsum(np.maximum(energy, 0.0))
@@ -277,17 +282,20 @@ def _principal_loads(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
     return np.asarray(gathered @ V[:, chosen] / energy[chosen])
 
 
-#: Modes without inertia of each body: its first bending in each plane (docs/moving_frame.md compares more of them).
+#: Number of modes without inertia of each body: its first bending mode in each plane (docs/moving_frame.md compares).
 QUASI_STATIC = 2
 
 
 def simulated_model(model: ReducedModel, stressed: bool) -> ReducedModel:
-    """Return a model with its cylinder modes and, if it is `stressed` by terms, with modes without inertia."""
+    """Return the model with the modes of its cylinder as coordinates, as simulations need them.
+
+    If the model is `stressed` by terms that vary in time, modes without inertia are added too.
+    """
     return with_cylinder_modes(with_quasi_static_modes(model) if stressed else model)
 
 
 def with_quasi_static_modes(model: ReducedModel, count: int = QUASI_STATIC) -> ReducedModel:
-    """Return the model with up to `count` of its first enrichment modes as last coordinates, without inertia.
+    """Return the model with up to `count` of its first enrichment modes as last coordinates, marked as without inertia.
 
     A model without enrichment modes, or without residual flexibility, is returned unchanged.
     """

@@ -1,11 +1,12 @@
 r"""Bodies that simulators work on: constant matrices and a few rows that move along a path.
 
-`projected` is the Galerkin projection of a body that one process stores,
+`projected` is the Galerkin projection of a body that one process stores on a basis V,
 
 .. math::
     V^T M V, \quad V^T D V, \quad V^T K V, \quad V^T B, \quad O V, \quad C(s) V
 
-and `pmr.reduction.basis` has that of the distributed full model.
+with the outputs O and the rows C(s) at the path coordinate s.  `pmr.reduction.basis` has the Galerkin projection of the
+distributed full model.
 """
 
 from __future__ import annotations
@@ -32,9 +33,9 @@ Array = NDArray[np.float64]
 
 
 class BodyWithOutputs(Protocol):
-    """Body with o outputs: at `output_positions` (o,) in m, with names, units and kinds (`pmr.results.response`).
+    """Body with o outputs at `output_positions` (o,) in m, which have names, units and kinds (`pmr.results.response`).
 
-    Names, units and kinds are empty for models that don't have them.
+    Names, units and kinds are empty in models of versions that did not store them.
     """
 
     @property
@@ -48,7 +49,7 @@ class BodyWithOutputs(Protocol):
 
 
 class RowsOnCarriers(Protocol):
-    """Rows on common carriers, of a reduced body (`CarrierRows`) or a distributed one (`SharedCarriers`)."""
+    """Rows on common carriers: those of a reduced body (`CarrierRows`) or of a distributed one (`SharedCarriers`)."""
 
     def row(self, number: int, name: str) -> Row: ...
 
@@ -65,9 +66,8 @@ class Body(Protocol):
         Clearance of each row that only pushes; NaN for rows that hold both ways.
     moving : list of int
         Numbers of the rows that depend on s.
-    held : dict of int to int
-        Coordinate that each support on a single coordinate holds, by the number of its row.
-    lasting : tuple of str
+    held : dict of int to int     By the number of each row that is a support on a single coordinate: the number of the
+    coordinate held at zero. lasting : tuple of str
         Names of the rows that are rigid, hold both ways, don't depend on s, and combine several coordinates.
     domain : (float, float), m
         Lowest and highest path coordinate for which the rows are defined.
@@ -98,8 +98,8 @@ class Body(Protocol):
 def kinds_of(body: BodyWithOutputs) -> tuple[str, ...]:
     """Kind and direction of each output, such as ``"tip z"`` (`pmr.results.response`).
 
-    Models of earlier versions don't have them: they are derived from names and units.  Without units all outputs are
-    displacements of the beam, and the last one is that of the tip.
+    If the body does not have them, as in models of earlier versions, they are derived from names and units.  Without
+    units, all outputs are displacements of the beam, and the last one is the displacement of the tip.
     """
     if body.output_kinds:
         return body.output_kinds
@@ -121,9 +121,10 @@ def units_of(body: BodyWithOutputs) -> tuple[str, ...]:
 
 
 def _kind_of_earlier_version(name: str, unit: str) -> str:
-    """Kind and direction of an output of a model of an earlier version, from its name and unit.
+    """Kind and direction of an output in a model of an earlier version, from the output's name and unit.
 
-    In m, "z at 2 m" is ``beam z`` and "tip z" is ``tip z``; in N it is a ``pad``, in any other unit a ``probe``.
+    In m, "z at 2 m" has the kind ``beam z``, and "tip z" has ``tip z``.  In N the kind is ``pad``, in any other unit
+    ``probe``.
     """
     if unit != "m":
         return "pad" if unit == "N" else "probe"
@@ -147,22 +148,22 @@ def length_outputs(body: BodyWithOutputs) -> NDArray[np.bool_]:
 
 
 def other_outputs(body: BodyWithOutputs) -> NDArray[np.bool_]:
-    """Which of the outputs (o,) are neither forces nor displacements of the beam: rotations and probes."""
+    """Which of the outputs (o,) are rotations or probes: neither forces nor displacements of the beam or its tip."""
     return np.asarray(~(length_outputs(body) | force_outputs(body)))
 
 
 def pushing_rows(body: SlidingBody) -> list[int]:
-    """Numbers of the rows that only push: their multipliers are never negative, and zero while the contact is open."""
+    """Numbers of the rows that only push: multipliers of such rows are never negative, and zero while they are open."""
     return np.flatnonzero(~np.isnan(body.row_clearance)).tolist()
 
 
 def released_rows(body: SlidingBody) -> list[int]:
-    """Numbers of the rows that move or only push, ascending; their multipliers are forces of sliders and pads."""
+    """Ascending numbers of the rows that move or only push; their multipliers are the forces of sliders and pads."""
     return sorted({*body.moving, *pushing_rows(body)})
 
 
 def clear_rates_without_inertia(body: SlidingBody, v: Array) -> Array:
-    """Rates (T, n) with zeros for the coordinates that have no inertia; `v` itself if all have inertia."""
+    """Rates (T, n) with zeros for the coordinates without inertia; `v` itself if all coordinates have inertia."""
     if not len(body.quasi_static):
         return v
     rates = v.copy()
@@ -181,7 +182,7 @@ class RowProperties:
 
     @property
     def section(self) -> None:
-        """None: a full model does not record the boom of which it is a section."""
+        """None: a full model does not record to which boom it belongs."""
 
     def ensure_whole(self, source: str) -> None:
         """Do nothing: a full model has all of its joints."""
@@ -193,7 +194,7 @@ class RowProperties:
 
     @property
     def row_clearance(self) -> Array:
-        """Clearance (m,) in m of each row that only pushes; NaN where a row holds both ways."""
+        """Clearance (m,) in m of each row that only pushes; NaN for rows that hold both ways."""
         return self.rows.clearance
 
     @property
@@ -213,7 +214,7 @@ class RowProperties:
 
     @property
     def held(self) -> dict[int, int]:
-        """Coordinate that each support on a single coordinate holds, by the number of its row."""
+        """By the number of each row that is a support on a single coordinate: the number of the coordinate it holds."""
         return self.rows.held_coordinates
 
     @property
@@ -224,7 +225,7 @@ class RowProperties:
 
 @dataclass(frozen=True)
 class FullBody(RowProperties):
-    """Full model on one process, sparse: what the full-order reference simulates.
+    """Sparse full model on one process, as the simulation of the full-order reference takes it.
 
     It has n coordinates, i inputs, o outputs and m rows: M, D, K (n, n), B (n, i), `outputs` (o, n).  The other fields
     are those of `pmr.fullmodel.model.FullModel`.
@@ -258,12 +259,15 @@ class FullBody(RowProperties):
 
     @cached_property
     def carriers(self) -> CarrierRows:
-        """Rows on their carriers as dense arrays, for bodies that are small enough to be diagonalised."""
+        """Rows on their carriers as dense arrays, for bodies small enough that full matrices of them can be solved."""
         return CarrierRows.from_rows(self.rows.shared_carriers.rows, self.rows.shared_carriers.carriers.toarray())
 
     @cached_property
     def reactions(self) -> Reactions | None:
-        """Reactions of the h `fixed` rows, None without any; on the shortest motions that move one such row by 1."""
+        """Reactions of the h rows that are fixed (`Row.is_fixed`); None if there are none.
+
+        They use the shortest motions that move one such row by 1 and no other.
+        """
         numbers = self.rows.fixed
         if not numbers:
             return None
@@ -282,15 +286,18 @@ class FullBody(RowProperties):
         )
 
     def C(self, s: float, derivative: int = 0) -> sp.csr_matrix:
-        """Rows (m, n) at s in m, or their derivative of that order with respect to s: sparse."""
+        """Sparse rows C(s) (m, n) at s in m, or their derivative of the order `derivative` with respect to s."""
         return self.rows.at(s, derivative)
 
     def dense_rows(self, s: Array) -> Array:
-        """Dense rows C(s) (T, m, n) at path coordinates s (T,) in m; for a few s at a time."""
+        """Dense rows C(s) (T, m, n) at path coordinates s (T,) in m; they fit in memory for few s only."""
         return np.stack([row.at(s).toarray() for row in self.rows.rows], axis=1)
 
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
-        """C(s) q (T, m), or its derivative of that order times q, for s (T,) in m and coordinates q (T, n)."""
+        """Product C(s) q (T, m) for s (T,) in m and coordinates q (T, n).
+
+        With a `derivative` of 1 or more, that derivative of C with respect to s is used instead of C.
+        """
         return np.stack([row.apply(s, q, derivative) for row in self.rows.rows], axis=1)
 
     def rows_on(self, V: Array) -> PPoly:
@@ -298,8 +305,8 @@ class FullBody(RowProperties):
         return stack_tables([row.project(V) for row in self.rows.rows], self.domain)
 
 
-#: What a simulator takes: constant matrices and a few rows that move with s (equations: `pmr.system.reduced_model`),
-#: dense of a reduced body, sparse of a full one.
+#: Body that a simulator takes: constant matrices and a few rows that move with s (equations:
+#: `pmr.system.reduced_model`).  They are dense for a reduced body and sparse for a full one.
 SlidingBody: TypeAlias = ReducedModel | FullBody
 
 
@@ -312,14 +319,14 @@ class Trajectory:
     q: Array
     v: Array
     multipliers: Array  # lambda (T, m) in N; the sliders push with -lambda on the body
-    s: Array  # (T,) m: path coordinate; (T, m) for a body of a system, whose rows each have a path coordinate
+    s: Array  # (T,) m: path coordinate; (T, m) in a system of bodies, where each row has a path coordinate
     seconds: float  # wall time of the solver alone
-    # share of the largest energy that neither loads nor moving rows put in (`pmr.simulation.balance`); NaN: unknown
+    # energy that neither loads nor moving rows put in, over the largest energy (`pmr.simulation.balance`); NaN: unknown
     surplus: float = np.nan
 
 
 def projected(body: SlidingBody, V: Array) -> ReducedModel:
-    """Reduced model of a body on the columns of V (n, r), with all of its rows and with its flexibility, if any."""
+    """Reduced model of a body on the columns of V (n, r), with all of the body's rows and its flexibility, if any."""
     M, D, K = (symmetric_part(V.T @ (A @ V)) for A in (body.M, body.D, body.K))
     clearance = body.row_clearance
     return ReducedModel(

@@ -1,6 +1,7 @@
 r"""Rows of a reduced body on carriers, as constants: any number of rows, each with a path coordinate of its own.
 
-With c(x) = b(x) U on the full body, the basis V and the flexibility R that V leaves out,
+A row c(x) = b(x) U of the full body has the weights b(x) and the carriers U (`pmr.system.rows`).  For two rows rho and
+sigma, at the path coordinates x and y, with the basis V and the flexibility R that V leaves out,
 
 .. math::
     c(x)\, V = b(x)\, (U V), \qquad c_\rho(x)\, R\, c_\sigma(y)^T = b_\rho(x)\, (U R U^T)\, b_\sigma(y)^T
@@ -8,10 +9,11 @@ With c(x) = b(x) U on the full body, the basis V and the flexibility R that V le
 so rows that travel independently need no table in two variables.  If all rows share one path coordinate, the tables of
 `Flexibility` are these products, multiplied out.
 
-Residual flexibility: the static response of the truncated coordinates, as small tables in s; and the first modes of the
-truncated part (`EnrichmentModes`).
+The residual flexibility is the static response of the truncated coordinates, stored as small tables in s.  The first
+modes of the truncated part are stored too (`EnrichmentModes`).
 
-With q = V p + R (B f - C^T lambda), the rows and outputs become
+With q = V p + R (B f - C^T lambda) for coordinates p, loads f, multipliers lambda and pads of the compliance 1/k, the
+rows and outputs y become
 
 .. math::
     C V p + H f - (G + 1/k) \lambda = 0, \qquad y = O V p + W f - X \lambda, \qquad
@@ -50,22 +52,22 @@ class Flexibility:
     energy: Array  # B^T R B (i, i) m/N: twice the residual strain energy under unit inputs
 
     def with_rows(self, numbers: Sequence[int]) -> Flexibility:
-        """Return the flexibility of a body that has only the rows with these numbers."""
+        """Return the flexibility of the body that keeps only the rows with these `numbers`."""
         rows, inputs = (select_rows(table, numbers) for table in (self.rows, self.inputs))
         outputs = select_columns(self.outputs, numbers)
         return replace(self, rows=select_columns(rows, numbers), inputs=inputs, outputs=outputs)
 
     def row_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
-        """Motion H(s) f - G(s) lambda (T, m) in m of the residual part at the rows, along a trajectory.
+        """Motion H(s) f - G(s) lambda (T, m) in m of the residual part at the rows, at T times.
 
-        It has path coordinates s (T,) in m, multipliers lambda (T, m) in N and loads f (T, i).
+        The path coordinates are s (T,) in m, the `multipliers` lambda (T, m) in N and the `loads` f (T, i).
         """
         return apply_table(self._inputs_and_rows, s, np.hstack([loads, -multipliers]))
 
     def input_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
-        """Motion B^T R (B f - C(s)^T lambda) (T, i) in m of the residual part at the inputs, along a trajectory.
+        """Motion B^T R (B f - C(s)^T lambda) (T, i) in m of the residual part at the inputs, at T times.
 
-        The arguments are those of `row_motion`.
+        The path coordinates are s (T,) in m, the `multipliers` lambda (T, m) in N and the `loads` f (T, i).
         """
         return np.asarray(loads @ self.energy - apply_table(self._inputs_transposed, s, multipliers))
 
@@ -82,20 +84,21 @@ class Flexibility:
 
 @dataclass(frozen=True)
 class EnrichmentModes:
-    """The first c modes that a model truncates, M-orthonormal and ascending; with m rows, i inputs and o outputs.
+    """The first c modes phi that a model truncates, M-orthonormal, with ascending frequencies omega.
 
-    Their flexibility is part of the model's tables.  The error of the model is estimated with them as coordinates, and
-    `pmr.system.truncation` makes them coordinates.
+    The model has r coordinates, m rows, i inputs and o outputs.  The flexibility of these modes is part of the model's
+    tables.  The error of the model is estimated with them as coordinates, and `pmr.system.truncation` makes them
+    coordinates.
     """
 
     AXES: ClassVar = {"stiffness": "c", "damping": "c", "B": "ci", "outputs": "oc", "rows": "mc"}
 
     stiffness: Array  # omega^2 (c,) in (rad/s)^2
     damping: Array  # phi^T D phi = 2 zeta omega (c,) 1/s
-    B: Array  # (c, i)
-    outputs: Array  # (o, c)
+    B: Array  # phi^T B (c, i)
+    outputs: Array  # O phi (o, c)
     rows: PPoly  # C(s) phi (m, c)
-    # (r + c, r + c): `matrices` of the model with these modes as its last coordinates
+    # (r + c, r + c), by name: `matrices` of the model with these modes as its last coordinates
     matrices: Mapping[str, Array] = field(default_factory=dict)
 
     @property
@@ -110,7 +113,7 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class CarrierFlexibility:
-    """Residual flexibility between K carriers, i inputs and o outputs."""
+    """Residual flexibility R between K carriers U, i inputs B and o outputs O."""
 
     AXES: ClassVar = {"rows": "KK", "inputs": "Ki", "outputs": "oK", "direct": "oi", "energy": "ii"}
 
@@ -121,14 +124,15 @@ class CarrierFlexibility:
     energy: Array  # B^T R B (i, i) m/N
 
     def tables(self, C: RowPolynomials) -> Flexibility:
-        """Tables over the path of rows C on these carriers, all rows at the same path coordinate."""
+        """Tables over the path for rows with the weights C on these carriers, all rows at the same path coordinate."""
         outputs = transpose(C.times(self.outputs.T))
         return Flexibility(C.quadratic_form(self.rows), C.times(self.inputs), outputs, self.direct, self.energy)
 
     def add_modes(self, U: Array, modes: EnrichmentModes, share: Array) -> CarrierFlexibility:
-        """Return the flexibility plus share_j phi_j phi_j^T for c modes phi_j, which measure U (K, c) on the carriers.
+        """Return the flexibility plus share_j phi_j phi_j^T for each of c modes phi_j.
 
-        `share` (c,) is 1 / omega^2 for modes that are truncated, its negative for modes that become coordinates.
+        The values of the modes on the carriers are U (K, c).  `share` (c,) is 1 / omega^2 for modes that are truncated,
+        and -1 / omega^2 for modes that become coordinates.
         """
         scaled = share[:, None] * modes.B
         return CarrierFlexibility(
@@ -142,34 +146,38 @@ class CarrierFlexibility:
 
 @dataclass(frozen=True)
 class CylinderResponses:
-    r"""Responses x_k, k = 1 to n, to a force on one row c that does not travel: at rest (k = 1), then by inertia.
+    r"""Responses x_k, k = 1 to n, to a force on a row c that does not travel: x_1 is static, the others are by inertia.
 
     .. math:: x_1 = R c^T, \qquad x_{k+1} = R M x_k
 
-    If an eigenmode phi joins R, each :math:`x_k` gains :math:`\varphi\, (c \varphi) / \omega^{2k}`; if it leaves R,
-    :math:`x_k` loses this.
+    R is the residual flexibility, for K carriers U, i inputs B and o outputs O.  If an eigenmode :math:`\varphi` with
+    the frequency :math:`\omega` joins R, each :math:`x_k` gains :math:`\varphi\, (c \varphi) / \omega^{2k}`; if the
+    mode leaves R, :math:`x_k` loses this.
     """
 
     AXES: ClassVar = {"load": "K", "rows": "Kn", "inputs": "in", "outputs": "on", "stiffness": "nn", "inertia": "nn"}
     AXES |= {"supports": "hn", "turned": "ka"}
 
     load: Array  # (K,): weights of the row c on the carriers
-    rows: Array  # U x (K, n) in m/N for k = 1, times s^2 for each further k
+    rows: Array  # U x (K, n): in m/N for k = 1, in s^2 m/N for k = 2, and so on
     inputs: Array  # B^T x (i, n)
     outputs: Array  # O x (o, n)
     stiffness: Array  # x^T K x (n, n)
     inertia: Array  # x^T M x (n, n)
-    supports: Array  # Phi^T M x (h, n) with the motions Phi of `pmr.system.body_matrices`, for the largest basis only
-    # (k, a): combinations of the first k responses that are the model's last a coordinates; a is 0 if none are
+    supports: Array  # Phi^T M x (h, n), Phi as in `pmr.system.body_matrices`; of the largest basis only
+    # (k, a): combinations of the first k responses that are the last a coordinates of the model; a may be 0
     turned: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def mode_shares(self, U: Array, modes: EnrichmentModes) -> Array:
-        """Share (c, n) of each of c modes that each response gains; the modes measure U (K, c) on the carriers."""
+        """Share (c, n) of each of c modes that each response gains, from the modes' values U (K, c) on the carriers."""
         powers = np.arange(1, self.rows.shape[1] + 1)
         return np.asarray((self.load @ U)[:, None] / modes.stiffness[:, None] ** powers)
 
     def add_modes(self, U: Array, modes: EnrichmentModes, sign: float) -> CylinderResponses:
-        """Return the responses with modes added to R, or removed where `sign` is -1; U and `modes` as for `shares`."""
+        """Return the responses with the `modes` added to R (`sign` 1) or removed from it (`sign` -1).
+
+        The values of the modes on the carriers are U (K, c).
+        """
         shares = self.mode_shares(U, modes)
         return replace(
             self,
@@ -183,59 +191,60 @@ class CylinderResponses:
 
 @dataclass(frozen=True)
 class CarrierRows:
-    """The m rows of a body with r coordinates on K carriers, with the flexibility that the coordinates leave out."""
+    """The m rows of a body with r coordinates on K carriers U, and the flexibility that these coordinates leave out."""
 
     AXES: ClassVar = {"values": "Kr", "enrichment": "Kc"}
 
     values: Array  # U V (K, r): values of the coordinates on the carriers
-    # b(x) of each row, by its number, "0" and on, as `pmr.system.rows.Row` has it
+    # weights b(x) of each row, as `pmr.system.rows.Row` has them, by the row's number as text: "0", "1", ...
     breaks: Mapping[str, Array]
     touched: Mapping[str, Indices]
     coefficients: Mapping[str, Array]
     enrichment: Array  # U phi (K, c) of the model's enrichment modes
-    flexibility: CarrierFlexibility | None = None  # R, which the coordinates leave out, between the carriers
-    # R M R between the carriers, in s^2 m/N: response to the inertia of the residual part (`pmr.compare.estimate`)
+    flexibility: CarrierFlexibility | None = None  # residual flexibility R between the carriers
+    # R M R between the carriers, in s^2 m/N: response to inertia forces of the static response (`pmr.compare.estimate`)
     inertia: CarrierFlexibility | None = None
     # responses to the force of the cylinder of a boom's section (`pmr.system.attachment`)
     answers: CylinderResponses | None = None
-    # the model's `matrices` between the N vectors of the largest basis, p vectors that span the residual responses to
-    # loads on carriers and inputs (p is 0 if these are many), and the n vectors of `answers` (if any)
+    # by name: the model's `matrices` between N + p + n vectors: N of the largest basis, p that span the residual
+    # responses to loads on carriers and inputs (p is 0 if these loads are many), and the n responses of `answers`, if
+    # any
     matrices: Mapping[str, Array] = field(default_factory=dict)
-    ports: Mapping[str, Array] = field(default_factory=dict)  # its `ports` on all these vectors, (N + p + n,)
-    spanned: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (p, K + i): these responses in the p vectors
-    # work (h, N + p + n) of `matrices` on the motions of h rigid supports (`pmr.system.body_matrices`)
+    ports: Mapping[str, Array] = field(default_factory=dict)  # `ports` of the model on these vectors, (N + p + n,)
+    spanned: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (p, K + i): residual responses by p vectors
+    # by name: work (h, N + p + n) of `matrices` on the motions of h rigid supports (`pmr.system.body_matrices`)
     supports: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def from_rows(
         cls, rows: Sequence[Row], values: Array, flexibility: CarrierFlexibility | None = None
     ) -> CarrierRows:
-        """Rows on common carriers, on which the coordinates have the `values` U V (K, r); no enrichment modes."""
+        """Rows on common carriers U, without enrichment modes; `values` are U V (K, r) for the basis V."""
         breaks, touched, coefficients = (
             {str(k): getattr(row, name) for k, row in enumerate(rows)} for name in ("breaks", "touched", "coefficients")
         )
         return cls(np.asarray(values), breaks, touched, coefficients, np.zeros((len(values), 0)), flexibility)
 
     def row(self, number: int, name: str) -> Row:
-        """Row with that number, under that name, as a row of the r coordinates with the carriers U V."""
+        """Row with the given `number`, called `name`, as a row of the r coordinates: its carriers are U V (K, r)."""
         k = str(number)
         return Row(name, self.breaks[k], self._sparse_values, self.touched[k], self.coefficients[k])
 
     @cached_property
     def _sparse_values(self) -> sp.csr_matrix:
-        """`values` as a sparse matrix: the carriers of `row`."""
+        """The array `values` as a sparse matrix, which the rows of the method `row` have as carriers."""
         return sp.csr_matrix(self.values)
 
     def polynomials(self, breaks: Array) -> RowPolynomials:
-        """Weights b(x) of all rows on the given `breaks` (k + 1,) in m, which have to hold the breaks of each row."""
+        """Weights b(x) of all rows on the `breaks` (k + 1,) in m, which must contain the breaks of each row."""
         return RowPolynomials.from_rows([self.row(k, str(k)).refine(breaks) for k in range(len(self.breaks))])
 
     def project(self, X: Array) -> CarrierRows:
-        """Return the rows on other coordinates z (k,), the old ones being X z with X (r, k)."""
+        """Return the rows on new coordinates z (k,), from which the old coordinates follow as X z, with X (r, k)."""
         return replace(self, values=self.values @ X)
 
     def with_rows(self, numbers: Sequence[int]) -> CarrierRows:
-        """Return the carriers with only the rows of these numbers."""
+        """Return the same carriers with only the rows that have these `numbers`."""
         return replace(
             self,
             breaks={str(k): self.breaks[str(number)] for k, number in enumerate(numbers)},
@@ -246,7 +255,7 @@ class CarrierRows:
     def truncate(self, r: int, modes: EnrichmentModes) -> CarrierRows:
         """Return the rows on the first r coordinates.
 
-        The other coordinates, which are the `modes`, join the flexibility and become the first enrichment modes.
+        The other coordinates are the given `modes`: they join the flexibility and become the first enrichment modes.
         """
         values, beyond = self.values[:, :r], self.values[:, r:]
         return replace(
@@ -254,14 +263,17 @@ class CarrierRows:
         )
 
     def extend(self, modes: EnrichmentModes) -> CarrierRows:
-        """Return the rows with the first enrichment modes, which are `modes`, as last coordinates: undo `truncated`."""
+        """Return the rows with the first enrichment modes as last coordinates, which undoes `truncate`.
+
+        These modes are the given `modes`.
+        """
         back, enrichment = self.enrichment[:, : modes.count], self.enrichment[:, modes.count :]
         return replace(self._add_modes(back, modes, -1.0), values=np.hstack([self.values, back]), enrichment=enrichment)
 
     def _add_modes(self, U: Array, modes: EnrichmentModes, sign: float) -> CarrierRows:
-        """Return the rows with modes added to flexibility, inertia and answers, or removed where `sign` is -1.
+        """Return the rows with modes added to flexibility, inertia and answers (`sign` 1), or removed from them (-1).
 
-        The modes measure U (K, c) on the carriers.
+        The values of the modes on the carriers are U (K, c).
         """
         assert self.flexibility is not None
         flexibility = self.flexibility.add_modes(U, modes, sign / modes.stiffness)
@@ -270,7 +282,7 @@ class CarrierRows:
         return replace(self, flexibility=flexibility, inertia=inertia, answers=answers)
 
     def contradiction(self, m: int) -> str | None:
-        """Description of what is wrong with the arrays of m rows; None if they are sound."""
+        """Description of what is wrong with the arrays, which should be those of m rows; None if they are sound."""
         for k in map(str, range(m)):
             x, touched, b = self.breaks[k], self.touched[k], self.coefficients[k]
             if x.ndim != 1 or touched.ndim != 2 or len(touched) != len(x) - 1 or not np.all(np.diff(x) > 0.0):

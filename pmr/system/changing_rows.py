@@ -1,14 +1,14 @@
 r"""Rows of a system's contacts as functions of its path coordinates s, with their first and second derivatives.
 
-With the weights b of all sides at x = a + v s, piecewise polynomials on the carriers U of each body
-(`pmr.system.rows`),
+The weights b of all sides, at x = a + v s with constants a and v, are piecewise polynomials on the carriers U of each
+body (`pmr.system.rows`).  With the basis Phi of a body, its residual flexibility R, its inputs B and the compliance 1/k
+of the contacts themselves,
 
 .. math::
     C = b\, U \Phi, \quad F = b\, (U R U^T)\, b^T + k^{-1}, \quad H = b\, U R B, \qquad
     \frac{\partial b}{\partial s_p} = v\, b'(x)
 
-for the sides that travel on path p; Phi is the basis of a body and R is its residual flexibility.  All
-derivatives are exact except at the ends of the polynomials' intervals.
+for the sides that travel on path p.  All derivatives are exact except at the ends of the polynomials' intervals.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Indices = NDArray[np.int64]
 class ChangingRows:
     """Rows of a system on carriers and their derivatives, as functions of P paths with the given `names`.
 
-    An InputError is raised for a body with contacts that has tables over its path instead of carriers.
+    An InputError is raised if a body with contacts has tables over its path instead of carriers.
     """
 
     def __init__(self, assembly: Assembly, names: Sequence[str]) -> None:
@@ -49,9 +49,10 @@ class ChangingRows:
         self._key, self._derivatives = b"", self._evaluate(np.clip(np.zeros(len(names)), *self._ends))
 
     def evaluate(self, s: Array) -> RowDerivatives:
-        """Rows and derivatives with the paths at s (P,) in m; the last result is stored and returned again for its s.
+        """Rows and their derivatives with the paths at s (P,) in m.
 
-        An InputError is raised if a path leads a place to where its row is not defined.
+        The result is stored, and returned again if the next call has the same s.  An InputError is raised if a path
+        leads a place to where its row is not defined.
         """
         if (key := s.tobytes()) != self._key:
             if np.any((s < self._ends[0]) | (s > self._ends[1])):
@@ -60,7 +61,7 @@ class ChangingRows:
         return self._derivatives
 
     def _evaluate(self, s: Array) -> RowDerivatives:
-        """Rows and derivatives with the paths at s (P,) in m."""
+        """Rows and their derivatives with the paths at s (P,) in m, always computed anew."""
         compliance, n, i, P = self._system.compliance, self._size, self._inputs, len(self._names)
         m = len(compliance.constant)
         rows = _zero_rows(m, n, i)
@@ -77,27 +78,27 @@ class ChangingRows:
 
 @dataclass(frozen=True)
 class RowDerivatives:
-    """Rows of m contacts with P paths at given coordinates, and their derivatives; arrays of outputs are empty."""
+    """Rows of m contacts at given coordinates of P paths, and their derivatives; the arrays of outputs are empty."""
 
     rows: ContactRows
-    slopes: ContactRows  # (P, ...): derivatives with respect to each path
-    curves: ContactRows  # (P, P, ...): second derivatives with respect to each two paths
+    slopes: ContactRows  # (P, ...): first derivatives by each path coordinate
+    curves: ContactRows  # (P, P, ...): second derivatives by two path coordinates
 
     def time_derivatives(self, rates: Array) -> tuple[ContactRows, ContactRows]:
-        """First and second derivatives of the rows in t, for paths that move at constant rates (P,) in m/s."""
+        """First and second derivatives of the rows with respect to time, for P paths with constant `rates` in m/s."""
         first = (np.tensordot(rates, A, 1) for A in vars(self.slopes).values())
         second = (np.tensordot(rates, np.tensordot(rates, A, 1), 1) for A in vars(self.curves).values())
         return ContactRows(*first), ContactRows(*second)
 
 
 def _zero_rows(m: int, n: int, i: int, *paths: int) -> ContactRows:
-    """Zeros for m contacts, n coordinates and i inputs, with the axes `paths` in front."""
+    """Zeros for m contacts, n coordinates and i inputs; the numbers in `paths` are the sizes of axes in front."""
     shapes = ((m, n), (m, m), (m, i), (0, m))
     return ContactRows(*(np.zeros((*paths, *shape)) for shape in shapes))
 
 
 class _BodyRows:
-    """Contribution of one body to the contacts: k sides on d carriers each, with polynomials of the same degree."""
+    """Contributions of one body to the rows of contacts: k sides on d carriers each, as polynomials of equal degree."""
 
     def __init__(self, assembly: Assembly, name: str, names: Sequence[str]) -> None:
         system = assembly.system
@@ -125,9 +126,9 @@ class _BodyRows:
         self._at = self._contacts[:, None], np.arange(k * d).reshape(k, d)
 
     def _weights(self, s: Array) -> tuple[Indices, Array]:
-        """Numbers (k d,) of the carriers that the sides touch, and weights with two derivatives by s (3, k, d).
+        """Numbers (k d,) of the carriers that the sides touch, and their weights with two derivatives by s (3, k, d).
 
-        The paths are at s (P,) in m; the weights have the signs of their sides.
+        The paths are at s (P,) in m.  The weights have the signs of their sides.
         """
         travelling = self._path >= 0
         x = np.clip(self._start + np.where(travelling, self._rate * s[self._path], 0.0), *self._ends)
@@ -147,7 +148,10 @@ class _BodyRows:
         return touched, np.einsum("jkp,kpd->jkd", powers, c)
 
     def add(self, s: Array, rows: ContactRows, slopes: ContactRows, curves: ContactRows) -> None:
-        """Add this body's contributions to the rows of all contacts and their derivatives, in place, at s (P,) in m."""
+        """Add to `rows`, `slopes` and `curves`, in place, what this body contributes with the paths at s (P,) in m.
+
+        These are the rows of all contacts and their first and second derivatives.
+        """
         assert self._carriers is not None
         touched, weights = self._weights(s)
         flexibility, P = self._carriers.flexibility, len(s)
@@ -181,7 +185,7 @@ class _BodyRows:
 
 
 def _pad_to_shape(values: NDArray[Any], *shape: int) -> NDArray[Any]:
-    """Pad `values` to `shape` with zeros: before the first powers, and behind the last carriers."""
+    """Pad `values` to `shape` with zeros: in front along the first axis (powers), behind along the last (carriers)."""
     first = shape[0] - values.shape[0]
     wide = np.zeros(shape, values.dtype)
     wide[first:, ..., : values.shape[-1]] = values

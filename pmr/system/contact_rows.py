@@ -1,7 +1,7 @@
 r"""Rows of a system's contacts at given coordinates, and the stiffness of compliant contacts.
 
 Compliant rows are eliminated: they are springs that travel with the slider, and no constraint is left.  With the
-residual flexibility and the pads' compliance F(s) = G(s) + 1/k,
+flexibility F(s) = G(s) + 1/k, of the residual flexibility G and the compliance 1/k of pads,
 
 .. math::
     \lambda = F^{-1} (C q + H f), \qquad
@@ -30,10 +30,10 @@ ROUND_OFF = 1e-14
 
 
 def is_round_off(F: Array, largest: float = 0.0) -> NDArray[np.bool_]:
-    """Which contacts (..., m) with the flexibility F (..., m, m) in m/N are rigid but for round-off.
+    """Which contacts (..., m) with the flexibility F (..., m, m) in m/N are rigid: their flexibility is round-off.
 
-    Their diagonal entry is at most `ROUND_OFF` of the largest one, or of `largest` if that is more: the largest
-    flexibility of the bodies in m/N, where it is known, as all of F may be round-off.
+    Their diagonal entry of F is at most `ROUND_OFF` times the largest entry, or times `largest` if that is more.
+    `largest` is the largest flexibility of the bodies in m/N; it is needed because all of F may be round-off.
     """
     diagonal = np.diagonal(F, axis1=-2, axis2=-1)
     most = np.maximum(diagonal.max(axis=-1, keepdims=True, initial=0.0), largest)
@@ -41,7 +41,7 @@ def is_round_off(F: Array, largest: float = 0.0) -> NDArray[np.bool_]:
 
 
 def clear_rows(F: Array, mask: NDArray[np.bool_]) -> None:
-    """Set the rows and columns of F (..., m, m) of the contacts in a `mask` (..., m) to zero, in place."""
+    """Set to zero, in place, the rows and columns of F (..., m, m) that belong to the contacts in a `mask` (..., m)."""
     F[np.broadcast_to(mask[..., :, None] | mask[..., None, :], F.shape)] = 0.0
 
 
@@ -50,40 +50,41 @@ class ContactRows:
     """Rows of m contacts at given coordinates of their places, at one time or at T times, on n coordinates."""
 
     C: Array  # ([T,] m, n)
-    F: Array  # ([T,] m, m) m/N: residual flexibility and compliance, G + 1/k
-    H: Array  # ([T,] m, i) m/N: motion of the contacts by i unit inputs, by the residual flexibility
-    X: Array  # ([T,] o, m) m/N: by how much unit contact forces reduce o outputs, by the residual flexibility
+    F: Array  # ([T,] m, m) m/N: G + 1/k, residual flexibility plus compliance
+    H: Array  # ([T,] m, i) m/N: motion of the contacts that i unit inputs cause by the residual flexibility
+    X: Array  # ([T,] o, m) m/N: reduction of o outputs that unit contact forces cause by this flexibility
 
     def at_time(self, k: int) -> ContactRows:
-        """Rows of the contacts at time number k."""
+        """Rows of the contacts at the time with number k; only for rows at T times."""
         return ContactRows(self.C[k], self.F[k], self.H[k], self.X[k])
 
     def select(self, mask: NDArray[np.bool_]) -> ContactRows:
-        """Rows of the contacts in a `mask` (m,) alone."""
+        """Rows of those contacts alone that are in a `mask` (m,)."""
         F = self.F[..., mask, :][..., mask]
         return ContactRows(self.C[..., mask, :], F, self.H[..., mask, :], self.X[..., mask])
 
     def force_scale(self, K: sp.csr_matrix | Array) -> float:
-        """Unit of forces by which contact equations are scaled: the largest entry of the stiffness K (n, n).
+        """Factor by which contact equations are scaled: the largest entry of the stiffness K (n, n).
 
-        If K is zero, as for rigid motions, it is the largest entry of C squared over that of F, or 1 if F is zero.
+        If K is zero, as for rigid motions, it is the square of the largest entry of C over the largest entry of F, or 1
+        if F is zero.
         """
         flexibility = abs(self.F).max(initial=0.0)
         return float(abs(K).max() or (abs(self.C).max() ** 2 / flexibility if flexibility else 1.0))
 
     @cached_property
     def force_coefficients(self) -> Array:
-        """Contact forces F^-1 C and F^-1 H (m, n + i), side by side, by unit coordinates and inputs; at one time."""
+        """Contact forces (m, n + i) at one time by unit coordinates, F^-1 C, and beside them by unit inputs, F^-1 H."""
         return np.asarray(np.linalg.solve(self.F, np.hstack([self.C, self.H])))
 
     @property
     def rigid(self) -> NDArray[np.bool_]:
-        """Which contacts ([T,] m) are rigid but for round-off of F."""
+        """Which contacts (m,), or (T, m) at T times, are rigid: their flexibility F is zero or round-off."""
         return is_round_off(self.F)
 
 
 def add_springs(K: Array, rows: ContactRows) -> Array:
-    """Return K (n, n) plus the stiffness C^T F^-1 C of the contacts that are not rigid."""
+    """Return K (n, n) plus the stiffness C^T F^-1 C (n, n) of those contacts that are not rigid."""
     soft = rows.select(~rows.rigid)
     return np.asarray(K + soft.C.T @ np.linalg.solve(soft.F, soft.C))
 
@@ -93,12 +94,12 @@ def free_motions(C: Array) -> Array | None:
     return scipy.linalg.null_space(C) if len(C) else None
 
 
-#: Smallest eigenvalue of F, scaled to a unit diagonal, with which it can be inverted.
+#: Smallest eigenvalue of F, after scaling to a unit diagonal, with which F can be inverted.
 REGULAR = 1e-13
 
 
 def compliant_rows(body: SlidingBody) -> list[int]:
-    """Numbers of the rows of a body that give way, by its residual flexibility or at a pad."""
+    """Numbers of the rows of a body that have flexibility: residual flexibility, or the compliance of a pad."""
     F = np.diag(body.row_compliance)
     if body.flexibility is not None:
         F = F + np.abs(power_contributions(body.flexibility.rows)).max(axis=(0, 1))
@@ -106,7 +107,7 @@ def compliant_rows(body: SlidingBody) -> list[int]:
 
 
 class CompliantRows:
-    """Rows of a body that give way, at any path coordinate."""
+    """Rows of a body that have flexibility F(s) = G(s) + 1/k, at any path coordinate s."""
 
     def __init__(self, body: SlidingBody) -> None:
         self._body, self.numbers = body, compliant_rows(body)
@@ -118,7 +119,7 @@ class CompliantRows:
     def check(self, s: Array) -> None:
         """Raise a SimulationError if F(s) = G(s) + 1/k is singular at one of the path coordinates s (T,) in m.
 
-        F is singular where a slider is at a support, or two sliders are at one point.
+        F is singular if a slider is at a support, or if two sliders are at one point.
         """
         if not self.numbers:
             return

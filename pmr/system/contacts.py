@@ -1,24 +1,25 @@
-r"""Contacts between bodies, the places on bodies that they join, their own compliance, and their friction.
+r"""Contacts between bodies: the places on bodies that they join, the compliance of contacts, and their friction.
 
-Compliance of the contacts themselves: of pads and supports, and of cylinders and ropes, which bear shares of the forces
-of other contacts.
+Pads, supports, cylinders and ropes have a compliance of their own.  Cylinders and ropes bear shares of the forces of
+other contacts too.
 
-The spring of contact k bears the contact's own force and shares of the forces of others, :math:`T = S \lambda`
-(`pmr.scene.mechanism`), and by virtual work it moves each of these contacts by its share.  A rope whose length under
-tension grows with a path is softer the larger the path coordinate s is:
+The spring of a contact bears the force of this contact and shares of the forces of others, in sum :math:`T = S \lambda`
+for the forces :math:`\lambda` of all contacts (`pmr.scene.mechanism`).  By virtual work it moves each of these contacts
+by its share.  A rope whose length under tension grows with a path is softer the larger the path coordinate s is:
 
 .. math::
     C q + H f = (G + A)\, \lambda, \qquad A(s) = S^T \operatorname{diag}\bigl(a + a' s\bigr)\, S, \qquad
     a + a' s = \frac{l(s)}{z\, EA}
 
-with the length l, the number z of parallel ropes and the stiffness EA of one rope.  A is added to the residual
-flexibility G in all equations.  So the ropes store :math:`\tfrac12 \lambda^T A \lambda`, and a drum that pays out rope
-under tension does the work :math:`-\tfrac12 \lambda^T \dot A \lambda` on the boom.
+with the coordinates q, loads f, rows C and H of the contacts, the compliance a + a' s of each spring, the length l, the
+number z of parallel ropes and the stiffness EA of one rope.  A is added to the residual flexibility G in all equations.
+So the ropes store :math:`\tfrac12 \lambda^T A \lambda`, and a drum that pays out rope under tension does the work
+:math:`-\tfrac12 \lambda^T \dot A \lambda` on the boom.
 
-Friction of pads along the boom, in the equations of motion.
+Pads have friction along the boom.
 
-A pad that presses with N, while its section slides out by :math:`\Delta y` in a step, pulls the section back with the
-friction f, and pulls the outer section forward with f:
+A pad that presses with the force N, while its section slides out by :math:`\Delta y` in a step, pulls the section back
+with the friction f, and pulls the outer section forward with f:
 
 .. math:: f_{n+1} = \max(-\mu |N|, \min(\mu |N|, f_n + \kappa\, \Delta y)), \qquad
     \mu = \mu_k + (\mu_s - \mu_k)\, e^{-|\dot s| / v_s}
@@ -31,14 +32,14 @@ moves faster (R. Stribeck 1902; L. C. Bo and D. Pavelescu, The friction-speed re
 velocity of stick-slip motion, Wear 82, 1982, 277-289).  The heat in a step is f times the sliding distance
 :math:`\Delta y - \Delta f / \kappa`.
 
-With :math:`\Lambda` the force of the joint's cylinder of stiffness k, of which :math:`\lambda = \Lambda - \sum f`
-reaches the sections, the pads of a joint slide by the extension less the compression of the cylinder,
+The cylinder of the joint has the stiffness k and the force :math:`\Lambda`, of which :math:`\lambda = \Lambda - \sum f`
+reaches the sections.  The pads of the joint slide by y, the extension s less the compression of the cylinder,
 
 .. math:: y = s - \Lambda / k, \qquad C q + H f - G \lambda - \lambda / k = \sum f / k
 
-so a section that swings on its cylinder rubs too.  Sections are taken as rigid along the boom: friction is a force
-between the tails of both sections, and, on the face that a pad touches, at a distance e from the axis, a moment e f on
-both sections, whose work is :math:`e f\, c'(x) q` with the pad's row c(x).
+so there is also friction if a section swings on its cylinder.  Sections are taken as rigid along the boom: friction is
+a force between the tails of both sections.  As it acts on the face that a pad touches, at the distance e from the axis,
+it is also a moment e f on both sections; with the pad's row c(x), the work of this moment is :math:`e f\, c'(x) q`.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Place:
-    """Point of a body at which a row measures, at the coordinate x(t) = at + rate s(t) in m on the body."""
+    """Point of a body at which a row measures; its coordinate on the body is x(t) = at + rate s(t) in m."""
 
     # a body of the system, and one of its rows
     body: str
@@ -72,34 +73,35 @@ class Place:
     rate: float = 1.0  # negative where the place travels towards the body's tail while the path grows
 
     def coordinate(self, s: Mapping[str, ArrayLike]) -> Array:
-        """Coordinate x (...) in m on the body, from path coordinates s (...) in m by the paths' names."""
+        """Coordinate x (...) in m on the body; `s` maps names of paths to their coordinates (...) in m."""
         travelled = np.zeros(()) if self.path is None else self.rate * np.asarray(s[self.path], float)
         return np.asarray(self.at + travelled)
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Contact between two places, or one and the ground; a positive force pushes the inner body against `direction`.
+    """Contact between two places on bodies, or between one place and the ground.
 
-    An InputError is raised for values that are not allowed.
+    A positive force pushes the inner body against `direction`.  An InputError is raised for values that are not
+    allowed.
     """
 
     name: str
     inner: Place
-    outer: Place | None = None  # None: on the ground
-    # 1 or -1: sign of the displacement of the inner row, relative to that of the outer row, that closes the contact
+    outer: Place | None = None  # None: the contact is with the ground
+    # 1 or -1: sign of the displacement of the inner row relative to the outer row by which the contact closes
     direction: float = 1.0
-    compliance: float = 0.0  # 1/k in m/N; 0 for a rigid one
-    # m, of a contact that only pushes: displacement at which it closes; None: it holds both ways
+    compliance: float = 0.0  # 1/k in m/N; 0 for a rigid contact
+    # m: displacement at which a contact that only pushes closes; None for a contact that holds both ways
     clearance: float | None = None
     friction: float = 0.0  # coefficient along the path while the contact slides
     kind: str = "pad"  # or ``cylinder``, ``support``, ``straight`` (`pmr.results.response`)
-    arm: float = 0.0  # m: of friction, from the axis to the face that the contact presses on
-    shear_stiffness: float = SHEAR_STIFFNESS  # N/m: along the path, while it sticks
-    # of a rope: growth a' of its compliance with a path coordinate, in 1/N, and the path's name
+    arm: float = 0.0  # m: distance of friction from the axis, to the face that the contact presses on
+    shear_stiffness: float = SHEAR_STIFFNESS  # N/m: stiffness along the path while the contact sticks
+    # for a rope: growth a' in 1/N of its compliance with a path coordinate, and the name of this path
     lengthening: float = 0.0
     path: str | None = None
-    bears: tuple[tuple[str, float], ...] = ()  # name of another contact and share of its force, of which it bears
+    bears: tuple[tuple[str, float], ...] = ()  # names of other contacts whose force it bears, and the shares
     static_friction: float = 0.0  # coefficient at rest; 0: the coefficient while it slides
     stribeck_speed: float = STRIBECK_SPEED  # v_s in m/s
 
@@ -132,7 +134,7 @@ class Contact:
 
 
 def contact_error(contact: str, key: str, value: object, allowed: str) -> InputError:
-    """Error about the value of the property `key` of the contact with the name `contact`."""
+    """InputError about the `value` of the property `key` of the contact with the name `contact`."""
     return InputError("system", f"contacts.{contact}.{key}", value, allowed)
 
 
@@ -141,17 +143,17 @@ FRICTION = ("friction", "shear_stiffness", "static_friction", "stribeck_speed")
 
 
 def friction_law(contact: Contact) -> tuple[float, float, float]:
-    """Sliding coefficient, coefficient at rest and Stribeck speed (m/s) of a contact, as src/friction.c reads them."""
+    """Sliding coefficient, coefficient at rest and Stribeck speed (m/s) of a contact, ordered as in src/friction.c."""
     return contact.friction, contact.static_friction or contact.friction, contact.stribeck_speed
 
 
 @dataclass(frozen=True)
 class JointPad:
-    """Pad of a joint; `direction` and the fields below it are those of `Contact`."""
+    """Pad of a joint; the field `direction` and the fields after it have the same meaning as in `Contact`."""
 
     name: str
-    row: str  # name of the row that measures it, on both sections
-    from_end: float  # m: distance from the tail or mouth at which it is
+    row: str  # name of the row that measures the displacement, on both sections
+    from_end: float  # m: distance of the pad from the tail or mouth
     direction: float = 1.0
     compliance: float = 0.0
     clearance: float | None = None
@@ -162,7 +164,7 @@ class JointPad:
     stribeck_speed: float = STRIBECK_SPEED
 
 
-#: Properties that the contact of a joint's pad takes from the pad.
+#: Fields that a contact of a joint takes over from its `JointPad`.
 OF_PAD = ("direction", "compliance", "clearance", "arm", *FRICTION)
 
 
@@ -170,8 +172,9 @@ OF_PAD = ("direction", "compliance", "clearance", "arm", *FRICTION)
 class Joint:
     r"""Pads between two neighbouring sections of a telescope.
 
-    The tail of the inner section is at s on the outer section of length L_out.  A pad at a distance d from the inner
-    tail, and a pad at d from the outer mouth, have the coordinates
+    The tail of the inner section is at s on the outer section, which has the length L_out.  A pad at a distance d from
+    the tail of the inner section has the first pair of coordinates on both sections, a pad at a distance d from the
+    mouth of the outer section the second pair:
 
     .. math:: x_{in} = d,\; x_{out} = s + d \qquad \text{and} \qquad x_{in} = L_{out} - d - s,\; x_{out} = L_{out} - d
 
@@ -197,7 +200,7 @@ class Joint:
 
     @property
     def contacts(self) -> tuple[Contact, ...]:
-        """Contacts of all pads: of those at the tail of the inner section, then of those at the outer mouth."""
+        """Contacts of all pads: first pads at the tail of the inner section, then at the mouth of the outer section."""
         at_tail = [
             (pad, Place(self.inner, pad.row, pad.from_end), Place(self.outer, pad.row, pad.from_end, self.path))
             for pad in self.tail
@@ -214,7 +217,7 @@ class Joint:
 
 @dataclass(frozen=True)
 class Compliance:
-    """Compliance matrix A(s) = constant + sum_q s_q slopes_q (m, m) of the m contacts themselves, linear in Q paths."""
+    """Compliance A(s) = constant + sum_q s_q slopes_q (m, m) of m contacts themselves, with Q path coordinates s_q."""
 
     constant: Array  # (m, m) m/N: where all paths are at 0
     paths: tuple[str, ...]  # (Q,): names of the paths that lengthen ropes
@@ -222,7 +225,10 @@ class Compliance:
 
     @classmethod
     def from_contacts(cls, contacts: Sequence[Contact]) -> Compliance:
-        """Compliance of a system's contacts; an InputError is raised if one bears a contact that does not exist."""
+        """Compliance of a system's contacts.
+
+        An InputError is raised if a contact bears the force of a contact that does not exist.
+        """
         names = [contact.name for contact in contacts]
         S = np.eye(len(contacts))
         for k, contact in enumerate(contacts):
@@ -242,7 +248,7 @@ class Compliance:
 
     @property
     def rigid(self) -> NDArray[np.bool_]:
-        """Contacts (m,) without a compliance of their own while all paths are at 0."""
+        """Which contacts (m,) have no compliance of their own while all paths are at 0."""
         return np.diagonal(self.constant) == 0.0
 
     def matrix(self, s: Array) -> Array:
@@ -250,13 +256,14 @@ class Compliance:
         return np.asarray(self.constant + np.tensordot(s, self.slopes, 1))
 
     def displacements(self, forces: Array, s: Array) -> Array:
-        """A(s) lambda (T, m) in m under forces lambda (T, m) in N, with the paths at s (T, Q) in m."""
+        """Displacements A(s) lambda (T, m) in m by `forces` lambda (T, m) in N, with the paths at s (T, Q) in m."""
         return np.asarray(forces @ self.constant + np.einsum("tm,qmn,tq->tn", forces, self.slopes, s))
 
     def drum_work(self, forces: Array, s: Array) -> Array:
-        """Work (T - 1,) in J of drums on the boom in each step, from forces (T, m) in N and paths at s (T, Q) in m.
+        """Work (T - 1,) in J that rope drums do on the boom in each of T - 1 steps.
 
-        Each step has the mean of the forces at its two ends.
+        The contact forces are `forces` (T, m) in N and the paths are at s (T, Q) in m.  In each step, the mean of the
+        forces at the step's two ends counts.
         """
         mean = (forces[1:] + forces[:-1]) / 2.0
         return np.asarray(-np.einsum("tm,qmn,tn,tq->t", mean, self.slopes, mean, np.diff(s, axis=0)) / 2.0)
@@ -267,16 +274,16 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Friction:
-    """The n pads with friction among m contacts, joint by joint, and the cylinders of the J joints with such pads."""
+    """The n pads with friction among m contacts, grouped by joint, and the cylinders of the J joints with such pads."""
 
     joints: tuple[str, ...]  # names of the sections that slide, which are the names of their paths too
     pads: Indices  # (n,): numbers of the pads' contacts
     first_pads: Indices  # (J + 1,): index in `pads` of the first pad of each joint; n at the end
     cylinders: Indices  # (J,): numbers of the cylinders' contacts; -1 for a joint without a cylinder
-    cylinder_compliance: Array  # (J,) m/N: compliance 1/k of the cylinders; 0 for a rigid one or none
+    cylinder_compliance: Array  # (J,) m/N: compliance 1/k of the cylinders; 0 if rigid or missing
     laws: Array  # (n, 3): constants of the friction laws, as `friction_law` returns them
-    stiffness: Array  # (n,) N/m: kappa
-    arms: Array  # (n,) m: e
+    stiffness: Array  # (n,) N/m: stiffness kappa along the boom
+    arms: Array  # (n,) m: distance e from the axis
     count: int  # number m of all contacts
 
     @classmethod
@@ -305,47 +312,50 @@ class Friction:
         )
 
     def joint_totals(self, friction: Array) -> Array:
-        """Sum of friction (..., J) in N of each joint, from the friction (..., n) in N of its pads."""
+        """Sum of the friction in each joint (..., J) in N, from the `friction` (..., n) in N of all pads."""
         return np.asarray(np.add.reduceat(friction, self.first_pads[:-1], axis=-1))
 
     def cylinder_forces(self, friction: Array) -> Array:
-        """Friction (..., m) in N that contacts bear: the cylinder of a joint bears that of its pads, all others none.
+        """Friction (..., m) in N that contacts bear: a cylinder bears that of its joint's pads, other contacts none.
 
-        The friction of the pads is (..., n) in N.
+        The friction of the pads is `friction` (..., n) in N.
         """
         borne, driven = np.zeros((*friction.shape[:-1], self.count)), self.cylinders >= 0
         borne[..., self.cylinders[driven]] = self.joint_totals(friction)[..., driven]
         return borne
 
     def moments(self, friction: Array, forces: Array) -> Array:
-        """Moments (..., m) in N m of the pads' friction (..., n) in N: times arm and sign of the force of each pad.
+        """Moments (..., m) in N m of the pads' friction (..., n) in N on all contacts; zero if without friction.
 
-        `forces` (..., m) in N are those of all contacts.
+        A moment is the friction times the pad's arm, with the sign of the pad's contact force.  `forces` (..., m) in N
+        are those of all contacts.
         """
         pad_moments = np.zeros(forces.shape)
         pad_moments[..., self.pads] = self.arms * np.sign(forces[..., self.pads]) * friction
         return pad_moments
 
     def compressions(self, friction: Array) -> Array:
-        """Compression (..., m) in m of the joints' cylinders by the friction (..., n) in N of the pads.
+        """Compression (..., m) in m of the joints' cylinders by the `friction` (..., n) in N of the pads.
 
-        It is zero for all other contacts.
+        For contacts that are no such cylinders the result is zero.
         """
         return self.compressions_by_totals(self.joint_totals(friction))
 
     def compressions_by_totals(self, totals: Array) -> Array:
-        """Compression (..., m) in m of the joints' cylinders by the joints' friction (..., J) in N.
+        """Compression (..., m) in m of the joints' cylinders, by the friction `totals` (..., J) in N of the joints.
 
-        It is zero for all other contacts.
+        For contacts that are no such cylinders the result is zero.
         """
         gaps, driven = np.zeros((*totals.shape[:-1], self.count)), self.cylinders >= 0
         gaps[..., self.cylinders[driven]] = (self.cylinder_compliance * totals)[..., driven]
         return gaps
 
     def stored_energy(self, friction: Array, forces: Array) -> Array:
-        """Energy (...) in J that cylinders store beyond lambda^2 / 2 k, with friction (..., n) in N of the pads.
+        """Energy (...) in J that cylinders store beyond lambda^2 / 2 k because of friction.
 
-        Of the `forces` (..., m) in N of all contacts those of cylinders are Lambda, their friction included.
+        The pads have the `friction` (..., n) in N. The argument `forces` (..., m) in N has those of all contacts: for
+        cylinders Lambda, which includes the friction.  The force lambda reaches the sections, k is the cylinder's
+        stiffness.
         """
         total = self.joint_totals(friction)
         return np.asarray(
@@ -354,6 +364,6 @@ class Friction:
 
 
 def friction_joints(contacts: Sequence[Contact]) -> tuple[str, ...]:
-    """Names of the sections that slide with friction, as in `Friction.joints`; empty without friction."""
+    """Names of the sections that slide with friction, as in `Friction.joints`; empty if no contact has friction."""
     friction = Friction.from_contacts(contacts)
     return () if friction is None else friction.joints

@@ -1,4 +1,4 @@
-"""Small dense matrices: whether they are positive definite, rows that depend on each other, natural frequencies."""
+"""Small dense matrices: tests of positive definiteness and of dependent rows, and natural frequencies."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from pmr.system.soundness import pivoted_cholesky
 
 Array = NDArray[np.float64]
 
-#: Norm of A - L L^T over that of A up to which it is round-off.
+#: Norm of A - L L^T, over the norm of A, up to which the difference is round-off.
 ROUND_OFF = 1e-9
-#: Share of an expected load by which the search begins below it.
+#: Share of the expected load by which the search for it begins below it.
 BESIDE = 1e-2
 #: Most steps of the search, relative change of the load in the last one, and share of the load below it at which the
 #: matrix has to be positive definite.
@@ -23,18 +23,19 @@ MOST_STEPS, SETTLED, BELOW = 30, 1e-12, 1e-6
 
 
 def cholesky_root(A: Array) -> Array | None:
-    """Factor L (n, r) of a positive semidefinite A = L L^T (n, n), by Cholesky with pivots; None if A is not.
+    """Factor L (n, r) of a positive semidefinite A = L L^T (n, n), by Cholesky with pivots.
 
-    For any L, :math:`|A - L L^T|_F` is at least the absolute value of the lowest eigenvalue of A, if that is negative.
+    None is returned if A is not positive semidefinite.  For any L, the norm of A - L L^T is at least the absolute value
+    of the lowest eigenvalue of A, if that is negative.
     """
     L = pivoted_cholesky(A)
     return L if np.linalg.norm(A - L @ L.T) <= ROUND_OFF * np.linalg.norm(A) else None
 
 
 class FreeMotions:
-    """Motions that the rows C (c, n) leave free: an orthonormal basis Z (n, r) of them, and matrices on it.
+    """Motions that the rows C (c, n) leave free: an orthonormal basis Z (n, r) of them, and projections on Z.
 
-    It is computed by Householder reflections, one for each row, so no products of full matrices are needed.
+    Z is computed by Householder reflections, one for each row, so no products of full matrices are needed.
     """
 
     def __init__(self, C: Array) -> None:
@@ -60,11 +61,12 @@ class FreeMotions:
 
 
 def first_singular(A: Array, B: Array, near: float = np.nan, up_to: float = np.inf) -> float:
-    """Smallest P > 0 at which A + P B is not positive definite; 0 if A itself is not, infinity if there is no such P.
+    """Smallest load P > 0 at which A + P B is not positive definite; infinity if there is no such P.
 
-    A and B are (n, n); only their symmetric parts count.  A value above `up_to` may be returned as infinity.  If P is
-    expected `near` a load (NaN: not known), it is searched for by inverse iteration from a little below that.  The
-    result is accepted if the matrix is positive definite a little below it: as A is so too, all matrices between are.
+    A and B are (n, n); only their symmetric parts count.  If A itself is not positive definite, 0 is returned.  A
+    result above `up_to` may be returned as infinity.  If P is expected at the load `near` (NaN: not known), P is
+    searched for by inverse iteration from a little below `near`.  The result is accepted if the matrix is positive
+    definite a little below it: since A is positive definite too, so are all matrices between.
     """
     A, B = (A + A.T) / 2.0, (B + B.T) / 2.0
     if not is_definite(A):
@@ -81,7 +83,7 @@ def first_singular(A: Array, B: Array, near: float = np.nan, up_to: float = np.i
 
 
 def _singular_above(A: Array, B: Array, low: float) -> float | None:
-    """First P above `low` at which A + P B is singular, for positive definite A; None if that is not found.
+    """First P above `low` at which A + P B is singular, for a positive definite A; None if it is not found.
 
     It is not found if A + low B is not positive definite, if the iteration does not converge or reaches a shape x with
     x^T B x >= 0, or if the matrix is not positive definite a little below the result.
@@ -89,7 +91,7 @@ def _singular_above(A: Array, B: Array, low: float) -> float | None:
     factor, failed = scipy.linalg.lapack.dpotrf(A + low * B, lower=1)
     if failed:
         return None
-    x, last = np.cos(np.arange(len(A), dtype=float)), np.inf  # has a part of every shape
+    x, last = np.cos(np.arange(len(A), dtype=float)), np.inf  # a vector with a part in every eigenvector
     for _ in range(MOST_STEPS):
         b = -(B @ x)
         x, _ = scipy.linalg.lapack.dpotrs(factor, b, lower=1)
@@ -110,10 +112,10 @@ def is_definite(A: Array) -> bool:
 
 
 def natural_frequencies(M: Array, V: Array | None, K: Array) -> Array:
-    """Frequencies omega (n,) in rad/s, ascending, of M q'' + V q' + K q = 0 with V antisymmetric or None.
+    """Frequencies omega (n,) in rad/s, ascending, of M q'' + V q' + K q = 0; V is antisymmetric, or None for zero.
 
-    Omega is 0 for directions in which K is not positive.  On modes of K, with the rates z' and the strains omega z as
-    unknowns, the equations have the antisymmetric matrix (0, W; -W, -V), W = diag(omega): their round-off is relative
+    Directions in which K is not positive have omega = 0.  With the coordinates z of the modes of K, and z' and omega z
+    as unknowns, the equations have the antisymmetric matrix (0, W; -W, -V), W = diag(omega).  So round-off is relative
     to the largest omega, not to its square.
     """
     if V is None or not np.any(V):
@@ -124,7 +126,7 @@ def natural_frequencies(M: Array, V: Array | None, K: Array) -> Array:
     return np.asarray(np.abs(scipy.linalg.eigvalsh(1j * (turning - turning.T) / 2.0)[len(W) :]))
 
 
-#: A row takes part in a dependence if its share is at least this fraction of the largest one.
+#: A row takes part in a dependence if its share is at least this fraction of the largest share.
 TAKES_PART = 1e-2
 
 
@@ -132,8 +134,8 @@ TAKES_PART = 1e-2
 class Dependence:
     """How independent rows are: `measure` is 1 for orthogonal rows and 0 for dependent ones.
 
-    Of the combination of rows that is closest to zero, `names` has those whose share is at least `TAKES_PART` of the
-    largest.
+    `names` are rows that take part in the combination of rows closest to zero: their share in it is at least
+    `TAKES_PART` of the largest share.
     """
 
     measure: float
@@ -141,9 +143,9 @@ class Dependence:
 
 
 def dependence_of_rows(C: Array, names: Sequence[str]) -> Dependence:
-    """Dependence of rows C (m, r): the smallest singular value after each row is scaled to unit length.
+    """Dependence of rows C (m, r), measured by their smallest singular value after each is scaled to unit length.
 
-    If rows are zero, the measure is 0 and only these rows are named.
+    If some rows are zero, the measure is 0 and only these rows are named.
     """
     size = np.linalg.norm(C, axis=1)
     if not size.all():
@@ -154,9 +156,10 @@ def dependence_of_rows(C: Array, names: Sequence[str]) -> Dependence:
 
 
 def dependence_of_flexibility(F: Array, names: Sequence[str]) -> Dependence:
-    """Dependence of rows by their symmetric flexibility F (m, m), scaled to a unit diagonal: its lowest eigenvalue.
+    """Dependence of rows, measured by the lowest eigenvalue of their symmetric flexibility F (m, m).
 
-    If diagonal entries are not positive, the measure is 0 and only these rows are named.
+    F is scaled to a unit diagonal before.  If diagonal entries are not positive, the measure is 0 and only the rows of
+    these entries are named.
     """
     diagonal = np.diagonal(F)
     if not np.all(diagonal > 0.0):
@@ -167,6 +170,6 @@ def dependence_of_flexibility(F: Array, names: Sequence[str]) -> Dependence:
 
 
 def _involved_names(shares: Array, names: Sequence[str]) -> tuple[str, ...]:
-    """Names whose share (m,) is at least `TAKES_PART` of the largest."""
+    """Names of the rows whose share in `shares` (m,) is at least `TAKES_PART` of the largest share."""
     large = np.abs(shares) >= TAKES_PART * np.abs(shares).max()
     return tuple(name for name, takes_part in zip(names, large, strict=True) if takes_part)

@@ -1,19 +1,19 @@
-r"""Systems of a boom's sections: the contacts between them and with the ground, and fewer contacts for rings of pads.
+r"""Systems of a boom's sections: contacts between them and with the ground, and rings of pads as fewer contacts.
 
 A cylinder or rope holds the tail of a section along the boom against the tail of the next outer section, so the forces
-along the boom of all sections add up to what the base carries.  Its compliance acts under the forces of all sections
-beyond it.  If the outer section has no coordinates along the boom, the cylinder's contact is with the ground.
+along the boom of all sections add up to what the base carries.  The cylinder's compliance acts under the forces of all
+sections beyond it.  If the outer section has no coordinates along the boom, the cylinder's contact is with the ground.
 
 Rings of pads become fewer contacts, as six pads hold the stiff cross-section of a beam in three directions only.  Pads
-that hold both ways, and are at the same place of the same bodies, measure
+rho that hold both ways, have the stiffnesses k, and are at the same place of the same bodies, have the rows
 
 .. math:: c_\rho(x) = \sum_\kappa S_{\rho\kappa}\, \hat c_\kappa(x), \qquad
     S^T \mathrm{diag}(k)\, S = \bar k\, 1, \quad \bar k \text{ the mean of } k
 
-with fewer rows :math:`\hat c` than pads where the cross-section does not deform between them.  Gap and force of each
-pad are proportional, so contacts :math:`\hat c` of stiffness :math:`\bar k` have the same effect on both bodies,
-whatever these are.  From their forces mu those of the pads follow exactly, :math:`\lambda = \mathrm{diag}(k / \bar k)\,
-S \mu`.
+with a matrix S and rows :math:`\hat c_\kappa`, fewer than the pads if the cross-section does not deform between the
+pads.  Gap and force of each pad are proportional, so contacts :math:`\hat c` of stiffness :math:`\bar k` have the same
+effect on both bodies, whatever these are.  From the forces :math:`\mu` of these contacts, the forces of the pads follow
+exactly, :math:`\lambda = \mathrm{diag}(k / \bar k)\, S \mu`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,10 @@ from pmr.system.terms import terms_of
 
 
 def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
-    """System of a scene's bodies, reduced or full, by name, with contacts and terms; errors as for `System`."""
+    """System of a scene's bodies with their contacts and terms; errors are raised as by `System`.
+
+    `bodies` maps the names of the sections to their reduced or full models.
+    """
     terms = partial(terms_of, scene)
     if ALONE in bodies:
         return replace(System.of(bodies[ALONE]), terms=terms(bodies), terms_of=terms)
@@ -51,15 +54,15 @@ def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
 
 
 def with_terms_of(scene: Scene, system: System) -> System:
-    """Return a system that was read from a file, with the scene's `terms_of` for other models of its bodies.
+    """Return a system read from a file with the scene's function `terms_of`, which makes terms for other bodies.
 
-    The file has only the terms for its own bodies.
+    A file contains only the terms for its own bodies.
     """
     return replace(system, terms_of=partial(terms_of, scene))
 
 
 def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]:
-    """All contacts between sections, then all with the ground; for a single body those of `System.of`."""
+    """All contacts between sections, then all contacts with the ground; for a single body those of `System.of`."""
     if ALONE in bodies:
         return ground_contacts(bodies[ALONE])
     contacts = [contact for number in range(1, len(scene.sections)) for contact in _contacts(scene, number, bodies)]
@@ -72,7 +75,7 @@ def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]
 
 
 def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
-    """Names of the forces that a scene has, by kind: ``pad``, ``cylinder`` and ``support``; no model is built."""
+    """Names of a scene's forces, by kind (``pad``, ``cylinder`` and ``support``), without building any model."""
     names: dict[str, list[str]] = {"pad": [], "cylinder": [], "support": []}
     for number, (name, member) in enumerate(zip(scene.names, members(scene), strict=True)):
         if number:
@@ -101,7 +104,7 @@ def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
 
 
 def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[Contact]:
-    """Contacts of the joint in which the section with that number slides, its cylinder last."""
+    """Contacts of the joint in which the section with the given `number` slides; its cylinder is the last."""
     joint, inner, outer = scene.sections[number].joint, scene.names[number], scene.names[number - 1]
     assert joint is not None  # as the scene's checks say
     rows = set(bodies[inner].row_names) & set(bodies[outer].row_names)
@@ -141,9 +144,9 @@ def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator
 
 
 def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str]) -> Iterator[JointPad]:
-    """Pads of one ring of a joint on the `rows` that both sections have; a planar beam has none for sideways motion.
+    """Pads of one ring of a joint that have one of the `rows` of both sections.
 
-    `prefix` is how their names begin.
+    A planar beam has no rows for sideways motion.  The names of the pads begin with `prefix`.
     """
     prefix = " ".join(filter(None, (prefix, ring.name)))
     compliance = 0.0 if ring.stiffness == "rigid" else 1.0 / ring.stiffness
@@ -155,7 +158,7 @@ def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str
             yield JointPad(prefix + way, POINT, ring.at, direction, compliance, clearance, arm=arm, **law)
         return
     pads = body_ring(ring, footprint(scene, ring))
-    named = pads.model_copy(update={"name": prefix})  # so are their contacts
+    named = pads.model_copy(update={"name": prefix})  # contacts have these names too
     for (row, *_), (name, face, _) in zip(pads.named_pads, named.named_pads, strict=True):
         if row in rows:
             clearance = ring.clearance_on(face) if ring.unilateral else None
@@ -164,15 +167,16 @@ def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str
 
 
 def _arm(part: BoomSection, face: str) -> float:
-    """Distance in m of a face from the axis; 0 for a body without faces in the scene."""
+    """Distance in m of a face from the section's axis; 0 for a section that has no faces in the scene."""
     side = None if part.body.box is None else part.body.box.faces.get(face)
     return 0.0 if side is None else float(side.normal @ side.start)
 
 
 def _ground_contacts(name: str, body: Body, joined_rows: set[tuple[str, str]], part: BoomSection) -> Iterator[Contact]:
-    """Contacts of a body with the ground: its pads, and its supports except those that hold a single coordinate.
+    """Contacts of a body with the ground: its pads, and its supports that combine several coordinates.
 
-    `joined_rows` (body, row), and rows of tails and points, are left out.
+    Supports on a single coordinate are no contacts, because the model fixes that coordinate.  The pairs (body, row) in
+    `joined_rows`, and the rows of tails and points, are no contacts with the ground either.
     """
     pads = {pad for ring in part.pads for pad, _, _ in ring.named_pads}
     for number, row in enumerate(body.row_names):
@@ -194,7 +198,7 @@ def _luffing_place(name: str, body: Body) -> Place:
 
 
 def _first_break(body: Body, row: str) -> float:
-    """Coordinate in m at which a row that does not travel is defined: the first of its breaks."""
+    """Lowest coordinate in m at which a row that does not travel is defined: its first break."""
     assert body.carriers is not None
     return float(body.carriers.row(body.row_names.index(row), row).breaks[0])
 
@@ -202,29 +206,30 @@ def _first_break(body: Body, row: str) -> float:
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Singular value of a ring's rows, over the largest, up to which it is round-off in modes and flexibility.
+#: Singular value of a ring's rows, over the largest one, up to which it is round-off of modes and flexibility.
 DEPENDENT = 1e-10
-#: Number of random sums by which dependent rows are found: several times the number of pads of a ring.
+#: Number of random sums that show dependent rows: several times the number of pads of a ring.
 SUMS = 32
 
 
 @dataclass(frozen=True)
 class CombinedRings:
-    """A system whose rings of pads are fewer contacts, m' instead of m."""
+    """System in which each ring of pads has fewer contacts: m' contacts instead of m."""
 
     system: System
-    # (m, m'): forces (T, m') of its contacts times the transpose are those of the m original ones; None: no change
+    # S (m, m'): the original contacts have the forces S mu for forces mu (m',) of this system; None: nothing is
+    # combined
     shares: Array | None = None
 
     def original_forces(self, reduced_forces: Array) -> Array:
-        """Forces (..., m) in N of the original contacts, from those (..., m') in N of the smaller system."""
+        """Forces (..., m) in N of the original contacts, from the forces (..., m') in N of the contacts of `system`."""
         return reduced_forces if self.shares is None else reduced_forces @ self.shares.T
 
 
 def combine_rings(system: System) -> CombinedRings:
-    """Combine the rings of pads of a system of reduced bodies into as few contacts as they need.
+    """Combine the rings of pads of a system of reduced bodies into as few contacts as possible.
 
-    A system on one path, or without such rings, stays as it is.
+    A system on one path (`System.on_one_path`), or without rings that can be combined, is returned unchanged.
     """
     if system.on_one_path:
         return CombinedRings(system)
@@ -252,7 +257,7 @@ def combine_rings(system: System) -> CombinedRings:
 
 
 def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _BodyRows]) -> list[tuple[list[int], Array]]:
-    """Numbers of the contacts of each ring with its matrix S (pads, fewer); [[1]] for a contact that stays single."""
+    """Numbers of the contacts of each ring, and its matrix S (pads, fewer); [[1]] for a contact that stays single."""
     groups = dict[object, list[int]]()
     for number, contact in enumerate(contacts):
         combines = contact.clearance is None and contact.compliance > 0.0 and not contact.friction
@@ -266,12 +271,12 @@ def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _BodyRows]) -> list
 
 
 def _places(contact: Contact) -> list[Place]:
-    """Inner place of a contact, and the outer one if there is one."""
+    """Inner place of a contact, followed by the outer place unless the contact is with the ground."""
     return [contact.inner] if contact.outer is None else [contact.inner, contact.outer]
 
 
 def _relative_stiffness(pads: Sequence[Contact]) -> Array:
-    """Stiffness (pads,) of each pad over the mean of all; 1 for a single pad, which may be rigid."""
+    """Stiffness (pads,) of each pad over the mean stiffness; 1 for a single pad, which may be rigid."""
     if len(pads) == 1:
         return np.ones(1)
     stiffness = 1.0 / np.array([pad.compliance for pad in pads])
@@ -279,9 +284,9 @@ def _relative_stiffness(pads: Sequence[Contact]) -> Array:
 
 
 def _ring_basis(bodies: Mapping[str, _BodyRows], pads: Sequence[Contact]) -> Array | None:
-    """Orthonormal basis (pads, fewer) of what the pads' rows measure, times the root of their relative stiffness.
+    """Orthonormal basis (pads, fewer) of the pads' rows, each multiplied by the root of its pad's relative stiffness.
 
-    None if it has as many columns as pads, or if rows can't be combined.
+    None is returned if the basis has as many columns as there are pads, or if the rows can't be combined.
     """
     measured = []
     for same in zip(*map(_places, pads), strict=True):
@@ -298,22 +303,22 @@ def _ring_basis(bodies: Mapping[str, _BodyRows], pads: Sequence[Contact]) -> Arr
 class _BodyRows:
     """Rows of a body and linear combinations of them, on as few carriers as these combinations need.
 
-    Rows that differ in their carriers only, as on a mesh whose cross-section deforms, are combined by sums of carriers;
-    other rows on the same breaks by sums of coefficients.
+    Rows that differ only in their carriers, as on a mesh whose cross-section deforms, are combined by sums of carriers.
+    Other rows on the same breaks are combined by sums of coefficients.
     """
 
     def __init__(self, body: ReducedModel) -> None:
-        assert body.carriers is not None  # as a system has it that is not on one path
+        assert body.carriers is not None  # each body of a system with several paths has carriers
         self._body, self._carriers = body, body.carriers
-        self._size = len(body.carriers.values)  # number of the body's carriers, and of sums of carriers behind them
+        self._size = len(body.carriers.values)  # number of carriers: the body's own, then sums of them
         self._parts = list[tuple[Indices, Indices, Array]]()
         self._rows = dict[tuple[object, ...], Row]()
 
     def measures(self, names: Sequence[str]) -> Array | None:
-        """What the rows with these names measure of modes, flexibility and inputs, (rows, any).
+        """Values (rows, any) of the rows with these `names` on modes, flexibility and inputs, for comparing the rows.
 
-        None if they have different breaks or degrees.  Random sums stand for many coefficients: only the dependence of
-        rows on each other matters.
+        None is returned if the rows have different breaks or degrees.  Random sums stand for many coefficients: only
+        the dependence of rows on each other matters.
         """
         rows = [self._row(name) for name in names]
         if not all(np.array_equal(row.breaks, rows[0].breaks) for row in rows):
@@ -324,16 +329,16 @@ class _BodyRows:
             used = np.unique(rows[0].touched)
             return np.array([self._carrier_measures[used + offset].ravel() for offset in offsets])
         powers = np.arange(len(rows[0].coefficients))[::-1, None]
-        size = np.diff(rows[0].breaks) ** powers  # so that all coefficients have one unit
+        size = np.diff(rows[0].breaks) ** powers  # to give all coefficients the same unit
         sums = np.random.default_rng(12).standard_normal((SUMS, size.size)) * size.ravel()
         return np.array([((row.entries.T @ sums.T).T @ self._carrier_measures).ravel() for row in rows])
 
     @cached_property
     def _carrier_measures(self) -> Array:
-        """What the K carriers measure of modes, flexibility and inputs, (K, any), each kind over its largest value.
+        """Values (K, any) of the K carriers on modes, flexibility and inputs, each kind over its largest value.
 
-        The many columns of the flexibility are replaced by a few sums with random weights, which show as well which
-        rows depend on which.
+        The many columns of the flexibility are replaced by a few sums with random weights, which show dependent rows
+        just as well.
         """
         parts, rng = [self._carriers.values], np.random.default_rng(11)
         if (flexibility := self._carriers.flexibility) is not None:
@@ -345,7 +350,7 @@ class _BodyRows:
         return np.hstack(parts)
 
     def combine(self, names: Sequence[str], shares: Array) -> str:
-        """Add the sum of the named rows times `shares` (rows,) unless it exists; return its name."""
+        """Add a row, the sum of the rows with these `names` times `shares` (rows,), if it is new; return its name."""
         key = (*names, shares.tobytes())
         if key not in self._rows:
             rows, name = [self._row(name) for name in names], f"{names[0]}, {len(self._rows) + 1}"
@@ -389,7 +394,7 @@ class _BodyRows:
 
 
 def _carrier_offsets(rows: Sequence[Row]) -> list[int] | None:
-    """By how much the carrier numbers of each row exceed those of the first; None if rows differ in anything else."""
+    """Difference of each row's carrier numbers from those of the first row; None if rows differ in anything else."""
     first, offsets = rows[0], list[int]()
     for row in rows:
         offset = int(row.touched.min() - first.touched.min())

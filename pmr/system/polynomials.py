@@ -1,7 +1,7 @@
-"""Algebra of piecewise polynomials in the path coordinate s (in m), whose values are numbers, rows or matrices; exact.
+"""Exact algebra of piecewise polynomials in the path coordinate s (in m) with numbers, rows or matrices as values.
 
 A table T(s) is a `scipy.interpolate.PPoly` with coefficients (powers, intervals, *shape), the highest power first, and
-breaks (intervals + 1,) in m; `shape` is that of its values.
+breaks (intervals + 1,) in m; `shape` is the shape of a value T(s).
 """
 
 from __future__ import annotations
@@ -22,10 +22,9 @@ AT_ONCE = 2**18
 
 
 def clip_to_domain(s: ArrayLike, low: float, high: float, label: str) -> Array:
-    """Return `s` (any shape) in m as an array clipped to [low, high].
+    """Return `s` (any shape) in m as an array in which values beyond [low, high] by round-off are clipped.
 
-    Values beyond an end by round-off are clipped.  A ValueError that names `label` and the worst value is raised for
-    others, and for values that are not finite.
+    A ValueError that names `label` and the worst value is raised if a value is further outside or not finite.
     """
     s = np.asarray(s, dtype=float)
     slack = BEYOND_ENDS * (high - low)
@@ -36,9 +35,9 @@ def clip_to_domain(s: ArrayLike, low: float, high: float, label: str) -> Array:
 
 
 def evaluate(table: PPoly, s: ArrayLike, derivative: int = 0, label: str = "slider") -> Array:
-    """Values ``(*s.shape, *shape)`` of a table, or of its derivative of that order, at s in m.
+    """Values ``(*s.shape, *shape)`` of a table at s in m, or of its derivative with the order `derivative`.
 
-    `shape` is that of the table's values.  A ValueError that names `label` is raised where s lies outside the table's
+    `shape` is the shape of the table's values.  A ValueError that names `label` is raised if s is outside the table's
     breaks.
     """
     return np.asarray(table(clip_to_domain(s, table.x[0], table.x[-1], label), nu=derivative))
@@ -48,8 +47,8 @@ def apply_table(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
     """Product A(s_t) x_t (T, m) for a table A with values (m, r), s (T,) in m and x (T, r), at all T times.
 
     With a `derivative` of 1 or more, that derivative of A with respect to s is used instead of A.  A ValueError is
-    raised where s leaves the table's domain.  The matrices A(s_t) of all times are never stored at once, as `PPoly`
-    would do.
+    raised if s leaves the table's domain.  The matrices A(s_t) of all times are never stored at once, as `PPoly` would
+    do.
     """
     table = table if derivative == 0 else table.derivative(derivative)
     s = clip_to_domain(s, table.x[0], table.x[-1], "slider")
@@ -63,7 +62,7 @@ def _interval_numbers(table: PPoly, s: Array) -> Indices:
 
 
 def _powers(x: Array, count: int) -> Array:
-    """Powers (count, T) of x (T,), the highest, count - 1, first; `numpy.vander` takes several times as long."""
+    """Powers (count, T) of x (T,), from the exponent count - 1 down to 0; several times as fast as `numpy.vander`."""
     powers = np.ones((count, len(x)))
     for k in range(count - 1, 0, -1):
         np.multiply(powers[k], x, out=powers[k - 1])
@@ -71,18 +70,19 @@ def _powers(x: Array, count: int) -> Array:
 
 
 def _sum_powers(table: PPoly, interval: Indices, powers: Array, x: Array) -> Array:
-    """Values (T, m) of a table times x (T, r): coefficients times `powers` (p, T) times x, summed over the p powers.
+    """Products (T, m) of a table's values (m, r) and x (T, r), as a sum over the table's p powers.
 
-    `interval` (T,) is the interval of each time.  Successive times on the same interval are computed together.
+    Each summand is a coefficient times the powers in `powers` (p, T) times x.  `interval` (T,) is the number of the
+    table's interval at each time.  Successive times on the same interval are computed together.
     """
     count, _, m, r = table.c.shape
-    products, few = np.empty((len(x), m)), m < r  # multiply the powers by A x (m,) or by x (r,): by the fewer entries
+    products, few = np.empty((len(x), m)), m < r  # multiply powers by A x (m,) or by x (r,), whichever is shorter
     most, first = max(1, AT_ONCE // max(1, count * min(m, r))), 0
     for end in [*(np.flatnonzero(np.diff(interval)) + 1), len(x)]:
         while first < end:
             at = slice(first, min(first + most, end))
             c = table.c[:, interval[first]]
-            if few:  # one product for all powers, with the steps last, along which NumPy adds fastest
+            if few:  # one product for all powers; the times are the last axis, along which NumPy adds fastest
                 of_powers = (c.reshape(count * m, r) @ x[at].T).reshape(count, m, at.stop - first)
                 of_powers *= powers[:, None, at]
                 products[at] = of_powers.sum(axis=0).T
@@ -96,7 +96,7 @@ def _sum_powers(table: PPoly, interval: Indices, powers: Array, x: Array) -> Arr
 
 
 def power_contributions(table: PPoly) -> Array:
-    """Coefficients (p, k, ...) of p powers on k intervals, each times the interval's length to the matching power.
+    """Coefficients (p, k, ...) of p powers on k intervals, each times its interval's length to the same power.
 
     This is the largest contribution of each power to the values on its interval, in the unit of the values.
     """
@@ -106,9 +106,10 @@ def power_contributions(table: PPoly) -> Array:
 
 
 def multiply_tables(A: PPoly, B: PPoly, W: Array | None = None) -> PPoly:
-    """Table A(s) W B(s)^T, values (m, n), of tables A (m, r) and B (n, q) on the same breaks.
+    """Table A(s) W B(s)^T, values (m, n), of tables A with values (m, r) and B with values (n, q) on the same breaks.
 
-    W is a matrix (r, q), the diagonal (r,) of a matrix, or None for the identity; in these two cases q = r.
+    W is a matrix (r, q), the diagonal (r,) of a diagonal matrix, or None for the identity.  With a diagonal or the
+    identity, q has to be r.
     """
     result = np.zeros((len(A.c) + len(B.c) - 1, A.c.shape[1], A.c.shape[2], B.c.shape[2]))
     for p, Ap in enumerate(A.c):
@@ -131,21 +132,21 @@ def transpose(A: PPoly) -> PPoly:
 def add_tables(A: PPoly, B: PPoly, factor: float = 1.0) -> PPoly:
     """Table A(s) + factor B(s) of two tables with values of the same shape.
 
-    Breaks and degrees may differ; the result has the domain of A.
+    Breaks and degrees of A and B may differ; the result has the domain of A.
     """
     A, B = align_tables(A, B)
     return PPoly(A.c + factor * B.c, A.x)
 
 
 def select_columns(table: PPoly, numbers: slice | Sequence[int]) -> PPoly:
-    """Table of the columns `numbers` of a table with values (m, n); the table itself if they are all in order."""
+    """Table of the columns with these `numbers`, of a table with values (m, n); the same table for all in order."""
     if _selects_all(numbers, table.c.shape[3]):
         return table
     return PPoly(np.ascontiguousarray(table.c[..., numbers]), table.x)
 
 
 def select_rows(table: PPoly, numbers: slice | Sequence[int] | Indices) -> PPoly:
-    """Table of the rows `numbers` of a table with values (m, n); the table itself if these are all in their order."""
+    """Table of the rows with these `numbers`, of a table with values (m, n); the same table for all in order."""
     if _selects_all(numbers, table.c.shape[2]):
         return table
     return PPoly(np.ascontiguousarray(table.c[:, :, numbers]), table.x)
@@ -157,24 +158,24 @@ def _selects_all(numbers: slice | Sequence[int] | Indices, count: int) -> bool:
 
 
 def stack_tables(tables: Sequence[PPoly], domain: tuple[float, float]) -> PPoly:
-    """Stack m tables with values (r,) and any breaks as the rows of one table with values (m, r) on `domain` in m."""
+    """Table with values (m, r) on `domain` in m whose rows are m tables with values (r,), which may have any breaks."""
     common = align_tables(*tables, domain=domain)
     return PPoly(np.stack([table.c for table in common], axis=2), common[0].x)
 
 
 def join_columns(*tables: PPoly) -> PPoly:
-    """Table (m, n_1 + n_2 + ...) of the columns of all tables, with values (m, n_1), (m, n_2) and so on.
+    """Table with values (m, n_1 + n_2 + ...), of the columns of tables with values (m, n_1), (m, n_2) and so on.
 
-    It has the domain of the first table.
+    The result has the domain of the first table.
     """
     common = align_tables(*tables)
     return PPoly(np.concatenate([table.c for table in common], axis=3), common[0].x)
 
 
 def align_tables(*tables: PPoly, domain: tuple[float, float] | None = None) -> list[PPoly]:
-    """Return these tables on common breaks and with the same degree, exact.
+    """Return these tables on common breaks and with the same degree, exactly.
 
-    They cover `domain`, (lowest, highest) s in m; None stands for the domain of the first table.
+    `domain` is the (lowest, highest) s in m that they cover; None stands for the domain of the first table.
     """
     if domain is None and all(np.array_equal(table.x, tables[0].x) for table in tables):
         breaks = tables[0].x
@@ -185,15 +186,15 @@ def align_tables(*tables: PPoly, domain: tuple[float, float] | None = None) -> l
 
 
 def same_degree(*coefficients: Array) -> list[Array]:
-    """Arrays of coefficients, each preceded by zeros up to the highest degree among them."""
+    """Arrays of coefficients, with zeros in front of each up to the highest degree among them."""
     most = max(map(len, coefficients))
     return [np.concatenate([np.zeros((most - len(c), *c.shape[1:])), c]) for c in coefficients]
 
 
 def common_breaks(tables: Sequence[PPoly], domain: tuple[float, float]) -> Array:
-    """Breaks (k + 1,) in m that cover `domain` and between which every table is a single polynomial.
+    """Breaks (k + 1,) in m that cover `domain`, between which every table is a single polynomial.
 
-    Breaks closer to the one before than 1e-12 of the domain's length are left out.
+    A break that is closer to the preceding one than 1e-12 of the domain's length is left out.
     """
     low, high = domain
     inner = np.concatenate([table.x for table in tables])
@@ -204,9 +205,9 @@ def common_breaks(tables: Sequence[PPoly], domain: tuple[float, float]) -> Array
 
 
 def refine_table(table: PPoly, breaks: Array, degree: int | None = None) -> PPoly:
-    """Return this piecewise polynomial on finer `breaks`, with zeros before its coefficients up to `degree`; exact.
+    """Return the same piecewise polynomial on finer `breaks`, exactly, and with zeros for powers up to `degree`.
 
-    The breaks have to hold all those of the table within their range.  None leaves the degree as it is.
+    The breaks must contain all breaks of the table within their range.  None leaves the degree as it is.
     """
     source = interval_around(breaks, table.x)
     c = table.c[:, source].copy()
@@ -220,21 +221,21 @@ def refine_table(table: PPoly, breaks: Array, degree: int | None = None) -> PPol
 
 
 def interval_around(fine: Array, coarse: Array) -> NDArray[np.int64]:
-    """Number (k,) of the interval of `coarse` breaks (j + 1,) that holds each interval of `fine` breaks (k + 1,)."""
+    """Number (k,) of the interval of `coarse` breaks (j + 1,) that contains each interval of `fine` breaks (k + 1,)."""
     middle = (fine[1:] + fine[:-1]) / 2.0
     return np.clip(np.searchsorted(coarse, middle, side="right") - 1, 0, len(coarse) - 2)
 
 
-@lru_cache(maxsize=32)  # pads of a ring have the same few, at many places
+@lru_cache(maxsize=32)  # the pads of a ring use the same few splines at many places
 def cardinal_spline(degree: int, knot: float) -> PPoly:
-    r"""Centred cardinal B-spline b with knots `knot` = H apart, and with the integral H; zero outside its knots.
+    r"""Centred cardinal B-spline b with the knot distance `knot` = H and the integral H; it is zero outside its knots.
 
     The spline of degree 3 is C2.  At points x_k with spacing H / p the values, divided by p, satisfy for any s
 
     .. math:: \sum_k b(x_k - s) = 1, \qquad \sum_k b(x_k - s)\, x_k = s, \qquad x_k = x_0 + k H / p,\; p = 1, 2, \dots
 
-    So sums of it over a lattice move as a rigid body does.  De Boor: A Practical Guide to Splines, rev. ed., 2001,
-    chapter IX (Marsden's identity).
+    So sums of it over a lattice of points move as a rigid body does.  De Boor: A Practical Guide to Splines, rev. ed.,
+    2001, chapter IX (Marsden's identity).
     """
     knots = (np.arange(degree + 2) - (degree + 1) / 2.0) * knot
     spline = PPoly.from_spline(BSpline.basis_element(knots, extrapolate=False).tck)
@@ -243,6 +244,6 @@ def cardinal_spline(degree: int, knot: float) -> PPoly:
 
 
 def value_or_zero(spline: PPoly, x: Array) -> Array:
-    """Values of the spline at x (any shape), zero outside its knots."""
+    """Values of a spline at x (any shape), which are zero outside the spline's knots."""
     within = (x > spline.x[0]) & (x < spline.x[-1])
     return np.where(within, spline(np.where(within, x, 0.0)), 0.0)

@@ -4,12 +4,12 @@ r"""Reduced model: a small self-contained file that can be simulated without any
     M \ddot p + D \dot p + K p + C(s)^T \lambda = B f(t), \qquad
     C(s)\, p + H(s) f - (G(s) + 1/k)\, \lambda = 0, \qquad y = O p + W f - X(s) \lambda
 
-with r generalised coordinates p.  For mass-normalised modes the columns of the basis V carry 1/sqrt(kg), so p is in m
-sqrt(kg); for orthonormal POD vectors V is dimensionless and p carries the unit of the coordinates (m, rad).  G, H, W
-and X belong to the residual flexibility (`pmr.system.carriers`) and are zero without one; 1/k is the pads'
-compliance.  lambda is in N: with rows that measure a displacement in m, -C^T lambda is the force of the sliders on the
-body.  A row that only pushes is closed with its clearance on the right-hand side and lambda >= 0, or open with lambda =
-0 (docs/pads.md).
+with r generalised coordinates p, their rows C(s), the outputs y by O, and the loads f.  For mass-normalised modes the
+columns of the basis V carry 1/sqrt(kg), so p is in m sqrt(kg); for orthonormal POD vectors V is dimensionless and p
+carries the unit of the coordinates (m, rad).  G, H, W and X belong to the residual flexibility (`pmr.system.carriers`)
+and are zero without one; 1/k is the pads' compliance.  The multipliers lambda are in N: with rows that measure a
+displacement in m, -C^T lambda is the force of the sliders on the body.  A row that only pushes is either closed, with
+its clearance on the right-hand side of its equation and lambda >= 0, or open, with lambda = 0 (docs/pads.md).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from pmr.system.soundness import describe_asymmetry, describe_misfit, describe_m
 Array = NDArray[np.float64]
 FORMAT = "pmr-reduced-model"
 FORMAT_VERSION = 6
-#: Errors that are raised when a file with wrong content is read.
+#: Errors that NumPy and this module raise for files with wrong content.
 READING = (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError)
 _NAMES = ("input_names", "row_names", "left_out", "output_names", "output_units")
 _OLD_NAMES = {
@@ -55,7 +55,7 @@ _OLD_NAMES = {
 
 @dataclass(frozen=True)
 class SectionOf:
-    """Boom of which a model is a section: the section's name, the boom's title, and the rows of its joints."""
+    """Boom to which a model belongs as a section: name of the section, title of the boom, and rows of the joints."""
 
     name: str
     boom: str
@@ -80,7 +80,7 @@ class ReducedModel:
     output_positions : (o,) array, m
     output_names, output_units, output_kinds : tuples of str
         Name of each output, its unit, and its kind and direction, such as ``"tip z"`` (`pmr.results.response`).
-        Without names and units all are displacements.  Models of earlier versions have no kinds
+        Without names and units, all outputs are displacements.  Models of earlier versions have no kinds
         (`pmr.system.body.kinds_of`).
     left_out : tuple of str
         Rows that all vectors of the basis satisfy.  They are left out, because they would make the system singular.
@@ -93,25 +93,24 @@ class ReducedModel:
     enrichment : EnrichmentModes, optional
         The first modes that the basis leaves out; the error is estimated with them (`pmr.compare.estimate`).
     clearance : (m,) array, m, or None
-        Displacement at which a row that only pushes closes, NaN for rows that hold both ways; None if all do.
+        Displacement at which a row that only pushes closes; NaN for rows that hold both ways, None if all rows do.
     rayleigh : Rayleigh, optional
         Factors of Rayleigh damping, if D is of this kind.
-    carriers : CarriedRows, optional
-        The rows on their carriers, for a system in which each has a path coordinate of its own.
-    reactions : Reactions, optional
-        From which the forces of rigid supports are computed.
-    section : SectionOf, optional
+    carriers : CarrierRows, optional     The rows on their carriers, for a system in which each row has a path
+    coordinate of its own. reactions : Reactions, optional     Work from which the forces of rigid supports are
+    computed. section : SectionOf, optional
         The boom of which this is a section.
     ports : mapping of str to (r,) array
         Motion, by each coordinate, of a point where connectors may be attached: ``"tip z"`` in m, ``"tip ry"`` in rad.
     matrices : mapping of str to (r, r) array
-        V^T A V of the terms of a moving frame and of axial forces, by the names of `pmr.system.body_matrices`; matrices
-        that are zero are left out.
+        V^T A V for each matrix A of a moving frame or of axial forces, by the names of `pmr.system.body_matrices`;
+        matrices that are zero are left out.
     rigid_work : (k, i) array, optional
         Work of unit inputs on the body's k rigid motions: translations along the axes, rotations about axes through
         the tail.
     quasi_static : (q,) array of int
-        Numbers of coordinates without inertia in simulators (`pmr.system.attachment`); M has their inertia.
+        Numbers of the coordinates that simulators treat as without inertia (`pmr.system.attachment`), although M has
+        inertia for them.
     """
 
     AXES: ClassVar = {"M": "rr", "D": "rr", "K": "rr", "input_names": "i", "row_names": "m", "output_positions": "o"}
@@ -151,7 +150,7 @@ class ReducedModel:
 
     @property
     def cylinder_modes(self) -> int:
-        """Number of modes of the section's cylinder (`pmr.system.attachment`), which are the last coordinates."""
+        """Number of modes of the section's cylinder (`pmr.system.attachment`); they are the last coordinates."""
         answers = None if self.carriers is None else self.carriers.answers
         return 0 if answers is None else answers.turned.shape[1]
 
@@ -162,7 +161,7 @@ class ReducedModel:
 
     @property
     def row_clearance(self) -> Array:
-        """Clearance (m,) in m of each row that only pushes; NaN where a row holds both ways."""
+        """Clearance (m,) in m of each row that only pushes; NaN for rows that hold both ways."""
         return np.full(len(self.row_names), np.nan) if self.clearance is None else self.clearance
 
     @property
@@ -171,7 +170,7 @@ class ReducedModel:
         return float(self.rows.x[0]), float(self.rows.x[-1])
 
     def C(self, s: ArrayLike, derivative: int = 0) -> Array:
-        """Rows C(s) (m, r) at s in m, or (T, m, r) at s (T,), or their derivative of that order with respect to s.
+        """Rows C(s) (m, r) at s in m, or (T, m, r) at s (T,); with a `derivative`, their derivative of that order by s.
 
         Raises
         ------
@@ -192,14 +191,14 @@ class ReducedModel:
         return tuple(units.get(name, "N") for name in self.input_names)
 
     def ensure_whole(self, source: str) -> None:
-        """Raise an InputError of `source` if this is a section of a boom: the model lacks the joints that hold it."""
+        """Raise an InputError about `source` if this is a section of a boom, without the joints that hold it."""
         if self.section is not None and set(self.row_names) & set(self.section.joints):
             allowed = f"the model of a whole body is allowed: this is a section of {self.section.boom!r} without what "
             allowed += "joins it to the others; `pmr run` and pmr.simulate(boom, models) know that"
             raise InputError(source, "section", self.section.name, allowed)
 
     def without_joints(self) -> ReducedModel:
-        """Return the model without the rows of joints, so that only its supports hold it; unchanged without joints."""
+        """Return the model without the rows of joints, so that only supports hold it; unchanged if it has no joints."""
         joints = () if self.section is None else self.section.joints
         return self.with_rows([k for k, name in enumerate(self.row_names) if name not in joints])
 
@@ -210,12 +209,12 @@ class ReducedModel:
 
     @property
     def held(self) -> dict[int, int]:
-        """Empty: no row holds a single coordinate (`pmr.system.rows.Rows.held_coordinates`)."""
+        """Empty: no row of a reduced model holds a single coordinate (`pmr.system.rows.Rows.held_coordinates`)."""
         return {}
 
     @property
     def lasting(self) -> tuple[str, ...]:
-        """Empty: the basis satisfies such rows (see `pmr.system.rows.Rows.fixed_combinations`)."""
+        """Empty: the basis satisfies fixed rows of several coordinates (`pmr.system.rows.Rows.fixed_combinations`)."""
         return ()
 
     def dense_rows(self, s: Array) -> Array:
@@ -223,7 +222,10 @@ class ReducedModel:
         return self.C(s)
 
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
-        """C(s) q (T, m), or its derivative of that order times q, for s (T,) in m and coordinates q (T, r)."""
+        """Product C(s) q (T, m) for s (T,) in m and coordinates q (T, r).
+
+        With a `derivative` of 1 or more, that derivative of C with respect to s is used instead of C.
+        """
         return apply_table(self.rows, s, q, derivative)
 
     def rows_on(self, V: Array) -> PPoly:
@@ -231,9 +233,9 @@ class ReducedModel:
         return multiply_matrix(self.rows, V)
 
     def with_rows(self, numbers: Sequence[int]) -> ReducedModel:
-        """Return the model with only the rows of these numbers, and without enrichment modes if others are left out.
+        """Return the model with only the rows of these `numbers`; the other rows hold nothing any more.
 
-        The rows left out hold nothing.  Without enrichment modes errors can't be estimated.
+        If rows are left out, the result has no enrichment modes, and its errors can't be estimated.
         """
         chosen = list(numbers)
         if chosen == list(range(len(self.row_names))):
@@ -256,7 +258,7 @@ class ReducedModel:
         Raises
         ------
         ValueError
-            If the model has a residual flexibility, because this belongs to all coordinates together.
+            If the model has a residual flexibility, which is right only for all coordinates together.
         """
         if self.flexibility is not None:
             raise ValueError("a residual flexibility belongs to all coordinates of its model")
@@ -323,7 +325,7 @@ class ReducedModel:
         return model
 
     def contradiction(self) -> str | None:
-        """Description of what is wrong with the arrays; None if shapes agree, breaks increase and all is finite."""
+        """Description of what is wrong with the arrays; None if shapes agree, breaks increase and values are finite."""
         o, m = len(self.output_positions), len(self.row_names)
         if not {len(self.output_names), len(self.output_units), len(self.output_kinds)} <= {0, o}:
             counts = (
@@ -367,7 +369,8 @@ class ReducedModel:
 def _upgrade_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> dict[str, NDArray[Any]]:
     """Arrays of a file of version 4 or earlier, under the names of the current version.
 
-    Their header also has names of inputs, rows and outputs, provenance and Rayleigh's factors, which become arrays.
+    The header of such a file has the names of inputs, rows and outputs, the provenance and Rayleigh's factors; they
+    become arrays.
     """
     arrays = npz.rename_keys(data, _OLD_NAMES)
     for name in _NAMES:
@@ -383,10 +386,10 @@ def _upgrade_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> 
 
 
 def satisfied_rows(C: PPoly, tolerance: float = 1e-10) -> list[int]:
-    """Numbers of the rows that a basis satisfies identically.
+    """Numbers of the rows C that a basis satisfies identically.
 
-    No coefficient of such a row, times its interval to the matching power, exceeds `tolerance` times the largest of all
-    rows; `tolerance` is the round-off to expect in the basis.
+    Each coefficient of such a row, times its interval's length to the same power, is at most `tolerance` times the
+    largest such value of all rows.  `tolerance` is the round-off to expect in the basis.
     """
     magnitude = np.abs(power_contributions(C)).max(axis=(0, 1, 3))
     return np.flatnonzero(magnitude <= tolerance * magnitude.max()).tolist()

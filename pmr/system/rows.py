@@ -3,26 +3,26 @@ r"""Constraint rows C(s) of sliders and pads, exact in the path coordinate s.
 .. math:: C(s) = b(s)\, U
 
 U (K, n) is fixed and sparse: its K rows, the *carriers*, are the displacements that the constraint row combines.  The
-weights b(s) (K,) are a piecewise polynomial that is not zero on a few carriers of each interval only.  A slider holds
+weights b(s) (K,) are a piecewise polynomial; on each interval of s, only a few of them are not zero.  A slider holds
 the interpolated displacement of a beam: its carriers are the coordinates themselves, its weights the shape functions of
 one element, C1 for cubic Hermite elements.  A pad that slides over a mesh touches thousands of coordinates, but only
-through K weighted means.  What a full model has to know of the path, such as its compliance U R U^T, then takes K
-static solves, however fine the mesh is.  Where several rows together touch fewer than K / 2 coordinates, as pads on a
-beam do, these coordinates are their common carriers.
+through K weighted means.  Quantities of the full model along the path, such as the compliance U R U^T with the
+flexibility R, then take K static solves, however fine the mesh is.  If several rows together touch fewer than K / 2
+coordinates, as pads on a beam do, these coordinates are the common carriers of the rows.
 
-Products of rows C(s) = b(s) U on common carriers and breaks, all of them at the same path coordinate, are tables.  With
-the values U X (K, c) of a matrix X (n, c) on the carriers, and with R = U Q U^T (K, K) of a symmetric matrix Q (n, n)
-between them,
+Products of rows C(s) = b(s) U, on common carriers and breaks and at the same path coordinate, are tables in s.  With
+the values U X (K, c) of a matrix X (n, c) on the carriers, and the values R = U Q U^T (K, K) of a symmetric matrix Q
+(n, n) between the carriers,
 
 .. math:: C(s)\, X = b(s)\, (U X), \qquad C(s)\, Q\, C(s)^T = b(s)\, R\, b(s)^T
 
-Two rows (`StraightRows`) that are zero while a beam does not bend between a fixed point and a moving one.  With the row
+`StraightRows` are two rows that are zero if a beam does not bend between a fixed point and a moving one.  With the row
 w(x) of the beam's displacement at x, the fixed point at p and the moving one at s,
 
 .. math:: w(p) + (s - p)\, w'(p) - w(s) = 0 \qquad \text{and} \qquad (s - p)\, w'(s) - w(s) + w(p) = 0
 
-both ends have the slope of the line through them.  Both rows are zero for rigid motions, so what holds them exerts no
-resultant force and no resultant moment; their multipliers are in N and, times s - p, moments in N m.
+both points have the slope of the line through them.  Both rows are zero for rigid motions, so their multipliers exert
+no resultant force and no resultant moment.  The multipliers are in N; times s - p they are moments in N m.
 """
 
 from __future__ import annotations
@@ -44,38 +44,38 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Row:
-    """One constraint row C(s) = b(s) U of a full model, on K carriers: the rows of U (K, n), which b(s) (K,) weights.
+    """One constraint row C(s) = b(s) U of a full model on K carriers, which are the rows of U (K, n).
 
-    Each interval of s touches d of the carriers.  On ``[breaks[j], breaks[j + 1]]``
-
-    ``C(s) = sum_l sum_p coefficients[p, j, l] (s - breaks[j])**(degree - p) carriers[touched[j, l]]``.
+    The weights of the carriers are b(s) (K,).  On each interval of s, the row touches d of the carriers.  On
+    ``[breaks[j], breaks[j + 1]]`` it is ``C(s) = sum_l sum_p coefficients[p, j, l] (s - breaks[j])**(degree - p)
+    carriers[touched[j, l]]``.
     """
 
-    name: str  # in messages, tables and charts
+    name: str  # shown in messages, tables and charts
     breaks: Array  # (k + 1,) m
     carriers: sp.csr_matrix  # U (K, n)
     touched: Indices  # (k, d): numbers of the carriers that the row touches on each of k intervals
     coefficients: Array  # (degree + 1, k, d): highest power first, as in `scipy.interpolate.PPoly`
-    compliance: float = 0.0  # m/N: 1/k of a pad that gives way, C q = lambda / k; 0 for a rigid one
-    # m, of a row that only pushes: the value of C q at which it closes; None where it holds both ways
+    compliance: float = 0.0  # m/N: 1/k of a pad with C q = lambda / k; 0 for a rigid pad
+    # m: value of C q at which a row that only pushes closes; None for a row that holds both ways
     clearance: float | None = None
-    unit: str = "N"  # of its multiplier: N, or N m where it measures a rotation
+    unit: str = "N"  # of the multiplier: N, or N m if the row measures a rotation
 
     @cached_property
     def _polynomial(self) -> PPoly:
-        """Weights of the touched carriers as a piecewise polynomial with values (d,)."""
+        """Weights of the d touched carriers as a piecewise polynomial in s with values (d,)."""
         return PPoly(*(np.require(array, requirements="W") for array in (self.coefficients, self.breaks)))
 
     @property
     def slope(self) -> Row:
-        """Row dC/ds on the same carriers."""
+        """Row on the same carriers that is the derivative dC/ds of this row."""
         degree = len(self.coefficients) - 1
         lowered = self.coefficients[:-1] * np.arange(degree, 0.0, -1.0)[:, None, None]
         return replace(self, coefficients=lowered if degree else np.zeros_like(self.coefficients))
 
     @property
     def entries(self) -> sp.csr_matrix:
-        """Coefficients as a sparse matrix (powers k, K): k rows for the intervals of the highest power, and so on."""
+        """Coefficients as a sparse matrix (powers k, K): for each power, highest first, one row an interval."""
         powers, k, d = self.coefficients.shape
         at = np.broadcast_to(self.touched, (powers, k, d)).ravel()
         return sp.csr_matrix((self.coefficients.ravel(), at, d * np.arange(powers * k + 1)), (powers * k, self._count))
@@ -86,9 +86,9 @@ class Row:
         return int(self.carriers.shape[0])
 
     def weights(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:
-        """Weights b(s), or their derivative of that order with respect to s, at s (T,) in m: sparse (T, K).
+        """Weights b(s) at s (T,) in m, or their derivative of the order `derivative` with respect to s: sparse (T, K).
 
-        A ValueError is raised where s lies outside the path.
+        A ValueError is raised if s is outside the path.
         """
         return self._sparse(*self.touched_weights(s, derivative))
 
@@ -100,7 +100,7 @@ class Row:
     def touched_weights(self, s: ArrayLike, derivative: int) -> tuple[Indices, Array]:
         """Numbers of the carriers that the row touches at s (T,) in m, and their weights b(s), both (T, d).
 
-        With a `derivative` of 1 or more, the weights are that derivative of b.  A ValueError is raised where s lies
+        With a `derivative` of 1 or more, the weights are that derivative of b by s.  A ValueError is raised if s is
         outside the path.
         """
         s = clip_to_domain(np.atleast_1d(np.asarray(s, float)), self.breaks[0], self.breaks[-1], self.name)
@@ -108,19 +108,25 @@ class Row:
         return self.touched[j], self._polynomial(s, nu=derivative)
 
     def at(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:
-        """C(s), or its derivative of that order with respect to s, at s (T,) in m: sparse (T, n).
+        """Row C(s) at s (T,) in m, or its derivative of the order `derivative` with respect to s: sparse (T, n).
 
-        A ValueError is raised where s lies outside the path.
+        A ValueError is raised if s is outside the path.
         """
         return self.weights(s, derivative) @ self.carriers
 
     def forces_on_coordinates(self, s: Array, force: Array, derivative: int = 0) -> sp.csr_matrix:
-        """Multipliers `force` (T,) times C(s), or times its derivative of that order, at s (T,) in m: sparse (T, n)."""
+        """Multipliers `force` (T,) times C(s) at s (T,) in m: sparse (T, n).
+
+        With a `derivative` of 1 or more, that derivative of C with respect to s is used instead of C.
+        """
         touched, b = self.touched_weights(s, derivative)
         return self._sparse(touched, b * force[:, None]) @ self.carriers
 
     def apply(self, s: Array, q: Array, derivative: int = 0) -> Array:
-        """C(s) q (T,), or its derivative of that order times q, for s (T,) in m and coordinates q (T, n)."""
+        """Product C(s) q (T,) for s (T,) in m and coordinates q (T, n).
+
+        With a `derivative` of 1 or more, that derivative of C with respect to s is used instead of C.
+        """
         touched, b = self.touched_weights(s, derivative)
         return np.einsum("td,td->t", b, np.take_along_axis((self.carriers @ q.T).T, touched, axis=1))
 
@@ -131,7 +137,7 @@ class Row:
 
     @cached_property
     def held_coordinate(self) -> int | None:
-        """Number of the coordinate that the row holds at zero; None unless it is `fixed` and does only that."""
+        """Number of the coordinate that the row holds at zero; None unless the row `is_fixed` and does only that."""
         if not self.is_fixed:
             return None
         C = self.at(self.breaks[0])
@@ -145,14 +151,14 @@ class Row:
     def project(self, V: Array, first: int = 0) -> PPoly:
         """Piecewise polynomial C(s) V with values (r,), for a basis V (n, r).
 
-        `V` (n_local, r) may also be one rank's rows ``first`` to ``first + n_local`` of the basis; the coefficients
-        that all ranks compute then add up to those of the whole basis.
+        `V` (n_local, r) may also be one rank's part of the basis, for the coordinates ``first`` to ``first + n_local``.
+        Then the coefficients of all ranks add up to those of the whole basis.
         """
         measured = self.carriers[:, first : first + len(V)] @ V
         return PPoly(np.einsum("pkd,kdr->pkr", self.coefficients, measured[self.touched]), self.breaks)
 
     def refine(self, breaks: Array) -> Row:
-        """Return this row on finer `breaks`, which have to hold all breaks of the row within their range: exact."""
+        """Return this row on finer `breaks`, exactly; they must contain all breaks of the row within their range."""
         if np.array_equal(breaks, self.breaks):
             return self
         finer = refine_table(self._polynomial, breaks)
@@ -163,7 +169,7 @@ class Row:
 def row_on_coordinates(name: str, breaks: Array, dofs: ArrayLike, coefficients: Array, size: int) -> Row:
     """Row whose carriers are single coordinates out of `size`, those numbered in `dofs` (k, d) on each of k intervals.
 
-    `breaks` (k + 1,) in m and `coefficients` (powers, k, d) are those of `Row`.
+    `breaks` (k + 1,) in m and `coefficients` (powers, k, d) are as in `Row`.
     """
     dofs = np.asarray(dofs, np.int64)
     numbers, touched = np.unique(dofs, return_inverse=True)
@@ -172,10 +178,11 @@ def row_on_coordinates(name: str, breaks: Array, dofs: ArrayLike, coefficients: 
 
 
 def columns_by_interval(touching: Indices, n: int, k: int) -> tuple[Indices, Indices, Indices]:
-    """Columns that each of k intervals touches, out of n, from codes ``interval * n + column`` in any order.
+    """Columns out of n that each of k intervals touches, from codes ``interval * n + column`` in any order.
 
-    Returned are the codes that occur, once each and ascending; the index of each among those of its interval; and the
-    columns (k, w), where an interval that touches fewer than w repeats its last column.
+    Three arrays are returned: the codes that occur, once each and ascending; the index of each of these codes among the
+    codes of its interval; and the columns (k, w), in which an interval that touches fewer than w repeats its last
+    column.
     """
     different = np.unique(touching)
     interval, width = different // n, np.bincount(different // n, minlength=k)
@@ -187,9 +194,10 @@ def columns_by_interval(touching: Indices, n: int, k: int) -> tuple[Indices, Ind
 
 
 def dense_entries(entries: sp.csr_matrix, powers: int) -> tuple[Indices, Array]:
-    """Undo `Row.entries`: columns (k, d) that each of k intervals touches, and coefficients (powers, k, d) there.
+    """Undo `Row.entries`: columns (k, d) that each of k intervals touches, and coefficients (powers, k, d) of these.
 
-    `entries` is sparse (powers k, K).  An interval that touches fewer than d columns repeats its last one, with zeros.
+    `entries` is sparse (powers k, K).  An interval that touches fewer than d columns repeats its last column with
+    zeros.
     """
     every, (height, n) = sp.csr_matrix(entries, copy=True), entries.shape
     every.sum_duplicates()
@@ -203,9 +211,9 @@ def dense_entries(entries: sp.csr_matrix, powers: int) -> tuple[Indices, Array]:
 
 
 def fixed_row(name: str, carrier: sp.csr_matrix, domain: tuple[float, float]) -> Row:
-    """Row that does not depend on s, from its entries `carrier` (1, n): a support, or a slider that stays where it is.
+    """Row that does not depend on s, as of a support or of a slider at rest; its entries are `carrier` (1, n).
 
-    The `domain` in m is the interval of path coordinates on which it is defined.
+    The `domain` in m is the interval of path coordinates on which the row is defined.
     """
     return Row(name, np.array(domain, float), sp.csr_matrix(carrier), np.zeros((1, 1), np.int64), np.ones((1, 1, 1)))
 
@@ -218,7 +226,7 @@ def sparse_row(dofs: ArrayLike, entries: ArrayLike, size: int) -> sp.csr_matrix:
 
 @dataclass(frozen=True)
 class Rows:
-    """All m constraint rows of a full model with n = `size` coordinates, a matrix (m, n) at each s."""
+    """All m constraint rows of a full model with n = `size` coordinates; at each s they are a matrix (m, n)."""
 
     rows: tuple[Row, ...]
     size: int
@@ -235,7 +243,7 @@ class Rows:
 
     @property
     def clearance(self) -> Array:
-        """Clearance (m,) in m of each row that only pushes; NaN where a row holds both ways."""
+        """Clearance (m,) in m of each row that only pushes; NaN for rows that hold both ways."""
         return np.array([np.nan if row.clearance is None else row.clearance for row in self.rows])
 
     @property
@@ -249,7 +257,7 @@ class Rows:
         return max(row.breaks[0] for row in self.rows), min(row.breaks[-1] for row in self.rows)
 
     def at(self, s: float, derivative: int = 0) -> sp.csr_matrix:
-        """C(s) at one s in m, or its derivative of that order with respect to s: sparse (m, n)."""
+        """Rows C(s) at one s in m, or their derivative of the order `derivative` with respect to s: sparse (m, n)."""
         if not self.rows:
             return sp.csr_matrix((0, self.size))
         touched, entries = zip(*(row.touched_weights(s, derivative) for row in self.shared_carriers.rows), strict=True)
@@ -260,7 +268,7 @@ class Rows:
 
     @property
     def held_coordinates(self) -> dict[int, int]:
-        """Number of the coordinate that each support on a node holds, by the row's number (`Row.held_coordinate`)."""
+        """By the number of each row that is a support on one coordinate: that coordinate (`Row.held_coordinate`)."""
         return {i: row.held_coordinate for i, row in enumerate(self.rows) if row.held_coordinate is not None}
 
     @property
@@ -270,7 +278,7 @@ class Rows:
 
     @property
     def fixed_combinations(self) -> tuple[str, ...]:
-        """Names of the `fixed` rows that combine several coordinates."""
+        """Names of the rows that are fixed (`Row.is_fixed`) and combine several coordinates."""
         return tuple(row.name for row in self.rows if row.is_fixed and row.held_coordinate is None)
 
     @cached_property
@@ -281,27 +289,27 @@ class Rows:
 
 @dataclass(frozen=True)
 class SharedCarriers:
-    """Rows on K common carriers: row C(s) = b(s) U with the same U (K, n) for all."""
+    """Rows on K common carriers: each row is C(s) = b(s) U with the same U (K, n)."""
 
-    # (K, n): each carrier once; or the single coordinates that they touch, where these are less than half as many
+    # (K, n): each carrier once; or single coordinates, if the carriers touch less than half as many of these
     carriers: sp.csr_matrix
     rows: tuple[Row, ...]  # all on these carriers
 
     def row(self, number: int, name: str) -> Row:
-        """Row with that number, under that name."""
+        """Row with the given `number`, called `name`."""
         return replace(self.rows[number], name=name)
 
     def refine(self, breaks: Array) -> SharedCarriers:
-        """Return all rows on common `breaks`, which have to hold all breaks of each row within their range: exact."""
+        """Return all rows on common `breaks`, exactly; these must contain all breaks of each row within their range."""
         return replace(self, rows=tuple(row.refine(breaks) for row in self.rows))
 
     def align_breaks(self, domain: tuple[float, float]) -> SharedCarriers:
-        """Return all rows on the union of their breaks within `domain` (m), as needed for a single table."""
+        """Return all rows on the union of their breaks within `domain` (m), as a single table of all rows needs it."""
         return self.refine(common_breaks([row._polynomial for row in self.rows], domain))
 
 
 def _shared_carriers(rows: Sequence[Row], size: int) -> SharedCarriers:
-    """Rows on carriers that are stored once each; on single coordinates where these are less than half as many."""
+    """Rows on carriers that are stored once each; on single coordinates if these are less than half as many."""
     numbers: dict[bytes, int] = {}
     new, touched = [sp.csr_matrix((0, size))], []
     for row in rows:
@@ -321,9 +329,9 @@ def _shared_carriers(rows: Sequence[Row], size: int) -> SharedCarriers:
 
 
 def _on_single_coordinates(rows: Sequence[Row], coordinates: Indices) -> SharedCarriers:
-    """Rows on the single coordinates with these ascending numbers, from rows on common carriers.
+    """Rows on single coordinates, from rows on common carriers.
 
-    These are all coordinates that the common carriers touch.
+    `coordinates` are the ascending numbers of all coordinates that the common carriers touch.
     """
     U, count = rows[0].carriers[:, coordinates], len(coordinates)
     single = sp.csr_matrix((np.ones(count), coordinates, np.arange(count + 1)), (count, rows[0].carriers.shape[1]))
@@ -340,7 +348,7 @@ AT_ONCE = 2**20
 
 @dataclass(frozen=True)
 class RowPolynomials:
-    """Weights b(s) of m rows, on the w carriers that they touch together on each of k intervals, out of K."""
+    """Weights b(s) of m rows on K carriers; on each of k intervals, the rows together touch w of the carriers."""
 
     breaks: Array  # (k + 1,) m
     touched: Indices  # (k, w): numbers of the carriers
@@ -348,7 +356,7 @@ class RowPolynomials:
 
     @classmethod
     def from_rows(cls, rows: Sequence[Row]) -> RowPolynomials:
-        """Polynomials of rows that have their carriers and breaks in common."""
+        """Polynomials of rows that all have the same carriers and the same breaks."""
         degree = same_degree(*(row.coefficients for row in rows))
         n, interval = rows[0].carriers.shape[0], np.arange(len(rows[0].breaks) - 1)
         touching = [interval[:, None] * n + row.touched for row in rows]
@@ -361,16 +369,17 @@ class RowPolynomials:
         return cls(rows[0].breaks, touched, coefficients)
 
     def times(self, X: Array) -> PPoly:
-        """Table C(s) X with values (m, c), from the values U X (K, c) on the carriers, which are the argument `X`."""
+        """Table C(s) V (m, c) of c vectors V, from their values U V (K, c) on the carriers, `X`."""
         m, powers, k, w = self.coefficients.shape
         blocks = self.coefficients.transpose(2, 0, 1, 3).reshape(k, m * powers, w)
         c = (blocks @ np.ascontiguousarray(X)[self.touched]).reshape(k, m, powers, X.shape[1])
         return PPoly(np.ascontiguousarray(c.transpose(2, 0, 1, 3)), self.breaks)
 
     def quadratic_form(self, R: sp.csr_matrix | Array) -> PPoly:
-        """Table b(s) R b(s)^T = C(s) Q C(s)^T, values (m, m), from symmetric R = U Q U^T (K, K) between carriers.
+        """Table C(s) Q C(s)^T = b(s) R b(s)^T with values (m, m), of a symmetric matrix Q on the coordinates.
 
-        On each interval only the block (w, w) of R is used that belongs to the carriers which the rows touch on it.
+        R = U Q U^T (K, K) has the values of Q between the carriers U.  On each interval, only the block (w, w) of R is
+        used that belongs to the carriers which the rows touch on this interval.
         """
         m, powers, k, w = self.coefficients.shape
         blocks = self.coefficients.transpose(2, 1, 0, 3).reshape(k, powers * m, w)
@@ -393,16 +402,19 @@ def _entries_between(R: sp.csr_matrix | Array, touched: Indices) -> Array:
 
 @dataclass(frozen=True)
 class StraightRows:
-    """Two rows, called `names`, that hold a planar beam straight between the point at `end` (m) and a moving one."""
+    """Two rows, called `names`, that hold a planar beam straight between a fixed point and a moving one.
+
+    The fixed point is at `end` in m.
+    """
 
     end: float
     names: tuple[str, str]
 
     def rows(self, point: Row) -> tuple[Row, Row]:
-        """Rows w(p) + (s - p) w'(p) - w(s) and (s - p) w'(s) - w(s) + w(p), with p = `end`, in this order.
+        """Rows w(p) + (s - p) w'(p) - w(s) and (s - p) w'(s) - w(s) + w(p), in this order, with p = `end`.
 
-        `point` is the row w(s) of the deflection at the moving point.  Both results are piecewise polynomials in s with
-        the breaks and the degree of `point`: exact.  They take their names from `names`.
+        `point` is the row w(s) of the deflection at the moving point.  Both results are exact piecewise polynomials in
+        s, with the breaks and the degree of `point`.  Their names are `names`.
         """
         j = max(int(np.searchsorted(point.breaks, self.end, side="right")) - 1, 0)
         j = min(j, len(point.breaks) - 2)

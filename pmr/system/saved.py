@@ -2,10 +2,11 @@
 
 An npz file whose JSON header has format, version, names of the bodies, contacts, names and bodies of the terms, and
 provenance.  The arrays of body k have names that begin with ``bodies.k.``, as in `pmr.system.stored`.  Arrays that
-begin with ``on_modes.k.`` are those of bodies without cylinder modes and modes without inertia, whose names are in the
-header; an array that equals one of the body is not stored again: ``same`` in the header maps its name to the name of
-the stored one.  The matrices of term k are ``terms.k.stiffness`` and ``terms.k.damping``, and ``terms.k.supports.j`` is
-its work on the supports of the j-th of its bodies.  Nothing in the file is pickled.
+begin with ``on_modes.k.`` belong to a second model of a body, which has neither cylinder modes nor modes without
+inertia; the names of these bodies are in the header.  An array that equals an array of the body is not stored again:
+``same`` in the header maps its name to the name of the stored array.  The matrices of term k are ``terms.k.stiffness``
+and ``terms.k.damping``, and ``terms.k.supports.j`` is its work on the supports of the j-th of its bodies.  Nothing in
+the file is pickled.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class StoredSystem:
 
 @dataclass(frozen=True)
 class _TermHeader:
-    """Term without its matrices."""
+    """Name and bodies of a term; its matrices are arrays of the file."""
 
     name: str
     bodies: tuple[str, ...]
@@ -59,8 +60,9 @@ class _TermHeader:
 class _Header:
     """Header of version 6.
 
-    Version 5 stores all arrays of bodies, 4 has no ropes that bear others or lengthen, 3 stores all arrays of models of
-    ``on_modes``, 2 has no such models, 1 has no terms either.
+    Version 5 stores all arrays of bodies.  Version 4 has no contacts that bear the forces of others and no ropes that
+    lengthen.  Version 3 stores all arrays of the models in ``on_modes``.  Version 2 has no such models, and version 1
+    has no terms either.
     """
 
     bodies: tuple[str, ...]
@@ -68,14 +70,14 @@ class _Header:
     provenance: dict[str, Any]
     terms: tuple[_TermHeader, ...] = ()
     on_modes: tuple[str, ...] = ()
-    same: Mapping[str, str] = field(default_factory=dict)  # name of the equal array that is stored, by an array's name
+    same: Mapping[str, str] = field(default_factory=dict)  # name of an array that is not stored: name of an equal one
 
 
 _HEADER = TypeAdapter(_Header)
 
 
 def write(path: Path, system: StoredSystem) -> None:
-    """Write a system to a file, which is replaced only once it is complete."""
+    """Write a system to a file; an existing file is replaced only once the new one is complete."""
     arrays = dict[str, NDArray[Any]]()
     for number, body in enumerate(system.bodies.values()):
         arrays |= stored.pack(body, f"bodies.{number}.")
@@ -103,7 +105,7 @@ def write(path: Path, system: StoredSystem) -> None:
 
 
 def read(path: Path) -> StoredSystem | ReducedModel:
-    """Return the content of a file of `write`, or the model of a file that holds one body (`ReducedModel.save`).
+    """Return the system in a file that `write` wrote, or the model in a file that `ReducedModel.save` wrote.
 
     An InputError that names the file is raised under the conditions of `ReducedModel.load`.
     """
@@ -150,7 +152,7 @@ def read(path: Path) -> StoredSystem | ReducedModel:
 
 
 def _term(header: _TermHeader, data: Mapping[str, NDArray[np.generic]], prefix: str) -> Term:
-    """Term of a header, with its matrices from `data` under names that begin with `prefix`."""
+    """Term of a header, with its matrices, whose names in `data` begin with `prefix`."""
     matrices = {key: np.asarray(data[prefix + key], float) for key in ("stiffness", "damping") if prefix + key in data}
     on = {name: f"{prefix}supports.{body}" for body, name in enumerate(header.bodies)}
     supports = {name: np.asarray(data[key], float) for name, key in on.items() if key in data}
@@ -180,7 +182,7 @@ def _contradiction(header: _Header, models: list[ReducedModel], on_modes: list[R
 
 
 def _mismatch(model: ReducedModel, on_modes: ReducedModel) -> str | None:
-    """Why `on_modes` can't be the model without cylinder modes and modes without inertia, in words; None if it can."""
+    """Why `on_modes` can't be `model` without cylinder modes and modes without inertia, in words; None if it can."""
     for names in ("row_names", "input_names", "output_names"):
         if getattr(model, names) != getattr(on_modes, names):
             return f"{names} {getattr(on_modes, names)} are not those of its body"

@@ -20,11 +20,11 @@ LONGEST = 4 * LONGEST_NAME
 
 
 def describe_misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> str | None:
-    """Description of what is wrong with the arrays, names and piecewise polynomials of a dataclass; None if nothing is.
+    """Description of what is wrong with the arrays, names and tables of a dataclass; None if nothing is wrong.
 
     Its ``AXES`` have a letter for each axis, such as ``{"rows": "mr"}`` for values (m, r).  The size of a letter is
-    that in `sizes`, else that of the first axis with this letter.  Fields that are dataclasses with such ``AXES`` are
-    checked too.
+    taken from `sizes`, or else from the first axis with this letter.  Fields that are dataclasses with ``AXES`` of
+    their own are checked too.
     """
     sizes = dict(sizes)
     for name, axes in part.AXES.items():
@@ -74,7 +74,10 @@ def symmetric_part(A: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def pivoted_cholesky(A: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Factor L (n, r) of a positive semidefinite A = L L^T (n, n) of rank r, but for round-off, by pivoted Cholesky."""
+    """Factor L (n, r) of a positive semidefinite matrix A = L L^T (n, n) of rank r, by pivoted Cholesky.
+
+    The product equals A up to round-off.
+    """
     factor, pivots, rank, _ = scipy.linalg.lapack.dpstrf(A, lower=1)
     L = np.zeros((len(A), rank))
     L[pivots - 1] = np.tril(factor)[:, :rank]
@@ -84,7 +87,8 @@ def pivoted_cholesky(A: NDArray[np.float64]) -> NDArray[np.float64]:
 def describe_asymmetry(matrices: Mapping[str, NDArray[np.float64]]) -> str | None:
     """Description of the first matrix that is not symmetric or has a negative eigenvalue; None if there is none.
 
-    M must not be singular either.  Up to `SYMMETRIC` of the largest entry, deviations are taken as round-off.
+    The matrix called M must not be singular either.  Deviations up to `SYMMETRIC` of the largest entry count as
+    round-off.
     """
     for name, matrix in matrices.items():
         size = np.abs(matrix).max(initial=0.0)

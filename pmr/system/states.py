@@ -23,26 +23,26 @@ class SystemTrajectory:
 
     t: Array  # (T,) s
     # by name of a body: its coordinates, and for each of its sides (`System.sides_of`) the coordinate ``s`` (T, sides)
-    # in m of the place and the ``multipliers`` (T, sides) in N, with the side's sign
+    # of the place in m and the ``multipliers`` (T, sides) in N, which have the sign of the side
     bodies: Mapping[str, Trajectory]
     forces: Array  # (T, m) N: of the contacts, positive where they push
-    # (T, m) N: largest force within the step that ends at t, of contacts that only push; of others the force at t
+    # (T, m) N: for contacts that only push, the largest force in the step that ends at t; for others the force at t
     peaks: Array
     loads: Array  # (T, i): values of the inputs `System.input_names`
-    # (T,) J: kinetic plus strain energy; work of loads and travelling contacts since t = 0, damping not counted
+    # (T,) J: kinetic plus strain energy; and work of loads and travelling contacts since t = 0, without that of damping
     energy: Array
     work: Array
     seconds: float  # wall time of the solver alone
-    surplus: float  # energy that no work accounts for, over the largest energy (`pmr.simulation.balance`)
+    surplus: float  # energy that no work explains, over the largest energy (`pmr.simulation.balance`)
     parts: NDArray[np.int64] | None = None  # (T,): substeps of each step (`pmr.simulation.contact_step`)
     # (T, m) N s: impulse in the step that ends at t, with generalized-alpha's weights; None if no contact only pushes
     impulses: Array | None = None
-    amplitudes: Array | None = None  # c (T, k) of the system's terms, None where there are none
+    amplitudes: Array | None = None  # c (T, k) of the k terms; None without terms
     # friction (T, n) in N along the boom of the n pads that have any (`pmr.system.contacts`), and its moments (T, m) in
     # N m at all contacts; None without friction
     friction: Array | None = None
     moments: Array | None = None
-    rates: Array | None = None  # (T, P) m/s: rates of the path coordinates; None where not known
+    rates: Array | None = None  # (T, P) m/s: rates of the path coordinates; None if not known
 
     @property
     def arrays(self) -> list[NDArray[Any]]:
@@ -51,7 +51,7 @@ class SystemTrajectory:
         return [*of_bodies, *_arrays(self).values()]
 
     def map_arrays(self, change: Callable[[NDArray[np.generic]], NDArray[np.generic]]) -> SystemTrajectory:
-        """Return the trajectory with each array replaced by ``change(array)``, those of the bodies too."""
+        """Return the trajectory with each array replaced by ``change(array)``, including the arrays of the bodies."""
 
         def change_arrays(trajectory: Trajectory | SystemTrajectory) -> dict[str, Any]:
             return {name: change(array) for name, array in _arrays(trajectory).items()}
@@ -62,7 +62,7 @@ class SystemTrajectory:
     def select(self, steps: NDArray[np.int64] | slice) -> SystemTrajectory:
         """Return the trajectory at the steps with these numbers (S,) or in this slice.
 
-        What belongs to the step that ends at a time, `parts` and `impulses`, is left out (None).
+        `parts` and `impulses` become None: they belong to the steps between successive times.
         """
         return replace(self.map_arrays(lambda array: array[steps]), parts=None, impulses=None)
 
@@ -81,31 +81,33 @@ class BodyStates:
     # (S, r): coordinates and their rates
     p: Array
     v: Array
-    multipliers: Array  # (S, m) in N: those under which the residual part deforms
+    multipliers: Array  # (S, m) in N: multipliers under which the residual part deforms
     loads: Array  # (S, i) N
     rows: tuple[str, ...]  # (m,): names
-    # friction (`pmr.system.contacts`) at its rows, (S, m): moments in N m, and forces in N that pull the body towards
-    # its tail at the row and push its tail with the same force the other way; None without friction
+    # (S, m), friction (`pmr.system.contacts`) at each row: moments in N m, and forces in N that pull the body at the
+    # row towards its tail, and push its tail the other way with the same force; None without friction
     friction_moments: Array | None = None
     friction_forces: Array | None = None
 
     def __getitem__(self, which: slice) -> BodyStates:
-        """Return the states at the times in that slice."""
+        """Return the states at the times in the slice `which`."""
         return replace(
             self, **{key: array[which] for key, array in vars(self).items() if key != "rows" and array is not None}
         )
 
     def select_coordinates(self, columns: slice) -> BodyStates:
-        """Return the states with the coordinates in that slice only."""
+        """Return the states with only the coordinates in the slice `columns`."""
         return replace(self, p=self.p[:, columns], v=self.v[:, columns])
 
 
 def friction_on_body(
     system: BodySystem[Any], name: str, forces: Array, friction: Array | None
 ) -> tuple[Array, Array] | tuple[None, None]:
-    """`moments` and `along` of a body's `BodyStates`, from forces (S, m) of contacts and friction (S, n) of pads.
+    """Moments (S, rows) in N m and forces along the boom (S, rows) in N of friction on the rows of a body.
 
-    Both are None if there is no friction.
+    They are the `friction_moments` and `friction_forces` of the `BodyStates` of the body called `name`.  `forces` (S,
+    m) in N are those of all contacts, `friction` (S, n) in N that of all pads.  Both results are None if there is no
+    friction.
     """
     rubbing = Friction.from_contacts(system.contacts)
     if rubbing is None or friction is None:
@@ -113,12 +115,12 @@ def friction_on_body(
     sides, of_contacts = [system.sides[number] for number in system.sides_of(name)], np.zeros(forces.shape)
     of_contacts[:, rubbing.pads] = friction
     on = [side.contact for side in sides]
-    ways = np.array([side.sign * system.contacts[side.contact].direction for side in sides])  # 1 of the inner section
+    ways = np.array([side.sign * system.contacts[side.contact].direction for side in sides])  # 1 for the inner section
     return system.side_multipliers(name, rubbing.moments(friction, forces)), of_contacts[:, on] * ways
 
 
 def states_of(system: System, trajectory: SystemTrajectory, steps: Indices) -> dict[str, BodyStates]:
-    """States of every body, by name, at the steps of a trajectory with these numbers."""
+    """States of the bodies at the steps of a trajectory with the numbers `steps`, by the bodies' names."""
     states, first, at_steps = {}, 0, trajectory.select(steps)
     for name, body in system.bodies.items():
         motion, last = at_steps.bodies[name], first + len(body.input_names)

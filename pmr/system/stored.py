@@ -1,9 +1,9 @@
 r"""A reduced model as the arrays of a file, in which nothing is stored twice.
 
-It has the arrays of `pmr.files.npz`, with two exceptions.  Of a table over the path that is a product of what the
-carriers measure, :math:`C = b\, (U V)`, :math:`G = b\, R\, b^T` and so on (`pmr.system.rows`), only the breaks are
-stored, not the coefficients.  Of a symmetric matrix between carriers, or between vectors, the lower triangle is stored,
-row by row, as ``name.triangle``; of an antisymmetric matrix, as ``name.antitriangle``.
+The arrays are those of `pmr.files.npz`, with two exceptions.  If a table over the path follows from values on the
+carriers, as :math:`C = b\, (U V)` and :math:`G = b\, R\, b^T` do (`pmr.system.rows`), only its breaks are stored, not
+its coefficients.  For a symmetric matrix between carriers, or between vectors, only the lower triangle is stored, row
+by row, as ``name.triangle``; for an antisymmetric matrix, as ``name.antitriangle``.
 
 Files of earlier versions store all arrays in full, and are read as they are.
 """
@@ -28,7 +28,7 @@ _SIGNS = {"triangle": 1.0, "antitriangle": -1.0}
 
 
 class HasCarriers(Protocol):
-    """Dataclass that has rows on carriers (`pmr.system.reduced_model.ReducedModel`)."""
+    """Interface of a dataclass that may have rows on carriers (`pmr.system.reduced_model.ReducedModel`)."""
 
     @property
     def carriers(self) -> CarrierRows | None:
@@ -53,10 +53,10 @@ def pack(model: HasCarriers, prefix: str = "") -> dict[str, NDArray[Any]]:
 
 
 def unpack(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Arrays with `prefix` before their names, all in full, from those of a file.
+    """Arrays of a file whose names begin with `prefix`, all in full.
 
-    They are as `pmr.files.npz.record_from_arrays` reads them, whose errors are raised; a ValueError is raised if tables
-    are missing and carriers are not sound, or if a triangle has a wrong number of entries.
+    They are as `pmr.files.npz.record_from_arrays` reads them, and its errors are raised.  A ValueError is raised if
+    tables are missing and carriers are not sound, or if a triangle has a wrong number of entries.
     """
     content = dict[str, NDArray[Any]]()
     for name, array in data.items():
@@ -80,14 +80,14 @@ def unpack(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDAr
 
 
 def _describe_fault(carriers: CarrierRows) -> str | None:
-    """Description of what is wrong with carriers; None if products with them can be computed."""
+    """Description of what is wrong with the carriers; None if tables can be computed from them."""
     return describe_misfit(carriers, {}, TRIANGLES) or carriers.contradiction(len(carriers.breaks))
 
 
 def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> dict[str, PPoly]:
-    """Tables that follow from what the carriers measure, by name, on the breaks of the rows in `arrays`.
+    """Tables that follow from values on the carriers, by their names in the file.
 
-    Only tables whose breaks in `arrays` are those of the rows are returned.
+    They are on the breaks of the rows in `arrays`; tables that have other breaks in `arrays` are left out.
     """
     breaks = arrays.get("rows.breaks")
     if not carriers.breaks or breaks is None:
@@ -102,14 +102,14 @@ def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> d
 
 
 def _triangle_kind(A: Array) -> str | None:
-    """``triangle`` for a symmetric matrix, ``antitriangle`` for an antisymmetric one; None for others or small ones."""
+    """``triangle`` for a symmetric matrix, ``antitriangle`` for an antisymmetric one; None for other or small ones."""
     if A.ndim != 2 or A.shape[0] != A.shape[1] or len(A) < LEAST:
         return None
     return next((kind for kind, sign in _SIGNS.items() if np.array_equal(A, sign * A.T)), None)
 
 
 def _unpack_triangle(triangle: Array, sign: float) -> Array:
-    """Matrix (n, n) with that lower triangle, row by row; symmetric for the sign 1, antisymmetric for -1."""
+    """Matrix (n, n) with the lower triangle `triangle`, row by row; `sign` is 1 if symmetric, -1 if antisymmetric."""
     n = int((np.sqrt(8.0 * triangle.size + 1.0) - 1.0) / 2.0 + 0.5)
     if triangle.shape != (n * (n + 1) // 2,):
         raise ValueError(f"{triangle.shape} is no triangle of a matrix")

@@ -4,9 +4,10 @@ r"""Systems of bodies and the contacts between them; each place of a contact has
     M_b \ddot q_b + D_b \dot q_b + K_b q_b + \sum_\rho C_{\rho b}^T \lambda_\rho = B_b f, \qquad
     \sum_b C_{\rho b} q_b + H_\rho f - \sum_\sigma (G_{\rho\sigma} + \delta_{\rho\sigma} / k_\rho) \lambda_\sigma = 0
 
-for bodies b and contacts rho, with C = +c(x) on the inner body of a contact and -c(x) on its outer one
-(docs/system_of_bodies.md).  The ground is a body without coordinates.  A single body on one path is the special case in
-which all contacts are with the ground.
+for bodies b with coordinates q, and contacts rho and sigma with forces lambda and pads of the compliance 1/k.  C is
++c(x) on the inner body of a contact and -c(x) on its outer body; G and H belong to the residual flexibility, f are the
+inputs (docs/system_of_bodies.md).  The ground is a body without coordinates.  A single body on one path is the special
+case in which all contacts are with the ground.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Side:
-    """One of the two places of a contact: the contact's number, the place, and the `sign` of C on the place's body."""
+    """One of the two places of a contact, with the number of the contact, and the `sign` of C on the place's body."""
 
     contact: int
     place: Place
@@ -58,11 +59,11 @@ class BodySystem(Generic[AnyBody]):
     """Bodies of one kind, the m contacts that join them, and the terms that vary in time.
 
     An InputError is raised if a contact or term names a body or row that does not exist, if two contacts or two terms
-    have the same name, if a rope's path does not exist, if a body without carriers is not `on_one_path`, or if a
-    support that combines several coordinates of a full body is no contact.
+    have the same name, if a rope's path does not exist, if a body has no carriers and the system is not `on_one_path`,
+    or if no contact uses a support that combines several coordinates of a full body.
     """
 
-    # by their names; their rows are on carriers, but for a single body, which may have tables over its path instead
+    # by their names; their rows are on carriers, or in tables over its path for a single body
     bodies: Mapping[str, AnyBody]
     contacts: tuple[Contact, ...]
     terms: tuple[Term, ...] = field(default=(), kw_only=True)  # terms of the equations of motion that vary in time
@@ -101,7 +102,7 @@ class BodySystem(Generic[AnyBody]):
 
     @property
     def on_one_path(self) -> bool:
-        """Whether this is one body whose contacts are with the ground, each by a row of its own, and share one path."""
+        """Whether this is one body whose contacts share one path, and each join a row of its own to the ground."""
         places = [contact.inner for contact in self.contacts]
         return (
             len(self.bodies) == 1
@@ -118,7 +119,7 @@ class BodySystem(Generic[AnyBody]):
 
     @cached_property
     def sides(self) -> tuple[Side, ...]:
-        """Sides of all contacts in their order: of each contact the inner one, then the outer one if it has one."""
+        """Sides of all contacts in their order: for each contact the inner side, then the outer side if it has one."""
         sides = []
         for k, contact in enumerate(self.contacts):
             sides.append(Side(k, contact.inner, contact.direction))
@@ -127,16 +128,16 @@ class BodySystem(Generic[AnyBody]):
         return tuple(sides)
 
     def sides_of(self, body: str) -> list[int]:
-        """Numbers, among `sides`, of the sides on the body with that name."""
+        """Numbers of the sides, among `sides`, that are on the body called `body`."""
         return [number for number, side in enumerate(self.sides) if side.place.body == body]
 
     def side_multipliers(self, body: str, forces: Array) -> Array:
-        """Contact forces (T, m) in N as multipliers (T, k) of the k sides on a body: times the sign of each side."""
+        """Multipliers (T, k) in N on the k sides of a body: contact forces (T, m) in N times the sign of each side."""
         return np.asarray(forces @ self._signs[body])
 
     @cached_property
     def _signs(self) -> dict[str, Array]:
-        """Sign of each of a body's k sides at its contact, (m, k), zero elsewhere; by the bodies' names.
+        """Signs (m, k) of each body's k sides at their contacts, zero for other contacts; by the bodies' names.
 
         A product with this matrix is ten times as quick as picking columns.
         """
@@ -155,7 +156,7 @@ class BodySystem(Generic[AnyBody]):
 
     @property
     def input_names(self) -> tuple[str, ...]:
-        """Names of the inputs of all bodies: ``body.input``, or ``input`` if there is a single body."""
+        """Names of the inputs of all bodies: ``body.input``, or only ``input`` if there is a single body."""
         return tuple(
             input_name(name, body_input) for name, body in self.bodies.items() for body_input in body.input_names
         )
@@ -167,7 +168,7 @@ class BodySystem(Generic[AnyBody]):
 
     @cached_property
     def compliance(self) -> Compliance:
-        """Compliance of pads, supports, cylinders and ropes themselves, without that of the bodies."""
+        """Compliance of the pads, supports, cylinders and ropes of all contacts; that of the bodies is not included."""
         return Compliance.from_contacts(self.contacts)
 
     def contact_compliance(self, x: Array) -> Array:
@@ -175,9 +176,9 @@ class BodySystem(Generic[AnyBody]):
         return self.compliance.matrix(self.rope_coordinates(x))
 
     def rope_coordinates(self, x: Array) -> Array:
-        """Path coordinates (..., Q) in m of the Q paths that lengthen ropes, from coordinates x (..., sides) in m.
+        """Path coordinates (..., Q) in m of the Q paths that lengthen ropes, in the order of `compliance.paths`.
 
-        The paths are those of `compliance`, in their order; x are the coordinates of all places on their bodies.
+        They follow from the coordinates x (..., sides) in m of all places on their bodies.
         """
         lengths = []
         for path in self.compliance.paths:
@@ -187,11 +188,11 @@ class BodySystem(Generic[AnyBody]):
 
     @property
     def clearance(self) -> Array:
-        """Clearance (m,) in m of each contact that only pushes; NaN where a contact holds both ways."""
+        """Clearance (m,) in m of each contact that only pushes; NaN for contacts that hold both ways."""
         return np.array([np.nan if c.clearance is None else c.clearance for c in self.contacts])
 
     def row(self, place: Place) -> Row:
-        """Return the row of a place on the carriers of its body; each row is built once and stored."""
+        """Return the row of a place, on the carriers of the place's body; each row is built once and stored."""
         if place not in self._rows:
             body = self.bodies[place.body]
             assert body.carriers is not None
@@ -200,11 +201,11 @@ class BodySystem(Generic[AnyBody]):
 
     @cached_property
     def _rows(self) -> dict[Place, Row]:
-        """Rows that `row` has built."""
+        """Rows that the method `row` has built, by their places."""
         return {}
 
     def range_of(self, place: Place) -> tuple[float, float]:
-        """Lowest and highest coordinate in m on its body at which the row of a place is defined."""
+        """Lowest and highest coordinate in m, on the place's body, at which the row of the place is defined."""
         body = self.bodies[place.body]
         if body.carriers is None:
             return body.domain
@@ -213,7 +214,7 @@ class BodySystem(Generic[AnyBody]):
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest path coordinate in m of each path: between them all rows of places on it are defined."""
+        """Lowest and highest coordinate in m of each path, by name; the rows of all its places are defined between."""
         ranges = {path: (-np.inf, np.inf) for path in self.paths}
         for side in self.sides:
             place = side.place
@@ -224,7 +225,7 @@ class BodySystem(Generic[AnyBody]):
         return ranges
 
     def side_rates(self, rates: Mapping[str, ArrayLike]) -> Array:
-        """Rates (..., sides) in m/s of the places of all sides, from the rates in m/s of the paths by name."""
+        """Rates (..., sides) in m/s of the places of all sides; `rates` maps names of paths to their rates in m/s."""
         shape = np.broadcast_shapes(*(np.shape(values) for values in rates.values()))
         by_side = np.zeros((*shape, len(self.sides)))
         for k, side in enumerate(self.sides):
@@ -233,10 +234,10 @@ class BodySystem(Generic[AnyBody]):
         return by_side
 
     def side_coordinates(self, s: Mapping[str, ArrayLike]) -> Array:
-        """Coordinates x (..., sides) in m of all places on their bodies, from path coordinates s in m by name.
+        """Coordinates x (..., sides) in m of all places on their bodies; `s` maps names of paths to coordinates in m.
 
-        They are clipped to the ranges of their rows, which round-off may exceed.  An InputError is raised if a path is
-        missing from `s`, or leads a place to where its row is not defined.
+        The result is clipped to the ranges of the rows, which round-off may exceed.  An InputError is raised if a path
+        is missing from `s`, or leads a place to where its row is not defined.
         """
         places = []
         for side in self.sides:
@@ -259,19 +260,20 @@ class BodySystem(Generic[AnyBody]):
 
 @dataclass(frozen=True)
 class System(BodySystem[SlidingBody]):
-    """Bodies and the contacts that join them; each body is reduced, or full and stored on one process."""
+    """Bodies and the contacts that join them; each body is a reduced model, or a full one stored on one process."""
 
-    provenance: dict[str, Any] = field(default_factory=dict)  # how it came about: the scene, its hash, versions
-    # makes the terms for other models of the same bodies; None for a system from a file, which has only its terms
+    provenance: dict[str, Any] = field(default_factory=dict)  # how it was made: scene, its hash, versions
+    # function that makes the terms for other models of the bodies; None for a system from a file, which has only terms
     terms_of: Callable[[Mapping[str, SlidingBody]], tuple[Term, ...]] | None = field(
         default=None, compare=False, repr=False, kw_only=True
     )
-    # bodies, by name, before cylinder modes and modes without inertia were added: errors are estimated with these
+    # by name: models of bodies before cylinder modes and modes without inertia were added; they serve to estimate
+    # errors
     on_modes: Mapping[str, ReducedModel] = field(default_factory=dict, repr=False, kw_only=True)
 
     @cached_property
     def largest_flexibility(self) -> float:
-        """Largest residual flexibility of a carrier or row of the bodies, in m/N; 0 where they have none."""
+        """Largest residual flexibility in m/N of a carrier or row of the bodies; 0 if no body has any."""
         largest = 0.0
         for body in self.bodies.values():
             if body.carriers is not None and body.carriers.flexibility is not None:
@@ -282,9 +284,9 @@ class System(BodySystem[SlidingBody]):
         return largest
 
     def with_bodies(self, bodies: Mapping[str, SlidingBody]) -> System:
-        """Return the system with other models of the same bodies, without the `on_modes` of the old ones.
+        """Return the system with other models of the same bodies, and without the `on_modes` of its present ones.
 
-        `terms_of` makes the terms of these models; without it the system's own terms are taken over as they are.
+        `terms_of` makes the terms of these models.  Without this function the terms are taken over as they are.
         """
         terms = self.terms if self.terms_of is None else self.terms_of(bodies)
         return replace(self, bodies=bodies, terms=terms, on_modes={})
@@ -296,7 +298,7 @@ class System(BodySystem[SlidingBody]):
 
     @property
     def output_names(self) -> tuple[str, ...]:
-        """Names of the outputs of all bodies: ``body: output``, or ``output`` if there is a single body."""
+        """Names of the outputs of all bodies: ``body: output``, or only ``output`` if there is a single body."""
         return tuple(qualified_name(name, output) for name, body in self.bodies.items() for output in names_of(body))
 
     @property
@@ -306,12 +308,15 @@ class System(BodySystem[SlidingBody]):
 
     @property
     def input_units(self) -> tuple[str, ...]:
-        """Unit of each of `input_names`; units of inputs of full bodies, which do not know them, are missing."""
+        """Unit of each of `input_names`; units of inputs of full bodies are missing, because these do not know them."""
         return tuple(unit for body in self.bodies.values() for unit in getattr(body, "input_units", ()))
 
     @property
     def reduced(self) -> dict[str, ReducedModel]:
-        """Reduced bodies by their names; an InputError is raised if a body is not reduced."""
+        """Reduced bodies by their names.
+
+        An InputError is raised if a body is not reduced.
+        """
         reduced_bodies = {name: body for name, body in self.bodies.items() if isinstance(body, ReducedModel)}
         for name in self.bodies:
             if name not in reduced_bodies:
@@ -321,25 +326,26 @@ class System(BodySystem[SlidingBody]):
 
     @property
     def modal(self) -> dict[str, ReducedModel]:
-        """Reduced bodies by their names, in the models of `on_modes` where it has one; an InputError as for `reduced`.
+        """Reduced bodies by their names: the model in `on_modes` if there is one, else the model in `reduced`.
 
-        The models of `on_modes` are without cylinder modes and modes without inertia.
+        The models in `on_modes` have neither cylinder modes nor modes without inertia.  An InputError is raised if a
+        body is not reduced.
         """
         return self.reduced | dict(self.on_modes)
 
     def ensure_constant(self, source: str) -> System:
-        """Return the system; raise an InputError of `source` if it has terms that vary in time, or friction."""
+        """Return the system; raise an InputError about `source` if there are terms that vary in time, or friction."""
         return self.ensure_without_terms(source).ensure_frictionless(source)
 
     def ensure_frictionless(self, source: str) -> System:
-        """Return the system; raise an InputError of `source`, which can't handle friction, if a contact has any."""
+        """Return the system; raise an InputError about `source`, which can't handle friction, if a contact has any."""
         if (friction := Friction.from_contacts(self.contacts)) is not None:
             names = ", ".join(self.contact_names[k] for k in friction.pads)
             raise InputError(source, "friction", names, "0 is allowed here; `pmr simulate` follows friction")
         return self
 
     def ensure_lengths_stay(self, source: str) -> System:
-        """Return the system; raise an InputError of `source`, which can't handle ropes that lengthen, if it has any."""
+        """Return the system; raise an InputError about `source`, which can't handle ropes that lengthen, if any do."""
         if self.compliance.paths:
             names = ", ".join(contact.name for contact in self.contacts if contact.lengthening)
             allowed = "0 is allowed here; `pmr simulate` follows ropes whose length changes"
@@ -347,7 +353,7 @@ class System(BodySystem[SlidingBody]):
         return self
 
     def ensure_without_terms(self, source: str) -> System:
-        """Return the system; raise an InputError of `source`, which can't handle terms that vary in time, if any."""
+        """Return the system; raise an InputError about `source`, which can't handle varying terms, if it has any."""
         if self.terms:
             allowed = (
                 "a system without terms that vary in time (a frame that moves, second order) is allowed here; "
@@ -359,7 +365,7 @@ class System(BodySystem[SlidingBody]):
     def save(self, path: str | Path) -> Path:
         """Write reduced bodies, contacts, terms and provenance to one npz file, return its path; nothing is pickled.
 
-        The file also has the models of `on_modes`, with which errors are estimated.  An InputError is raised if a body
+        The file also has the models in `on_modes`, with which errors are estimated.  An InputError is raised if a body
         is not reduced.
         """
         saved.write(
@@ -391,15 +397,18 @@ class System(BodySystem[SlidingBody]):
     def of(cls, body: SlidingBody) -> System:
         """Return the system of a single body, whose rows are contacts with the ground.
 
-        Rows that move have the path ``slider``.  An InputError is raised if the body is a section of a boom, because
-        the joints that hold it are missing.
+        Places whose rows depend on s travel on the path ``slider``.  An InputError is raised if the body is a section
+        of a boom, because the joints that hold it are missing.
         """
         body.ensure_whole("system")
         return cls({ALONE: body}, ground_contacts(body), body.provenance if isinstance(body, ReducedModel) else {})
 
 
 def ground_contacts(body: Body) -> tuple[Contact, ...]:
-    """Contacts of a single body with the ground, one for each row except supports that hold a single coordinate."""
+    """Contacts of a single body with the ground, one for each row that is not in `body.held`.
+
+    Rows in `body.held` are supports that fix one coordinate of the model, which is left out of the equations.
+    """
     return tuple(
         Contact(
             name,

@@ -3,9 +3,10 @@ r"""Terms of the equations of motion that vary in time: constant matrices times 
 .. math::
     M \ddot q + D \dot q + K q + \sum_k c_k(t) \, (V_k \dot q + G_k q) + C^T \lambda = B f
 
-The geometric stiffness of an axial force N(t) is such a term, with the matrix G of a unit force and c = N.  So are the
-gyroscopic forces of a turning frame, with the antisymmetric matrix V of a unit angular velocity.  An excitation has the
-signals c_k by the terms' names (`pmr.simulation.excitation.Excitation.terms`).
+The amplitudes c_k(t) multiply the damping V_k and the stiffness G_k of term k.  The geometric stiffness of an axial
+force N(t) is such a term, with the matrix G of a unit force and c = N.  So are the gyroscopic forces of a turning
+frame, with the antisymmetric matrix V of a unit angular velocity.  An excitation has the signals c_k by the terms'
+names (`pmr.simulation.excitation.Excitation.terms`).
 
 `terms_of` makes the terms of a scene whose frame moves; signal and term have the same name.
 """
@@ -33,19 +34,19 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Term:
-    """Forces -c(t) (V q' + G q) on one or two bodies, whose coordinates, stacked in the order of `bodies`, are q (n,).
+    """Forces -c(t) (V q' + G q) on one or two bodies; q (n,) are the bodies' coordinates, stacked as in `bodies`.
 
-    An InputError is raised if it has no matrix, or not one or two different bodies.
+    An InputError is raised if the term has no matrix, or if it does not name one body or two different bodies.
     """
 
     name: str
-    bodies: tuple[str, ...]  # names of one body, or of two that differ
-    # G (n, n) in N/m and V (n, n) in N s/m, of c = 1: dense of reduced bodies, SciPy's sparse ones of full bodies,
-    # PETSc's of a distributed body
+    bodies: tuple[str, ...]  # names of one body, or of two different bodies
+    # G (n, n) in N/m and V (n, n) in N s/m for c = 1: arrays for reduced bodies, sparse matrices of SciPy for full
+    # bodies, and matrices of PETSc for a distributed body
     stiffness: Any = None
     damping: Any = None
-    # by the name of a body: work Phi^T G, or Phi^T V of a damping, (h, n) on unit motions of its h rigid supports
-    # (`pmr.system.body_matrices`)
+    # by the name of a body: work (h, n) on unit motions Phi of its h rigid supports (`pmr.system.body_matrices`), Phi^T
+    # G of a stiffness or Phi^T V of a damping
     supports: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -74,16 +75,16 @@ class Term:
                 raise term_error(self.name, key, None, "finite numbers are allowed")
 
     def project(self, motions: Mapping[str, Array]) -> Term:
-        """Return the term on other coordinates p of its bodies, q = V p with V (n, r) by the bodies' names; dense.
+        """Return the term with dense matrices on new coordinates p of its bodies, without its work on supports.
 
-        Its work on supports is left out.
+        `motions` maps each body's name to V (n, r), with which the old coordinates are q = V p.
         """
         V = sp.block_diag([sp.csr_matrix(motions[name]) for name in self.bodies], format="csr")
         projected: dict[str, Any] = {key: (V.T @ (sp.csr_matrix(A) @ V)).toarray() for key, A in self.matrices.items()}
         return replace(self, **projected, supports={})
 
     def scatter(self, numbers: Mapping[str, Sequence[int] | NDArray[np.int64]], size: int) -> Term:
-        """Return the term on `size` coordinates of a system, sparse, without its work on supports.
+        """Return the term with sparse matrices on the `size` coordinates of a system, without its work on supports.
 
         `numbers` maps a body's name to the system's number of each of the body's coordinates; coordinates with a
         negative number are left out.
@@ -101,10 +102,10 @@ class Term:
 
 
 def add_terms(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[float] | Array) -> sp.csr_matrix:
-    """Sparse matrix A + sum_k c_k A_k, with A_k the ``stiffness`` or ``damping`` (`key`) of term k.
+    """Sparse matrix A + sum_k c_k A_k, where A_k is the field `key` of term k: its ``stiffness`` or ``damping``.
 
-    Without amplitudes c it is A itself.  All are summed in one step: SciPy's overhead for each sum takes longer than
-    the sum.
+    Terms without that matrix add nothing.  If the amplitudes c are empty or zero, A itself is returned.  All matrices
+    are summed in one step: SciPy's overhead for each sum takes longer than the sum.
     """
     each = [(c_k, getattr(term, key)) for term, c_k in zip(terms, c, strict=len(c) > 0)]
     parts = [(1.0, A.tocoo()), *((c_k, part.tocoo()) for c_k, part in each if part is not None and c_k != 0.0)]
@@ -118,25 +119,26 @@ def add_terms(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[flo
 
 
 def term_error(term: str, key: str, value: object, allowed: str) -> InputError:
-    """Error about the value of the property `key` of the term with the name `term`."""
+    """InputError about the `value` of the property `key` of the term with the name `term`."""
     return InputError("system", f"terms.{term}.{key}", value, allowed)
 
 
 def terms_of(
     scene: Scene, bodies: Mapping[str, SlidingBody], which: Iterable[FrameTerm] | None = None
 ) -> tuple[Term, ...]:
-    """Terms of a scene on models of its bodies: those that a frame of second order needs, or the list `which`.
+    """Terms of a scene on models of its bodies: those in `which`, or all that a frame of second order needs (None).
 
-    A scene whose frame does not move, or is of first order, has none.
+    `bodies` maps names to models.  A scene whose frame does not move, or is of first order, has no terms.
     """
     return tuple(_term(scene, term, bodies) for term in (frame_terms(scene) if which is None else which))
 
 
 def _term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Term:
-    """Matrices of one frame term on the bodies it names, and their work on the motions of rigid supports.
+    """Matrices of one frame term on the bodies that it names, and its work on the motions of rigid supports.
 
-    A rotation gives a damping, all others give a stiffness: of the term's matrix on one body, or of the distance
-    between the tails of two sections, times the mass or first moment that the cylinder between them carries.
+    A rotation gives a damping, all other terms give a stiffness.  It is the term's matrix on one body, or it belongs to
+    the distance between the tails of two sections: then it is the square of this distance times the mass or first
+    moment that the cylinder between the sections carries.
     """
     if term.kind in ("cylinder", "cylinder load"):
         apart = sp.csr_matrix(_distance_rows(scene, term, bodies))
@@ -155,7 +157,7 @@ def _term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> T
 
 
 def _clear_without_inertia(body: SlidingBody, matrix: sp.csr_matrix | Array) -> sp.csr_matrix | Array:
-    """Matrix (n, n) with zero rows and columns for the coordinates of the body that have no inertia."""
+    """Matrix (n, n) with the rows and columns set to zero for the coordinates of the body without inertia."""
     if not len(body.quasi_static):
         return matrix
     on_inertia = np.array(matrix if isinstance(matrix, np.ndarray) else matrix.toarray())
@@ -164,7 +166,10 @@ def _clear_without_inertia(body: SlidingBody, matrix: sp.csr_matrix | Array) -> 
 
 
 def _distance_change(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody], name: str) -> Array:
-    """Changes (d, h) of the d distances of `_distance_rows` by unit motions of one body's h rigid supports."""
+    """Changes (d, h) of the d distances of `_distance_rows` by unit motions of the h rigid supports of one body.
+
+    That body has the name `name`.
+    """
     reactions, sign = bodies[name].reactions, 1.0 if name == term.bodies[0] else -1.0
     rows = tail_outputs(member_at(scene, term.number))
     if reactions is None or not reactions.ports:
@@ -174,23 +179,23 @@ def _distance_change(scene: Scene, term: FrameTerm, bodies: Mapping[str, Sliding
 
 
 def _distance_rows(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Array:
-    """Rows (d, n) of the d lateral distances between the tails of two sections, on the stacked coordinates of both."""
+    """Rows (d, n) of the d lateral distances between the tails of two sections, on the coordinates of both, stacked."""
     distance_rows = []
     for row in tail_outputs(member_at(scene, term.number)):
         parts = []
         for sign, name in zip((1.0, -1.0), term.bodies, strict=True):
             body = bodies[name]
-            port = body.ports.get(row)  # none of a tail that is clamped
+            port = body.ports.get(row)  # a tail that is clamped has no port
             parts.append(np.zeros(body.size) if port is None else sign * np.asarray(sp.csr_matrix(port).toarray())[0])
         distance_rows.append(np.concatenate(parts))
     return np.array(distance_rows)
 
 
 def carried_inertia(body: SlidingBody, field: str) -> float:
-    """Mass in kg (`field` "x") of a section with what is attached to it, or its first moment about its tail in kg m.
+    """Mass in kg (`field` "x") of a section with what is attached to it, or its first moment in kg m about its tail.
 
-    This is the inertia against an acceleration along the boom, e_x^T M a with the field a of accelerations that `field`
-    names (`pmr.system.body_matrices.LINEAR`), provided that the whole body is free to move.
+    This is the inertia e_x^T M a against an acceleration along the boom.  The field a of accelerations is the one that
+    `field` names (`pmr.system.body_matrices.LINEAR`).  It is right if the whole body is free to move.
     """
     along, over = (np.asarray(body.B)[:, body.input_names.index(INERTIA + name)] for name in ("x", field))
     return float(along @ spla.spsolve(sp.csc_matrix(body.M), over))

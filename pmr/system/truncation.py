@@ -4,7 +4,8 @@ r"""Modes that move from the coordinates into the tables of the residual flexibi
     G_r = G_{r+c} + \sum_{j=r+1}^{r+c} \frac{(C \varphi_j)(C \varphi_j)^T}{\omega_j^2},
     \qquad \text{and in the same way } H, X, W, B^T R B
 
-So a model with r + c modes contains every smaller one (docs/moving_residual_flexibility.md, section 12).
+with the flexibility table G_r of a model with r modes and the rows C (`pmr.system.carriers`).  So a model with r + c
+modes contains every smaller one (docs/moving_residual_flexibility.md, section 12).
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ MODAL = 1e-6
 
 
 def truncate(model: ReducedModel, r: int) -> ReducedModel:
-    """Return the model on its first r modes; the others join the residual flexibility and the enrichment modes.
+    """Return the model on its first r modes; the other modes join residual flexibility and enrichment modes.
 
     A ValueError is raised if the coordinates are no eigenmodes in ascending order, if there is no residual flexibility,
     if r is not between 1 and one less than the model's size, or if a mode without stiffness would be truncated.
@@ -65,7 +66,7 @@ def truncate(model: ReducedModel, r: int) -> ReducedModel:
 
 
 def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
-    """Return the model with its first `count` enrichment modes (None: all) as last coordinates; undo `truncate`.
+    """Return the model with its first `count` enrichment modes (None: all) as last coordinates; it undoes `truncate`.
 
     A ValueError is raised if the model has fewer enrichment modes, or `count` is less than 1.
     """
@@ -92,7 +93,7 @@ def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
 
 
 def with_tables(model: ReducedModel) -> ReducedModel:
-    """Return the model with tables that are computed from its carriers, unchanged if these can't give tables."""
+    """Return the model with tables computed from its carriers; unchanged if they lack flexibility or rows."""
     carriers = model.carriers
     if not _has_tables(carriers):
         return model
@@ -107,7 +108,7 @@ def with_tables(model: ReducedModel) -> ReducedModel:
 
 
 def _has_tables(carriers: CarrierRows | None) -> bool:
-    """Whether tables follow from the carriers: if they have flexibility and rows."""
+    """Whether tables can be computed from the carriers: they have flexibility and rows."""
     return carriers is not None and carriers.flexibility is not None and len(carriers.breaks) > 0
 
 
@@ -115,7 +116,7 @@ def is_modal(model: ReducedModel) -> bool:
     """Whether the coordinates are M-orthonormal modes in ascending order, with K and D diagonal."""
     if np.any(np.abs(model.M - np.eye(model.size)) > MODAL):
         return False
-    # round-off decides on the order of equal frequencies, those of rigid motions among them
+    # round-off decides on the order of equal frequencies, such as those of rigid motions
     ascending = np.all(np.diff(np.diagonal(model.K)) >= -_round_off(model.K))
     return bool(ascending) and _is_diagonal(model.K) and _is_diagonal(model.D)
 
@@ -133,9 +134,9 @@ def _round_off(A: Array) -> float:
 
 
 def _join_tables(model: ReducedModel, modes: EnrichmentModes, sign: float) -> Flexibility:
-    """Tables of the residual flexibility with the modes' part added, or removed where `sign` is -1.
+    """Tables of the residual flexibility with the part of the `modes` added (`sign` 1) or removed (`sign` -1).
 
-    They are left unchanged if `with_tables` will compute them anew.
+    They are returned unchanged if `with_tables` will compute them anew.
     """
     tables = model.flexibility
     assert tables is not None
@@ -153,13 +154,13 @@ def _join_tables(model: ReducedModel, modes: EnrichmentModes, sign: float) -> Fl
 
 
 def _extend_matrix(A: Array, on_all_modes: Array | None, count: int) -> Array:
-    """Matrix A (r, r) extended to `count` more modes by its values `on_all_modes`; None stands for zeros."""
+    """Matrix A (r, r) extended to `count` more modes, from its values `on_all_modes`; None stands for zeros."""
     r = len(A) + count
     return np.pad(A, (0, count)) if on_all_modes is None else np.ascontiguousarray(on_all_modes[:r, :r])
 
 
 def _extend_port(model: ReducedModel, name: str, count: int) -> Array:
-    """Port (r + count,) of that name, extended to `count` more modes; by zeros where their values are not known."""
+    """Port (r + count,) called `name` on `count` more modes; if its values on these are not known, they are zero."""
     port_of_carriers = None if model.carriers is None else model.carriers.ports.get(name)
     beyond = np.zeros(count) if port_of_carriers is None else port_of_carriers[model.size : model.size + count]
     return np.append(model.ports[name], beyond)
@@ -185,7 +186,7 @@ def _chain_modes(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentM
 
 
 def _select_modes(modes: EnrichmentModes, numbers: slice) -> EnrichmentModes:
-    """Enrichment modes with these numbers; their matrices are those of all modes."""
+    """Enrichment modes with these numbers; `matrices` of the result are still those on all modes."""
     return replace(
         modes,
         stiffness=modes.stiffness[numbers],

@@ -1,4 +1,5 @@
-"""Accuracy on order: the smallest model and the longest step that hold a tolerance, and the error of each part.
+"""Search for the smallest model and the longest step within a tolerance, with the error of each part.
 
-It works on one reduced model with enrichment modes, which contains every smaller one (`pmr.system.truncation`).
+The search works on one reduced model with enrichment modes, which contains every smaller model
+(`pmr.system.truncation`).
 """

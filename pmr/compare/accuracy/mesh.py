@@ -1,19 +1,19 @@
-r"""Error of the mesh, by the motion of the same reduced model on another mesh.
+r"""Error of the mesh, from the difference to the motion of the same reduced model on another mesh.
 
 Beams with rigid walls are compared with twice as many elements of half the length l:
 
 .. math:: e_{mesh} \approx \frac{\lVert y_{l/2} - y_l \rVert}{1 - 2^{-p}}, \qquad p = 2
 
 with the outputs y_l on elements of the length l and the order p with which they converge.  Beams without shear converge
-faster, so that their error is stated larger than it is.  On elements of more than two pads' length they converge more
-slowly, p = 1: the effect of pads then depends on where in an element they are.  Shells, solids and walls that give way
-are compared with cells twice as long, whose reduction takes half the time of their own or less:
+faster, so that the stated error is too large.  Beams whose elements are longer than two pads converge more slowly, p =
+1: the effect of pads then depends on where in an element the pads are.  Shells, solids and walls that give way are
+compared with a mesh whose cells are twice as long, and whose reduction takes at most half the time:
 
 .. math:: e_{mesh} \approx \frac{\lVert y_{2 l} - y_l \rVert}{2^p - 1}, \qquad p = 1
 
 Both errors are fractions of the motion on the scene's own mesh: on cells twice as long the motion can be a quarter
-smaller.  There pads press on a part of a cell only.  Such a motion converges with the order of the cells only after
-these are shorter than pads: `docs/accuracy.md` has measurements.
+smaller, since pads press on a part of a cell only.  Such a motion converges with the order of the cells only when the
+cells are shorter than pads: `docs/accuracy.md` has measurements.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ class OtherMesh:
     """Scene on another mesh, with which a scene is compared."""
 
     scene: Scene
-    called: str  # as warnings and results name it
-    share: float  # factor on the difference of motions that gives the error of the scene's own mesh
+    called: str  # name of this scene in warnings and results
+    share: float  # error of the scene's own mesh over the difference of motions
 
 
 def other_mesh(scene: Scene) -> OtherMesh:
     """The scene on finer beams or coarser walls, with which the scene's own mesh is compared.
 
-    Raises an `InputError` that says why there is none.
+    Raises an `InputError` that says why there is no such mesh.
     """
     if any(part.mesh.file is not None for part in scene.sections):
         raise InputError("scene", "mesh", None, "a mesh that is read from a file has no other one to be compared with")
@@ -89,7 +89,8 @@ def finer_beams(scene: Scene) -> Scene:
     parts = []
     for part in scene.sections:
         cells, count = part.mesh, int(FINER * part.mesh.elements)
-        # Lengths that grow by the root of what they grew by have the same nodes, and one more in each element.
+        # If lengths grow from element to element by the root of the former factor, all nodes stay; each element gets
+        # one.
         grading = cells.grading ** ((count - 1) / (FINER * max(1, cells.elements - 1)))
         cells = cells.model_copy(update={"elements": count, "grading": grading})
         parts.append(part.model_copy(update={"mesh": cells}))
@@ -110,10 +111,10 @@ def coarser_walls(scene: Scene) -> Scene:
 def mesh_budget(
     scene: Scene, simulate_other: Callable[[Callable[[], Scene], str], Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """``mesh``, the error of the mesh by kind, and ``mesh_reason``, why there is none, of the error budget.
+    """Entries ``mesh`` and ``mesh_reason`` of the error budget: the mesh's error by kind, or why there is none.
 
-    `simulate_other` makes and runs a scene, given a function that makes it and its name, and returns its differences to
-    this scene by kind, as fractions of this scene's motion.
+    `simulate_other` makes and runs another scene, given a function that makes this scene and a name for it.  It returns
+    differences to the motion of `scene` by kind, as fractions of that motion.
     """
     try:
         other = other_mesh(scene)
@@ -125,7 +126,7 @@ def mesh_budget(
 
 
 def mesh_warnings(scene: Scene) -> list[str]:
-    """A warning if cells of walls are so long relative to pads that the walls and the mesh's error are in doubt."""
+    """A warning if cells of walls are so long compared with pads that the walls and the mesh's error are in doubt."""
     worst, message = LONGEST, ""
     for member in members(scene):
         body, cells = member.part.body, member.part.mesh
@@ -146,7 +147,7 @@ def mesh_warnings(scene: Scene) -> list[str]:
 
 
 def motion_only(scene: Scene) -> Scene:
-    """The scene, to be simulated once by ``march``, without estimate and recovery, for its motion alone."""
+    """The scene changed so that one run of the compiled simulator (``march``) gives its motion and nothing else."""
     once = scene.simulation.model_copy(update={"simulators": ("march",), "repeats": 1})
     parts = [
         part.model_copy(update={"reduction": part.reduction.model_copy(update={"estimate": False})})
@@ -156,10 +157,11 @@ def motion_only(scene: Scene) -> Scene:
 
 
 def mesh_errors(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share: float) -> dict[str, float]:
-    """Error of the mesh by kind, fractions of the scene's motion: `share` times the difference to the other mesh.
+    """Error of the mesh by kind, as fractions of the scene's motion: `share` times the difference to the other mesh.
 
-    `of_scene` and `other` are the trials on both meshes.  The scheme hardly damps either run, as in
-    `pmr.compare.step_error`.  Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
+    `of_scene` and `other` are the trials on the two meshes, both with models of these `sizes` and this number of
+    `steps`.  Numerical damping is small in both runs, as in `pmr.compare.step_error`.  Raises InputError or
+    SimulationError as for `pmr.simulation.Simulator`.
     """
     (mine, floors), (theirs, _) = of_scene.run_undamped(sizes, steps), other.run_undamped(sizes, steps)
     numbers, other_numbers = _common_displacements(of_scene.output_positions, other.output_positions)
@@ -172,10 +174,10 @@ def mesh_errors(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share
 def _common_displacements(
     places: Sequence[tuple[str, float]], other: Sequence[tuple[str, float]]
 ) -> tuple[list[int], list[int]]:
-    """Numbers, in each of two models, of the displacements that both have; of many nodes not all are observed.
+    """Numbers, in each of two models, of the displacements that both models have.
 
-    `places` and `other` are the names and positions in m of both models' displacements.  Displacements are the same if
-    name and position are.
+    `places` and `other` are the names and positions in m of the displacements of the two models.  Displacements are the
+    same if name and position are the same.  Of meshes with many nodes, not all nodes are observed.
     """
     at, near = {name: k for k, (name, _) in enumerate(other)}, SAME * np.ptp([x for _, x in places])
     common = [(k, at[name]) for k, (name, x) in enumerate(places) if name in at and abs(other[at[name]][1] - x) <= near]

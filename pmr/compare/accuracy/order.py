@@ -34,9 +34,9 @@ from pmr.system.from_scene import system_of
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
-#: Largest share of a tolerance that the error of the mesh may take: of a larger one the search takes no account.
+#: Largest share of a tolerance that the error of the mesh may take: a larger error is ignored by the search.
 MOST_OF_MESH = 0.9
-#: Number of coordinates, besides enrichment modes, of the reduction of a body alone: many scenes share that reduction.
+#: Number of coordinates of the reduction of a single body, besides enrichment modes; many scenes share this reduction.
 COORDINATES = 6
 _CALLED = {
     "beam": "displacements",
@@ -53,31 +53,31 @@ _NEEDED = {"probe": "probes", "pad_force": "pads", "cylinder_force": "cylinders"
 class Choice:
     """The model and the step that a scene gets, and their errors."""
 
-    scene: Scene  # with the chosen step and, of a body alone, the chosen coordinates
-    models: Mapping[str, ReducedModel]  # by body, `ALONE` or sections, these without the modes of their cylinders
+    scene: Scene  # with the chosen step and, for a single body, the chosen coordinates
+    models: Mapping[str, ReducedModel]  # by name of the body (`ALONE` or sections), without cylinder modes
     trial: Trial
     mesh: Mapping[str, float] | None = None  # error of the mesh by kind, a fraction; None if unknown
     mesh_reason: str | None = "the scene leaves it out"  # why that error is unknown
-    reasons: tuple[str, ...] = ()  # why this model and this step, a clause each
+    reasons: tuple[str, ...] = ()  # clauses that say why this model and this step were chosen
     seconds: float = 0.0  # wall time of the search
 
     @property
     def total_errors(self) -> dict[str, float]:
-        """Errors of reduction, step and, if it is known, the mesh together, by kind of output."""
+        """Sum of the errors of reduction, step and mesh (if that is known), by kind of output."""
         return {kind: size + (self.mesh or {}).get(kind, 0.0) for kind, size in self.trial.total.items()}
 
     @property
     def meets_tolerance(self) -> bool:
-        """Whether the sum of errors is within the tolerance, if there is one, and the step's error is settled."""
+        """Whether the sum of errors is within the tolerance, if there is one, and the error of the step is settled."""
         accuracy = self.scene.accuracy
         return accuracy is None or (self.trial.settled and max(self.total_errors.values()) <= accuracy.tolerance)
 
 
 def prepare_scene(scene: Scene) -> Scene:
-    """The scene whose reduction contains all models that the search can choose; unchanged without tolerance or budget.
+    """The scene whose reduction contains all models that the search can choose.
 
-    Booms of several sections are unchanged, too: they have their own coordinates and more enrichment modes
-    (`pmr.reduction.from_scene`).
+    It is the scene itself if there is no tolerance or budget, and for booms of several sections: these have their own
+    coordinates and more enrichment modes (`pmr.reduction.from_scene`).
     """
     if scene.goal is None or len(scene.bodies) > 1:
         return scene
@@ -86,23 +86,23 @@ def prepare_scene(scene: Scene) -> Scene:
 
 
 def trials_of(scene: Scene, models: Mapping[str, ReducedModel]) -> Trials:
-    """Trials of the models that reductions of a scene's bodies contain, of all sizes and with any step."""
+    """Trials of models of all sizes, with any step, that the reductions `models` of a scene's bodies contain."""
     kinds = ("beam", "tip") if scene.goal is None else scene.goal.outputs
     return Trials(models, partial(_join_models, scene), Excitation.from_scene(scene), kinds)
 
 
 def _join_models(scene: Scene, models: Mapping[str, ReducedModel]) -> System:
-    """System of these models as it is simulated."""
+    """System of these models, by name of the body, as it is simulated."""
     stressed = any(frame_terms(scene))
     return system_of(scene, {name: simulated_model(model, stressed) for name, model in models.items()})
 
 
 class Search:
-    """The search for the model and the step of a scene with a tolerance or a budget; `trial` is the best one so far.
+    """Search for the model and the step of a scene with a tolerance or a budget; `trial` is the best one so far.
 
-    `models` are the reductions of the scene from `prepare_scene` by body, on free modes.  Raises InputError if errors
-    of these models, or of the outputs that the scene names, can't be estimated, or if nothing is within the scene's
-    budget.
+    `models` are the reductions, on free modes, of the bodies of the scene that `prepare_scene` returned, by name.
+    Raises InputError if errors of these models, or of the outputs that the scene names, can't be estimated, or if every
+    model exceeds the scene's budget.
     """
 
     def __init__(self, scene: Scene, models: Mapping[str, ReducedModel]) -> None:
@@ -136,7 +136,7 @@ class Search:
     def _allowed_errors(self) -> dict[str, float]:
         """Errors by kind that reduction and step may have together: the tolerance minus the error of the mesh.
 
-        If the mesh takes more than `MOST_OF_MESH` of the tolerance, its error is not subtracted.
+        If the error of the mesh is more than `MOST_OF_MESH` of the tolerance, it is not subtracted.
         """
         assert self.scene.accuracy is not None
         tolerance, taken = self.scene.accuracy.tolerance, self.mesh or {}
@@ -145,10 +145,10 @@ class Search:
         return {kind: tolerance - taken.get(kind, 0.0) for kind in self.trials.wanted}
 
     def compare_meshes(self, other: mesh.OtherMesh, on_other: Mapping[str, ReducedModel]) -> Search:
-        """Compute the error of the mesh and return this search, which uses it from then on.
+        """Compute the error of the mesh, and return this search, which takes that error into account from then on.
 
-        `on_other` are the models of the scene that `scene_on_other_mesh` returns.  Raises InputError or SimulationError
-        as for `pmr.simulation.Simulator`.
+        `on_other` are models, by name of the body, of the scene that `scene_on_other_mesh` returns.  Raises InputError
+        or SimulationError as for `pmr.simulation.Simulator`.
         """
         trial = self.trial
         theirs = trials_of(_with_step(self.scene, trial.steps), on_other)
@@ -156,10 +156,10 @@ class Search:
         return self
 
     def choose(self, mesh_reason: str | None) -> Choice:
-        """Return the choice, without coordinates and steps that are not needed.
+        """Leave out coordinates and steps that are not needed, and return the choice.
 
-        `mesh_reason` says why the error of the mesh is unknown.  Raises InputError or SimulationError as for
-        `pmr.simulation.Simulator`.
+        `mesh_reason` says why the error of the mesh is unknown; None if it is known.  Raises InputError or
+        SimulationError as for `pmr.simulation.Simulator`.
         """
         begin, trials = time.perf_counter(), self.trials
         if self.scene.budget is None:
@@ -184,10 +184,10 @@ class Search:
 
 
 def scene_on_other_mesh(scene: Scene, trial: Trial) -> mesh.OtherMesh:
-    """The scene with a trial's step, on the mesh by which the error of its own mesh is estimated.
+    """The scene with a trial's step, on the mesh by which the error of the scene's own mesh is estimated.
 
-    A body alone has `COORDINATES` coordinates, or a multiple of them by a power of 2 that suffices, so that most
-    choices share that scene.  Raises an `InputError` that says why there is no other mesh.
+    A single body has `COORDINATES` coordinates, or the smallest multiple of these by a power of 2 that suffices, so
+    that most choices share one scene.  Raises an `InputError` that says why there is no other mesh.
     """
     other = mesh.other_mesh(_with_step(scene, trial.steps))
     if len(scene.bodies) > 1:
@@ -203,11 +203,11 @@ def scene_on_other_mesh(scene: Scene, trial: Trial) -> mesh.OtherMesh:
 def accuracy_summary(choice: Choice) -> dict[str, Any]:
     """``accuracy`` and ``budget`` of summary.json.
 
-    ``accuracy``: ``tolerance``, ``outputs``, ``holds``, ``chosen.{coordinates,step}``, of sections ``chosen.sections``
-    too, ``reasons``, ``seconds`` of the search.  ``budget``: ``reduction``, ``step`` and ``mesh`` by kind of output
-    (fractions, None where unknown), their ``sum``, and ``first``, the one with the largest error, which is to be
-    improved first; ``mesh_reason`` says why the error of the mesh is unknown.  A tolerance ``holds`` if the sum is
-    within it.
+    ``accuracy`` has ``tolerance``, ``outputs``, ``holds`` (whether the sum of errors is within the tolerance),
+    ``chosen.{coordinates,step}``, for booms also ``chosen.sections``, ``reasons``, and ``seconds`` of the search.
+    ``budget`` has the errors of ``reduction``, ``step`` and ``mesh`` by kind of output (fractions, None if unknown),
+    their ``sum``, ``first``, the name of the largest of the three errors, which is to be improved first, and
+    ``mesh_reason``, which says why the error of the mesh is unknown.
     """
     trial, ordered = choice.trial, _request(choice.scene)
     sizes = {name: model.size for name, model in choice.models.items()}
@@ -232,12 +232,12 @@ def accuracy_summary(choice: Choice) -> dict[str, Any]:
 
 
 def _finite(errors: Mapping[str, float]) -> dict[str, float | None]:
-    """Errors by kind, with None for those that are not finite, hence unknown."""
+    """Errors by kind, with None for errors that are not finite and therefore unknown."""
     return {kind: size if np.isfinite(size) else None for kind, size in errors.items()}
 
 
 def accuracy_warnings(choice: Choice) -> list[str]:
-    """Warnings if the tolerance isn't held, by the model and its step or by the mesh; none without a tolerance."""
+    """Warnings if the model and its step, or the mesh, exceed the tolerance; none without a tolerance."""
     accuracy, trial = choice.scene.accuracy, choice.trial
     if accuracy is None:
         return []
@@ -265,13 +265,13 @@ def accuracy_warnings(choice: Choice) -> list[str]:
 
 
 def _request(scene: Scene) -> Accuracy | Budget:
-    """The scene's accuracy or budget, of which there is one."""
+    """The scene's `accuracy` or its `budget`; it has exactly one of them."""
     assert scene.goal is not None
     return scene.goal
 
 
 def _key(scene: Scene) -> str:
-    """Key of the scene by which the search is wanted, ``accuracy`` or ``budget``."""
+    """Key of the scene that asks for the search: ``accuracy`` or ``budget``."""
     return "budget" if scene.accuracy is None else "accuracy"
 
 
@@ -281,12 +281,12 @@ def _refuse_outputs(scene: Scene, allowed: str) -> None:
 
 
 def _with_step(scene: Scene, steps: int) -> Scene:
-    """The scene with this number of steps."""
+    """The scene with this number of equal `steps`."""
     return scene.model_copy(update={"time": scene.time.model_copy(update={"step": scene.time.end / steps})})
 
 
 def _list_errors(tolerance: float, sizes: Mapping[str, float]) -> str:
-    """Errors by kind, in words in which an error beyond the tolerance is not rounded to the tolerance."""
+    """Errors by kind in words; an error above the tolerance is never rounded down to the tolerance."""
     words = {kind: percent(size, "their size") for kind, size in sizes.items()}
     more = {
         kind for kind, size in sizes.items() if size > tolerance and words[kind] == percent(tolerance, "their size")

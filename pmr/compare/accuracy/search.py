@@ -1,9 +1,9 @@
-"""Search for the model and the step with which a run is within its tolerance, as one finds them by hand.
+"""Search for the model and the step with which the errors of a run are within a tolerance or a budget.
 
-It begins with the scene's own step and coordinates, takes shorter steps and twice as many coordinates until the run's
-own estimate and the error of its step are within the tolerance together, and then leaves out what is not needed:
-coordinates first, then every other step.  Within a budget coordinates are given, and steps are as long as their error
-is no larger than that of the reduction.
+The search begins with the scene's own step and coordinates.  It takes shorter steps and twice as many coordinates until
+the estimated error of the reduction and the error of the step together are within the tolerance.  Then it leaves out
+what is not needed: coordinates first, then every other step.  With a budget, the coordinates follow from the budget,
+and the step is the longest one whose error is no larger than that of the reduction.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from pmr.scene.run_settings import Budget
 
 Allowed = Mapping[str, float]  # error by kind of output, a fraction
 
-#: Ratio to the allowed error up to which an error of step or reduction need not be made smaller.
+#: An error of step or reduction need not be made smaller if its ratio to the allowed error is at most this.
 HALF = 0.5
-#: Largest factor by which an error decreases where a step is halved: the scheme is of second order.
+#: Largest factor by which an error decreases when the step is halved: the scheme is of second order.
 SECOND_ORDER = 4.0
 
 
 def worst_ratio(errors: Mapping[str, float], allowed: Allowed) -> float:
-    """The largest ratio, over all kinds of outputs, of the error to the error that is allowed."""
+    """Largest ratio, over all kinds of outputs, of the error to the allowed error."""
     return max(errors[kind] / size for kind, size in allowed.items())
 
 
 def is_within(trial: Trial, allowed: Allowed) -> bool:
-    """Whether errors of reduction and step together are allowed, and the step's error is settled."""
+    """Whether the sum of the errors of reduction and step is allowed, and the error of the step is settled."""
     return trial.settled and worst_ratio(trial.total, allowed) <= 1.0
 
 
 def find_sufficient_trial(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> Trial:
-    """The first trial whose errors are allowed, with shorter steps and more coordinates; the best one if none is.
+    """First trial whose errors are allowed, with ever shorter steps and more coordinates; if there is none, the best.
 
-    The search begins with these `sizes` and `steps`.  Whether there are too few coordinates is decided by runs whose
-    steps resolve the motion, for others show nothing about it.
+    The search begins with these `sizes` and `steps`.  Whether there are too few coordinates is decided only by runs
+    whose steps resolve the motion; other runs show nothing about it.
     """
     tried = list[Trial]()
     while True:
@@ -53,7 +53,7 @@ def find_sufficient_trial(trials: Trials, sizes: Sizes, steps: int, allowed: All
                     return trial
             grows = (
                 finer and not np.isfinite(few) and not trials.has_pushing_contacts
-            )  # a shorter step helps the estimate
+            )  # with a shorter step, the estimate of the reduction is better
             if few > HALF and larger != sizes and (few >= coarse or not finer) and not grows:
                 sizes = larger
                 continue
@@ -64,15 +64,15 @@ def find_sufficient_trial(trials: Trials, sizes: Sizes, steps: int, allowed: All
 
 
 def _step_ratio(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> float:
-    """Ratio of the step's error to the error that is allowed; more than 1 if the step's error is not settled."""
+    """Ratio of the error of the step to the allowed error; more than 1 if the error of the step is not settled."""
     size = worst_ratio(trials.step_errors(sizes, steps), allowed)
     return size if trials.is_settled(sizes, steps) else max(size, 1.0 + HALF)
 
 
 def reduce_cost(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -> Trial:
-    """Trial whose errors are still allowed, with as few coordinates, and then as few steps, as possible.
+    """Trial with as few coordinates, then as few steps, as possible whose errors are still allowed.
 
-    `trial` is the one to begin with; `coarsest` is the smallest number of steps.
+    The search begins with `trial`; `coarsest` is the smallest number of steps.
     """
 
     def suits(reduction: Mapping[str, float], step: Mapping[str, float]) -> bool:
@@ -83,7 +83,7 @@ def reduce_cost(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -
     for sizes in (
         fewest,
         *trials.neighbouring_sizes(fewest, 1),
-    ):  # by its own estimate a model may be a little further off
+    ):  # the model's own estimate of its error may be a little larger
         if suits(trials.reduction_errors(sizes, trial.steps), trial.step):
             thinner = trials.estimate_trial(sizes, trial.steps)
             if is_within(thinner, allowed):
@@ -92,11 +92,12 @@ def reduce_cost(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -
 
 
 def find_best_affordable(trials: Trials, budget: Budget, coarsest: int) -> Trial:
-    """The trial with the smallest error that a budget allows.
+    """Trial with the smallest error that a budget allows.
 
-    A budget of coordinates or of the time of a step: the most coordinates that it allows, with the longest step whose
-    error is no more than that of the reduction.  A budget of real time: for each number of steps, `coarsest` at least,
-    as many coordinates as there is time for.  Raises InputError if the smallest model exceeds the budget.
+    With a budget of coordinates, or of the time that a step takes, it has the most coordinates that the budget allows,
+    and the longest step whose error is no larger than that of the reduction.  With a budget of real time, it is the
+    best of the trials that have, for each number of steps from `coarsest` on, as many coordinates as there is time for.
+    Raises InputError if the smallest model exceeds the budget.
     """
     key = "microseconds_per_step" if budget.real_time is None else "real_time"
     if budget.coordinates is not None:
@@ -115,7 +116,7 @@ def find_best_affordable(trials: Trials, budget: Budget, coarsest: int) -> Trial
 
 
 def explain_trial(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
-    """Why the trial has these coordinates and this number of steps, a clause each."""
+    """Yield clauses that say why the trial has these coordinates and this number of steps."""
     r, steps = trial.coordinates, trial.steps
     coarse = trials.fewest_resolving_steps(steps)
     if fewer := [
@@ -138,15 +139,15 @@ def explain_trial(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
 
 
 def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
-    """The fewest modes whose error against the trial is within what its step leaves: of all bodies, then of each.
+    """Sizes with the fewest modes whose error against the trial is at most the part of `allowed` that its step leaves.
 
-    The runs have the fewest steps that resolve the motion.
+    Modes are left out of all bodies first, then of each body.  The runs have the fewest steps that resolve the motion.
     """
     margin = {kind: size - trial.step[kind] for kind, size in allowed.items()}
     steps = trials.fewest_resolving_steps(trial.steps)
 
     def enough(sizes: Sizes) -> bool:
-        """Whether the error of these sizes against the trial is within what its step leaves."""
+        """Whether the error of these sizes against the trial is at most the part of `allowed` that its step leaves."""
         return worst_ratio(trials.difference_to_trial(trial, sizes, steps), margin) <= 1.0
 
     low, high = trials.least - 1, trials.most_elastic_modes(trial.sizes)
@@ -168,12 +169,12 @@ def _longest_steps(
     coarsest: int,
     suits: Callable[[Mapping[str, float], Mapping[str, float]], bool],
 ) -> Trial:
-    """The trial with as few steps as its errors allow, by halving their number.
+    """Trial with as few steps as its errors allow; the number of steps is halved repeatedly.
 
     `suits` says whether errors of reduction and step, by kind, are allowed; `coarsest` is the smallest number of steps.
     """
     while trial.steps > coarsest:
-        least = {kind: size / ROUGH for kind, size in trial.step.items()}  # of half as many steps
+        least = {kind: size / ROUGH for kind, size in trial.step.items()}  # least error with half as many steps
         fewer = trial.steps // 2
         if not suits(trial.reduction, least) or not suits(trial.reduction, trials.step_errors(trial.sizes, fewer)):
             break
@@ -185,7 +186,7 @@ def _longest_steps(
 
 
 def _balance_errors(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
-    """Trial with the longest step whose error is no more than that of the reduction; else with the shortest step."""
+    """Trial with the longest step whose error is no larger than that of the reduction, else with the shortest step."""
 
     def suits(reduction: Mapping[str, float], step: Mapping[str, float]) -> bool:
         """Whether the largest error of the step is no more than that of the reduction."""
@@ -198,9 +199,9 @@ def _balance_errors(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
 
 
 def _real_time_trials(trials: Trials, ratio: float, coarsest: int) -> Iterator[Trial]:
-    """For each number of steps, `coarsest` at least, the trial with the largest model that is fast enough.
+    """Yield, for each number of steps from `coarsest` on, the trial with the largest model that is fast enough.
 
-    It has to be simulated `ratio` times as fast as real time.
+    A model is fast enough if it is simulated `ratio` times as fast as real time.
     """
     steps = coarsest
     while steps <= trials.most_steps:
@@ -212,10 +213,10 @@ def _real_time_trials(trials: Trials, ratio: float, coarsest: int) -> Iterator[T
 
 
 def _largest_sizes(trials: Trials, seconds: float) -> Sizes | None:
-    """Most modes of each body with which a step takes no more than `seconds`; None if the fewest modes take longer."""
+    """Most modes of each body with which a step takes at most `seconds`; None if the fewest modes take longer."""
     low, high = trials.least - 1, trials.most_elastic_modes(trials.most) + 1
     middle = high - 1
-    while high - low > 1:  # all of them first: most budgets of time are generous
+    while high - low > 1:  # begins with all modes: most budgets of time are generous
         fits = trials.seconds_per_step(trials.uniform_sizes(middle)) <= seconds
         low, high = (middle, high) if fits else (low, middle)
         middle = (low + high) // 2
@@ -223,7 +224,7 @@ def _largest_sizes(trials: Trials, seconds: float) -> Sizes | None:
 
 
 def _most_coordinates(trials: Trials, allowed: int) -> Sizes:
-    """Sizes with up to `allowed` coordinates, each added to the body where it reduces the error most.
+    """Sizes with up to `allowed` coordinates; each is added to the body in which it reduces the error most.
 
     Raises InputError if the smallest model has more coordinates than are allowed.
     """

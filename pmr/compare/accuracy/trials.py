@@ -1,4 +1,4 @@
-"""Reduced models of several sizes, run with several steps, and the errors that each run estimates for itself.
+"""Trials: runs of reduced models of several sizes with several steps, each with an estimate of its own errors.
 
 One reduction of each body with all its enrichment modes contains every smaller model (`pmr.system.truncation`).
 """
@@ -45,16 +45,16 @@ Array = NDArray[np.float64]
 Models = Mapping[str, ReducedModel]
 Sizes = tuple[int, ...]  # modes of each body
 
-#: Enrichment modes that every model keeps for its estimate, up to a quarter of all modes.
+#: Number of enrichment modes that every model keeps for its estimate; at most a quarter of all modes.
 ENRICHMENT = 4
-#: Largest number of steps of a run, for one body and for several, whose steps cost ten times as much.
+#: Largest number of steps of a run: for a single body; and for several bodies, whose steps take ten times as long.
 LONGEST, LONGEST_OF_SEVERAL = 512_000, 64_000
-#: A run may always have so many times the scene's number of steps; where contacts only push no more than that, as
-#: impacts take the same parts of a step with any number.
+#: A run may always have this many times the scene's number of steps.  If contacts only push, this is also the limit:
+#: impacts divide steps into equally short parts with any number of steps.
 FINER = 4
 #: Largest error of a step, a fraction of the motion, with which the error of the reduction can be estimated.
 RESOLVED = 0.05
-#: How often the scene's step is doubled at most, and least number of steps of a run.
+#: Largest number of times that the scene's step is doubled, and least number of steps of a run.
 COARSER, FEWEST = 6, 20
 #: Number of steps of the runs by which a step is timed, and number of these runs.
 TIMED, TIMES = 4096, 3
@@ -62,29 +62,29 @@ TIMED, TIMES = 4096, 3
 
 @dataclass(frozen=True)
 class Trial:
-    """A model and a step with the errors of its run: fractions by kind of output, with margin, infinite if unknown."""
+    """Model sizes and a step, with errors of their run by kind of output: fractions with margin, inf if unknown."""
 
     sizes: Sizes
-    coordinates: int  # of all bodies, modes of cylinders included
+    coordinates: int  # number for all bodies, with modes of cylinders
     steps: int
     reduction: Mapping[str, float]
     step: Mapping[str, float]
-    settled: bool  # whether runs with shorter steps approach each other; else the step's error is at least as stated
-    estimate: Estimate | None  # the run's own estimate of its reduction's error; None if it failed
-    step_error: StepError | None  # the run's own error of its step; None if it failed
+    settled: bool  # whether runs with shorter steps approach each other; if not, the step's error may be larger
+    estimate: Estimate | None  # estimated error of the run's reduction; None if the estimate failed
+    step_error: StepError | None  # error of the run's step; None if it could not be computed
 
     @property
     def total(self) -> dict[str, float]:
-        """Errors of reduction and step together, by kind."""
+        """Sum of the errors of reduction and step, by kind of output."""
         return {kind: size + self.step[kind] for kind, size in self.reduction.items()}
 
 
 class Trials:
-    """Runs of a system of bodies for any number of modes of each body and any number of steps; each run is made once.
+    """Runs of a system for any number of modes of each body and any number of steps; each run is made only once.
 
-    `models` on free modes, by body, have an estimate (`reason_without_estimate` is None); `join` makes the
-    system that is simulated from models of any size.  Errors are those in the `kinds` of outputs, also called `wanted`.
-    `sizes` are always numbers of modes, one for each body.
+    `models` are reductions on free modes, by name of the body, whose errors can be estimated (`reason_without_estimate`
+    returns None).  `join` makes the system that is simulated from models of any size.  Errors are given for the `kinds`
+    of outputs, which are stored as `wanted`.  `sizes` are always numbers of modes, one for each body.
     """
 
     def __init__(
@@ -121,9 +121,9 @@ class Trials:
 
     @property
     def has_impulsive_forces(self) -> bool:
-        """Whether forces of a body alone have no limit, as those of rigid sliders at kinks.
+        """Whether forces of a single body have no limit, as those of rigid sliders at kinks of the path.
 
-        Of sections it is false: their forces are compared between kinks.
+        It is false for booms of sections, whose forces are compared between kinks only.
         """
         return ALONE in self._wholes and has_impulsive_force(self._wholes[ALONE], self.excitation)
 
@@ -150,10 +150,10 @@ class Trials:
         ]
 
     def fewest_steps(self, every: float | None = None) -> int:
-        """The fewest steps, from halving the scene's number, that follow path and loads.
+        """Smallest number of steps that still follow path and loads, found by halving the scene's number.
 
-        If `every` in s is not None, it is a multiple of the step.  Where contacts only push the number is the scene's:
-        impacts need their parts of steps anyhow, so longer steps save nothing.
+        If `every` in s is not None, it remains a multiple of the step.  If contacts only push, the number is the
+        scene's own: impacts divide steps into parts anyhow, so longer steps would save nothing.
         """
         steps = self.excitation.stepping.steps
         for _ in range(0 if self.has_pushing_contacts else COARSER):
@@ -167,29 +167,29 @@ class Trials:
         return steps
 
     def with_steps(self, steps: int) -> Excitation:
-        """Excitation on a given number of equal steps."""
+        """The excitation on this number of equal steps."""
         grid = self.excitation.stepping
         return self.excitation.on_grid(TimeStepping(grid.end, grid.end / steps, grid.rho_inf))
 
     def uniform_sizes(self, elastic: int) -> Sizes:
-        """Sizes with `elastic` elastic modes of each body, or all of those that it has."""
+        """Sizes with `elastic` elastic modes of each body, or all elastic modes of bodies that have fewer."""
         return self.cap_sizes(self.most, elastic)
 
     def cap_sizes(self, sizes: Sizes, elastic: int) -> Sizes:
-        """Sizes with no more than `elastic` elastic modes of each body."""
+        """Sizes in which no body has more than `elastic` elastic modes."""
         return tuple(min(size, rigid + elastic) for size, rigid in zip(sizes, self._rigid, strict=True))
 
     def most_elastic_modes(self, sizes: Sizes) -> int:
-        """Largest number of elastic modes of any body."""
+        """Largest number of elastic modes that any body has with these sizes."""
         return max(size - rigid for size, rigid in zip(sizes, self._rigid, strict=True))
 
     def double_sizes(self, sizes: Sizes) -> Sizes:
-        """Sizes with twice as many elastic modes of each body, or all of those that it has."""
+        """Sizes with twice as many elastic modes of each body, or all elastic modes of bodies that have fewer."""
         of_bodies = zip(sizes, self._rigid, self.most, strict=True)
         return tuple(max(size, min(rigid + max(2 * (size - rigid), 1), most)) for size, rigid, most in of_bodies)
 
     def neighbouring_sizes(self, sizes: Sizes, step: int) -> list[Sizes]:
-        """All sizes that differ from `sizes` by `step` modes of one body, within the limits of that body.
+        """All sizes that differ from `sizes` by `step` modes of one body, and that this body can have.
 
         `step` is negative for fewer modes.
         """
@@ -199,18 +199,18 @@ class Trials:
         ]
 
     def models(self, sizes: Sizes) -> dict[str, ReducedModel]:
-        """Models of these sizes by body; of sections without the modes of their cylinders."""
+        """Models truncated to these sizes, by name of the body; those of sections leave out the modes of cylinders."""
         of_bodies = zip(self._wholes.items(), sizes, strict=True)
         return {name: truncate(model, size) if size < model.size else model for (name, model), size in of_bodies}
 
     def system(self, sizes: Sizes) -> System:
-        """System that is simulated for models of these sizes."""
+        """System that is simulated with models of these sizes."""
         if sizes not in self._systems:
             self._systems[sizes] = self._join(self.models(sizes))
         return self._systems[sizes]
 
     def coordinates(self, sizes: Sizes) -> int:
-        """Number of coordinates of all bodies, modes of cylinders included."""
+        """Number of coordinates of all bodies together, with modes of cylinders, for models of these sizes."""
         return sum(body.size for body in self.system(sizes).bodies.values())
 
     def estimate_trial(self, sizes: Sizes, steps: int) -> Trial:
@@ -220,15 +220,15 @@ class Trials:
         return Trial(sizes, self.coordinates(sizes), steps, reduction, step, self.is_settled(sizes, steps), *of_run)
 
     def is_resolved(self, sizes: Sizes, steps: int) -> bool:
-        """Whether steps are short enough to show whether there are too few coordinates.
+        """Whether the steps are short enough to show whether there are too few coordinates.
 
-        The run's error of the step has to be computed before (`step`).
+        Only to be called after `step_errors` for the same sizes and steps.
         """
         run_error = self._step_errors[sizes, steps]
         return run_error is not None and run_error.settled and max(self.step_errors(sizes, steps).values()) <= RESOLVED
 
     def fewest_resolving_steps(self, steps: int) -> int:
-        """The smallest number of steps, `steps` at most, with which a run was found to resolve the motion."""
+        """Smallest number of steps, at most `steps`, with which one of the runs so far has resolved the motion."""
         return min(
             (count for sizes, count in self._step_errors if count < steps and self.is_resolved(sizes, count)),
             default=steps,
@@ -237,9 +237,9 @@ class Trials:
     def difference_to_trial(self, trial: Trial, sizes: Sizes, steps: int) -> dict[str, float]:
         """Error by kind of a reduction to fewer modes, `sizes`, than a trial has, from the difference of two runs.
 
-        Both runs have `steps` steps.  Modes that both models lack move at other frequencies than those that one of them
-        lacks, so the trial's own error is added as the root of the sum of squares.  Where contacts only push, both runs
-        divide their steps alike, so that the difference is due to the reduction, not to the time of impacts.
+        Both runs have `steps` steps.  The modes that both models lack have other frequencies than the modes that only
+        one of them lacks, so the trial's own error is added as the root of the sum of squares.  If contacts only push,
+        both runs divide their steps alike, so that the difference is due to the reduction, not to the time of impacts.
         """
         key = sizes, steps
         if key not in self._beside:
@@ -258,7 +258,7 @@ class Trials:
         return self._beside[key]
 
     def reduction_errors(self, sizes: Sizes, steps: int) -> dict[str, float]:
-        """Estimated error of the reduction by kind; for forces of sections that between kinks."""
+        """Estimated error of the reduction by kind; for forces of sections it is the error between kinks."""
         if (sizes, steps) not in self._estimates:
             try:
                 run = self._run(sizes, steps)
@@ -271,7 +271,7 @@ class Trials:
         return {kind: errors.get(f"{kind}{between}", errors.get(kind, np.inf)) for kind in self.wanted}
 
     def step_errors(self, sizes: Sizes, steps: int) -> dict[str, float]:
-        """Error of the step by kind, a fraction; infinite where it could not be computed."""
+        """Error of the step by kind, a fraction; infinite if it could not be computed."""
         if (sizes, steps) not in self._step_errors:
             system, excitation = self.system(sizes), self.with_steps(steps)
             try:
@@ -283,15 +283,15 @@ class Trials:
         return {kind: np.inf if run_error is None else run_error.error_of(kind) for kind in self.wanted}
 
     def is_settled(self, sizes: Sizes, steps: int) -> bool:
-        """Whether runs with shorter steps than these approach each other in all kinds of outputs that are wanted.
+        """Whether runs with shorter steps than these approach each other, in all kinds of outputs that are wanted.
 
-        The run's error of the step has to be computed before (`step`).
+        Only to be called after `step_errors` for the same sizes and steps.
         """
         run_error = self._step_errors[sizes, steps]
         return run_error is not None and run_error.settled and not set(run_error.unsettled) & set(self.wanted)
 
     def motion(self, sizes: Sizes, excitation: Excitation) -> Outputs:
-        """Outputs at all steps of a run; forces of sections are zero near kinks of their extensions."""
+        """Outputs at all steps of a run; forces of sections are set to zero near kinks of their extensions."""
         system = self.system(sizes)
         run = run_from_start(system, excitation)
         run_outputs = (
@@ -300,7 +300,7 @@ class Trials:
         return without_kink_forces(system, run_outputs, excitation, excitation.times, excitation.stepping.step)
 
     def run_undamped(self, sizes: Sizes, steps: int) -> tuple[Outputs, RoundOffBounds]:
-        """Outputs of a run that the scheme hardly damps (`pmr.compare.step_error`), and bounds of their round-off."""
+        """Outputs of a run with little numerical damping (`pmr.compare.step_error`), and bounds of their round-off."""
         system, excitation = self.system(sizes), self.with_steps(steps)
         grid = excitation.stepping
         stepping = TimeStepping(grid.end, grid.step, reference_rho(system, grid.rho_inf))
@@ -308,12 +308,12 @@ class Trials:
         return motion, RoundOffBounds.for_system(system, excitation, motion.force)
 
     def seconds_per_step(self, sizes: Sizes) -> float:
-        """Shortest time in s that `march` takes for a step, on this machine."""
+        """Shortest time in s that the compiled simulator (``march``) takes for a step on this machine."""
         form, excitation = SystemForm.of(self.system(sizes)), self.with_steps(TIMED)
         return min(systems.observe(form, excitation, every=TIMED).seconds for _ in range(TIMES)) / TIMED
 
     def _run(self, sizes: Sizes, steps: int) -> SystemTrajectory:
-        """Motion at all steps of a run; the last one is stored."""
+        """Motion at all steps of a run; the motion of the last run is stored."""
         if (sizes, steps) not in self._last:
             self._last = {(sizes, steps): run_from_start(self.system(sizes), self.with_steps(steps))}
         return self._last[sizes, steps]

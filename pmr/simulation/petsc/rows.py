@@ -182,7 +182,7 @@ class PathRows:
         self.X = self.x**self.layout.exponents
 
     def apply(self, q: Array) -> Array:
-        """This rank's contribution (m,) to C q, from its rows q (n_local,)."""
+        """This rank's contribution (m,) to C q, from its part (n_local,) of the coordinates q."""
         values = (self.X @ self.Gamma) * (self._E @ q)
         return np.asarray(np.bincount(self.layout.contact_of_entry, values, self.course.contacts), float)
 
