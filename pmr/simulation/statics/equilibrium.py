@@ -59,7 +59,7 @@ LIMIT = 1000
 #: Most steps towards an equilibrium with terms, most solves in each, and factors on the share of the lowest omega^2
 #: after a step that has a solution and after a step that has none.
 STEPS, FEW, SMALLER, LARGER = 100, 50, 0.5, 4.0
-#: In the check of stability: flexibility of a rigid contact over that of the stiffest coordinate, and the share by which
+#: In a check of stability: flexibility of a rigid contact over that of the stiffest coordinate, and the share by which
 #: the flexibility of all other contacts is increased, as it may be singular.
 SPRING_OF_RIGID, SOFTER = 1e-3, 1e-6
 #: Pull or overlap that is round-off, over the largest force or displacement.
@@ -169,10 +169,10 @@ class _Contacts:
         return state
 
     def solve_closed(self, K: sp.csr_matrix, push: Array, closed: Mask) -> Equilibrium:
-        """Equilibrium with stiffness K (n, n) under forces `push` (n,), with the contacts of the mask `closed` (m,) closed.
+        """Equilibrium with stiffness K (n, n) under forces `push` (n,), with the contacts of the mask `closed` closed.
 
-        All other contacts are open.  The result is not finite if the closed contacts do not hold the bodies or depend
-        on each other.
+        The mask is (m,); all other contacts are open.  The result is not finite if the closed contacts do not hold the
+        bodies or depend on each other.
         """
         forces, n = np.zeros(len(closed)), self._assembly.size
         right = np.concatenate([push, (self._clearance - self._motion)[closed]])
@@ -328,7 +328,7 @@ def buckling_factors(assembly: Assembly, x: Array, coefficients: Mapping[str, fl
 
 
 class HeldSystem:
-    """A system at fixed side positions with every contact closed; its flexibility is factored once for any number of loads.
+    """A system at fixed side positions with every contact closed; its flexibility is factored once for all loads.
 
     `rows` are the contact rows at these positions (`Assembly.contact_rows`).
     """

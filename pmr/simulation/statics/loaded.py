@@ -37,8 +37,8 @@ from pmr.system.definite import FreeMotions, cholesky_root, first_singular
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Share of the largest eigenvalue of the geometric stiffness below which an eigenvalue is round-off; share of the largest
-#: flexibility of contacts below which the flexibility at the load's own position is round-off.
+#: Share of the largest eigenvalue of the geometric stiffness below which an eigenvalue is round-off; share of the
+#: contacts' largest flexibility below which the flexibility at the load's own position is round-off.
 ROUND_OFF, RIGID = 1e-9, 1e-4
 #: Pull or overlap that is round-off, over the largest force or displacement.
 WRONG = 1e-9
@@ -196,7 +196,7 @@ class Form:
         self._on_modes = [U.T @ (e.G[1] @ response[:n]) for response in z]
 
     def responses(self, loads: Array) -> Array:
-        """Responses (p, o + m + d) under loads (p,): outputs, contact forces, and overlaps of d contacts that only push.
+        """Responses (p, o + m + d) under loads (p,): outputs, contact forces, and overlaps of d contacts that push.
 
         An overlap is C q - F lambda - g: how far a contact's sides move towards each other beyond its gap.  NaN where
         no equilibrium exists.
@@ -236,7 +236,7 @@ class Form:
     def inverse_factor(self, load: float) -> float:
         """Inverse 1 / Lambda of the buckling factor: Lambda times all axial forces under `load` cause buckling.
 
-        The result is zero if nothing is compressed, and infinite if the axial forces exceed those of buckling.
+        The result is zero if nothing is compressed.
         """
         on = self.condensed
         factor = first_singular(on.K - on.G[0], on.G[0] + load * on.G[1])
@@ -292,7 +292,7 @@ class Form:
         return np.asarray(-pull / np.linalg.norm(pull))
 
     def frequency(self, load: float) -> float:
-        """Lowest natural frequency in Hz with `load` in kg as a mass that moves in the load's directions; 0 past buckling."""
+        """Lowest natural frequency in Hz with `load` in kg as a mass on its directions; 0 past buckling."""
         if load >= self.critical:
             return 0.0
         M, place = self.condensed.M, self.condensed.load_position
@@ -307,7 +307,7 @@ class Form:
         return float(1.0 / np.sqrt(largest[0]) / (2.0 * np.pi)) if largest[0] > 0.0 else np.inf
 
     def load_of_frequency(self, frequency: float, near: float = np.nan, up_to: float = np.inf) -> float:
-        r"""Smallest load P in kg, as a mass, that lowers a natural frequency to `frequency` in Hz; infinite if none does.
+        r"""Smallest load P in kg, as a mass, that lowers a natural frequency to `frequency` in Hz; infinite if none.
 
         It fulfils :math:`(K - \omega^2 M + P (G_1 - \omega^2 c^T c)) q = 0` with :math:`\omega = 2 \pi` times
         `frequency` and the displacement c q of the load's position.  `near` and `up_to` as in `first_singular`.
@@ -319,7 +319,7 @@ class Form:
 
 
 class LoadedStructure:
-    """Equilibria in one posture under any load; the form of each set of closed contacts is stored when it is first met."""
+    """Equilibria in one posture under any load; the form of each set of closed contacts is stored once it is met."""
 
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
@@ -358,7 +358,10 @@ class LoadedStructure:
         return self._forms[key]
 
     def _find_equilibrium(self, load: float) -> LoadedState:
-        """Search the equilibrium under a load: first from the last closed contacts, then from those of `_first_order`."""
+        """Search the equilibrium under a load.
+
+        The search begins with the last closed contacts, and if it fails once more with those of `_first_order`.
+        """
         closed, every = self._last, np.ones_like(self._last)
         if self.holds_both_ways:
             return self._solve_closed(closed, load)[0]
@@ -369,7 +372,7 @@ class LoadedStructure:
 
     @cached_property
     def _first_order(self) -> LoadedStructure:
-        """Structure without geometric stiffness, with a small multiple of M added to K: it always has an equilibrium."""
+        """Structure without geometric stiffness, with a small multiple of M added to K; always in equilibrium."""
         e, every = self.equations, self._form(np.ones_like(self._last))
         floor = ALMOST_FREE * (2.0 * np.pi * every.frequency(0.0)) ** 2
         return LoadedStructure(replace(e, K=e.K + floor * e.M, G=(0.0 * e.K, 0.0 * e.K)))

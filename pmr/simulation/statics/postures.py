@@ -69,7 +69,7 @@ class PostureSet:
         return np.asarray(tails + scene.sections[-1].length)
 
     def ground_positions(self, scene: Scene, distances: Array) -> Array:
-        """Positions (P, 3) in m from the pivot, in ground axes X, Y, Z, of one point of the undeformed boom per posture.
+        """Positions (P, 3) in m from the pivot, in ground axes X, Y, Z, of an undeformed point of the boom per posture.
 
         `distances` (P,) in m is the distance of each posture's point from the tail of the base section.
         """
@@ -333,7 +333,7 @@ def _hook_inputs(system: System) -> NDArray[np.int64]:
 
 
 def _select_outputs(system: System) -> tuple[list[int], list[Output]]:
-    """Indices and descriptions of the outputs of a chart: at the last body's tip, of compliant supports, and of probes."""
+    """Indices and descriptions of a chart's outputs: at the last body's tip, of compliant supports, and of probes."""
     numbers, outputs, first = list[int](), list[Output](), 0
     last = list(system.bodies)[-1]
     for name, body in system.bodies.items():

@@ -117,7 +117,7 @@ class Study(StudyBase):
         return Plan(tuple(runs), tuple(truths))
 
     def _check_steps(self, count: int) -> None:
-        """Refuse `steps` without 1, with one that doesn't divide the largest, or a largest that doesn't divide `count`."""
+        """Refuse `steps` that lack 1, that don't divide the largest step, or a largest that doesn't divide `count`."""
         ratios = [count / max(self.steps), *(max(self.steps) / factor for factor in self.steps)]
         if any(ratio != round(ratio) for ratio in ratios) or 1.0 not in self.steps:
             allowed = f"1 and factors that divide the largest, and that one the {count} steps, are allowed"
