@@ -74,7 +74,7 @@ def row_frequency(F: Array, mobility: Array) -> float:
 
     Both are (S, m, m), at S positions; positions with a singular F are left out.
     """
-    gives = np.linalg.matrix_rank(F, hermitian=True) == F.shape[-1]  # the simulators refuse a rigid row that only pushes
+    gives = np.linalg.matrix_rank(F, hermitian=True) == F.shape[-1]  # simulators refuse a rigid row that only pushes
     squares = np.linalg.eigvals(np.linalg.solve(F[gives], mobility[gives])).real
     return float(np.sqrt(squares.max(initial=0.0)))
 
@@ -184,7 +184,7 @@ class StepParts:
 
     @cached_property
     def numbers(self) -> Indices:
-        """Numbers (N,) of the ends of all parts on a grid on which each step has the largest number of parts; the first is 0."""
+        """Numbers (N,) of the ends of all parts on a grid of steps with the largest number of parts; the first is 0."""
         return np.concatenate([[0], np.cumsum(np.repeat(self.finest // self.parts, self.parts))])
 
     @cached_property

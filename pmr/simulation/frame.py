@@ -55,12 +55,12 @@ SAMPLES = 10_001
 def _cached_turning(
     luffing: SignalBase, slewing: SignalBase, t: bytes, rocking: tuple[SignalBase, ...]
 ) -> FrameRotation:
-    """`FrameRotation.from_signals`, cached, as each field of each section uses the same times t (the bytes of an array)."""
+    """`FrameRotation.from_signals`, cached, as all fields of all sections use the same times t (bytes of an array)."""
     return FrameRotation.from_signals(luffing, slewing, np.frombuffer(t), rocking)
 
 
 class FrameSignal(Derived):
-    """A scalar signal that follows from the frame's angles and paths; its rate is a difference quotient over one step."""
+    """A scalar signal that follows from the frame's angles and paths; its rate is a difference quotient over a step."""
 
     def highest_frequency(self, start: float, end: float) -> float:
         """Twice the highest frequency in Hz of angles and paths, whose rates enter as squares and products."""
@@ -91,7 +91,7 @@ class Amplitude(FrameSignal):
 
 
 class AngleAmplitude(Amplitude):
-    """Amplitude that depends on the angles `luffing` and `slewing` of the frame, and `rocking` (roll, pitch, yaw) of its base."""
+    """Amplitude that depends on the frame's angles: `luffing`, `slewing` and, for its base, `rocking` (roll, pitch, yaw)."""
 
     luffing: SignalBase
     slewing: SignalBase
@@ -123,7 +123,7 @@ class AngleAmplitude(Amplitude):
 
 
 class BaseAcceleration(FrameSignal):
-    """Acceleration in m/s^2 of a base along a ground axis: of its `displacement`, plus the prescribed `acceleration`."""
+    """Acceleration in m/s^2 of a base along a ground axis: of its `displacement`, plus a prescribed `acceleration`."""
 
     displacement: SignalBase  # m
     acceleration: SignalBase  # m/s^2
@@ -201,8 +201,7 @@ class Rotation(AngleAmplitude):
     """
 
     of: str  # `rotation`, `turning` or `carried`
-    # one or two axes, such as ``x`` or ``xy``
-    component: str
+    component: str  # one or two axes, such as ``x`` or ``xy``
 
     @property
     def products(self) -> Products:
@@ -210,7 +209,7 @@ class Rotation(AngleAmplitude):
 
 
 class CylinderAmplitude(Amplitude):
-    """Amplitude of a cylinder's force over its length: `factor` times `of` (an acceleration or a load) over `length`."""
+    """Amplitude of a cylinder's force over its length: `factor` times `of` (acceleration or load) over `length`."""
 
     factor: float
     of: SignalBase
@@ -262,12 +261,12 @@ class GroundForceComponent(AngleAmplitude):
 
 
 def products_of(signal: SignalBase, name: str) -> Products:
-    """Products of the signal of an input or a term; a signal that is no `Amplitude` is itself the load called `name`."""
+    """Products of the signal of an input or a term; a signal that is no `Amplitude` is the load with the name `name`."""
     return signal.products if isinstance(signal, Amplitude) else (Product(1.0, (("load", name),)),)
 
 
 def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
-    """Signals of a section's loads by the names of the body's inputs; a force along a ground axis has three components."""
+    """Signals of a section's loads by the names of the body's inputs; forces along ground axes have components."""
     signals = dict[str, SignalBase]()
     for load in member.part.loads:
         for name, part in input_directions(member, load).items():

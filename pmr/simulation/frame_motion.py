@@ -39,7 +39,7 @@ class Derived(SignalBase):
         """Signals from which this one follows."""
 
     def rate(self, t: ArrayLike) -> Array:
-        """Difference quotient (...) over the step of h from t - h/2, at least 0, to t + h/2, at the times t (...) in s."""
+        """Difference quotient over the step from t - h/2, but at least 0, to t + h/2, at the times t (...) in s."""
         t, half = np.asarray(t, float), self.step / 2.0
         before = np.maximum(t - half, 0.0)
         return np.asarray((self.value(t + half) - self.value(before)) / (t + half - before))
@@ -109,7 +109,7 @@ class FrameRotation:
 
     @classmethod
     def from_angles(cls, luffing: Angle, slewing: Angle, rocking: Sequence[Angle] = ()) -> FrameRotation:
-        """Rotation by the frame's angles (T,) in rad, with rates and second rates, on a base that turns by `rocking`."""
+        """Rotation by the frame's angles (T,) in rad, with rates and second rates, on a base turned by `rocking`."""
         turning = cls._on_fixed_base(luffing, slewing)
         if not rocking:
             return turning
@@ -125,7 +125,7 @@ class FrameRotation:
 
     @classmethod
     def from_rocking(cls, rocking: Sequence[Angle]) -> FrameRotation:
-        """Rotation :math:`R_Z(c) R_Y(b) R_X(a)` of a base by `rocking` = (roll a, pitch b, yaw c), in the base's axes."""
+        """Rotation :math:`R_Z(c) R_Y(b) R_X(a)` of a base by `rocking` = (roll a, pitch b, yaw c), in its own axes."""
         (a, a1, a2), (b, b1, b2), (c, c1, c2) = rocking
         (ca, sa), (cb, sb) = ((np.cos(angle), np.sin(angle)) for angle in (a, b))
         velocity = np.stack([a1 - c1 * sb, b1 * ca + c1 * sa * cb, c1 * ca * cb - b1 * sa], axis=-1)
@@ -173,7 +173,7 @@ def _motion_of(angle: SignalBase, t: Array) -> Angle:
 
 
 def skew(vectors: Array) -> Array:
-    """Matrices (..., 3, 3) of vectors v (..., 3): the product of a matrix with a vector r is the cross product v x r."""
+    """Matrices (..., 3, 3) of vectors v (..., 3): a matrix times a vector r is the cross product v x r."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     none = np.zeros_like(x)
     return np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(*np.shape(x), 3, 3)
@@ -358,7 +358,7 @@ def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
 
 
 def has_computed_motion(scene: Scene) -> bool:
-    """Whether a machine's motion is or will be computed with the model; False if all directions of the machine are held."""
+    """Whether a machine's motion is or will be computed with the model; False if all its directions are held."""
     machine = None if scene.frame is None else scene.frame.machine
     return bool(computed_inputs(scene)) or (machine is not None and bool(machine.free))
 
@@ -371,7 +371,7 @@ class MachineMotion:
     values: Array  # (3, T, 6): motions, their rates and their second rates
     forces: Array  # (T, 6) N and N m: forces and moments on the ground, by springs, dampers and held directions
     inputs: Mapping[str, Array]  # (T,) values of inertia inputs by name; empty if no direction is free
-    momenta: Array  # (T, 6): linear and angular momentum of machine and boom about the ground's origin, along the ground's axes
+    momenta: Array  # (T, 6): linear and angular momentum of machine and boom about the ground's origin
 
 
 def with_computed_motion(scene: Scene, track: MachineMotion) -> Scene:
