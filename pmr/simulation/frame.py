@@ -91,7 +91,7 @@ class Amplitude(FrameSignal):
 
 
 class AngleAmplitude(Amplitude):
-    """Amplitude that depends on the frame's angles: `luffing`, `slewing` and, for its base, `rocking` (roll, pitch, yaw)."""
+    """Amplitude that depends on the angles of the frame: `luffing`, `slewing`, and `rocking` of its base."""
 
     luffing: SignalBase
     slewing: SignalBase
@@ -261,7 +261,7 @@ class GroundForceComponent(AngleAmplitude):
 
 
 def products_of(signal: SignalBase, name: str) -> Products:
-    """Products of the signal of an input or a term; a signal that is no `Amplitude` is the load with the name `name`."""
+    """Products of the signal of an input or a term; a signal that is no `Amplitude` is the load `name` itself."""
     return signal.products if isinstance(signal, Amplitude) else (Product(1.0, (("load", name),)),)
 
 

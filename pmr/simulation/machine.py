@@ -190,7 +190,7 @@ class MachineRun:
         self._angles = [moving.drivers.index(angle) for angle in OF_BASE]
         self._free, self._sprung = np.isin(DIRECTIONS, frame.machine.free), machine.stiffness > 0.0
         begun = [[getattr(of, axis) for axis in DIRECTIONS] for of in (frame.machine.start, frame.machine.rate)]
-        self._fill_in_start = np.array(begun) * direction_units(scene)  # (2, 6): motions of the free directions, and rates
+        self._fill_in_start = np.array(begun) * direction_units(scene)  # (2, 6): motions in free directions, rates
         self._inertial = [system.input_names[k] for k in machine.inertial] if self._free.any() else []
         self.simulation, self._in_balance = MachineSimulation(state, machine), scene.start == "equilibrium"
 

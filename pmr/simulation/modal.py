@@ -57,7 +57,7 @@ def product(A: Long, B: Long) -> Long:
 
 
 def _split(A: Long, bits: int, axis: int) -> tuple[Array, Array]:
-    """Parts of A: the leading `bits` of each entry, counted from the largest entry along the axis, and the remainder."""
+    """Parts of A: the leading `bits` of each entry, counted from the largest entry along `axis`, and the remainder."""
     _, exponent = np.frexp(np.abs(A).max(axis=axis, keepdims=True, initial=0.0).astype(float))
     rounds = np.ldexp(1.5, exponent + (52 - bits))
     plain = A.astype(float)
@@ -206,12 +206,12 @@ def _refine_modes(M: Array, K: Array, X: Array) -> tuple[Array, Array]:
     E + E^2 / 2 causes A^4 / 4.
     """
     X = X.astype(M.dtype)
-    defect = np.asarray(symmetric_part(np.eye(len(M)) - product(X.T, product(M, X))), float)  # of X from orthonormality with M
+    defect = np.asarray(symmetric_part(np.eye(len(M)) - product(X.T, product(M, X))), float)  # of X^T M X from I
     S = np.asarray(symmetric_part(product(X.T, product(K, X))), float)
     omega2 = np.diagonal(S) / (1.0 - np.diagonal(defect))
     coupling = S - np.diag(np.diagonal(S))
     gap = omega2[None, :] - omega2[:, None]
-    near = np.abs(gap) <= CLOSE * (np.abs(coupling) + np.abs(omega2) * np.abs(defect))  # the first order is not valid there
+    near = np.abs(gap) <= CLOSE * (np.abs(coupling) + np.abs(omega2) * np.abs(defect))  # first order fails
     with np.errstate(divide="ignore", invalid="ignore"):
         correction = np.where(near, defect / 2.0, (coupling + omega2[None, :] * defect) / gap)
     correction += correction @ correction / 2.0

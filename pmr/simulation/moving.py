@@ -228,7 +228,7 @@ class MovingFrame:
 
     @cached_property
     def first(self) -> Indices:
-        """Indices (i + K + 1,) of the first product of each input and term; the last entry is the number p of products."""
+        """Indices (i + K + 1,) of the first product of each input and term; the last entry is the number p."""
         return np.cumsum([0, *map(len, (*self.inputs, *self.terms))])
 
     @property

@@ -165,7 +165,7 @@ def with_pivot_force(scene: Scene, response: Response) -> Response:
 
 
 def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
-    """Return the response with the luffing cylinder's force in N, positive in compression, if there is one and known."""
+    """Return the response with the luffing cylinder's force in N, positive in compression, if it is known."""
     if scene.frame is None or scene.frame.cylinder is None:
         return response
     if scene.holding_cylinder is not None:
@@ -209,7 +209,7 @@ def _first_stored_force(response: Response, names: Sequence[str]) -> Array:
 
 
 def with_forces_on_machine(scene: Scene, response: Response) -> Response:
-    """Return the response with force and moment at the pivot and forces of luffing cylinder and pin, if there are any."""
+    """Return the response with force and moment at the pivot and forces of luffing cylinder and pin, if any."""
     return with_force_of_pin(scene, with_luffing_cylinder(scene, with_pivot_force(scene, response)))
 
 

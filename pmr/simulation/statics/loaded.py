@@ -372,7 +372,7 @@ class LoadedStructure:
 
     @cached_property
     def _first_order(self) -> LoadedStructure:
-        """Structure without geometric stiffness, with a small multiple of M added to K, so that an equilibrium exists."""
+        """Structure without geometric stiffness, with a small multiple of M added to K; it always has equilibria."""
         e, every = self.equations, self._form(np.ones_like(self._last))
         floor = ALMOST_FREE * (2.0 * np.pi * every.frequency(0.0)) ** 2
         return LoadedStructure(replace(e, K=e.K + floor * e.M, G=(0.0 * e.K, 0.0 * e.K)))
