@@ -106,7 +106,7 @@ def consistent_start(
 
 
 def _release_supports(body: SlidingBody, v: Array) -> Array:
-    """Velocities (n,) of a body: v changed with the least kinetic energy so that coordinates on supports are at rest."""
+    """Velocities (n,) of a body: v, changed with least kinetic energy so that coordinates on supports are at rest."""
     held, v = np.array(list(body.held.values()), np.int64), v.copy()
     if np.any(v[held]):
         free = np.setdiff1d(np.arange(body.size), held)

@@ -161,7 +161,7 @@ def _overshoot(signal: SignalBase, stepping: TimeStepping) -> tuple[float, float
     if not len(breaks) or high <= low:
         return 0.0, 0.0
     x = breaks / h
-    first, last = np.ceil(x - 1e-9) - 1.0, np.floor(x + 1e-9) + 1.0  # the neighbours of a break on a step are two steps away
+    first, last = np.ceil(x - 1e-9) - 1.0, np.floor(x + 1e-9) + 1.0  # a break on a step lies between its neighbours
     around = signal.value(h * np.clip([first, np.clip(np.round(x), first, last), last], 0, steps))
     at_breaks = np.stack([signal.value(breaks), signal.value(np.nextafter(breaks, -np.inf))])
     beyond = np.maximum(at_breaks - around.max(axis=0), around.min(axis=0) - at_breaks).max(axis=0)

@@ -16,8 +16,8 @@ from pmr.kernel.further import AXES
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
-#: Largest angle in rad, except that of slewing.  Share of its range, or of a turn, by which a motion may change in a step
-#: without being reported as a jump.  Least change in m or rad without a second rate that is reported: it has no inertia.
+#: Largest angle in rad, except for slewing.  Share of its range, or of a turn, by which a motion may change in a step
+#: without a warning of a jump.  Least change in m or rad without a second rate that is warned of: it has no inertia.
 WHOLE_TURN, JUMP, LEFT_OUT = 2.0 * np.pi, 0.1, 1e-6
 #: Largest float that is taken without further checks; entry of an unknown name, with limits that refuse every value.
 LARGEST, NOWHERE = 1e300, (0, 1.0, 0.0, 0.0, 0.0)
@@ -132,7 +132,7 @@ class Drivers:
         return True
 
     def _take_motions_at_once(self, motions: dict[Any, Any], limits: Limits) -> bool:
-        """Take all motions in a frame at once if each is a tuple of three floats within `limits`, as `_take_at_once`."""
+        """Take all motions in a frame at once if each is a tuple of three floats in `limits`, as `_take_at_once`."""
         written, rates, seconds, counts = self._values, self._rates, self._seconds, self._counts
         for name, motion in motions.items():
             if type(motion) is not tuple or len(motion) != 3:
@@ -185,7 +185,7 @@ class Drivers:
         rates[0], rates[1] = np.where(smooth, self._fill_in_start[1], mean), np.where(smooth, self.motions[1], mean)
 
     def end_step(self) -> None:
-        """End a step, or the start: values stay for the next step; rates count only if the next step gives them again."""
+        """End a step, or the start: values stay for the next step; rates stay only if they are given again."""
         if self._in_frame or self._in_parts:
             if self._in_parts:
                 self._fill_in_start[:], self._begun_rows[:] = self.motions, self.rows

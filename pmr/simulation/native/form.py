@@ -92,7 +92,7 @@ class SystemForm:
         return system_in_modes(self.system, self.forms)
 
     def forces(self, multipliers: Array, friction: Array | None) -> Array:
-        """Forces (..., m) in N of all contacts from the kernel's multipliers; those of cylinders include the pads' friction.
+        """Forces (..., m) in N of all contacts from the kernel's multipliers; cylinders' include the pads' friction.
 
         `friction` (..., n) in N is the friction of n pads, or None without friction.
         """

@@ -250,5 +250,5 @@ class March:
 
 
 def without_pull(multipliers: Array, pushing: NDArray[np.bool_]) -> None:
-    """Set negative forces (T, m) of the contacts `pushing` (m,) to zero, in place: they are round-off of other forces."""
+    """Set negative forces (T, m) of contacts `pushing` (m,) to zero, in place: they are round-off of other forces."""
     multipliers[:, pushing] = np.maximum(multipliers[:, pushing], 0.0)

@@ -247,7 +247,7 @@ class Stepper:
 
     @property
     def multipliers(self) -> Array:
-        """Forces (m,) of the contacts in N, positive where they push; forces of cylinders include the pads' friction."""
+        """Forces (m,) of the contacts in N, positive where they push; cylinders' include the pads' friction."""
         return self._state.outputs()[1]
 
     @property
@@ -306,7 +306,7 @@ class Stepper:
         return None
 
     def _constant_excitation(self, paths: Mapping[str, float], u: Array) -> Excitation:
-        """Excitation of one step with constant `paths` in m, and loads and amplitudes of terms from the drivers u (N,)."""
+        """Excitation of one step with constant `paths` in m, loads and amplitudes of terms, by drivers u (N,)."""
         names, first = (self._system.input_names, self._system.term_names), len(paths)
         split = np.split(u[first:], [len(names[0])])
         loads, terms = (
