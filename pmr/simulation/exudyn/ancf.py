@@ -116,7 +116,7 @@ def _curvature(cable: Cable, q: Array, x: Array, elements: NDArray[np.int64]) ->
 
 
 def _interpolation(cable: Cable, x: Array, elements: NDArray[np.int64], derivative: int) -> Array:
-    """Matrix (o, 2 N) from values and slopes at N nodes to the derivative of order `derivative` at x (o,) in `elements`."""
+    """Matrix (o, 2 N) from values and slopes at N nodes to a derivative of order `derivative` at points x (o,)."""
     h = cable.element_length
     matrix = np.zeros((len(x), 2 * (cable.elements + 1)))
     for j, shape in enumerate(_SHAPES):
@@ -208,13 +208,13 @@ def simulate(
 
 
 def energy(cable: Cable, motion: CableMotion) -> Energy:
-    r"""Energies of a cable's motion by the trapezoidal rule over the motion's material points, which should span the cable.
+    r"""Energies of a cable's motion by the trapezoidal rule over its material points.
 
     .. math::
         \tfrac12 \rho A \int |\dot r|^2 dx, \qquad \tfrac12 EI \int K^2 dx, \qquad - \sum_i F_i\, y_i
 
-    They are kinetic energy, bending energy and potential of the forces F_i at displacements y_i.  The energy of axial
-    strain is left out, as in Weyrer et al. (equation for H^ANCF).
+    They are kinetic energy, bending energy and potential of the forces F_i at displacements y_i.  The material points
+    should span the cable.  The energy of axial strain is left out, as in Weyrer et al. (equation for H^ANCF).
     """
     speed = np.sum(motion.velocity**2, axis=2)
     return Energy(

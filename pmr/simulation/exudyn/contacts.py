@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 
 class Contacts:
-    """Contacts of a system, rigid ones and m' that give way; forces of those that give way, some of which may only push.
+    """Contacts of a system, rigid or not, and forces of m' contacts that give way, some of which may only push.
 
     Sizes: n coordinates, i inputs, m contacts, each with one or two sides; x (sides,) are positions of sides on bodies.
     """
@@ -183,9 +183,9 @@ class Rows:
 
 @dataclass(frozen=True)
 class PadState:
-    """State of contacts and pads: contact forces (m,) in N, friction `grip`, forces w (n,) of its moments, gaps g (m,) in m.
+    """State of contacts and pads: contact forces (m,) in N, friction, forces w (n,) in N and gaps g (m,) in m.
 
-    The forces of rigid contacts are zero.
+    The forces w are those of the moments of friction.  The forces of rigid contacts are zero.
     """
 
     multipliers: Array
@@ -216,7 +216,7 @@ class Pads:
             for joint in (() if law is None else law.joints)
         ]
         self.grip = Grip()
-        self.t = 0.0  # s: time of the present state
+        self.t = 0.0  # s: end of the last step
 
     def rows(self, x: Array) -> Rows:
         """Rows of the contacts with their sides at x (1, sides) m."""

@@ -38,7 +38,7 @@ class SystemSensors:
 
 
 class SystemObserver:
-    """Outputs and contact forces of a system, in a configuration of Exudyn (such as the current one) and at its time."""
+    """Outputs and contact forces of a system in one of Exudyn's configurations, and at the configuration's time."""
 
     def __init__(self, mbs: exu.MainSystem, items: SystemItems) -> None:
         self._mbs, self._items, self._contacts = mbs, items, Contacts(items.equations, items.inputs)
@@ -80,7 +80,7 @@ class SystemObserver:
 
 
 def add_sensors(mbs: exu.MainSystem, items: SystemItems) -> SystemSensors:
-    """Add sensors of a system that was added by `simulator.add_system`: its outputs y, and its contact forces lambda."""
+    """Add sensors of the outputs y and the contact forces lambda of a system that `simulator.add_system` added."""
     watched, equations = SystemObserver(mbs, items), items.equations
 
     def write_forces(

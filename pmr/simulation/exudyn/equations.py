@@ -171,7 +171,7 @@ class Paths:
         self.nodes = list(dict.fromkeys(path.node for path in self.free.values()))
         sizes = [len(mbs.GetNode(node)["referenceCoordinates"]) for node in self.nodes]
         first = dict(zip(self.nodes, np.cumsum([0, *sizes]).tolist(), strict=False))
-        #: d s / d z (P, m): derivatives of the extensions s, beginning with the base's, by the m coordinates z of the nodes
+        #: d s / d z (P, m): derivatives of the extensions s, first the base's, by the m coordinates z of the nodes
         self.along = np.zeros((len(self.names), sum(sizes)))
         self.reference = np.array([value for node in self.nodes for value in mbs.GetNode(node)["referenceCoordinates"]])
         for name, path in self.free.items():

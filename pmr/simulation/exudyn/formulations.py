@@ -32,7 +32,7 @@ Start = Mapping[str, InitialState]
 #: How Exudyn gets the contacts and loads of a system.
 #: ``springs``: set once a step; contacts that give way, by a pad's stiffness or by residual flexibility, are no
 #: constraints but springs that travel.  ``multipliers``: the same with a constraint and its multiplier for every
-#: contact.  ``callbacks``: as in Weyrer et al., Python is called in every iteration.  ``callbacks-modified-newton``: the
+#: contact.  ``callbacks``: Python is called in every iteration (Weyrer et al.).  ``callbacks-modified-newton``: the
 #: same, but a Jacobian is kept as long as Newton's method converges with it.
 Formulation = Literal["springs", "multipliers", "callbacks", "callbacks-modified-newton"]
 AddItems: TypeAlias = Callable[[exu.MainSystem, Equations, Inputs, Start], SystemItems]
@@ -96,7 +96,7 @@ def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, 
 def _contact_parameters(
     pads: Pads, equations: Equations, inputs: Inputs, steps: Steps, start: Start
 ) -> tuple[dict[str, Any], Callable[[exu.MainSystem, SystemItems, float], None]]:
-    """Parameters of ObjectGenericODE2 (user functions) for contacts that push or rub, and a function that ends a step."""
+    """Parameters (user functions) of ObjectGenericODE2 for contacts that push or rub, and a function that ends steps."""
     stored_rows: tuple[int, Rows] | None = None
     begun = np.concatenate([state.q for state in start.values()])
     reached, loads = 0.0, np.array(inputs.loads(0.0))
