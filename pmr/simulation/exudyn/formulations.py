@@ -96,7 +96,7 @@ def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, 
 def _contact_parameters(
     pads: Pads, equations: Equations, inputs: Inputs, steps: Steps, start: Start
 ) -> tuple[dict[str, Any], Callable[[exu.MainSystem, SystemItems, float], None]]:
-    """Parameters (user functions) of ObjectGenericODE2 for contacts that push or rub, and a function that ends steps."""
+    """Parameters (user functions) of ObjectGenericODE2 for contacts that push or rub; function that ends a step."""
     stored_rows: tuple[int, Rows] | None = None
     begun = np.concatenate([state.q for state in start.values()])
     reached, loads = 0.0, np.array(inputs.loads(0.0))

@@ -178,7 +178,7 @@ ROTATIONS = {
 
 
 class Base:
-    """Base of a boom on a rigid body: the motion of the base, and the entries to add to Exudyn's equations, at a time."""
+    """Base of a boom on a rigid body: motion of the base, and parts to be added to Exudyn's equations, at a time."""
 
     def __init__(
         self, mbs: exu.MainSystem, equations: Equations, inputs: Inputs, paths: Mapping[str, Driving], on: OnBody
@@ -231,8 +231,7 @@ class Base:
         return self._answering.moments(at)
 
     def answers(self, s: Array) -> InputResponse:
-        """Response to inputs with the paths at s (P,) in m; it includes contacts that give way and hold both ways.
-        """
+        """Response to inputs with the paths at s (P,) in m, with contacts that give way and hold both ways."""
         return self._answering.response(s)
 
     def kinematics(self, x: Array, rate: Array) -> tuple[Array, Array, FrameMotion, Array]:
@@ -366,7 +365,7 @@ def _with_rows(mbs: exu.MainSystem, items: SystemItems, base: Base, extending: E
     k, n = base.count, base.boom.size
 
     def split(t: float, z: Array) -> tuple[Array, Array]:
-        """Extensions (S,) and coordinates (n,) of the boom, from a marker's coordinates z, which include reference values."""
+        """Extensions (S,) and coordinates (n,) of the boom, from a marker's coordinates with reference values."""
         z_array = np.array(z)
         return base.extensions(t, z_array[k + n :] - base.paths.reference, z_array[k + n :]).value, z_array[k : k + n]
 

@@ -163,7 +163,10 @@ class _Joint:
         return z[:k], z[k : k + n], self._base.extensions(t, z[k + n :], z[k + n :]).value
 
     def _displacements(self, z: Array) -> Array:
-        """Displacements, without reference values, of all coordinates in z (N,) after the first six, those of w and the hook."""
+        """Displacements (N - 6,), without reference values, of all coordinates in z (N,) after the first six.
+
+        The first six coordinates are those of w and the hook.
+        """
         coordinates, k, paths = z[6:].copy(), self._base.count, self._base.paths
         coordinates[:k] -= self._base.reference
         coordinates[len(coordinates) - len(paths.reference) :] -= paths.reference
@@ -190,7 +193,7 @@ class _Joint:
         return force, K
 
     def _shortening(self, s: Array, q: Array) -> tuple[Array, Array]:
-        """G q (n,), and the derivative (P,) of q^T G q / 2 by the paths s; G is the shortening of the hook's load along x."""
+        """G q (n,), and the derivative (P,) of q^T G q / 2 by s; G shortens the boom at the hook's load along x."""
         bent, by = np.zeros_like(q), np.zeros_like(s)
         for k, G in self._shortened:
             l, Gq = (1.0 if k is None else s[k]), G @ q
@@ -200,9 +203,9 @@ class _Joint:
         return bent, by
 
     def _unloaded_point(self, t: float, q: Array, s: Array, R: Array) -> tuple[Array, Array, Array]:
-        """Position (3,) in m of the point from the pivot O, in the boom's axes without the hook's force, and derivatives.
+        """Position (3,) in m of the point from O in the boom's axes, without the hook's force, and derivatives.
 
-        The derivatives are (3, n) by q and (3, P) by s; R (3, 3) are the boom's axes in space.
+        O is the pivot.  The derivatives are (3, n) by q and (3, P) by s; R (3, 3) are the boom's axes in space.
         """
         answers, e = self._base.answers(s), np.array([1.0, 0.0, 0.0])
         rows, (bent, by) = answers.B[:, self._on].T, self._shortening(s, q)

@@ -175,7 +175,7 @@ def _warnings_logged() -> Iterator[None]:
         with redirect_stdout(printed):
             yield
     finally:
-        message = re.sub(r"Python WARNING \[file.*?\]:", "", printed.getvalue(), flags=re.S)  # without the position in the code
+        message = re.sub(r"Python WARNING \[file.*?\]:", "", printed.getvalue(), flags=re.S)  # without file
         if text := " ".join(message.replace("*", "").split()):
             _log.warning("Exudyn: %s", text.removeprefix("WARNING: "))
 
