@@ -58,7 +58,7 @@ class Checkpoint:
 
 @dataclass(frozen=True)
 class StoredSimulation:
-    """A simulation after `step` steps, which took `seconds`: arrays of all ranks by name, and the simulation's identity."""
+    """A simulation after `step` steps, which took `seconds`: arrays of all ranks by name, and its identity."""
 
     step: int
     seconds: float

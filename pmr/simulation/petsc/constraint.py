@@ -45,7 +45,7 @@ class Prediction:
 
     @classmethod
     def from_shares(cls, factors: SchemeFactors, share: Array, force: Array) -> Prediction:
-        """Contributions to the next step's prediction by acceleration-like variables `share` and accelerations `force`."""
+        """Contributions to the next prediction by acceleration-like variables `share` and accelerations `force`."""
         return cls(
             q=factors.z_from_share * share + factors.z_from_force * force,
             v=factors.v_from_share * share + factors.v_from_force * force,
@@ -70,7 +70,7 @@ class ContactState:
         self._closed = ~self.pushes | (state.multipliers > 0.0)
 
     def forces(self, matrix: Array, motion: Array) -> Array:
-        """Multipliers (m,) in N of contacts with the `matrix` (m, m), from their `motion` (m,) in m without multipliers.
+        """Multipliers (m,) in N of contacts with the `matrix` (m, m), by their `motion` (m,) in m without multipliers.
 
         Raises ContactError if contacts depend on each other, or if it can't be settled which contacts are closed.
         """

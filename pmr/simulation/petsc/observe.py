@@ -125,7 +125,7 @@ class _Run:
         return ReachedState(0, 0.0, state, self._lengths.parts)
 
     def _steps(self, reached: ReachedState, resumed: bool) -> DividedSteps:
-        """Integrator of the steps from the reached state on, with the numbers of parts with which the simulation began."""
+        """Integrator of the steps from the reached state on, with the numbers of parts chosen at the beginning."""
         system, recorder, state, mass = self._system, self._recorder, reached.state, self._mass
         lengths = replace(self._lengths, parts=reached.parts)
         fine, begun = self._at, reached.step * lengths.finest

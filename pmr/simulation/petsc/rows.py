@@ -64,7 +64,7 @@ class BlockFactor:
 
 
 def effective_matrix(model: FullModel, v_gain: float, q_gain: float) -> PETSc.Mat:
-    """Matrix S = M + dv D + dq K, with dv = `v_gain` and dq = `q_gain`: the derivative of forces by a step's acceleration."""
+    """Matrix S = M + dv D + dq K, with dv = `v_gain`, dq = `q_gain`: derivative of forces by a step's acceleration."""
     S = model.K.copy()
     S.scale(q_gain)
     for factor, A in ((v_gain, model.D), (1.0, model.M)):
@@ -117,7 +117,7 @@ class Course:
 
 
 class VisitedCarriers:
-    """Carriers that sides touch on their way: the carriers' indices on each body, and this rank's columns of the body's E^T."""
+    """Carriers that sides touch on their way: indices for each body, and this rank's columns of the body's E^T."""
 
     def __init__(self, system: FullSystem, course: Course) -> None:
         self.numbers = [course.carriers_of(body) for body in range(len(system.models))]
@@ -130,7 +130,7 @@ class VisitedCarriers:
 
 
 class Layout:
-    """Numbering of the D entries and the c powers of all sides, one side after the other, and each contact's first power."""
+    """Numbering of the D entries and c powers of all sides, one side after the other; each contact's first power."""
 
     def __init__(self, course: Course) -> None:
         widths = [row.touched.shape[1] for row in course.rows]
@@ -188,7 +188,10 @@ class PathRows:
         return np.asarray(np.bincount(self.layout.contact_of_entry, values, self.course.contacts), float)
 
     def slopes(self, q: Array) -> Array:
-        """This rank's contribution to (dc/dx) q for each side, with the side's sign, from its part q (n_local,) of coordinates."""
+        """This rank's contribution (q,) to the slope (dc/dx) q of each of the q sides, with the side's sign.
+
+        The argument `q` (n_local,) is this rank's part of the coordinates.
+        """
         values = (self._power_derivatives @ self.Gamma) * (self._E @ q)
         return np.asarray(np.bincount(self.layout.side_of_entry, values, len(self.course.rows)), float)
 

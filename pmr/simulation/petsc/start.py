@@ -97,7 +97,7 @@ class Terms:
         return bool(self._parts) or self._friction is not None
 
     def forces(self, q: Array, v: Array, c: Array) -> Array:
-        """This rank's part (n_local,) of w = -sum_k c_k (V_k v + G_k q), from its parts of q and v and amplitudes c (K,)."""
+        """This rank's part (n_local,) of w = -sum_k c_k (V_k v + G_k q), by its parts of q and v, and c (K,)."""
         forces = np.zeros_like(q)
         for number, at, stiffness, damping in self._parts:
             for multiplied, state in ((stiffness, q), (damping, v)):
@@ -191,7 +191,7 @@ def _product(system: FullSystem, bodies: tuple[str, ...], A: Any) -> Product | N
 
 @dataclass(frozen=True)
 class State:
-    """State of a full-order system: this rank's parts (n_local,) of q, v, acceleration-like variable a and acceleration.
+    """State of a full-order system: this rank's parts (n_local,) of q, v, acceleration-like a and acceleration.
 
     The multipliers lambda (m,) in N, their `share` (m,) in the acceleration-like variable for contacts that only push,
     and the friction `grip` of pads are the same on every rank.
@@ -326,7 +326,7 @@ class _HeldMass:
         self._G = self._comm.allreduce(self._mine @ self._answers)
 
     def impulse(self, start: InitialState) -> Array:
-        """This rank's rows of the excess of the velocity in `start` over the consistent velocity next to it in kinetic energy.
+        """This rank's rows of the velocity in `start` minus the consistent velocity next to it in kinetic energy.
 
         Raises InputError if the position violates a rigid contact, or if rigid contacts depend on each other.
         """

@@ -176,9 +176,7 @@ def stopping_swing(form: Form, load: float, acting: DecelerationLoads, duration:
     each = zip((acting.b, acting.g, acting.direct), resisting, strict=True)
     outputs, forces = _static_response(form, load, [np.column_stack(pair) for pair in each])
     omega = 1.0 / np.sqrt(inertia)
-    looked = (
-        STOP_PERIODS * 2.0 * np.pi / float(omega.min())
-    )  # as many samples of a long stop as its peaks need
+    looked = STOP_PERIODS * 2.0 * np.pi / float(omega.min())  # as many samples of a long stop as its peaks need
     t = np.append(
         np.linspace(0.0, min(duration, looked), STOP_SAMPLES), duration + np.linspace(0.0, looked, STOP_SAMPLES)
     )
