@@ -62,7 +62,7 @@ class Motions:
 
     @property
     def responses(self) -> dict[str, Response]:
-        """Responses by model: ``reduced`` and those of the references; on rank 0 alone."""
+        """Responses by model: ``reduced``, ``full`` and ``ancf``, as far as they were simulated; on rank 0 alone."""
         assert self.reduced is not None  # as on rank 0
         return {"reduced": self.reduced.first.response, **self.references.responses}
 
@@ -131,7 +131,7 @@ class Bodies:
         self._other = self._other_model()
 
     def frequencies(self) -> Frequencies:
-        """Return the lowest natural frequencies over the paths: of the reduced system, and of the full one if wanted.
+        """Return the lowest natural frequencies over the paths, of the reduced system and perhaps of the full system.
 
         The full system's frequencies are computed for a single body, and for a boom if the scene is compared with
         ``full``.

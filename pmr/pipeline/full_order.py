@@ -245,7 +245,7 @@ def _states_of_bodies(
 
 
 def _support_reactions(full_system: FullSystem, history: History) -> tuple[dict[str, Supports], dict[str, Array]]:
-    """Return by body its rigid supports whose forces are no outputs of the system, and their forces (T, h) in N."""
+    """Return by body the h rigid supports with forces that are no outputs of the system, and the forces (T, h) in N."""
     system, bearing_contacts = full_system.with_supports(), set(output_contacts(full_system))
     rows = {
         (contact.inner.body, contact.inner.row): k

@@ -59,7 +59,7 @@ class Outcome:
 
     @property
     def reduced(self) -> Any:
-        """The `pmr.ReducedModel` of a single body, or those of all sections by name."""
+        """The `pmr.ReducedModel` of a single body, or a mapping of the names of all sections to their models."""
         models = self.system.reduced
         return models.get(ALONE, models)
 
@@ -374,13 +374,13 @@ def measure_mesh(
 ) -> dict[str, Any]:
     """Return ``mesh`` of the budget and ``mesh_reason``: differences to the scene on another mesh; collective.
 
-    `system` and `response`, None on other ranks than 0, are those of the scene itself.
+    `system` and `response` belong to the scene itself; `response` is None on other ranks than 0.
     """
     if scene.frame is not None and scene.frame.machine is not None:
         return {"mesh_reason": ON_MACHINE}
 
     def compare_scene(make: Callable[[], Scene], label: str) -> dict[str, Any]:
-        """Return differences to the scene that `make` returns, by the name `label`, or the reason for none."""
+        """Return differences of the motion to that of the scene that `make` returns (called `label`), or the reason for none."""
         try:
             motion = call_on_first_rank(comm, lambda: Motion.compute(scene, system, response))
             other_motion = _motion_on_first(make(), comm, cache)

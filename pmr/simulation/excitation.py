@@ -75,7 +75,7 @@ class Excitation:
 
     @property
     def on_slider(self) -> Excitation:
-        """Excitation whose only path is renamed to `SLIDER`, its name in a system of one body; errors as `path`."""
+        """Excitation with its only path renamed to `SLIDER`, as in a system of one body; errors as `path`."""
         return self if tuple(self.paths) == (SLIDER,) else replace(self, paths={SLIDER: self.path})
 
     @cached_property
@@ -167,7 +167,7 @@ def clip_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array)
     Parameters
     ----------
     path : SignalBase
-        Signal whose values are s.
+        Signal with the values s at the times t.
     s : (T,) array, m
         Path coordinates at the times t.
     domain : tuple of float, m

@@ -63,7 +63,7 @@ class FrameSignal(Derived):
     """A scalar signal that follows from the frame's angles and paths; its rate is a difference quotient over a step."""
 
     def highest_frequency(self, start: float, end: float) -> float:
-        """Twice the highest frequency in Hz of angles and paths, whose rates enter as squares and products."""
+        """Twice the highest frequency in Hz of angles and paths, since their rates enter as squares and products."""
         return 2.0 * max(signal.highest_frequency(start, end) for signal in self.signals)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:

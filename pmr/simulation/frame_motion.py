@@ -346,7 +346,7 @@ class ComputedInput(SignalBase):
 
 
 def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
-    """Inertia inputs of a boom on a machine whose motion has been computed, as signals by name; empty otherwise.
+    """Signals, by name, of a boom's inertia inputs if its machine's motion has been computed; empty otherwise.
 
     Averaged over a step they agree with the frame's accelerations.  The frame's accelerations at the ends of steps are
     not used: generalized-alpha leaves in these an undamped part that alternates from step to step, and this part must

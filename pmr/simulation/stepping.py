@@ -5,7 +5,7 @@ of the frequency :math:`|f - k / h|` with the whole number k that makes this sma
 1 / (2 h), this is f itself.  Between two samples the tone exceeds both samples by up to :math:`A (1 - \cos \pi f h)`,
 with its amplitude A.  Breaks of a signal are checked one by one.
 
-A simulation hands over its steps in blocks, so that the coordinates of all steps are stored only if asked for.
+A simulation hands over its steps in blocks, so that the coordinates of all steps need not be stored.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ STEPS_A_PERIOD = 7
 
 
 def describe_lost_features(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
-    """Warnings, one line for each feature of a named signal that is lost between the steps; empty if none is."""
+    """Warnings, one line for each feature of a named signal that is lost between the steps; empty if all are kept."""
     return [f"{name}: {what}" for name, signal in signals for what in _describe_loss(signal, stepping)]
 
 

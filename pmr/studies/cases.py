@@ -80,7 +80,7 @@ class LoadCase(SceneTable):
 
     @property
     def in_service(self) -> bool:
-        """Whether a load hangs at the tip in this case."""
+        """Whether a load hangs at the tip in this load case."""
         return self.load > 0.0
 
     def check_loads(self, key: str, load_names: set[str], classes: Mapping[str, tuple[float, float]]) -> None:

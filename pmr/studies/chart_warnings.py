@@ -1,4 +1,4 @@
-"""Warnings of a load chart: those of a run, evaluated for the boom at rest at each point, without and with its load."""
+"""Warnings of a load chart: a run's warnings, for the boom at rest at each point, without and with its load."""
 
 from __future__ import annotations
 

@@ -37,8 +37,8 @@ class Statement(SceneTable):
 class StudyBase(SceneTable):
     """A study: settings of its runs, validated and frozen.
 
-    A kind is a module of `pmr.studies.kinds` with a class ``Study`` derived from this one, whose ``kind`` is a Literal
-    of the module's name.
+    A kind is a module of `pmr.studies.kinds` with a class ``Study`` derived from this class; the type of its key
+    ``kind`` is a Literal of the module's name.
     """
 
     kind: str = Field(description="Kind of study")

@@ -249,7 +249,7 @@ def serve() -> None:
 def _run_order(order: Order, notes: logging.handlers.BufferingHandler) -> Failure | None:
     """Run an order and write its result into the store; return the failure, None without one.
 
-    `notes` collects the warnings that are logged meanwhile, which join those of the result.
+    `notes` collects the warnings that are logged meanwhile; they are added to the warnings of the result.
     """
     if order.code not in ("", code_of_tasks()):
         return Failure(OTHER_CODE)

@@ -123,7 +123,7 @@ class CubicSignal(SignalBase):
 
 
 def _cubic_excitation(drivers: Drivers, excitation: Excitation, inputs: Array) -> Excitation:
-    """Excitation whose paths and loads are the cubics of `inputs` (4, T, n); unchanged in a frame that moves."""
+    """Excitation with the cubics of `inputs` (4, T, n) as paths and loads; unchanged in a frame that moves."""
     if drivers.frame is not None:
         return excitation
     step = excitation.stepping.step

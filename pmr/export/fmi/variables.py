@@ -140,7 +140,7 @@ class Variable:
     unit: str = ""  #: Empty for a number
     start: float | None = None
     nominal: float | None = None
-    derivative_of: int | None = None  #: Value reference of the state whose derivative this is
+    derivative_of: int | None = None  #: Value reference of the state of which this variable is the derivative
     within: tuple[float, float] | None = None  #: Smallest and largest value
     is_choice: bool = False  #: Whether it is the kind of start, the only variable that is no real number
     is_rate: bool = False  #: Whether it is the rate of an output

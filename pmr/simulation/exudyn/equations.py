@@ -157,13 +157,13 @@ def check_path(name: str, path: object) -> None:
 class Paths:
     """Extensions of all P paths at a time, some of which may be coordinates of nodes.
 
-    The paths `aside`, which move no section, follow those of the sections.
+    The paths `aside`, which move no section, come after the paths of the sections.
     """
 
     def __init__(
         self, mbs: exu.MainSystem, scene: Scene, paths: Mapping[str, Driving], aside: Sequence[str] = ()
     ) -> None:
-        #: names of the P paths; the first is that of the base, with the extension 0
+        #: names of the P paths; the first belongs to the base section, which has the extension 0
         self.names = (*scene.names, *aside)
         self._t, h = np.nan, scene.time.step
         self.free = {name: path for name in self.names[1:] if isinstance(path := paths.get(name), NodeCoordinate)}
@@ -181,7 +181,7 @@ class Paths:
     def extensions(self, t: float, z: Array, z_t: Array) -> Extensions:
         """Extensions at t s, with coordinates and rates z, z_t (m,) of the nodes.
 
-        Second rates of signals and functions are included; those of coordinates of nodes are zero.
+        Second rates of signals and functions are included; second rates of coordinates of nodes are zero.
         """
         if t != self._t:
             self._t, self._signals_now = t, np.zeros_like(self._signals_now)
@@ -195,8 +195,8 @@ class Paths:
 class _Path:
     """A path that is a signal, an object like one, or a function of mbs and t; a kink acts over one step of h.
 
-    The rates of a function are those of the parabola through its values half a step before t, at t, and half a step
-    after.
+    The rates of a function follow from the parabola through its values half a step before t, at t, and half a step
+    after t.
     """
 
     def __init__(self, path: Driving, h: float, mbs: exu.MainSystem) -> None:

@@ -1,4 +1,4 @@
-r"""A boom on a rigid body of the user's own in Exudyn: an object on the body's node and on those of the sections.
+r"""A boom on a rigid body of the user's own in Exudyn: an object on the nodes of body and sections.
 
 The object adds the equations of `pmr.simulation.free_base` for base and coordinates.  With the node's coordinates x and
 theta (displacement and rotation), the body's rotation R and its angular velocity G theta' in the body's axes, and the

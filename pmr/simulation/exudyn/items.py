@@ -6,9 +6,9 @@ r"""The Exudyn items that make up a system: nodes, one object, markers, a connec
 One ObjectGenericODE2 with a node for each body represents all bodies, with coordinates q; an
 ObjectConnectorCoordinateVector represents the rigid contacts, with rows C on the paths s and forces :math:`\lambda`.
 
-Terms that vary in time (`pmr.system.terms`) have an ObjectGenericODE2 of their own, whose matrices are set once a step.
-Exudyn's generalized-alpha fulfils the equations at the end of the step, whose time the pre-step function receives; the
-object's matrices enter the Jacobian as those of any other object do.
+Terms that vary in time (`pmr.system.terms`) have an ObjectGenericODE2 of their own; its matrices are set once a step.
+Exudyn's generalized-alpha fulfils the equations at the end of a step, and the pre-step function receives the time of
+this end.  The object's matrices enter the Jacobian like the matrices of any other object.
 
 Coordinates eta without inertia (`pmr.system.attachment`) are integrated by backward Euler with steps of h, as in
 `march`:
@@ -170,7 +170,7 @@ def add_bodies(
     start : mapping of str to InitialState
         Initial coordinates and rates of every body, by its name.
     K : (n, n) matrix, optional
-        Stiffness used instead of that of `equations`.
+        Stiffness that replaces the stiffness matrix of `equations`.
     **parameters
         Passed to ObjectGenericODE2, such as user functions.
     """
@@ -227,7 +227,7 @@ def with_contacts(
 class Steps:
     """Calls the update of a system before each step, and refuses solvers and settings that can't solve the system.
 
-    `held` says whether the system has constraints, which may move.  A refusal appears as Exudyn's own error that
+    `held` says whether the system has constraints, which may move.  A refusal appears as an error of Exudyn that
     contains the text of an `InputError`.
     """
 
@@ -244,7 +244,7 @@ class Steps:
     def check(self, t: float) -> None:
         """Raise InputError in a step that ends at t (s) if the update was not called for it.
 
-        This happens where another pre-step function has replaced it.
+        This happens if another pre-step function has replaced the update.
         """
         if t > self._reached + 1e-9 * abs(t):
             allowed = (

@@ -78,8 +78,8 @@ def add_system(
         `System.of` a single body, or the bodies of a boom.
     paths : mapping of str to signal or function
         Path coordinates in m, by the names in ``system.paths``; a function of mbs and t in s may read
-        ``mbs.variables``, which an earlier pre-step function has set.  With ``on`` also a `NodeCoordinate`, whose node
-        then feels the section: loads along it, weight, inertia, and the forces of pads.
+        ``mbs.variables``, which an earlier pre-step function has set.  With `on` a path may also be a `NodeCoordinate`;
+        the node then feels the section by loads along it, weight, inertia, and the forces of pads.
     loads : mapping of str to signal or function
         A load in N (or N m) for each of ``system.input_names``.
     initial : mapping of str to InitialState, optional

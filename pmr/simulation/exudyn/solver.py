@@ -116,7 +116,7 @@ def _step_function(times: Array) -> Callable[..., None]:
     def update(
         solver: exu.MainSolverImplicitSecondOrder, system: exu.MainSystem, settings: exu.SimulationSettings
     ) -> None:
-        """Set the solver's time and step length to those of the next step."""
+        """Set the solver's time and step length to the time and length of the next step."""
         solver.it.currentTime, solver.it.currentStepSize = next(ends)
 
     return update

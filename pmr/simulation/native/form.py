@@ -88,7 +88,7 @@ class SystemForm:
 
     @cached_property
     def combined(self) -> CombinedRings:
-        """System in modal coordinates, and how the forces of all contacts follow from those of combined ones."""
+        """System in modal coordinates with combined contacts, and how the forces of all contacts follow from theirs."""
         return system_in_modes(self.system, self.forms)
 
     def forces(self, multipliers: Array, friction: Array | None) -> Array:

@@ -62,10 +62,10 @@ class Stepper:
         Path coordinates at the start; a sequence is in the order of `System.paths`.  If the scene has a frame, give
         rates and second rates, too, {"fly": (s, s', s'')}; rates that are left out are zero.
     F : float where there is one load, (i,) array, or mapping of str to float, N (gravity m/s^2)
-        Loads at the start; an array is in the order of `System.input_names`.  Loads that are not given are those of the
-        system's scene at t = 0, with its full weight even where the weight rises; they are zero if the system has no
-        scene.  If the scene has a frame, name loads as the scene does, gravity included; their components in the moving
-        frame are computed (`pmr.simulation.moving`).
+        Loads at the start; an array is in the order of `System.input_names`.  Loads that are not given have their
+        values in the system's scene at t = 0, with its full weight even where the weight rises; they are zero if the
+        system has no scene.  If the scene has a frame, name loads as the scene does, gravity included; their components
+        in the moving frame are computed (`pmr.simulation.moving`).
     rho_inf : float
         Spectral radius at infinite frequency.  If rigid rows move, take at most 0.9: near 1 their multipliers (index 3)
         grow from step to step, the sooner the faster they move.  The stepper does not check the energy, so try the
@@ -80,7 +80,7 @@ class Stepper:
     frame : mapping of str to float, or to (value, rate, second rate), optional
         Motion of the frame at the start: ``luffing``, ``slewing``, ``base.rx`` ... in rad; for ``base.x`` ... only the
         acceleration of the pivot, in m/s^2.  A rate or second rate that is left out is zero.  Motions that are not
-        given are those of the scene at t = 0.
+        given are as in the scene at t = 0.
     parts : int
         Number of parts of a step if contacts only push; with 0 a step has as few parts as keep the error of contact
         forces within a tolerance, as in a run.  Within a step, paths and loads are cubics if they are given with their
@@ -188,7 +188,7 @@ class Stepper:
         Raises
         ------
         InputError
-            If a path leaves its range or would cross all of it in a step, an angle other than that of slewing is more
+            If a path leaves its range or would cross all of the range in a step, an angle other than slewing is more
             than a turn, a number is not finite, the system has no such name, or there is not one load for each input.
             A motion that jumps, or that has no second rate in a frame, is reported once by a warning of `logging`.
         SimulationError

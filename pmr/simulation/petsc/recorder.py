@@ -33,7 +33,7 @@ class Recording:
     Attributes
     ----------
     outputs : sequence of int, optional
-        Numbers of the outputs among those of all bodies, one body after the other; all by default.
+        Indices of the outputs among the outputs of all bodies, one body after the other; all outputs by default.
     every : int
         Record each `every`-th step, the first one included.
     energies : bool

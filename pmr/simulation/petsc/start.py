@@ -132,7 +132,7 @@ class Terms:
             self._iteration.restart()
 
     def extrapolate(self, w: Array, old: PadFriction, new_w: Array, new: PadFriction) -> tuple[Array, PadFriction]:
-        """Forces w and friction of the next iteration, from those of this one and from its results."""
+        """Forces w and friction with which the next iteration begins, from those of this iteration and its results."""
         size, first = len(w), self._comm.rank == 0  # sums of joints count once
         if self._iteration is None:
             self._iteration = FixedPoint(size + len(new.sums), MOST_DIRECTIONS, self._comm.allreduce)

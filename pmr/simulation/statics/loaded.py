@@ -236,7 +236,8 @@ class Form:
     def inverse_factor(self, load: float) -> float:
         """Inverse 1 / Lambda of the buckling factor: Lambda times all axial forces under `load` cause buckling.
 
-        The result is zero if nothing is compressed.
+        The result is zero if nothing is compressed, and infinite if the structure is unstable even without axial
+        forces.
         """
         on = self.condensed
         factor = first_singular(on.K - on.G[0], on.G[0] + load * on.G[1])
@@ -360,7 +361,8 @@ class LoadedStructure:
     def _find_equilibrium(self, load: float) -> LoadedState:
         """Search the equilibrium under a load.
 
-        The search begins with the last closed contacts, and if it fails once more with those of `_first_order`.
+        The search begins with the last closed contacts; if it fails, it is repeated from the closed contacts of
+        `_first_order`.
         """
         closed, every = self._last, np.ones_like(self._last)
         if self.holds_both_ways:
