@@ -380,7 +380,10 @@ def measure_mesh(
         return {"mesh_reason": ON_MACHINE}
 
     def compare_scene(make: Callable[[], Scene], label: str) -> dict[str, Any]:
-        """Return differences of the motion to that of the scene that `make` returns (called `label`), or the reason for none."""
+        """Return differences between the scene and the scene that `make` returns, or the reason why there are none.
+
+        `label` is the name of the other scene.
+        """
         try:
             motion = call_on_first_rank(comm, lambda: Motion.compute(scene, system, response))
             other_motion = _motion_on_first(make(), comm, cache)

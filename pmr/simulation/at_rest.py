@@ -45,7 +45,7 @@ class ListSignal(SignalBase):
     acceleration: float = 0.0  # second rate at each value
 
     def value(self, t: ArrayLike) -> Array:
-        """Values (...) with the numbers int(t), t (...); numbers beyond the list give its first or last value."""
+        """Values (...) with the numbers int(t) at times t (...); a number beyond the list gives its nearest value."""
         last = len(self.values) - 1
         return np.array(self.values)[np.clip(np.asarray(t, float).astype(int), 0, last)]
 

@@ -1,10 +1,10 @@
 r"""A boom on a base that moves freely: momenta of the boom, and forces of the boom on its base, in the boom's axes.
 
 The boom's frame, with its origin O at the pivot, has the velocity v and the angular velocity omega.  A section with its
-tail at d = p + X e_x (the base section's tail is at p, X is the sum of extensions) has points at x = d + r + u, with
-the density rho, the position r from the tail and the displacement u = Phi q by coordinates q; with second-order terms,
-u includes the shortening of the boom along its axis as it bends.  With the first moments of each section over 1, x, y,
-z (l = 0 to 3) along the axis j
+tail at d = p + X e_x (the base section's tail is at p, X is the sum of extensions) has points, with the density
+:math:`\rho`, at the position x = d + r + u, with the position r from the tail and the displacement u = Phi q by
+coordinates q; with second-order terms, u includes the shortening of the boom along its axis as it bends.  With the
+first moments of each section over 1, x, y, z (l = 0 to 3) along the axis j
 
 .. math::
     \mu_{lj} = \int \rho\, r_l\, u_j = \beta_{lj} \cdot q + \tfrac12 \delta_{jx}\, q^T G_l q, \qquad
@@ -27,11 +27,11 @@ omega', are
     s \times a + \Theta \alpha + \omega \times \Theta \omega + \dot\Theta \omega + \dot h + \omega \times h
         &= \mathfrak M
 
-Here m is the mass of the boom, s = int rho x its first moment about O, Theta its moment of inertia about O and h = int
-rho x x x' its angular momentum about O relative to the frame; y is the field of acceleration of `pmr.simulation.frame`,
-T and N are matrices of the frame's rotation; F and :math:`\mathfrak M` are the force and the moment of the base on the
-boom.  Terms that are quadratic in u, except for G, are included if the system has second order.  Sources: Shabana:
-Dynamics of Multibody Systems, section 5, and `docs/moving_frame.md`.
+Here m is the mass of the boom, :math:`s = \int \rho\, x` its first moment about O, Theta its moment of inertia about O
+and :math:`h = \int \rho\, x \times \dot x` its angular momentum about O relative to the frame; y is the field of
+acceleration of `pmr.simulation.frame`, T and N are matrices of the frame's rotation; F and :math:`\mathfrak M` are the
+force and the moment of the base on the boom.  Terms that are quadratic in u, except for G, are included if the system
+has second order.  Sources: Shabana: Dynamics of Multibody Systems, section 5, and `docs/moving_frame.md`.
 
 Also the response of contacts that give way to inputs and to a boom's own inertia, and the derivatives of this response
 by the paths.
