@@ -283,7 +283,7 @@ def reduce(
     Parameters
     ----------
     scene : Scene
-        What is reduced, and in its section `reduction` how.
+        Scene with the bodies that are reduced; its section ``reduction`` says how.
     comm : MPI communicator
         Ranks that share the work.
     clock : Clock, optional

@@ -1,4 +1,4 @@
-r"""Modal form of a sliding body: M and K are diagonalised at once, and its moving rows are transformed.
+r"""Modal form of a sliding body: M and K are diagonalised simultaneously, and the moving rows are transformed.
 
 .. math::
     K X = M X \Omega^2, \qquad X^T M X = I, \qquad q = X z

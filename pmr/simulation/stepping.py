@@ -182,7 +182,7 @@ class Block:
     at: Callable[[Indices | slice], SystemTrajectory]
 
 
-#: Blocks that take less than this many seconds are followed by longer ones.
+#: After a block that takes less than this many seconds, blocks become longer.
 BRIEF = 0.05
 
 #: Function to which each block is passed, in order.

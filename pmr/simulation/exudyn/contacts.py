@@ -131,7 +131,8 @@ class Balance:
 def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> Balance:
     """Compute stored energy and work of a motion, and fill in the forces of contacts that give way, in place.
 
-    With friction these forces are already known.  Some thousand times are evaluated at once.
+    With friction these forces are already known and are not computed again.  Some thousand times are evaluated
+    together.
     """
     m, (n, i) = len(equations.system.contacts), equations.B.shape
     N, block = len(motion.q), max(2, ENTRIES_AHEAD // max(1, m * (n + m + i)))

@@ -114,7 +114,7 @@ class Drivers:
         self._write(readings)
 
     def _take_at_once(self, values: dict[Any, Any], limits: Limits) -> bool:
-        """Take all values at once if each is a float (in a frame three floats) within `limits`; return whether so.
+        """Take all values at once if each is a float (in a frame three floats) within `limits`; return whether taken.
 
         This takes a third of the time.  Values that are refused here are read again by methods that say what is wrong.
         """

@@ -218,7 +218,8 @@ def deformation(
     chosen : (o,) array of int, or slice
         Numbers of outputs.
     moments : (T, sides) array, N m, optional
-        Moments of friction at the sides (`pmr.system.contacts`); they add the outputs X' moments.
+        Moments of friction at the sides (`pmr.system.contacts`); they add X' times the moments to the outputs, with the
+        derivative X' of X by the position.
     """
     body = system.bodies[name]
     points = [side.place for side in system.sides if side.place.body == name]
@@ -251,6 +252,6 @@ def deformation(
 
 
 def _weighted_sum(weights: Array, touched: Indices, X: Array) -> Array:
-    """Sums (T, o), over the d entries of `touched` (T, d), of these rows of X (K, o) times `weights` (T, d)."""
+    """Sums (T, o) over d of the rows of X (K, o) with indices `touched` (T, d), times `weights` (T, d)."""
     ends = np.arange(len(weights) + 1) * weights.shape[1]
     return np.asarray(sp.csr_matrix((weights.ravel(), touched.ravel(), ends), (len(weights), len(X))) @ X)

@@ -115,7 +115,7 @@ Array = NDArray[np.float64]
 class Recorder:
     """Records a full-order simulation: this rank's contributions to sums over coordinates, added up at the end.
 
-    Work is added up at every step, or part of one, as this rank's contribution, too.
+    This rank's contribution to the work is added up at every step, or at every part of a step.
 
     Raises
     ------

@@ -339,7 +339,7 @@ class LoadedStructure:
         return self._states[load]
 
     def states(self, loads: Sequence[float]) -> LoadedStates:
-        """Equilibria under several loads, computed at once where no contact can open."""
+        """Equilibria under several loads; they are computed all together if no contact can open."""
         if not self.holds_both_ways:
             return LoadedStates.from_states([self.state(load) for load in loads])
         o, m, form, load = len(self.equations.outputs), len(self.equations.pushes), self._all_closed, np.array(loads)
