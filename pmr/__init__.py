@@ -1,6 +1,6 @@
 """Parametric model reduction of sliding and telescopic structures.
 
-A beam that slides through pads changes its boundary conditions all the time.  `pmr` reduces it with one global
+The boundary conditions of a beam that slides through pads change all the time.  `pmr` reduces such a beam with one
 basis for all positions; the sliders are a few constraint rows that move::
 
     import pmr
@@ -24,7 +24,7 @@ basis for all positions; the sliders are a few constraint rows that move::
     given = pmr.from_matrices(M, K, points, groups)  # matrices of another program
     given.save("boom.npz")                        # body.model = "matrices", mesh.file = "boom.npz"
 
-The names of this module stay; everything else may change between versions (docs/stays.md).
+The names of this module stay the same; everything else may change between versions (docs/stays.md).
 """
 
 from typing import TYPE_CHECKING
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-#: Where each public name stands: imported when it is asked for, since FEniCSx takes seconds and may be absent.
+#: Module of each public name, imported when the name is first used, since FEniCSx takes seconds and may be absent.
 _PLACES = {
     "ConvergenceError": "pmr.errors:ConvergenceError",
     "InputError": "pmr.errors:InputError",

@@ -1,1 +1,1 @@
-"""Files that other programs read, one format a module or folder."""
+"""Export of models and results to files that other programs read; each format has a module or folder of its own."""

@@ -1,7 +1,9 @@
 r"""Flexible bodies for other programs: Exudyn's FEMinterface, Simscape Multibody, Standard Input Data.
 
-Standard Input Data (SID) is text that SIMPACK, Modelica libraries and others read.  With the modes :math:`\varphi_k`,
-positions x, and all integrals over the mass, it has
+Standard Input Data (SID) is text that SIMPACK, Modelica libraries and others read.  With the modes :math:`\varphi_k` as
+the columns of :math:`\varphi`, modal coordinates :math:`q_k`, positions x of points without deformation and :math:`r =
+x + \varphi_k q_k` with it, the angular velocity :math:`\omega`, the mass m and its centre c, and all integrals over the
+mass, it has
 
 .. math::
     m c = \int x + \varphi_k q_k, \quad J = -\int \tilde r \tilde r, \quad C_t = \int \varphi^T, \quad
@@ -12,10 +14,10 @@ positions x, and all integrals over the mass, it has
     O_e \Omega = \int \varphi^T \tilde\omega \tilde\omega\, r, \quad
     \Omega = (\omega_x^2, \omega_y^2, \omega_z^2, \omega_x \omega_y, \omega_y \omega_z, \omega_x \omega_z)
 
-with r = x + varphi_k q_k; J is listed as xx, yy, zz, xy, xz, yz.  They follow from the mass matrix of the nodes without
-lumping it.  Geometric stiffness is not included (ksigma = 0).  Wallrapp: Standardization of flexible body modeling in
-multibody system codes, Mechanics of Structures and Machines 22, 1994, pp. 283-304; Schwertassek, Wallrapp: Dynamik
-flexibler Mehrkoerpersysteme, 1999, section 6.
+A tilde makes a vector the matrix of its cross product; J is listed as xx, yy, zz, xy, xz, yz.  The integrals follow
+from the mass matrix of the nodes without lumping of masses.  Geometric stiffness is not included (ksigma = 0).
+Wallrapp: Standardization of flexible body modeling in multibody system codes, Mechanics of Structures and Machines 22,
+1994, pp. 283-304; Schwertassek, Wallrapp: Dynamik flexibler Mehrkoerpersysteme, 1999, section 6.
 """
 
 from __future__ import annotations
@@ -47,7 +49,7 @@ def write_ffrf(body: NodalBody, target: Path) -> Path:
     fem.metaData = {"sliders at s in m": body.s}
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacement_file(target) as part:
-        named = part.with_name(f"{part.name}.npz")  # the writer wants its own ending
+        named = part.with_name(f"{part.name}.npz")  # Exudyn's writer adds this suffix
         fem.SaveToFile(str(named))
         named.replace(part)
     return target
@@ -68,7 +70,7 @@ def write_simscape(body: FramedBody, target: Path) -> Path:
 
 Array = NDArray[np.float64]
 _DIAGONAL, _FULL = 1, 3
-#: Pairs of axes in the order of J, and of products of the angular velocity in Oe.
+#: Pairs of axes, in the order of the entries of J and of the products of angular velocities in O_e.
 INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 PRODUCTS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 #: The two axes that follow each axis.
@@ -79,9 +81,10 @@ ALIKE = 1e-9
 
 @dataclass(frozen=True)
 class Taylor:
-    """A matrix of first order in the m modal coordinates q: M0 + sum_k M1[:, k] q_k.
+    """A matrix that is linear in the m modal coordinates q: M0 + sum_k M1[:, k] q_k.
 
-    M0 is (r, c) and M1 (r, m, c), or None if it is constant; `structure` is the format's number of its structure.
+    M0 is (r, c); M1 is (r, m, c), or None if the matrix is constant.  `structure` is the number by which the format
+    denotes the structure of the matrix.
     """
 
     M0: Array
@@ -90,7 +93,7 @@ class Taylor:
 
 
 def inertia_integrals(body: NodalBody) -> Mapping[str, Taylor]:
-    """Inertia integrals by the equations of the module, under their names in the format.
+    """Inertia integrals by the equations of the module, by their names in the format.
 
     Raises InputError if a node's mass differs along x, y and z: no field of displacements has such a mass matrix.
     """
@@ -127,7 +130,7 @@ def inertia_integrals(body: NodalBody) -> Mapping[str, Taylor]:
 
 
 def write_sid(body: NodalBody, target: Path) -> Path:
-    """Write a body as Standard Input Data, with 17 digits; its nodes are the points of its loads and outputs.
+    """Write a body as Standard Input Data, with 17 digits; the nodes are the points of the body's loads and outputs.
 
     Raises InputError as `inertia_integrals`.
     """
@@ -139,7 +142,7 @@ def write_sid(body: NodalBody, target: Path) -> Path:
 
 
 def _centrifugal(of: Array) -> Array:
-    """Coefficients (m, [m,] 6) of the integral of phi . omega x (omega x r) over the products of omega's components.
+    """Coefficients (m, [m,] 6), for the products of components of omega, of the integral of phi . omega x (omega x r).
 
     `of` (3, 3, m, [m]) are integrals of products of a component of r (or of its modes) and one of phi.
     """
@@ -205,5 +208,5 @@ def _entry_line(indent: int, key: str, value: str) -> str:
 
 
 def _number(x: float) -> str:
-    """Number with all 17 digits in Fortran's notation; 23 characters, as readers take at most 19 for the mantissa."""
+    """Number with all 17 digits in Fortran's notation; 23 characters, as readers allow 19 at most for the mantissa."""
     return f"{x: .16E}".replace("E", "D")

@@ -1,7 +1,7 @@
-"""State space on a grid of s for MATLAB, python-control and Modelica, and its frequency response.
+"""State space on a grid of path coordinates s, for MATLAB, python-control and Modelica, and its frequency response.
 
-The response is a table and a picture.  The Modelica block needs no library: matrices are numbers, inputs and outputs
-have names and units of their own, and the parameter `place` chooses one of the grid points.
+The frequency response is written as a table and a picture.  The Modelica block needs no library: matrices are numbers,
+inputs and outputs have names and units, and the block's parameter ``place`` chooses one of the grid points.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ logger = logging.getLogger(__name__)
 CLOSE, MOST_PLACES = 0.01, 161
 #: Number of frequencies of a response.
 FREQUENCIES = 400
-#: Gains below this share of the largest are round-off (zero by symmetry), and all drawn with this value.
+#: Share of the largest gain below which gains are round-off (zero by symmetry); all of them are drawn with this value.
 FLOOR = 1e-12
 
-#: Natural frequencies below this share of the largest are those of free motions.
+#: Share of the largest natural frequency below which a frequency is that of a free motion.
 FREE = 1e-6
 
 _SCRIPT = '''\
@@ -107,10 +107,10 @@ def write_python_control(npz_path: Path, target: Path, options: Options) -> Path
 
 
 def write_frequency_response(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write gain (output's unit over the input's) and phase (degrees) as a table, and a picture of the gain over s.
+    """Write gain (unit of output over unit of input) and phase (degrees) as a table, and a picture of the gain.
 
-    The output is the last displacement, that of the tip.  The table's path `target` is returned; the picture is next to
-    it.  Raises InputError as `write_matlab`.
+    The output is the last displacement, which is that of the tip.  The path `target` of the table is returned; the
+    picture is written next to the table.  Raises InputError as `write_matlab`.
     """
     check_installed("matplotlib")
     system, s = load_with_positions(npz_path, options)
@@ -132,8 +132,8 @@ def _interpolable(npz_path: Path, options: Options) -> tuple[StateSpace, tuple[f
     """State space on a grid, and the errors of its interpolation (`interpolation_error`).
 
     Unless the options give the grid, it is refined by factors of two, from `PLACES` points to `MOST_PLACES` at most,
-    until the errors are at most `CLOSE`.  Larger errors are logged as a warning.  Errors as `load_places` and
-    `state_space`.
+    until the errors are at most `CLOSE`.  Larger errors of the interpolation are logged as a warning.  Raises errors as
+    `load_with_positions` and `state_space`.
     """
     system, s = load_with_positions(npz_path, options)
     count = PLACES
@@ -156,9 +156,9 @@ def _interpolable(npz_path: Path, options: Options) -> tuple[StateSpace, tuple[f
 def interpolation_error(system: System, space: StateSpace, source: str) -> tuple[float, float]:
     """Errors of A, B, C and D interpolated linearly, halfway between neighbouring grid points; zero for one point.
 
-    The first is the largest error of a displacement's static gain, over the largest gain from the same input to the
-    same output; the second that of a natural frequency, over this frequency.  Free motions, which have neither, are
-    left out.
+    The first number is the largest error of a displacement's static gain, over the largest gain from the same input to
+    the same output.  The second number is the largest error of a natural frequency, over this frequency.  Free motions,
+    which have neither static gains nor natural frequencies, are left out.
     """
     if len(space.s) < 2 or not space.paths:
         return 0.0, 0.0
@@ -176,7 +176,7 @@ def interpolation_error(system: System, space: StateSpace, source: str) -> tuple
 
 
 def _write_matrices(space: StateSpace, off: tuple[float, float], target: Path) -> Path:
-    """Write matrices, names and the errors `off` of interpolation as a .mat file."""
+    """Write matrices, names and the two errors `off` of interpolation (`interpolation_error`) as a .mat file."""
     matrices = {name: np.moveaxis(getattr(space, name), 0, 2) for name in "ABCD"}
     named = ("paths", "inputs", "outputs", "units", "states")
     names = {name: np.array(getattr(space, name), dtype=object) for name in named}
@@ -191,7 +191,7 @@ def _write_matrices(space: StateSpace, off: tuple[float, float], target: Path) -
 def _response_table(space: StateSpace, f: Array, response: NDArray[np.complex128], output: str) -> str:
     """Comma-separated table of gain and phase of the complex `response` (S, W, i) from i inputs to one output.
 
-    S are grid points of s, f (W,) frequencies in Hz.
+    There are S grid points; f (W,) are frequencies in Hz.
     """
     of = [f"{output} / {name}" for name in space.inputs]
     places = ["s in m"] if len(space.paths) < 2 else [f'"{path} in m"' for path in space.paths]
@@ -227,7 +227,7 @@ def _draw(space: StateSpace, f: Array, gain: Array, output: str, target: Path) -
         figure.savefig(stream, format="png", dpi=150)
 
 
-#: Keywords of Modelica 3.6 (section 2.3.3), and names that the block uses itself.
+#: Names that a variable can't have: keywords of Modelica 3.6 (section 2.3.3), and names that the block uses itself.
 RESERVED = frozenset(
     """algorithm and annotation block break class connect connector constant constrainedby der discrete each
     else elseif elsewhen encapsulated end enumeration equation expandable extends external false final flow for
@@ -259,7 +259,7 @@ end {name};
 
 
 def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write a Modelica 3 block named as the file, with A, B, C, D at all grid points; variables are named as in an FMU.
+    """Write a Modelica 3 block named like the file, with A, B, C, D at all grid points; its variables are an FMU's.
 
     Raises InputError as `pmr.export.state_space.saved_state_space`, or if Modelica does not allow the file's name.
     """
@@ -306,7 +306,7 @@ def _escape(text: str) -> str:
 
 def _braces(values: Array) -> str:
     """Array as a Modelica expression with all digits, one row per line."""
-    if values.size == 0:  # {} is no array in Modelica
+    if values.size == 0:  # in Modelica {} is not an array
         return f"zeros({', '.join(map(str, values.shape))})"
     if values.ndim == 1:
         return f"{{{', '.join(repr(float(value)) for value in values)}}}"

@@ -1,7 +1,7 @@
 """Export of a reduced system, with its scene, as a standalone Python script for Exudyn.
 
 The script is an unchanged copy of ``templates/sliding_body.py``; the arrays that it reads are written next to it.
-Names and numbers of the system are in that data file only: none of them is ever run.
+Names and numbers of the system are in that data file only, so that no text of a model is run as code.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
     """Write a script that simulates a saved system under its scene's paths and loads, and its data next to it.
 
     The script needs numpy, scipy and exudyn only; its path is returned.  Raises InputError as `script_data`, if the
-    file is no system, or if the data would replace a file that is not a script's data.
+    file holds no system, or if the data would replace a file that holds anything but data of a script.
     """
     npz_path, target = Path(npz_path), Path(target)
     system = System.load(npz_path).ensure_constant(npz_path.name).ensure_lengths_stay(npz_path.name)
@@ -56,7 +56,7 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
 
 
 def _is_free(file: Path) -> bool:
-    """Whether a script's data may be written to a file: it does not exist, or holds data of a script."""
+    """Whether a script's data may be written to a file, which does not exist or holds data of a script."""
     if not file.exists():
         return True
     try:
@@ -81,10 +81,10 @@ def script_data(system: System, source: str) -> Arrays:
         raise InputError(source, "frame", None, allowed)
     excitation = scene.excitation
     first = dict(zip(excitation.paths, excitation.s[0].tolist(), strict=True))
-    x = equations.side_positions_on(first or {"": 0.0})  # of a system in which nothing travels
+    x = equations.side_positions_on(first or {"": 0.0})  # for a system without paths
     refuse_unsupported("exudyn", equations.needs(x), SimulatorKey(source, "", None))
     omega = contact_frequency(system, excitation)
-    loads = excitation.forces(system.input_names)[0]  # at t = 0, where the weight may still rise
+    loads = excitation.forces(system.input_names)[0]  # at t = 0, when the weight may still rise
     start = equilibrium(assembly, x[0], loads).q if scene.static else np.zeros(assembly.size)
     return {
         "title": scene.title,
@@ -106,7 +106,7 @@ def script_data(system: System, source: str) -> Arrays:
 
 
 def _tip(system: System, source: str) -> Arrays:
-    """Number, body and position of the displacement that the script prints: the last one.
+    """Number, body and position of the output that the script prints, the last displacement.
 
     Raises InputError if there is none.
     """
@@ -143,7 +143,7 @@ def _signals(scene: StoredScene, system: System, source: str) -> Arrays:
 
 
 def _strands(signal: SignalBase, name: str, source: str) -> Any:
-    """Strands of a signal; an InputError is raised if it has none."""
+    """Strands of a signal; an InputError is raised if the signal has none."""
     try:
         return signal.strands
     except NotImplementedError as error:

@@ -18,14 +18,14 @@ class Options:
 
     fmi: str | None = None  #: Version of the Functional Mock-up Interface
     at: str | None = None  #: Path coordinates of the sliders in m, separated by commas
-    section: str | None = None  #: Name of the section of a boom that is written by itself
+    section: str | None = None  #: Name of the section of a boom that is written alone
     platforms: str | None = None  #: Whether there are binaries for all platforms, or for the host's alone
-    sources: bool | None = None  #: Whether the C of the binaries comes along
+    sources: bool | None = None  #: Whether the C sources of the binaries are included
 
 
 @dataclass(frozen=True)
 class Format:
-    """A format: description, default file name, names of its options, and writer (model, target, options)."""
+    """A format: description, default file name, names of options, and function ``write(model, target, options)``."""
 
     description: str
     file_name: str
@@ -46,7 +46,7 @@ def _writer(module: str, name: str) -> Callable[..., Path]:
 
 def _exudyn(model: Path, target: Path, options: Options) -> Path:
     """Write a standalone Exudyn script; raises InputError if Exudyn is missing."""
-    environment.import_package("exudyn")  # the script's parts are tested code, which is loaded to be written
+    environment.import_package("exudyn")  # parts of the script are modules that need Exudyn
     return _writer("exudyn_script", "write_exudyn_script")(model, target)
 
 
@@ -89,15 +89,15 @@ def formats() -> dict[str, Format]:
 
 @dataclass(frozen=True)
 class BodyFormat:
-    """A file format of flexible bodies: description, default file name, what the body is described by, and writer."""
+    """A file format of flexible bodies: its description, default file name, reference of the data, and writer."""
 
     description: str
     file_name: str
-    by: str  #: node or frame: what the body's data refer to
+    by: str  #: What the body's data refer to: ``node`` or ``frame``
     write: Callable[[Any, Path], Path]  #: Function (body, target)
 
 
-#: Why a boom of several sections is in none of these formats.
+#: Message that a boom of several sections can't be written in these formats.
 ONE_BODY = (
     "one body is allowed: such a file holds nodes, modes and springs of a single body, and sections slide in each "
     "other; `pmr export` writes what a run leaves: an fmu or a script with the sliding in it, or a state space"
@@ -114,8 +114,8 @@ BODY_FORMATS = {
 def write(to: str, model: Path, target: Path | None, options: Options) -> Path:
     """Write the saved reduced model `model` in the format `to`, and return the file's path.
 
-    `target` None: the format's default file name, in the folder of the model.  Raises InputError if there is no such
-    format, it does not accept an option that is given, or its writer refuses the model.
+    If `target` is None, the file has the format's default name, in the folder of the model.  Raises InputError if there
+    is no such format, it does not accept an option that is given, or its writer refuses the model.
     """
     writers = formats()
     if to not in writers:

@@ -24,15 +24,15 @@ Named = Mapping[str, NDArray[Any]]
 PADS = "pads-"
 _TYPES = {"line": 3, "triangle": 5, "tetra": 10, "hexahedron": 12}  # VTK's numbers
 _NUMBERS = {"f": "Float", "i": "Int", "u": "UInt"}
-_LEVEL = 3  # of zlib: a series is mostly digits that don't compress, and more effort is only time
+_LEVEL = 3  # of zlib: most digits of a series don't compress, so a higher level only takes time
 
 
 @dataclass(frozen=True)
 class MovingFields:
-    """Fields of a body whose frame is at `along` (S,) m on the boom's axis at the S times of the fields.
+    """Fields of a body with its frame at `axis_position` (S,) in m on the boom's axis, at the S times of the fields.
 
-    `along` None: at 0.  With a `pose` of the boom's axes in space, points and displacements are written in ground axes;
-    stresses stay in the body's axes.
+    If `axis_position` is None, the frame is at 0.  With a `pose` of the boom's axes in space, points and displacements
+    are written in ground axes; stresses stay in the body's axes.
     """
 
     fields: Fields
@@ -40,7 +40,7 @@ class MovingFields:
     pose: Pose | None = None
 
     def file(self, k: int) -> str:
-        """Content of the .vtu file of time number k."""
+        """Text of the .vtu file at the k-th time."""
         fields = self.fields
         named: dict[str, NDArray[Any]] = {
             f"von_mises_{_with_underscores(face)}": of[k] for face, of in fields.von_mises.items()
@@ -58,8 +58,8 @@ def write_series(folder: Path, name: str, bodies: Mapping[str, MovingFields], pa
 
     Points have ``displacement`` in m (ParaView: Warp By Vector).  Cells have ``von_mises_<face>`` in Pa and, where they
     are stored, signed stresses ``stress_<face>_<component>`` in Pa, and ``region_<name>``: 1 in the region, 0
-    elsewhere.  `bodies` are the bodies by name, all at the same times.  The `pads`, if any, are a data set of their
-    own, with their values.
+    elsewhere.  `bodies` maps names to bodies, all at the same times.  The `pads`, if any, are a data set of their own,
+    with the values of the pads.
     """
     times = next(iter(bodies.values())).fields.t
     drawn = {f"{body_name}-" if body_name else "": body.file for body_name, body in bodies.items()}
@@ -67,9 +67,9 @@ def write_series(folder: Path, name: str, bodies: Mapping[str, MovingFields], pa
 
 
 def _write_files(folder: Path, name: str, times: Array, drawn: Mapping[str, Callable[[int], str]]) -> Path:
-    """Write a file for each time and data set, and the .pvd, which is returned; old .vtu files are deleted.
+    """Write a file for each time and data set, and the .pvd file, whose path is returned; old .vtu files are deleted.
 
-    `drawn` maps the beginning of a data set's file names to a function of the time's number that returns the content.
+    `drawn` maps the beginning of a data set's file names to a function that returns the text of the k-th time from k.
     """
     steps = folder / name
     steps.mkdir(parents=True, exist_ok=True)
@@ -90,7 +90,7 @@ def _write_files(folder: Path, name: str, times: Array, drawn: Mapping[str, Call
 
 
 def _pads_vtu(pads: Boxes, k: int) -> str:
-    """Content of the pads' .vtu file of time number k: boxes with their numbers and values."""
+    """Text of the pads' .vtu file at the k-th time: boxes with the numbers and values of the pads."""
     points = pads.corners[k].reshape(-1, 3)
     grid = Grid("hexahedron", points, np.arange(len(points)).reshape(-1, 8))
     values = {"pad": np.arange(len(pads.names))} | {what: value[k] for what, value in pads.values.items()}
@@ -112,7 +112,7 @@ def _with_underscores(name: str) -> str:
 
 
 def _vtu(grid: Grid, points: Array, of_points: Named, of_cells: Named) -> str:
-    """Text of a VTK unstructured grid: cells of `grid` with its points at (N, 3) m, values of points and cells."""
+    """Text of a VTK unstructured grid: cells of `grid` with `points` at (N, 3) in m, values of points and of cells."""
     count, corners = grid.cells.shape
     cells = {
         "connectivity": grid.cells,

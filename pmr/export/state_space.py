@@ -4,13 +4,15 @@ r"""A reduced system with its paths held: state space on a grid of path coordina
     \dot x = A(s)\, x + B(s)\, f, \qquad y = C(s)\, x + D(s)\, f, \qquad x = (z, \dot z), \qquad
     A = \begin{bmatrix} 0 & I \\ -(\Omega^2 + C_e^T F^{-1} C_e) & -D_m \end{bmatrix}
 
-in modal coordinates z, which are the same at every s: mass and damping do not depend on s, so matrices may be
+with loads f, outputs y and modal coordinates z, with the natural frequencies in :math:`\Omega` and modal damping
+:math:`D_m`.  The modes X, q = X z, are the same at every s.  Mass and damping do not depend on s, so matrices may be
 interpolated between two grid points and scheduled by s, the more accurately the closer the points are together
-(`pmr.export.control.interpolation_error`).  F = G(s) + 1/k is the flexibility of the contacts C_e that give way; those
-that are rigid hold the modes, q = X z with C_r X = 0.
+(`pmr.export.control.interpolation_error`).  F = G(s) + 1/k is the flexibility of contacts that give way, with rows
+:math:`C_e`, residual flexibility G and stiffness k; rigid contacts, with rows :math:`C_r`, restrict the modes by
+:math:`C_r X = 0`.
 
-The state spaces are those of a saved system, or of one of its sections without its joints.  They are also written as
-matrices of Nastran: DMIG entries, or OUTPUT4.
+A state space is that of a saved system, or of one of its sections without joints.  They are also written as matrices of
+Nastran: DMIG entries, or OUTPUT4.
 """
 
 from __future__ import annotations
@@ -48,13 +50,13 @@ class StateSpace:
     """Matrices A(s), B(s), C(s), D(s) at S grid points of P paths, for 2 r states, i inputs and q outputs."""
 
     paths: tuple[str, ...]
-    s: Array  # (S, P) m, on each path
+    s: Array  # (S, P) m: coordinates on each path
     # (S, 2 r, 2 r), (S, 2 r, i), (S, q, 2 r) and (S, q, i)
     A: Array
     B: Array
     C: Array
     D: Array
-    # names; units are those of the outputs, those of bodies first, then the forces of the contacts
+    # names; outputs, with their `units`, are first those of bodies, then the forces of contacts
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     units: tuple[str, ...]
@@ -79,7 +81,7 @@ class StateSpace:
 
 
 def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> StateSpace:
-    """State space of reduced bodies with their paths held at s: (S,) in m, or one number, for each path.
+    """State space of reduced bodies with their paths held at s, which holds (S,) in m, or a number, for each path.
 
     `source` is the file that errors name.  Raises InputError if contacts only push, or rigid ones depend on s; raises
     SimulationError if contact forces at one of the points are not determined.
@@ -115,8 +117,8 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
 def _modes(system: System, assembly: Assembly, C: Array, firm: NDArray[np.bool_], source: str) -> tuple[Array, Array]:
     """Modes X (n, r) with X^T M X = 1 and C X = 0, and omega^2 (r,), of a system with m_r rigid contacts.
 
-    C (S, m_r, n) are their rows at S grid points, `firm` (m,) is their mask among all contacts.  Raises InputError if C
-    depends on the grid point.
+    C (S, m_r, n) are the rows of the rigid contacts at S grid points; the mask `firm` (m,) is true for rigid ones of
+    all contacts.  Raises InputError if C depends on the grid point.
     """
     travelling = np.abs(C - C[0]).max(axis=(0, 2)) > SAME * np.abs(C).max(initial=0.0)
     if travelling.any():
@@ -146,7 +148,7 @@ def _damping(system: System, assembly: Assembly, X: Array, omega2: Array) -> Arr
 class _HeldSystem:
     """A system at one grid point, on r modes: stiffness and input matrix of the modes, and output matrices.
 
-    The q outputs and contact forces are `measured` . (z, z') + `direct` . f.
+    The q outputs and contact forces are `measured` (z, z') + `direct` f, with modal coordinates z and loads f.
     """
 
     stiffness: Array  # (r, r)
@@ -168,7 +170,7 @@ class _HeldSystem:
         answers = np.linalg.solve(soft.F, np.hstack([C, soft.H]))
         forces, of_rates = np.zeros((len(firm), r + B.shape[1])), np.zeros((len(firm), r))
         forces[~firm] = answers
-        if firm.any():  # what holds the modes against all other forces: C_r q'' = 0
+        if firm.any():  # forces of rigid contacts follow from C_r q'' = 0
             mobile = rows.C[firm] @ np.linalg.inv(assembly.M.toarray())
             mobility = np.linalg.pinv(mobile @ rows.C[firm].T, hermitian=True) @ mobile
             forces[firm] = mobility @ (np.hstack([-(assembly.K @ X), B]) - soft.C.T @ answers)
@@ -194,19 +196,19 @@ def _check_apart(system: System, F: Array, firm: NDArray[np.bool_], s: Array) ->
         raise SimulationError(f"{where}: the forces of the rows {names} are not determined there")
 
 
-#: Number of grid points if none are asked for.
+#: Default number of grid points.
 PLACES = 21
 
 
 def saved_state_space(npz_path: Path, options: Options) -> StateSpace:
-    """State space of a saved system; errors as `load_places` and `state_space`."""
+    """State space of a saved system; errors as `load_with_positions` and `state_space`."""
     return state_space(*load_with_positions(npz_path, options), npz_path.name)
 
 
 def load_with_positions(npz_path: Path, options: Options) -> tuple[System, Mapping[str, Array]]:
-    """Saved system and its path coordinates (`places`); or one of its sections alone, without path coordinates.
+    """Saved system and its path coordinates (`path_positions`); or one of its sections alone, without path coordinates.
 
-    Raises InputError as `places` and `section_alone`.
+    Raises InputError as `path_positions` and `section_alone`.
     """
     if options.section is None:
         system = System.load(npz_path).ensure_constant(npz_path.name)
@@ -218,7 +220,7 @@ def load_with_positions(npz_path: Path, options: Options) -> tuple[System, Mappi
 
 
 def section_alone(npz_path: Path, name: str) -> System:
-    """System of one section of a saved boom or of a section's file, on its own supports or free, without its joints.
+    """System of one section, from a saved boom or from a section's file, on its own supports or free, without joints.
 
     Raises InputError if the file has no such section, or a luffing cylinder holds it.
     """
@@ -239,10 +241,10 @@ def section_alone(npz_path: Path, name: str) -> System:
 
 
 def path_positions(system: System, text: str | None) -> Mapping[str, Array]:
-    """Coordinates (S,) in m of each path: those of `text`, or a grid between the ends of each path (`PLACES` points).
+    """Coordinates (S,) in m of each path, by its name: those in `text`, or a grid of `PLACES` points on the path.
 
-    `text` is ``1.5,2,4`` for one path, and ``mid=2,fly=3; mid=2.5,fly=3`` for several; None: the grid.  Raises
-    InputError for any other text, and for coordinates off the paths.
+    `text` is ``1.5,2,4`` for one path, and ``mid=2,fly=3; mid=2.5,fly=3`` for several paths; None selects the grid.
+    Raises InputError for any other text, and for coordinates off the paths.
     """
     ranges = system.ranges
     if text is None:
@@ -266,7 +268,7 @@ def path_positions(system: System, text: str | None) -> Mapping[str, Array]:
     except ValueError:
         raise InputError("command line", "--at", text, allowed) from None
     for path, (low, high) in ranges.items():
-        if not np.all((points[path] >= low) & (points[path] <= high)):  # NaN neither
+        if not np.all((points[path] >= low) & (points[path] <= high)):  # false for NaN, too
             raise InputError("command line", "--at", text, allowed)
     return points
 
@@ -282,7 +284,7 @@ def _parse_points(text: str, paths: list[str]) -> Mapping[str, Array]:
     return {path: np.array([place[path] for place in places_by_path]) for path in paths}
 
 
-#: Letters of a wide field: 10 to 12 digits fit.
+#: Number of characters of a wide field, which holds 10 to 12 digits.
 FIELD = 16
 _SQUARE, _RECTANGULAR, _SYMMETRIC = 1, 2, 6
 _RECTANGULAR_DMIG, _DOUBLE = 9, 2
@@ -290,7 +292,7 @@ _RECTANGULAR_DMIG, _DOUBLE = 9, 2
 
 @dataclass(frozen=True)
 class _NastranMatrix:
-    """A matrix for Nastran: first letter of its name, number of its grid point (or ""), number of its form.
+    """A matrix for Nastran: first letter of its name, number of its grid point or "", values, and number of its form.
 
     The forms are numbered as in OUTPUT4.
     """
@@ -313,7 +315,7 @@ def write_dmig(npz_path: Path, target: Path, options: Options) -> Path:
 
 
 def write_output4(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write the same matrices with all digits as text of OUTPUT4; raises InputError as `write_dmig`."""
+    """Write the matrices of `write_dmig` with all digits as text of OUTPUT4; raises InputError as `write_dmig`."""
     return _write(npz_path, target, options, _output4_deck)
 
 
@@ -386,7 +388,7 @@ def _dmig_lines(name: str, A: Array, form: int) -> Iterator[str]:
 
 
 def _field(x: float) -> str:
-    """Number with as many digits as fit into a field."""
+    """Text of a number with as many digits as fit into a field."""
     for digits in range(FIELD, 0, -1):
         mantissa, exponent = f"{x:.{digits}e}".split("e")
         text = f"{mantissa}D{int(exponent):+d}"

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Outcome", "fenicsx_versions", "framed_body", "full_model", "held_body", "reduce", "run"]
 
-#: Where each name stands: imported when it is asked for, so that versions are known without importing what computes.
+#: Module of each name, imported when the name is first used, so that versions are known without numerical packages.
 _PLACES = {
     "Outcome": "pmr.pipeline.scenes:Outcome",
     "fenicsx_versions": "pmr.fem.compat:versions",

@@ -56,13 +56,13 @@ class Motions:
 
     reduced: Simulations | None
     simulated: SimulatedSystem | None  # the reduced system with its motion
-    error: ReductionError | None  # of the reduction, as it is estimated
-    body_views: Mapping[str, ReducedFields]  # what is seen of the reduced bodies, where the scene asks for it
+    error: ReductionError | None  # estimated error of the reduction
+    body_views: Mapping[str, ReducedFields]  # fields of the reduced bodies, if the scene has a recovery
     references: References
 
     @property
     def responses(self) -> dict[str, Response]:
-        """Responses by model: ``reduced`` and those of the references; on rank 0 alone."""
+        """Responses by model: ``reduced``, ``full`` and ``ancf``, as far as they were simulated; on rank 0 alone."""
         assert self.reduced is not None  # as on rank 0
         return {"reduced": self.reduced.first.response, **self.references.responses}
 
@@ -78,18 +78,18 @@ class Motions:
 
 @dataclass(frozen=True)
 class Precomputed:
-    """Results of a single body's full model that several runs share; a run takes them instead of computing them."""
+    """Results of a single body's full model that several runs share; a run uses them instead of computing them."""
 
     snapshots: Snapshots
-    references: Mapping[str, Response]  # ``full`` and ``ancf``, as the scene is compared with them
+    references: Mapping[str, Response]  # ``full`` and ``ancf``, if the scene is compared with them
     frequencies: Array  # (S, f) Hz at the places of `pmr.compare.frequencies.way_points`
 
 
 class Bodies:
     """Reduced and full models of a scene's bodies, as systems; all methods are collective.
 
-    If the scene has a tolerance or a budget, the reduced models have the coordinates, and `scene` the step, that meet
-    it.
+    If the scene has a tolerance or a budget, the numbers of coordinates of the reduced models and the step of `scene`
+    are chosen to meet it.
     """
 
     def __init__(
@@ -102,8 +102,8 @@ class Bodies:
     ) -> None:
         """Reduce the bodies, choose sizes and step, and join the reduced and the full models as systems.
 
-        The motion of a machine that moves by itself is computed here.  `built` are the full models and `caches` their
-        caches, by body; `shared` are results of a single body that other runs have computed.
+        The motion of a machine that moves by itself is computed here, too.  `built` are the full models and `caches`
+        their caches, by body; `shared` are results of a single body that other runs have computed.
         """
         self.built, self.clock, self.caches, self.shared = built, clock, caches, shared
         self._comm = next(iter(built.values())).model.comm
@@ -119,7 +119,7 @@ class Bodies:
             chosen = self.choice.models
             self.bodies = {name: replace(body, modal=chosen[name]) for name, body in self.bodies.items()}
         self.bodies = with_stress_flags(self.scene, self.bodies)
-        #: as it was written, but for the step that was chosen: `scene` has the machine's motion as that of a frame
+        #: the scene as written, with the chosen step; in `scene` the machine's motion is the motion of a frame instead
         self.written_scene, self.system = self.scene, join_bodies(self.scene, self.bodies)
         if self.scene.frame is not None and self.scene.frame.machine is not None:
             with clock.stage("machine"):
@@ -131,9 +131,10 @@ class Bodies:
         self._other = self._other_model()
 
     def frequencies(self) -> Frequencies:
-        """Return the lowest natural frequencies over the paths: of the reduced system, and of the full one if wanted.
+        """Return the lowest natural frequencies over the paths, of the reduced system and perhaps of the full system.
 
-        A single body's full frequencies always are, a boom's if the scene is compared with ``full``.
+        The full system's frequencies are computed for a single body, and for a boom if the scene is compared with
+        ``full``.
         """
         with_full = ALONE in self.built or "full" in self.scene.compare.against
         at = way_points(self.scene, self.excitation, self.full.system.size if with_full else 0)
@@ -169,7 +170,7 @@ class Bodies:
         return Motions(simulations, simulated, error, looked, references)
 
     def _look_at_bodies(self, simulations: Simulations | None) -> Mapping[str, ReducedFields]:
-        """Return what the scene's recovery needs of each reduced body's motion; empty without a recovery."""
+        """Return by body the fields of the reduced model that the scene's recovery needs; empty without a recovery."""
         if self.scene.recovery is None:
             return {}
         with self.clock.stage("recover"):
@@ -177,7 +178,7 @@ class Bodies:
             return recover_reduced(self.scene, self.built, self.bodies, states)
 
     def recover(self, motions: Motions) -> Mapping[str, RecoveredBody]:
-        """Return by body the fields that the scene's recovery asks for, of the full model too if it was simulated."""
+        """Return by body the fields of the scene's recovery, also of the full model if that was simulated."""
         with self.clock.stage("recover"):
             return recover_full(motions.body_views, motions.references.states)
 
@@ -230,7 +231,7 @@ class Bodies:
         return body_results
 
     def _choose_models(self, scene: Scene) -> order.Choice | None:
-        """Return models and step that meet the scene's tolerance or budget, alike on every rank; None without one."""
+        """Return models and step that meet the scene's tolerance or budget, alike on all ranks; None without either."""
         if scene.goal is None:
             return None
         models = {name: body.modal for name, body in self.bodies.items()}
@@ -245,7 +246,7 @@ class Bodies:
                     on_other = self._reduce_other_mesh(other.scene)
                     call_on_first_rank(self._comm, lambda: search and search.compare_meshes(other, on_other))
                     why = None
-                except (InputError, ConvergenceError) as error:  # too coarse to be reduced: no reason not to run
+                except (InputError, ConvergenceError) as error:  # mesh too coarse to be reduced: the run goes on
                     why = error.allowed if isinstance(error, InputError) else str(error)
         with self.clock.stage("search"):
             choice: order.Choice = self._comm.bcast(
@@ -254,7 +255,7 @@ class Bodies:
         return choice
 
     def _reduce_other_mesh(self, scene: Scene) -> dict[str, Any]:
-        """Return the reduced models, by body, of a scene that differs in its mesh; a single body's are cached."""
+        """Return the reduced models, by body, of a scene that differs in its mesh; a single body's model is cached."""
 
         def make() -> dict[str, Any]:
             """Build and reduce the bodies of the scene."""
@@ -264,17 +265,16 @@ class Bodies:
         return make() if cache is None else {ALONE: cache.model_of(scene, lambda: make()[ALONE])}
 
     def _other_model(self) -> Any:
-        """Return another reduced model from which a single body's error is estimated; None if that is not needed.
+        """Return another reduced model from which a single body's error is estimated, or None.
 
-        It is not needed if the body's model can estimate its error by itself; None also if the other model can't be
-        made.
+        The result is None if the body's own model can estimate its error, and if the other model can't be made.
         """
         if ALONE not in self.bodies or not needs_other_model(self.scene, self.bodies[ALONE].model):
             return None
         other = other_model_scene(self.scene, self.bodies[ALONE].model)
         try:
             return cached_body(other, self.built[ALONE].model, self.caches.get(ALONE)).model
-        except (InputError, ConvergenceError):  # as few modes as a small mesh has: no reason not to run
+        except (InputError, ConvergenceError):  # a small mesh has too few modes: the run goes on
             return None
 
     def _estimate_error(self, simulated: SimulatedSystem) -> ReductionError:

@@ -1,7 +1,7 @@
-"""The full models of a scene's bodies as one system: its motion, by the simulator that suits its size, and frequencies.
+"""The full models of a scene's bodies as one system: its motion, by a simulator that suits its size, and frequencies.
 
-A reference is checked before anything is compared with it: one that fails or that can't be trusted
-(`pmr.compare.trust`) counts as missing.
+A reference is a motion with which the reduced model's is compared.  It is checked before: a reference that fails or
+that can't be trusted (`pmr.compare.trust`) counts as missing.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ from pmr.system.terms import add_terms, terms_of
 
 Array = NDArray[np.float64]
 
-#: (rad/s)^2, below all that is looked for: what holds is not singular there.
+#: (rad/s)^2: shift below all eigenvalues, at which the shifted stiffness is not singular.
 SHIFT = -1.0
-#: Modes without gyroscopic forces for each with them.
+#: Number of modes without gyroscopic forces for each frequency with these forces.
 MODES_PER_GYROSCOPIC = 6
 
 
@@ -61,15 +61,15 @@ MODES_PER_GYROSCOPIC = 6
 class References:
     """Responses with which a reduced system is compared; on other ranks than 0 they may be missing."""
 
-    responses: Mapping[str, Response]  # ``full`` and ``ancf`` as the scene asks for them
-    # of every full body at the steps that were asked for, with this rank's rows of its coordinates
+    responses: Mapping[str, Response]  # ``full`` and ``ancf``, if the scene is compared with them
+    # states of every full body at the selected steps, with this rank's rows of its coordinates
     states: Mapping[str, BodyStates]
-    missing: Mapping[str, str]  # why one is none, by name; ``ancf`` on rank 0 alone
+    missing: Mapping[str, str]  # reason why a reference is missing, by its name; ``ancf`` on rank 0 alone
 
 
 @dataclass(frozen=True)
 class FullOrder:
-    """All bodies of a scene in full order (`whole`), and the name of their `simulator`; every method is collective."""
+    """All bodies of a scene in full order (`system`), and the name of their `simulator`; every method is collective."""
 
     scene: Scene
     system: FullSystem
@@ -77,7 +77,7 @@ class FullOrder:
 
     @classmethod
     def join(cls, scene: Scene, models: Mapping[str, FullModel]) -> FullOrder:
-        """Join full models, by body, to the full order of a scene."""
+        """Join the full models of a scene, by body, to one system."""
         full_system = FullSystem(models, contacts_of(scene, models))
         return cls(scene, full_system, full_simulator(scene, full_system.size))
 
@@ -111,8 +111,9 @@ class FullOrder:
     ) -> References:
         """Simulate all references that the scene is compared with, and record states of the full bodies at `steps`.
 
-        If contacts only push, `stepping` says how the reduced system divided its steps.  With a `checkpoint` a
-        simulation that was interrupted continues.  References that fail are `References.missing`.
+        If contacts only push, `stepping` holds the parts into which the reduced system's steps were divided.  With a
+        `checkpoint` a simulation that was interrupted continues.  References that fail are listed in
+        `References.missing`.
         """
         responses, missing, states = dict[str, Response](), dict[str, str](), dict[str, BodyStates]()
         for name in [name for name in ("full", "ancf") if name in self.scene.compare.against]:
@@ -122,7 +123,7 @@ class FullOrder:
                 else:
                     response = self.reference(name, clock)
             except SimulationError as error:
-                missing[name] = str(error).removeprefix(f"{name}: ")  # the clock's stage
+                missing[name] = str(error).removeprefix(f"{name}: ")  # without the name, which the clock has put first
             else:
                 responses |= {} if response is None else {name: response}
         return References(responses, states, missing)
@@ -130,7 +131,8 @@ class FullOrder:
     def reference(self, name: str, clock: Clock | None = None) -> Response | None:
         """Return the response of ``"full"`` or, for a single body, ``"ancf"``; on rank 0, others may get None.
 
-        Raises SimulationError if it fails or can't be trusted (`pmr.compare.trust`); that of ``"full"`` on every rank.
+        Raises SimulationError if the simulation fails or can't be trusted (`pmr.compare.trust`); for ``"full"`` on
+        every rank.
         """
         if name == "full":
             return self._simulate_full(clock or Clock(), (), None, None)[0]
@@ -183,7 +185,7 @@ class FullOrder:
     def _simulate_distributed(
         self, excitation: Excitation, steps: Sequence[int], done: Progress, checkpoint: Checkpoint | None
     ) -> tuple[Response, dict[str, BodyStates]]:
-        """Simulate the full system by PETSc on all ranks; return what `_full` returns."""
+        """Simulate the full system by PETSc on all ranks; return response and states as `_simulate_full`."""
         system = self._with_terms()
         recording = Recording(energies=True, states=[excitation.stepping.step * step for step in steps])
         start = static_start(system, excitation) if excitation.start == "equilibrium" else {}
@@ -203,7 +205,10 @@ class FullOrder:
         return with_forces_on_machine(self.scene, response), _states_of_bodies(system, history, list(steps), x, f)
 
     def _with_terms(self) -> FullSystem:
-        """Return the distributed system with its terms, whose sparse matrices every rank has whole."""
+        """Return the distributed system with the terms of its moving frame; unchanged if the frame has no terms.
+
+        The sparse matrices of the terms are whole on every rank.
+        """
         if not list(frame_terms(self.scene)):
             return self.system
         gathered_system = self.gathered_system
@@ -240,7 +245,7 @@ def _states_of_bodies(
 
 
 def _support_reactions(full_system: FullSystem, history: History) -> tuple[dict[str, Supports], dict[str, Array]]:
-    """Return by body its rigid supports whose forces are no outputs of the system, and their forces (T, h) in N."""
+    """Return by body the h rigid supports with forces that are no outputs of the system, and the forces (T, h) in N."""
     system, bearing_contacts = full_system.with_supports(), set(output_contacts(full_system))
     rows = {
         (contact.inner.body, contact.inner.row): k
@@ -279,7 +284,7 @@ def _lanczos_frequencies(full_system: FullSystem, places_of: Array, count: int, 
     terms = [term.scatter(numbers, system.size) for term in system.terms]
     K0 = sp.block_diag([body.K for body in gathered_bodies.values()], format="csr")
     M = sp.block_diag([body.M for body in gathered_bodies.values()], format="csr")
-    # forces in the unit of stiffness: rows of both kinds are of one size
+    # forces scaled by the stiffness, so that all rows are of similar size
     m, scale = len(system.contacts), abs(K0).max()
     mass = sp.block_diag([M, sp.csr_matrix((m, m))], format="csc")
     supports = np.array([side.place.at for side in system.sides[places_of.shape[1] :]])

@@ -1,4 +1,4 @@
-"""Running and reducing scenes, and choosing and checking their structural models by comparison with richer ones."""
+"""Running and reducing scenes; choosing and checking their structural models by comparison with richer models."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from pmr.simulation.petsc import Checkpoint
 from pmr.system.body import FullBody
 from pmr.system.system import System
 
-#: Stages of a run whose seconds stand in summary.json, beside those of the simulators.
+#: Stages of a run with seconds in summary.json, in addition to the simulators.
 STAGES = ("assemble", "snapshots", "pod", "reduce", "machine", "recover", "estimate")
 
 
@@ -50,7 +50,7 @@ STAGES = ("assemble", "snapshots", "pod", "reduce", "machine", "recover", "estim
 class Outcome:
     """Result of a run, and the system of its reduced bodies; a run returns it on rank 0.
 
-    `grave` is how many of the result's warnings are grave: they are the first ones.
+    `grave` is the number of grave warnings, which are the first ones of the result's warnings.
     """
 
     result: RunResult
@@ -59,14 +59,14 @@ class Outcome:
 
     @property
     def reduced(self) -> Any:
-        """The `pmr.ReducedModel` of a single body, or those of all sections by name."""
+        """The `pmr.ReducedModel` of a single body, or a mapping of the names of all sections to their models."""
         models = self.system.reduced
         return models.get(ALONE, models)
 
     def save(self, folder: Path) -> Path:
         """Write the reduced model to ``reduced.npz`` in a folder, or the system to ``system.npz``, and return the path.
 
-        It is the system for a boom of sections, and for a single body with terms such as geometric stiffness.
+        The system is written for a boom of sections, and for a single body with terms such as geometric stiffness.
         """
         if ALONE in self.system.bodies and not self.system.terms:
             return self.system.reduced[ALONE].save(folder / "reduced.npz")
@@ -75,7 +75,7 @@ class Outcome:
 
 @contextmanager
 def _keys_as_written(scene: Scene) -> Iterator[None]:
-    """Context in which an InputError gets the key by which the scene's file spells it."""
+    """Context in which an InputError gets its key as the scene's file spells the key."""
     try:
         yield
     except InputError as error:
@@ -97,8 +97,8 @@ def run(
     The file `checkpoint` lets a full-order simulation continue after an interruption.  The folder `cache` keeps
     reductions and frequencies of full models for later runs.  With a folder `measures` the run also measures the errors
     of mesh and structural model, even if the scene does not ask for them; the folder keeps what takes longest.  They
-    are measured last: before that `keep` is called with the outcome without them, on rank 0.  `shared` are results of a
-    single body's full model that other runs have computed.
+    are measured last; before, `keep` is called on rank 0 with the outcome without these errors.  `shared` are results
+    of a single body's full model that other runs have computed.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def run(
         check_memory(scene, size, outputs, free, tell=comm.rank == 0)
         caches = {} if cache is None else {name: cache_in(cache, body.model) for name, body in built.items()}
         bodies = Bodies(scene, built, clock, caches, shared)
-        scene = bodies.scene  # with the step that was chosen
+        scene = bodies.scene  # with the chosen step
         with clock.stage("frequencies"):
             frequencies = bodies.frequencies()
         motions = bodies.simulate(None if checkpoint is None else Checkpoint(checkpoint))
@@ -142,7 +142,7 @@ def run(
                 )
             outcome.result.summary["budget"] = complete_budget
             further = budget_warnings(bodies.written_scene, outcome.result.summary["budget"])
-            outcome.result.summary["warnings"][outcome.grave : outcome.grave] = further  # before hints
+            outcome.result.summary["warnings"][outcome.grave : outcome.grave] = further  # put before the hints
         return outcome
 
 
@@ -255,13 +255,14 @@ def full_model(
     Returns
     -------
     FullBody, FullModel, or a mapping of them by the sections' names
-        ``M``, ``D``, ``K`` (n, n) in SI units, ``B`` (n, i) with `input_names`, ``outputs`` (o, n) with `output_names`,
-        ``rows.at(s)`` (m, n) with `row_names`.  None on other ranks than the first where the matrices are SciPy's.
+        Attributes ``M``, ``D``, ``K`` (n, n) in SI units, ``B`` (n, i) with ``input_names``, ``outputs`` (o, n) with
+        ``output_names``, ``rows.at(s)`` (m, n) with ``row_names``.  None on other ranks than the first where the
+        matrices are SciPy's.
 
     Raises
     ------
     InputError
-        If the scene asks for something that is not possible, such as a mesh that can't be had.
+        If the scene asks for something that is not possible, such as a mesh that can't be built.
     """
     with _keys_as_written(scene):
         models = models_of(build_bodies(scene, comm))
@@ -282,7 +283,7 @@ def reduce(
     Parameters
     ----------
     scene : Scene
-        What is reduced, and in its section `reduction` how.
+        Scene with the bodies that are reduced; its section ``reduction`` says how.
     comm : MPI communicator
         Ranks that share the work.
     clock : Clock, optional
@@ -290,14 +291,14 @@ def reduce(
     basis : (n, k) array or function, optional
         Vectors on the coordinates of `full_model(scene)`, for a scene of one body; or a function of the full model on
         PETSc's matrices that returns this rank's rows of such vectors.  They are made orthonormal in their order, in
-        the scene's `reduction.product`.  With `reduction.flexibility` the rigid-body modes come before them, and the
-        residual flexibility is that of what all of these leave out.
+        the scene's ``reduction.product``.  With ``reduction.flexibility`` the rigid-body modes come before these
+        vectors, and the residual flexibility is that of all motions outside the span of both.
 
     Raises
     ------
     InputError
-        As by `run`; for vectors that don't fit the full model, and if the scene has a tolerance or a budget: these
-        choose the time step, too, so only `run` can follow them.
+        As `run`; also for vectors that don't fit the full model, and if the scene has a tolerance or a budget: their
+        search also chooses the time step, so only `run` can do it.
     """
     clock = clock or Clock()
     if scene.goal is not None:
@@ -322,35 +323,36 @@ def _reduce_scene(
     return Reduction(scene, built, with_stress_flags(scene, bodies))
 
 
-#: What is no reason not to run: the error is not known then.  Of a model that the run does not need nothing is.
+#: Errors of a comparison after which the run goes on; the error that was to be measured is then unknown.
 UNKNOWN = (InputError, ConvergenceError, SimulationError)
 UNNEEDED = (*UNKNOWN, ValueError, ImportError)
-#: Why nothing is known where the model itself finds how its base moves, and another model would find another motion.
+#: Reason for no comparison if a machine's motion is computed: another model would have another motion of its base.
 ON_MACHINE = "not measured for a boom on frame.machine; the same boom without it tells"
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class ModelDecision:
-    """A scene with all structural models set, and what was measured to choose them; alike on every rank."""
+    """A scene with all structural models set, and the measurements by which they were chosen; alike on all ranks."""
 
     scene: Scene
-    budget_part: Mapping[str, Any] | None = None  # ``budget.model`` of what was chosen; None where nothing was
+    budget_part: Mapping[str, Any] | None = None  # ``budget.model`` of the chosen model; None without a choice
     chosen_model: Mapping[str, Any] | None = None  # ``chosen_model`` of summary.json
 
 
 def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> ModelDecision:
     """Choose the simplest models that differ from a shell by `compare.model_tolerance` at most; collective.
 
-    A scene without a choice of models is returned unchanged.  If none can be compared with a shell, the simplest models
-    are taken, and the reason is returned.  `cache` is a folder for the reduced systems that are compared.
+    A scene without a choice of models is returned unchanged.  If no model can be compared with a shell, the simplest
+    models are taken, and the result contains the reason.  `cache` is a folder for the reduced systems that are
+    compared.
     """
     options = candidate_scenes(scene)
     if not options:
         return ModelDecision(scene)
     with clock.stage("choice of the model"):
         cached = None
-        if cache is not None:  # of the smallest model, which takes no time
+        if cache is not None:  # the smallest model takes no time
             cached = cache_in(cache, next(iter(build_bodies(options[0], comm).values())).model)
         return _choose_model(options, comm, cached)
 
@@ -372,13 +374,16 @@ def measure_mesh(
 ) -> dict[str, Any]:
     """Return ``mesh`` of the budget and ``mesh_reason``: differences to the scene on another mesh; collective.
 
-    `system` and `response`, None on other ranks than 0, are those of the scene itself.
+    `system` and `response` belong to the scene itself; `response` is None on other ranks than 0.
     """
     if scene.frame is not None and scene.frame.machine is not None:
         return {"mesh_reason": ON_MACHINE}
 
     def compare_scene(make: Callable[[], Scene], label: str) -> dict[str, Any]:
-        """Return how far the scene that `make` returns, `called` so, is from the own one, or the reason for none."""
+        """Return differences between the scene and the scene that `make` returns, or the reason why there are none.
+
+        `label` is the name of the other scene.
+        """
         try:
             motion = call_on_first_rank(comm, lambda: Motion.compute(scene, system, response))
             other_motion = _motion_on_first(make(), comm, cache)
@@ -392,7 +397,7 @@ def measure_mesh(
 
 
 def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:
-    """Return what summary.json says of an error that can't be measured: ``reason`` and, if it is long, ``detail``."""
+    """Return the entries of summary.json for an error that can't be measured: ``reason`` and, if long, ``detail``."""
     reason = error.allowed if isinstance(error, InputError) else str(error)
     if isinstance(error, NotHeldError):
         short = f"a {label} of it is not held: {error.short}; pads or supports against that are needed"
@@ -422,14 +427,14 @@ def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None) -> 
         return ModelDecision(
             beams[0], {"beside": None, "reason": str(error)}, chosen_figures(beams[0], reason=str(error))
         )
-    check_scene(shell)  # which may not have what only a beam can
+    check_scene(shell)  # raises if the scene needs what only a beam has
     return ModelDecision(shell, None, chosen_figures(shell))
 
 
 def _model_budget(
     scene: Scene, other: Motion | None, label: str, comm: MPI.Comm, cache: Cache | None
 ) -> dict[str, Any]:
-    """Return, on every rank, the difference of a scene's motion to an `other` motion, which rank 0 has."""
+    """Return, on every rank, the difference of a scene's motion to the motion `other`, which only rank 0 has."""
     motion = _motion_on_first(scene, comm, cache)
     part = None if motion is None or other is None else model_budget(scene, motion, other, label)
     errors: dict[str, Any] = comm.bcast(part)

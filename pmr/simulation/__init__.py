@@ -1,9 +1,9 @@
-"""Simulators, one folder each: `native` (march, compiled), `exudyn` (with the ANCF reference), `petsc` (full order).
+"""Simulators: `native` (compiled, called ``march``), `exudyn` (with the ANCF reference), `petsc` (full order).
 
-Every simulator is a `SystemSimulator`: all have the same arguments, and return a `SystemTrajectory` with all steps, t =
-0 included; a single body is a system of one.  For full models, whose steps are too large to store, there is
-`petsc.observe`.  A simulator refuses what it can't do (`pmr.scene.choice.refuse_unsupported`), and names the key to
-change.
+Each has a folder of its own.  Every simulator is a `SystemSimulator`: all take the same arguments and return a
+`SystemTrajectory` of all steps, t = 0 included; a single body is a system of one body.  `petsc.observe` simulates full
+models and returns selected outputs, as all steps would be too large to store.  A simulator refuses what it can't do
+(`pmr.scene.choice.refuse_unsupported`), and names the key to change.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class SystemSimulator(Protocol):
         ----------
         system : System
         excitation : Excitation
-            The time grid, and signals of the system's paths, by name and within their rows' ranges, of each input and
-            of each term.
+            The time grid; a signal for each path of the system, by name and within the range of its rows; a signal for
+            each input and for each term.
         initial : mapping of str to InitialState, optional
             Initial state of each body, by its name; bodies that are missing start at rest, undeformed.
             `native.systems.static_start` returns states in equilibrium.
@@ -47,8 +47,10 @@ class SystemSimulator(Protocol):
         Raises
         ------
         InputError
-            If a path leaves a row, a load is missing, a start violates a rigid contact, or a rigid one only pushes.
+            If a path leaves the range of a row, a load is missing, an initial state violates a rigid contact, or a
+            rigid contact only pushes.
         SimulationError
-            If a step fails, contacts depend on each other, a result is not finite, or the motion grows.
+            If a step fails, contacts depend on each other, a result is not finite, or the motion's energy grows without
+            work.
         """
         ...

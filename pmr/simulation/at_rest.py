@@ -1,8 +1,9 @@
 r"""A boom at rest in its frame at given extensions and angles: its scene, and the forces on supports and machine.
 
-In a run these forces (on rigid supports, at the pivot and of the luffing cylinder) are linear in coordinates q, contact
-forces lambda and loads f; the terms of a frame with amplitudes a_w add forces that are linear in q.  The rows of
-coefficients follow from the run's own functions, applied to states with one unit entry:
+In a run these forces r (on rigid supports, at the pivot and of the luffing cylinder) are linear in the coordinates q,
+the contact forces :math:`\lambda` and the loads f.  The terms of the frame, with the amount :math:`a_w` of each
+component w of the load, add forces that are linear in q.  The matrices R follow from the functions that a run uses,
+applied to states with a single entry of 1:
 
 .. math:: r = R_q q + R_\lambda \lambda + R_f f + \sum_w a_w R_w q
 """
@@ -33,18 +34,18 @@ from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
-#: Number of angles among which the steepest is searched.
+#: Number of angles among which the steepest angle is searched.
 ANGLES = 1001
 
 
 class ListSignal(SignalBase):
-    """Signal of a list of values, at rest at each; the times 0, 1, 2 ... are the numbers of the values."""
+    """Signal with a list of values, at rest at each value; the times 0, 1, 2 ... are the numbers of the values."""
 
     values: tuple[float, ...]
     acceleration: float = 0.0  # second rate at each value
 
     def value(self, t: ArrayLike) -> Array:
-        """Value of the number int(t); numbers beyond the list give its first or last value."""
+        """Values (...) with the numbers int(t) at times t (...); a number beyond the list gives its nearest value."""
         last = len(self.values) - 1
         return np.array(self.values)[np.clip(np.asarray(t, float).astype(int), 0, last)]
 
@@ -58,7 +59,10 @@ class ListSignal(SignalBase):
 
 
 def critical_luffing(scene: Scene) -> float:
-    """Luffing angle in rad, of those the boom takes in the scene's time, at which gravity compresses it most."""
+    """Luffing angle in rad at which gravity compresses the boom most, among the angles in the scene's time.
+
+    Not to be called for a scene without luffing angles.
+    """
     assert scene.frame is not None  # of a scene that has angles
     angles = np.linspace(*scene.frame.angles[0].bounds(0.0, scene.time.end), ANGLES)
     return float(angles[np.argmax(np.sin(angles))])
@@ -80,7 +84,8 @@ def scene_at_rest(
     scene : Scene
         A scene with a frame.
     extensions : mapping of str to (P,) array, m
-        Extensions of joints by the section's name, and of a slider as `SLIDER`; others stay as in the scene.
+        Extensions of joints by the section's name, and of a slider as `SLIDER`; extensions that are not named stay as
+        in the scene.
     luffing, slewing : float or (P,) array, rad
         Angles of the frame.
     loads : mapping of str to float
@@ -107,7 +112,7 @@ def scene_at_rest(
 
 
 def constant_inclination(base: BaseMotion | None, unit: float = 1.0) -> BaseMotion | None:
-    """Base with only those of its angles that are constant, each times `unit`; None where there are none."""
+    """Base with the constant angles of `base` alone, each times `unit`; None if no angle is constant."""
     angles = {} if base is None else {key: base.motions.get(key) for key in ("rx", "ry", "rz")}
     constant = {
         key: Constant(amount=unit * angle.amount) for key, angle in angles.items() if isinstance(angle, Constant)
@@ -116,17 +121,17 @@ def constant_inclination(base: BaseMotion | None, unit: float = 1.0) -> BaseMoti
 
 
 def accelerate_angle(still: Scene, angle: str) -> Scene:
-    """Scene of `scene_at_rest` in which an `angle`, ``luffing`` or ``slewing``, has an acceleration of 1 rad/s^2."""
+    """Scene `still` of `scene_at_rest` with an acceleration of 1 rad/s^2 of `angle`: ``luffing`` or ``slewing``."""
     assert still.frame is not None
     turned = {angle: getattr(still.frame, angle).model_copy(update={"acceleration": 1.0})}
     return still.model_copy(update={"frame": still.frame.model_copy(update=turned)})
 
 
 def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: float) -> Array:
-    """Amplitudes c (P, k) of the scene's terms at rest, at extensions (P,) m by name and a `luffing` angle in rad.
+    """Amplitudes c (P, k) of the scene's k terms at rest, at extensions (P,) m by name and a `luffing` angle in rad.
 
-    The weight acts in full.  Loads along x have their smallest value in the scene's time, all others their largest: the
-    values that compress the boom most.
+    The weight acts in full.  Loads along x have their smallest value in the scene's time, all other loads their
+    largest, since these values compress the boom most.
     """
     if not list(frame_terms(scene)):
         return np.empty((len(next(iter(extensions.values()))), 0))
@@ -142,7 +147,7 @@ def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: f
 
 
 def _signal_of(values: Array | float) -> SignalBase:
-    """Constant signal of a number, or signal of a list of values (`Listed`)."""
+    """Constant signal for a number, or `ListSignal` for an array of values."""
     return (
         Constant(amount=float(values))
         if np.ndim(values) == 0
@@ -152,10 +157,10 @@ def _signal_of(values: Array | float) -> SignalBase:
 
 @dataclass(frozen=True)
 class RestRows:
-    """Coefficients of r forces at one posture, of n coordinates, m contact forces, i loads and w components.
+    """Coefficients of r forces at one posture, for n coordinates, m contact forces, i loads and w components of load.
 
-    `outputs` describe the forces.  `coordinates` is R_q (r, n), `contacts` R_lambda (r, m), `loads` R_f (r, i), `parts`
-    R_w (w, r, n).
+    The matrices are those of the module's docstring.  `outputs` describe the forces; `coordinates` is R_q (r, n),
+    `contacts` R_lambda (r, m), `loads` R_f (r, i), and `parts` (w, r, n) holds R_w for each component.
     """
 
     outputs: tuple[Output, ...]
@@ -166,7 +171,7 @@ class RestRows:
 
 
 def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, rows: ContactRows, amplitudes: Array) -> RestRows:
-    """Coefficients of the forces on supports and on the machine, in one posture of a scene of `scene_at_rest`.
+    """Coefficients of the forces on supports and on the machine, in one posture of a scene made by `scene_at_rest`.
 
     Parameters
     ----------
@@ -177,7 +182,7 @@ def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, rows: Cont
     rows : ContactRows
         The contacts at these positions.
     amplitudes : (w, k) array
-        Amplitudes of the system's terms by a unit of each component of the load.
+        Amplitudes of the system's k terms by a unit of each of w components of the load.
     """
     n, m, i, parts = assembly.size, len(rows.C), assembly.B.shape[1], len(amplitudes)
     ends = np.cumsum([n, m, i])
@@ -197,10 +202,10 @@ def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, rows: Cont
 def _response_at_rest(
     scene: Scene, assembly: Assembly, place: int, x: Array, rows: ContactRows, states: Array, c: Array
 ) -> Response:
-    """Response at rest in the posture `place`, with forces of springs, contacts, supports and on the machine.
+    """Response at rest in the posture `place`: forces of springs and contacts, on supports and on the machine.
 
-    Each of the T states (T, n + m + i) is one of coordinates, contact forces and loads; c (T, k) are amplitudes of
-    terms; x and `rows` as in `rest_rows`.
+    Each of the T `states` (T, n + m + i) consists of coordinates, contact forces and loads; c (T, k) are amplitudes of
+    terms at these states; x and `rows` as in `rest_rows`.
     """
     system, (n, m), count = assembly.system, (assembly.size, len(rows.C)), len(states)
     q, forces, loads = np.split(states, [n, n + m], axis=1)
@@ -238,7 +243,7 @@ def _response_at_rest(
 def _spring_outputs(
     system: System, assembly: Assembly
 ) -> tuple[NDArray[np.int64], Sequence[str], Sequence[str], Sequence[str]]:
-    """Indices of the outputs that are forces of the bodies' springs, and names, kinds and bodies of these."""
+    """Indices of outputs that are forces of the bodies' springs, and the names, kinds and bodies of these outputs."""
     numbers, names, kinds, owners = list[int](), list[str](), list[str](), list[str]()
     for name, body in system.bodies.items():
         of = column_names(body)

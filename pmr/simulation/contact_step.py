@@ -1,13 +1,14 @@
-r"""Step length that contacts that only push need, and the number of equal parts into which each step is divided.
+r"""Length of steps that contacts that only push need, and the number of equal parts into which each step is divided.
 
 A body that lands on closed pads swings on them, for half a period of
 
 .. math:: \omega^2 = \max_s \lambda_{max}\big( (G + 1/k)^{-1}\, C M^{-1} C^T \big)
 
-over the rows C that only push, with the residual flexibility G and the pads' stiffness k.  A step with h omega of 1 or
-more removes the energy of an impact and most of its force; the loss falls with the square of h omega (docs/pads.md).
-So a step is divided into equal parts: at most as many as h omega needs, in fact as many as an estimate of the error
-asks for (src/substeps.c of `pmr.kernel`).
+Here :math:`\omega` is the largest circular frequency over all path positions s, C the rows of contacts that only push,
+M the mass matrix, G the residual flexibility and k the pads' stiffness.  A step of length h with h omega of 1 or more
+removes the energy of an impact and most of its force; the loss falls with the square of h omega (docs/pads.md).  So a
+step is divided into equal parts.  Their largest number follows from h omega; the actual number follows from an estimate
+of the error (src/substeps.c of `pmr.kernel`).
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: h omega at which a peak force is right within some per cent, and an impact keeps 99.9 % of its energy on average.
+#: h omega of a part at which a peak force is right to some per cent, and an impact keeps 99.9 % of its energy (mean).
 RESOLVED = 0.05
-#: Error of the forces of closed contacts in a part, over the largest so far, per radian of h omega up to one.
+#: Allowed error of closed contacts' forces in a part, over the largest force so far, per radian of h omega up to one.
 TOLERANCE = 1e-5
 #: Most parts of one step, and most parts of all steps together.
 MOST_PARTS, MOST_IN_ALL = 200, 5_000_000
@@ -40,7 +41,7 @@ PLACES = 65
 
 
 def contact_frequency(system: System, excitation: Excitation) -> float:
-    """Largest omega in rad/s of the contacts that only push, along the paths; 0 if none does, or if those are rigid.
+    """Largest omega in rad/s of contacts that only push, along the paths; 0 if there are none, or if they are rigid.
 
     Errors as `pmr.simulation.excitation.side_positions`.
     """
@@ -57,7 +58,7 @@ def contact_frequency(system: System, excitation: Excitation) -> float:
 def contact_frequency_at(system: System, x: Array) -> float:
     """Largest omega in rad/s of the contacts that only push, with the sides of contacts at x (T, sides) m.
 
-    0 if no contact only pushes.
+    The result is 0 if no contact only pushes.
     """
     pushing = np.flatnonzero(~np.isnan(system.clearance))
     if not len(pushing):
@@ -69,20 +70,20 @@ def contact_frequency_at(system: System, x: Array) -> float:
 
 
 def row_frequency(F: Array, mobility: Array) -> float:
-    """Largest omega in rad/s of rows with flexibility F = G + 1/k in m/N and mobility C M^-1 C^T in 1/kg.
+    """Largest omega in rad/s of contact rows with flexibility F = G + 1/k in m/N and mobility C M^-1 C^T in 1/kg.
 
     Both are (S, m, m), at S positions; positions with a singular F are left out.
     """
-    gives = np.linalg.matrix_rank(F, hermitian=True) == F.shape[-1]  # a rigid row that only pushes is refused elsewhere
+    gives = np.linalg.matrix_rank(F, hermitian=True) == F.shape[-1]  # simulators refuse a rigid row that only pushes
     squares = np.linalg.eigvals(np.linalg.solve(F[gives], mobility[gives])).real
     return float(np.sqrt(squares.max(initial=0.0)))
 
 
 def count_parts(omega: float, stepping: TimeStepping) -> int:
-    """Number of equal parts of a step that resolves contacts of circular frequency `omega` in rad/s.
+    """Number of equal parts of a step with which contacts of circular frequency `omega` in rad/s are resolved.
 
-    The parts of `stepping`, or the largest of its schedule, if it has any; at most `MOST_PARTS`, and `MOST_IN_ALL` in
-    all.
+    If `stepping` has parts or a schedule, the result is its number of parts or the largest number of the schedule.
+    Otherwise it is at most `MOST_PARTS`, and small enough that all steps have at most `MOST_IN_ALL` parts together.
     """
     if stepping.parts or stepping.schedule:
         return stepping.parts or max(stepping.schedule)
@@ -91,9 +92,10 @@ def count_parts(omega: float, stepping: TimeStepping) -> int:
 
 
 def part_counts(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
-    """Numbers of parts of a step among which the error's tolerance chooses: powers of two that reach `parts`.
+    """Numbers of parts among which a step chooses by its error: powers of two up to the number that `omega` needs.
 
-    If `stepping` has parts or a schedule, only the numbers in these.
+    `omega` is the circular frequency of contacts in rad/s.  If `stepping` has parts or a schedule, only its numbers are
+    returned.
     """
     if stepping.schedule:
         return tuple(sorted(set(stepping.schedule)))
@@ -103,10 +105,10 @@ def part_counts(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
 
 
 def with_schedule(stepping: TimeStepping, parts_of_steps: NDArray[np.int64] | None, omega: float) -> TimeStepping:
-    """Time grid whose steps have the numbers of parts (T + 1,) of another simulation.
+    """Time grid whose steps have the numbers of parts `parts_of_steps` (T + 1,) of another simulation.
 
-    The first number, of t = 0, is ignored.  None: every step has the parts that `omega` in rad/s needs.  Unchanged if
-    `omega` is 0 or the grid has parts.
+    The first number, of t = 0, is ignored.  If the numbers are None, every step has the number of parts that `omega` in
+    rad/s needs.  The grid is unchanged if `omega` is 0 or the grid has parts.
     """
     if omega == 0.0 or stepping.parts:
         return stepping
@@ -116,10 +118,10 @@ def with_schedule(stepping: TimeStepping, parts_of_steps: NDArray[np.int64] | No
 
 
 def summary(omega: float, stepping: TimeStepping) -> dict[str, object]:
-    """Entry ``contact`` of summary.json, by contacts of circular frequency `omega` in rad/s; empty if `omega` is 0.
+    """Entry ``contact`` of summary.json, for contacts of circular frequency `omega` in rad/s; empty if `omega` is 0.
 
-    ``omega``, ``parts`` of a step at most, ``h_omega`` of one such part and, with a schedule, ``mean_parts`` of the
-    steps.
+    The keys are ``omega`` in rad/s; ``parts``, the largest number of parts of a step; ``h_omega``, the length of such a
+    part times omega; and, with a schedule, ``mean_parts``, the mean number of parts of a step.
     """
     if omega == 0.0:
         return {}
@@ -139,7 +141,7 @@ def warnings(omega: float, stepping: TimeStepping) -> list[str]:
     reached = stepping.step * omega / count
     if reached <= RESOLVED * (1.0 + 1e-9):
         return []
-    in_all = stepping.end * omega / RESOLVED  # parts of all steps, whatever the step
+    in_all = stepping.end * omega / RESOLVED  # number of parts of all steps together, which does not depend on the step
     enough = RESOLVED / omega * (MOST_PARTS if in_all <= MOST_IN_ALL and not stepping.parts else 1)
     return [
         f"pads that only push: their contact has h omega = {two_digits(reached)} in each of the {count} parts of a "
@@ -154,16 +156,16 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class StepParts:
-    """Numbers of parts (T,) of each of T steps, N - 1 parts in all; the largest number is a multiple of all others."""
+    """Numbers of parts (T,) of T steps, N - 1 parts in all; the largest number is a multiple of all others."""
 
     stepping: TimeStepping
     parts: Indices
 
     @classmethod
     def for_contacts(cls, stepping: TimeStepping, omega: float) -> StepParts:
-        """Parts of the schedule, or those that contacts of frequency `omega` in rad/s need.
+        """Numbers of parts of the schedule, or those that contacts of frequency `omega` in rad/s need.
 
-        One for each step if `omega` is 0.
+        Each step has one part if `omega` is 0.
         """
         if omega == 0.0:
             return cls(stepping, np.ones(stepping.steps, np.int64))
@@ -177,12 +179,12 @@ class StepParts:
         return int(self.parts.max())
 
     def factors(self, parts: int) -> SchemeFactors:
-        """Factors of the time integration for a part of a step that has this many parts."""
+        """Factors of the time integration for one part of a step that has the number `parts` of parts."""
         return SchemeFactors.of(self.stepping.divide(parts).step, self.stepping.rho_inf)
 
     @cached_property
     def numbers(self) -> Indices:
-        """Numbers (N,) of the times on a grid whose steps all have the largest number of parts; the first is 0."""
+        """Numbers (N,) of the ends of all parts on a grid of steps with the largest number of parts; the first is 0."""
         return np.concatenate([[0], np.cumsum(np.repeat(self.finest // self.parts, self.parts))])
 
     @cached_property
@@ -192,7 +194,7 @@ class StepParts:
 
     @cached_property
     def ends(self) -> Indices:
-        """Numbers (T + 1,) of the times at the ends of whole steps, t = 0 included."""
+        """Indices (T + 1,) among `times` of the ends of whole steps, t = 0 included."""
         return np.concatenate([[0], np.cumsum(self.parts)])
 
     @property

@@ -1,4 +1,4 @@
-"""What drives a simulation: signals of paths, loads and terms, sampled on the time grid, and options of simulators."""
+"""Excitation of a simulation: signals of paths, loads and terms, sampled on the time grid, and simulator options."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Excitation:
     stepping: TimeStepping
     # options of a scene's section `simulation`; each simulator reads its own
     options: Simulation = field(default_factory=Simulation)
-    start: Literal["rest", "equilibrium"] = "rest"  # how motions begin, where no initial state is given
+    start: Literal["rest", "equilibrium"] = "rest"  # how motions begin if no initial state is given
     # c_k(t) by the names of the terms that they scale (`pmr.system.terms`)
     terms: Mapping[str, SignalBase] = field(default_factory=dict)
 
@@ -44,9 +44,10 @@ class Excitation:
     def from_scene(cls, scene: Scene) -> Excitation:
         r"""Paths, loads, amplitudes of terms and time grid of a scene.
 
-        A section that slides along the boom has its tail at :math:`X_i = s_1 + \dots + s_i`, so that the load
-        :math:`-M_i e_x X_i''` acts on it: its input `EXTENSION`.  Where the scene has a frame, this load is among those
-        that `pmr.simulation.frame` derives from the frame's motion.
+        The i-th section that slides along the boom has its tail at :math:`X_i = s_1 + \dots + s_i` on the boom's axis,
+        the sum of the extensions.  With its mass :math:`M_i` and the axis :math:`e_x`, the load :math:`-M_i e_x X_i''`
+        acts on it; it is the input `EXTENSION`.  In a scene with a frame, this load is one of the loads that
+        `pmr.simulation.frame` derives from the frame's motion.
 
         Raises InputError for a scene with a machine, whose motion is not known in advance.
         """
@@ -66,7 +67,7 @@ class Excitation:
 
     @property
     def path(self) -> SignalBase:
-        """Signal of the only path; an InputError is raised where there are several paths or none."""
+        """Signal of the only path; an InputError is raised if there are several paths or none."""
         if len(self.paths) != 1:
             allowed = f"{len(self.paths)} given ({', '.join(self.paths)}), one path for all sliders is allowed"
             raise InputError("scene", "slider.path", None, allowed)
@@ -74,7 +75,7 @@ class Excitation:
 
     @property
     def on_slider(self) -> Excitation:
-        """Excitation whose only path is renamed to `SLIDER`, its name in a system of one body; errors as `path`."""
+        """Excitation with its only path renamed to `SLIDER`, as in a system of one body; errors as `path`."""
         return self if tuple(self.paths) == (SLIDER,) else replace(self, paths={SLIDER: self.path})
 
     @cached_property
@@ -110,7 +111,7 @@ class Excitation:
     def forces(self, names: Sequence[str], t: Array | None = None) -> Array:
         """Loads (T, i) in N or N m, one column for each of the inputs `names`, in this order.
 
-        They are sampled at the steps or, if given, at other times t (T,) in s.  Errors as `in_order`.
+        They are sampled at the steps or, if given, at other times t (T,) in s.  Errors as `signals_in_order`.
         """
         signals = signals_in_order(self.loads, names)
         return self.f if t is None and tuple(names) == tuple(self.loads) else self._columns(signals, t)
@@ -118,13 +119,13 @@ class Excitation:
     def amplitudes(self, names: Sequence[str], t: Array | None = None) -> Array:
         """Amplitudes c (T, k), one column for each of the terms `names`, in this order.
 
-        They are sampled at the steps or, if given, at other times t (T,) in s.  Errors as `in_order`.
+        They are sampled at the steps or, if given, at other times t (T,) in s.  Errors as `signals_in_order`.
         """
         return self._columns(signals_in_order(self.terms, names, "term"), t)
 
     @property
     def signals(self) -> list[tuple[str, SignalBase]]:
-        """Pairs (name in messages, signal) of all paths, loads and terms."""
+        """Pairs (name, signal) of all paths, loads and terms; the name is the one in messages."""
         paths = [("the slider's path" if len(self.paths) == 1 else f"path {n}", path) for n, path in self.paths.items()]
         loads = ((f"load {name}", load) for name, load in self.loads.items())
         return [*paths, *loads, *((f"term {name}", term) for name, term in self.terms.items())]
@@ -166,7 +167,7 @@ def clip_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array)
     Parameters
     ----------
     path : SignalBase
-        Signal whose values are s.
+        Signal with the values s at the times t.
     s : (T,) array, m
         Path coordinates at the times t.
     domain : tuple of float, m

@@ -1,6 +1,7 @@
-"""Momenta of a boom that bends, and the equations of its base, coordinates and paths, at one moment.
+"""Momenta of a boom that bends, and the equations of its base, coordinates and paths, at one instant.
 
-`pmr.simulation.free_base` has the equations.  Sizes: S sections, P paths, n coordinates, i inputs.
+The equations and their symbols are in the docstring of `pmr.simulation.free_base`.  Sizes: S sections, P paths, n
+coordinates, i inputs.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ CROSS = np.array([[np.cross(_E[l], _E[j]) for j in range(3)] for l in range(3)])
 
 @dataclass(frozen=True)
 class Extensions:
-    """Extensions of P paths in m with first and second rates: how far each section's tail is ahead of the one before.
+    """Extensions (P,) of P paths in m, with first and second rates in m/s and m/s^2.
 
-    The first is the base's, 0; behind those of the S sections there may be paths that move no section, such as a single
-    body's slider.
+    The extension of a section is the distance of its tail ahead of the tail of the section before; that of the base is
+    0.  After the extensions of the S sections there may be paths that move no section, such as a single body's slider.
     """
 
     value: Array
@@ -34,19 +35,26 @@ class Extensions:
 
 @dataclass(frozen=True)
 class Moments:
-    """First moments beta (S, 4, 3, n) of sections, over 1, x, y, z, along x, y, z, by coordinates, at paths s (P,)."""
+    """First moments beta of the sections' displacements by coordinates, with the paths at s (P,) in m.
+
+    `value` is (S, 4, 3, n): for each section, the integral over its mass of 1, x, y or z times the displacement along
+    x, y or z, per unit of each coordinate.
+    """
 
     value: Array
     slope: Array  # d beta / d s, (S, 4, 3, n, P)
-    curve: Array  # d^2 beta / d s_j d s_k s_j' s_k', (S, 4, 3, n)
+    curve: Array  # sum over j, k of (d^2 beta / d s_j d s_k) s_j' s_k', (S, 4, 3, n)
 
 
 @dataclass(frozen=True)
 class FrameMotion:
-    """Angular velocity (3,) in rad/s of the boom's frame in its axes, and acceleration of gravity upwards."""
+    """Angular velocity `omega` (3,) in rad/s of the boom's frame, and minus the acceleration of gravity, `weight` (3,).
+
+    Both are in the axes of the boom's frame.
+    """
 
     omega: Array
-    weight: Array  # m/s^2, upwards
+    weight: Array  # m/s^2, directed upwards
 
 
 @dataclass(frozen=True)
@@ -54,17 +62,17 @@ class SectionInertia:
     """Rigid-body properties of a section."""
 
     mass: float  # kg
-    first: Array  # int rho r (3,) kg m from its tail
-    inertia: Array  # (3, 3) kg m^2 about its tail
-    loads: Array  # (6, i): forces and moments about its tail of all inputs
+    first: Array  # (3,) kg m: integral of rho r, with the position r from the tail
+    inertia: Array  # (3, 3) kg m^2: moment of inertia about the tail
+    loads: Array  # (6, i): forces, and moments about the tail, by all i inputs
 
 
 @dataclass(frozen=True)
 class Shortening:
-    """A moment f q^T G q / 2 along x of a section, quadratic in the coordinates: the boom is shorter as it bends.
+    """Part f q^T G q / 2 of a section's first moment along x that is quadratic in q: the boom is shorter as it bends.
 
-    `over` 0: over the weight 1; 1: over x.  Without a `cylinder` f is 1; with one, an extension's number, -1 over its
-    length.
+    It belongs to the moment over 1 (`over` = 0) or over x (`over` = 1).  The factor f is 1 without a `cylinder`; with
+    the number of a cylinder's extension as `cylinder`, f is -1 over the length of this extension.
     """
 
     section: int
@@ -73,7 +81,7 @@ class Shortening:
     cylinder: int | None = None
 
     def factor(self, extended: Extensions) -> tuple[float, float, float]:
-        """Factor f with its first and second rate."""
+        """Factor f with its first and second rate, at the extensions `extended`."""
         if self.cylinder is None:
             return 1.0, 0.0, 0.0
         l, v, a = (getattr(extended, order)[self.cylinder] for order in ("value", "rate", "second"))
@@ -82,25 +90,26 @@ class Shortening:
 
 @dataclass(frozen=True)
 class BaseEquations:
-    """Equations of base (6,), coordinates (n,) and paths (P,): mass . (a, alpha, q'', s'') + forces = outer loads.
+    """Equations of base (6,), coordinates (n,) and paths (P,): `mass` . (a, alpha, q'', s'') + `forces` = outer loads.
 
-    `mass` leaves out M of the coordinates.
+    a and alpha are linear and angular acceleration of the frame, q the coordinates and s the paths.  `mass` does not
+    contain the mass matrix M of the coordinates.
     """
 
     mass: Array
-    forces: Array  # at accelerations that are zero
+    forces: Array  # left sides at zero accelerations
 
 
 @dataclass(frozen=True)
 class Boom:
     """Properties of a boom that do not change."""
 
-    place: Array  # p (3,) m: the base's tail from the pivot
+    place: Array  # p (3,) m: position of the base section's tail from the pivot
     sections: list[SectionInertia]
-    moments: Moments  # of the coordinates
+    moments: Moments  # first moments by the coordinates
     shortened: list[Shortening]
-    rotating: Array  # T_k (3, n, n)
-    carried: Array  # N_jk (3, 3, n, n)
+    rotating: Array  # T_k (3, n, n) of `pmr.simulation.free_base`
+    carried: Array  # N_jk (3, 3, n, n) of `pmr.simulation.free_base`
 
     @property
     def size(self) -> int:
@@ -134,7 +143,7 @@ class Boom:
 
 
 class BoomState:
-    """Momenta and inertia of the boom at one moment; `q` and `rate` (n,) are coordinates and their rates."""
+    """Momenta and inertia of the boom at one instant; `q` and `rate` (n,) are coordinates and their rates."""
 
     def __init__(
         self, of: Boom, motion: FrameMotion, extended: Extensions, q: Array, rate: Array, moments: Moments | None = None
@@ -150,7 +159,7 @@ class BoomState:
         beta_rate = beta.slope @ extended.rate
         self.J, self.mu = beta.value.copy(), beta.value @ q
         self.mu_rate = beta.value @ rate + beta_rate @ q
-        self.mu_second = 2.0 * beta_rate @ rate + beta.curve @ q  # but for what accelerations make
+        self.mu_second = 2.0 * beta_rate @ rate + beta.curve @ q  # without the part that accelerations cause
         self.lean = np.einsum("sljne,n->slje", beta.slope, q)  # d mu / d path, (S, 4, 3, P)
         for term in of.shortened:
             f, f1, f2 = term.factor(extended)
@@ -158,7 +167,7 @@ class BoomState:
             self.J[at] += f * Gq
             self.mu[at] += f * (q @ Gq) / 2.0
             self.mu_rate[at] += f * (rate @ Gq) + f1 * (q @ Gq) / 2.0
-            # f1 holds the extension's rate, whose own acceleration is an unknown
+            # f1 contains the extension's rate; its second rate is an unknown
             growth = f2 - (
                 0.0 if term.cylinder is None else extended.second[term.cylinder] / extended.value[term.cylinder] ** 2
             )
@@ -166,16 +175,17 @@ class BoomState:
             if term.cylinder is not None:
                 self.lean[*at, term.cylinder] += (q @ Gq) / 2.0 / extended.value[term.cylinder] ** 2
         self.masses = masses = of.masses
-        self.own = masses[:, None] * self.d + of.first + self.mu[:, 0]  # of each section about O
+        self.own = masses[:, None] * self.d + of.first + self.mu[:, 0]  # first moment of each section about O
         self.s, self.s_rate = self.own.sum(axis=0), (masses * self.X_rate).sum() * e + self.mu_rate[:, 0].sum(axis=0)
         self.tq, self.tv = of.rotating @ q, of.rotating @ rate  # (3, n)
         self.h = self._second_moments(self.X_rate, self.mu_rate) + self.tq @ rate
         self.inertia, self.inertia_rate = self._inertia()
 
     def _second_moments(self, X: Array, mu: Array) -> Array:
-        """Angular momentum int rho rho x rho' (3,) about O of sections that move along the boom and bend.
+        """Angular momentum (3,) about O, int rho r x r', of sections that move along the boom and bend.
 
-        X (S,) are their rates along it, mu (S, 4, 3) the moments of u'.
+        X (S,) are the rates of the sections along the boom, mu (S, 4, 3) the first moments of the rates of
+        displacements.
         """
         moments = np.outer(_E[0], X @ self.own).T + self.d.T @ mu[:, 0] + mu[:, 1:].sum(axis=0)
         return _skew_part(moments)
@@ -193,7 +203,7 @@ class BoomState:
         return _inertia_of_second_moments(A + A.T) + of.inertia, _inertia_of_second_moments(A_rate + A_rate.T)
 
     def mass(self) -> Array:
-        """Mass matrix (6 + n + P, 6 + n + P) of (a, alpha, q'', s'')."""
+        """Mass matrix (6 + n + P, 6 + n + P) for the accelerations (a, alpha, q'', s'') of `BaseEquations`."""
         n, e, beyond, lean = self.of.size, _E[0], self.beyond, self.lean
         matrix = np.zeros((6 + n + beyond.shape[1],) * 2)
         matrix[:3, :3] = self.of.mass * np.eye(3)
@@ -202,7 +212,7 @@ class BoomState:
         J = self.J
         matrix[:3, 6 : 6 + n] = J[:, 0].sum(axis=0)
         matrix[3:6, 6 : 6 + n] = self._moments_of(J) + self.tq
-        # beside what it moves, a path changes what coordinates and leaning cylinders move
+        # a path moves sections, and changes the moments of coordinates and of leaning cylinders
         matrix[:3, 6 + n :] = np.outer(e, self.masses @ beyond) + lean[:, 0].sum(axis=0)
         matrix[3:6, 6 + n :] = skew(e).T @ self.own.T @ beyond
         matrix[3:6, 6 + n :] += self._moments_of(lean)
@@ -212,7 +222,7 @@ class BoomState:
         return np.asarray(np.triu(matrix) + np.triu(matrix, 1).T)
 
     def _moments_of(self, J: Array) -> Array:
-        """Moments int rho rho x u (3, .) about O, from first moments J (S, 4, 3, .) of displacements u."""
+        """Moments (3, k) about O of k fields of displacements u, from their first moments J (S, 4, 3, k)."""
         return _skew_part(np.tensordot(self.d, J[:, 0], (0, 0)) + J[:, 1:].sum(axis=0))
 
     def forces(self) -> Array:
@@ -236,18 +246,18 @@ class BoomState:
 
 
 def _inertia_of_second_moments(A: Array) -> Array:
-    """Moment of inertia tr(A) 1 - A of second moments A (3, 3)."""
+    """Moment of inertia (3, 3), tr(A) I - A, from the second moments A (3, 3)."""
     return np.asarray(np.trace(A) * np.eye(3) - A)
 
 
 @lru_cache(maxsize=8)
 def _moving_sections(sections: int, paths: int) -> Array:
-    """Matrix (S, P) with 1 where a path moves a section: its own and all sections after it."""
+    """Matrix (S, P) with 1 where a path moves a section: the path's own section and all sections after that."""
     matrix = np.hstack([np.tril(np.ones((sections, sections))), np.zeros((sections, paths - sections))])
     matrix.flags.writeable = False
     return matrix
 
 
 def _skew_part(A: Array) -> Array:
-    """Cross product sum r x u (3, .), from the moments sum r_l u_j (3, 3, .)."""
+    """Sums (3, k) of r x u for k fields u, from the moments A (3, 3, k), sums of r_l u_j."""
     return np.array([A[1, 2] - A[2, 1], A[2, 0] - A[0, 2], A[0, 1] - A[1, 0]])

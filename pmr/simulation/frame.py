@@ -1,15 +1,17 @@
 r"""Accelerations that a moving frame gives the sections of a boom, as amplitudes of constant fields.
 
-With the tail of a section at X on the boom's axis, the tail of the base section at p from the pivot, and the vertical
-e_Z,
+With the tail of a section at X on the boom's axis e_x, the tail of the base section at p from the pivot, the vertical
+e_Z, the acceleration g of gravity, and the angular velocity :math:`\omega` and acceleration :math:`\alpha` of the frame
+(a tilde makes a vector the matrix of its cross product),
 
 .. math::
     a(r) = g\, e_Z + \ddot u + \ddot X e_x + 2\, \omega \times \dot X e_x + A\, (p + X e_x + r), \qquad
     A = \tilde\alpha + \tilde\omega \tilde\omega
 
-is the acceleration of a body's points r at rest in the frame, less that of gravity; u'' is the acceleration of the
-pivot where the base moves.  Its fields are a constant and, for each axis j and k, r_k along e_j with the factor A_jk.
-Loads are minus these.  The axes are those of `pmr.scene.frame`.
+is the acceleration of a section's points r, which are at rest in the section, minus the acceleration of gravity; u'' is
+the acceleration of the pivot if the base moves.  It consists of a constant field and, for each pair of axes j and k, of
+the field r_k along e_j with the factor A_jk.  The inertia loads are minus these fields.  The axes are those of
+`pmr.scene.frame`.
 """
 
 from __future__ import annotations
@@ -53,15 +55,15 @@ SAMPLES = 10_001
 def _cached_turning(
     luffing: SignalBase, slewing: SignalBase, t: bytes, rocking: tuple[SignalBase, ...]
 ) -> FrameRotation:
-    """`FrameRotation.from_signals`, cached: each field of each section asks for the same times t, an array's bytes."""
+    """`FrameRotation.from_signals`, cached, as all fields of all sections use the same times t (bytes of an array)."""
     return FrameRotation.from_signals(luffing, slewing, np.frombuffer(t), rocking)
 
 
 class FrameSignal(Derived):
-    """A scalar signal that follows from the frame's angles and paths; its rate is a difference over one step."""
+    """A scalar signal that follows from the frame's angles and paths; its rate is a difference quotient over a step."""
 
     def highest_frequency(self, start: float, end: float) -> float:
-        """Twice the highest frequency in Hz of angles and paths, whose rates enter as squares and products."""
+        """Twice the highest frequency in Hz of angles and paths, since their rates enter as squares and products."""
         return 2.0 * max(signal.highest_frequency(start, end) for signal in self.signals)
 
     def bounds(self, start: float, end: float) -> tuple[float, float]:
@@ -71,7 +73,7 @@ class FrameSignal(Derived):
 
 
 class Amplitude(FrameSignal):
-    """Signal that is a sum of products of the frame's quantities (`pmr.simulation.frame_motion`)."""
+    """Signal that is a sum of products of the frame's quantities (`pmr.simulation.frame_motion.Quantity`)."""
 
     @property
     @abstractmethod
@@ -89,7 +91,7 @@ class Amplitude(FrameSignal):
 
 
 class AngleAmplitude(Amplitude):
-    """Amplitude that depends on the frame's angles: luffing, slewing, and `rocking` (roll, pitch, yaw) of its base."""
+    """Amplitude that depends on the angles of the frame: `luffing`, `slewing`, and `rocking` of its base."""
 
     luffing: SignalBase
     slewing: SignalBase
@@ -121,7 +123,7 @@ class AngleAmplitude(Amplitude):
 
 
 class BaseAcceleration(FrameSignal):
-    """Acceleration of a base along a ground axis in m/s^2: its displacement's, plus a `given` one."""
+    """Acceleration in m/s^2 of a base along a ground axis: of its `displacement`, plus a prescribed `acceleration`."""
 
     displacement: SignalBase  # m
     acceleration: SignalBase  # m/s^2
@@ -143,8 +145,8 @@ class SectionAcceleration(AngleAmplitude):
     """A component of the acceleration field of a section, times a factor."""
 
     gravity: SignalBase  # m/s^2
-    pivot: tuple[float, float, float]  # m: the base's tail from the pivot
-    paths: tuple[SignalBase, ...]  # whose sum is X
+    pivot: tuple[float, float, float]  # m: position of the base section's tail from the pivot
+    paths: tuple[SignalBase, ...]  # m: extensions with the sum X
     base: tuple[SignalBase, ...] = ()  # m/s^2: accelerations of the pivot along axes of the ground, if it moves
     field: str  # ``x`` of the constant part, ``xz`` of A_xz
     factor: float = 1.0
@@ -162,7 +164,7 @@ class SectionAcceleration(AngleAmplitude):
         of_angles = super().quantities(t)
 
         def value_of(quantity: Quantity) -> Array:
-            """Values (T,) of gravity, of the base's acceleration, of the reach X, or of a quantity of the angles."""
+            """Values (T,) of gravity, of the base's acceleration, of the position X, or of a quantity of the angles."""
             if quantity[0] == "gravity":
                 return np.asarray(self.gravity.value(t))
             if quantity[0] == "shaken":
@@ -174,7 +176,8 @@ class SectionAcceleration(AngleAmplitude):
     def highest_frequency(self, start: float, end: float) -> float:
         """Twice the highest frequency in Hz of angles, gravity and paths.
 
-        If the base is shaken, at least the sum of its highest frequency and of theirs.
+        If the base is shaken, it is at least the sum of the base's highest frequency and of the highest one of the
+        others.
         """
         of_angles = super().signals
         slow, shaken = (
@@ -197,8 +200,8 @@ class Rotation(AngleAmplitude):
     angular velocities).
     """
 
-    of: str  # `rotation`, `turning` or `carried`, as `pmr.scene.mechanism` says
-    component: str
+    of: str  # `rotation`, `turning` or `carried`
+    component: str  # one or two axes, such as ``x`` or ``xy``
 
     @property
     def products(self) -> Products:
@@ -206,13 +209,13 @@ class Rotation(AngleAmplitude):
 
 
 class CylinderAmplitude(Amplitude):
-    """Amplitude of a cylinder's force over its length: factor times `of` (an acceleration or a load) over `length`."""
+    """Amplitude of a cylinder's force over its length: `factor` times `of` (acceleration or load) over `length`."""
 
     factor: float
     of: SignalBase
     length: SignalBase
-    number: int  # of the section that it drives
-    name: str = ""  # of the load's input
+    number: int  # number of the section that the cylinder drives
+    name: str = ""  # name of the load's input
 
     @property
     def signals(self) -> tuple[SignalBase, ...]:
@@ -236,8 +239,8 @@ class GroundForceComponent(AngleAmplitude):
 
     force: SignalBase
     name: str  # of the load
-    along: Literal["x", "y", "z"]  # the axis of the ground
-    part: Literal["x", "y", "z"]  # that of the body
+    along: Literal["x", "y", "z"]  # axis of the ground
+    part: Literal["x", "y", "z"]  # axis of the body
 
     @property
     def signals(self) -> tuple[SignalBase, ...]:
@@ -258,7 +261,7 @@ class GroundForceComponent(AngleAmplitude):
 
 
 def products_of(signal: SignalBase, name: str) -> Products:
-    """Products of the signal of an input or a term; a signal that is no `Amplitude` is the load called `name`."""
+    """Products of the signal of an input or a term; a signal that is no `Amplitude` is the load `name` itself."""
     return signal.products if isinstance(signal, Amplitude) else (Product(1.0, (("load", name),)),)
 
 
@@ -291,7 +294,7 @@ def _angle_signals(frame: Frame) -> dict[str, Any]:
 
 
 def base_accelerations(scene: Scene) -> tuple[SignalBase, ...]:
-    """Accelerations of the pivot in m/s^2 along X, Y and Z of the ground; empty where the base is not displaced."""
+    """Accelerations of the pivot in m/s^2 along X, Y and Z of the ground; empty if the base has no displacement."""
     base, none = scene.frame.base if scene.frame else None, Constant(amount=0.0)
     if base is None or not {"x", "y", "z"} & {*base.motions, *base.accelerations}:
         return ()
@@ -322,7 +325,7 @@ def section_acceleration(scene: Scene, number: int, field: str, factor: float = 
 
 
 def inertia_loads(scene: Scene, member: Member) -> dict[str, SignalBase]:
-    """Amplitudes of the inertia inputs of a section in a frame, by their names; empty if it has no such inputs."""
+    """Amplitudes of the inertia inputs of a section in a frame, by the inputs' names; empty without such inputs."""
     return {
         INERTIA + field: section_acceleration(scene, member.number, field, -1.0) for field in inertia_fields(member)
     }

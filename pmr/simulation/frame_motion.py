@@ -1,7 +1,8 @@
-r"""Motion of a boom's frame, by its angles and extensions or as computed, and the amplitudes that follow from it.
+r"""Motion of a boom's frame, prescribed or computed, and the amplitudes of loads and terms that follow from it.
 
-First, accelerations of sections along the boom by their extensions.  Second, angular velocity, angular acceleration and
-rotation of the frame, from its angles.  Third, amplitudes of loads and terms as sums of products of few quantities x_k,
+First, accelerations of sections along the boom, from their extensions.  Second, angular velocity, angular acceleration
+and rotation of the frame, from its angles.  Third, amplitudes c of loads and terms as sums over products n, each a
+number :math:`\kappa_n` times few quantities x_k,
 
 .. math:: c(t) = \sum_n \kappa_n \prod_{k \in n} x_k(t)
 
@@ -28,7 +29,7 @@ from pmr.scene.signals.base import Floats, Strand
 
 
 class Derived(SignalBase):
-    """A scalar signal that follows from other signals; its rate is a difference over one step."""
+    """A scalar signal that follows from other signals; its rate is a difference quotient over one step."""
 
     step: float  # s
 
@@ -38,7 +39,7 @@ class Derived(SignalBase):
         """Signals from which this one follows."""
 
     def rate(self, t: ArrayLike) -> Array:
-        """Difference over the step from t - h/2, not before 0, to t + h/2."""
+        """Difference quotient over the step from t - h/2, but at least 0, to t + h/2, at the times t (...) in s."""
         t, half = np.asarray(t, float), self.step / 2.0
         before = np.maximum(t - half, 0.0)
         return np.asarray((self.value(t + half) - self.value(before)) / (t + half - before))
@@ -53,11 +54,12 @@ class Derived(SignalBase):
 
 
 class Acceleration(Derived):
-    r"""Second derivative of the sum of paths in m/s^2, averaged over one step of h, so that a kink acts over one step.
+    r"""Second derivative a in m/s^2 of the sum s of paths, averaged over a step of h, so that a kink acts over a step.
 
     .. math:: a(t) = \big(\dot s(t + h/2) - \dot s(t - h/2)\big) / h
 
-    Before t = 0 nothing is evaluated: the difference then begins at 0.  A path that moves at t = 0 has no kink there.
+    Paths are not evaluated before t = 0: the difference then begins at 0.  A path that moves at t = 0 has no kink
+    there.
     """
 
     paths: tuple[SignalBase, ...]
@@ -91,13 +93,13 @@ class FrameRotation:
 
     velocity: Array
     acceleration: Array
-    rotation: Array  # from its axes into those of the ground
+    rotation: Array  # (T, 3, 3), from the frame's axes into those of the ground
 
     @classmethod
     def from_signals(
         cls, luffing: SignalBase, slewing: SignalBase, t: Array, rocking: Sequence[SignalBase] = ()
     ) -> FrameRotation:
-        """Turning of the frame at the times t (T,) in s.
+        """Rotation of the frame at the times t (T,) in s.
 
         `rocking` are the angles roll, pitch, yaw of its base; empty: the base does not turn.
         """
@@ -107,7 +109,7 @@ class FrameRotation:
 
     @classmethod
     def from_angles(cls, luffing: Angle, slewing: Angle, rocking: Sequence[Angle] = ()) -> FrameRotation:
-        """Turning by the frame's angles (T,) in rad, with rates and second rates, on a base that turns by `rocking`."""
+        """Rotation by the frame's angles (T,) in rad, with rates and second rates, on a base turned by `rocking`."""
         turning = cls._on_fixed_base(luffing, slewing)
         if not rocking:
             return turning
@@ -123,7 +125,7 @@ class FrameRotation:
 
     @classmethod
     def from_rocking(cls, rocking: Sequence[Angle]) -> FrameRotation:
-        """Turning of a base that rolls by a, pitches by b, yaws by c: :math:`R_Z(c) R_Y(b) R_X(a)`, in its own axes."""
+        """Rotation :math:`R_Z(c) R_Y(b) R_X(a)` of a base by `rocking` = (roll a, pitch b, yaw c), in its own axes."""
         (a, a1, a2), (b, b1, b2), (c, c1, c2) = rocking
         (ca, sa), (cb, sb) = ((np.cos(angle), np.sin(angle)) for angle in (a, b))
         velocity = np.stack([a1 - c1 * sb, b1 * ca + c1 * sa * cb, c1 * ca * cb - b1 * sa], axis=-1)
@@ -141,7 +143,7 @@ class FrameRotation:
 
     @classmethod
     def _on_fixed_base(cls, luffing: Angle, slewing: Angle) -> FrameRotation:
-        """Turning by luffing and slewing alone, on a base that does not turn."""
+        """Rotation by luffing and slewing alone, on a base that does not turn."""
         (phi, rise, second), (psi, turn, faster) = luffing, slewing
         sine, cosine = np.sin(phi), np.cos(phi)
         return cls(
@@ -171,20 +173,20 @@ def _motion_of(angle: SignalBase, t: Array) -> Angle:
 
 
 def skew(vectors: Array) -> Array:
-    """Matrices (..., 3, 3) of vectors v (..., 3), whose product with a vector r is v x r."""
+    """Matrices (..., 3, 3) of vectors v (..., 3): a matrix times a vector r is the cross product v x r."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     none = np.zeros_like(x)
     return np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(*np.shape(x), 3, 3)
 
 
-#: A quantity, numbers 0, 1, 2 being axes x, y, z:
+#: A quantity as a tuple, in which the axes x, y, z have the numbers 0, 1, 2:
 #:
 #: - ``("turned", i, j)``: R_ij of the rotation from axes of the boom into those of the ground,
-#: - ``("velocity", k)`` in rad/s and ``("turning", k)`` in rad/s^2: of the frame, in its axes,
+#: - ``("velocity", k)`` in rad/s, ``("turning", k)`` in rad/s^2: angular velocity, acceleration in the frame's axes,
 #: - ``("gradient", j, k)`` in 1/s^2: A_jk of the acceleration field,
 #: - ``("shaken", i)`` in m/s^2: acceleration of the pivot along an axis of the ground,
 #: - ``("gravity",)`` in m/s^2,
-#: - ``("reach", n, d)``: where the tail of section n is, m, or its derivative of order d,
+#: - ``("reach", n, d)``: position of the tail of section n on the axis in m, or its derivative of order d,
 #: - ``("over", n)`` in 1/m: one over the extension of section n,
 #: - ``("load", name)``: a load, by the name of its input.
 Quantity = tuple[str | int, ...]
@@ -192,7 +194,7 @@ Quantity = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Product:
-    """A number times quantities."""
+    """A number, `factor`, times the quantities `of`."""
 
     factor: float
     of: tuple[Quantity, ...]
@@ -206,7 +208,7 @@ Products = tuple[Product, ...]
 
 
 def evaluate(products: Products, quantity: Callable[[Quantity], Array], t: Array) -> Array:
-    """Sum (T,) of products at the times t (T,) in s; `quantity` is a function that returns a quantity's values (T,)."""
+    """Sum (T,) of products at the times t (T,) in s; the function `quantity` returns the values (T,) of a quantity."""
     total = np.zeros_like(t)
     for product in products:
         part = np.full_like(t, product.factor)
@@ -239,7 +241,7 @@ def field_products(field: str, number: int, pivot: Sequence[float], shaken: bool
         products += [Product(factor, (("turned", axis, along), ("shaken", axis))) for axis in range(3)]
     if number:
         products.append(Product(factor, (("gradient", along, 0), ("reach", number, 0))))
-        across = (None, (2, 1.0), (1, -1.0))[along]  # of the angular velocity x e_x
+        across = (None, (2, 1.0), (1, -1.0))[along]  # component of the angular velocity in the cross product with e_x
         if across is None:
             products.append(Product(factor, (("reach", number, 2),)))
         else:
@@ -250,8 +252,8 @@ def field_products(field: str, number: int, pivot: Sequence[float], shaken: bool
 def rotation_products(of: str, component: str) -> Products:
     """Products of the effect `of` of the frame's rotation, for a `component` of one or two axes.
 
-    ``rotation``: twice the angular velocity w_j.  ``turning``: the angular acceleration.  ``carried``: 2 w_j w_k for j
-    != k, and w_j^2 - w . w for j = k.
+    With the angular velocity w of the frame and the axes j and k of the component: ``rotation`` is 2 w_j; ``turning``
+    is the angular acceleration along j; ``carried`` is 2 w_j w_k for j != k, and w_j^2 - w . w for j = k.
     """
     first, last = "xyz".index(component[0]), "xyz".index(component[-1])
     if of == "rotation":
@@ -263,19 +265,19 @@ def rotation_products(of: str, component: str) -> Products:
     return tuple(Product(-1.0, (("velocity", k), ("velocity", k))) for k in range(3) if k != first)
 
 
-#: Of a step, within which a time is that of the step.
+#: Share of a step within which a time counts as the time of a step.
 SAME = 1e-6
-#: p = sum_k x^k of value, h rate, h^2 second rate at both ends of a step, (6, 6).
+#: (6, 6): value, h rate and h^2 second rate at the beginning and the end of a step of h, for each power x^k of t / h.
 _ENDS = np.array([[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 2, 0, 0, 0], [1] * 6, range(6), [0, 0, 2, 6, 12, 20]])
 _QUINTIC = np.linalg.inv(_ENDS.astype(float))
 
 
 @dataclass(frozen=True, eq=False)
 class MotionSamples:
-    """Computed motion of a machine in one direction at the T steps; compared by identity."""
+    """Computed motion of a machine in one direction at the T steps; two objects are equal only if they are the same."""
 
     step: float  # s
-    values: Array  # (3, T): m or rad, with rate and second rate
+    values: Array  # (3, T): motion in m or rad, its rate and its second rate
     force: Array  # (T,) N or N m: force or moment of the machine on the ground in this direction
     inputs: Mapping[str, Array]  # (T,) values of the inertia inputs of the boom, by input name
 
@@ -283,11 +285,11 @@ class MotionSamples:
 class ComputedMotion(SignalBase):
     """Computed motion of a machine in one direction as a signal, in m or in the unit of the frame's angles.
 
-    Between steps it is the polynomial of degree 5 that has value, rate and second rate of both steps.
+    Between two steps it is the polynomial of degree 5 with the values, rates and second rates at both steps.
     """
 
     samples: SkipValidation[Any]
-    unit: float  # factor of the samples: units in 1 m or 1 rad
+    unit: float  # factor on the samples: number of units in 1 m or 1 rad
 
     def value(self, t: ArrayLike) -> Array:
         return self._interpolate(t, 0)
@@ -336,7 +338,7 @@ class ComputedInput(SignalBase):
         return np.asarray(np.interp(np.asarray(t, float) / of.step, np.arange(len(values)), values))
 
     def rate(self, t: ArrayLike) -> Array:
-        """Slope of the line through the times t (...) in s; at a step that of the line after it."""
+        """Slope of the line at the times t (...) in s; at a step, the slope of the line after the step."""
         of: MotionSamples = self.samples
         k = np.clip(np.floor(np.asarray(t, float) / of.step + SAME).astype(int), 0, of.values.shape[1] - 2)
         return np.asarray(np.diff(of.inputs[self.name])[k] / of.step)
@@ -348,11 +350,11 @@ class ComputedInput(SignalBase):
 
 
 def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
-    """Inertia inputs of a boom on a machine whose motion has been computed, as signals by name; empty otherwise.
+    """Signals, by name, of a boom's inertia inputs if its machine's motion has been computed; empty otherwise.
 
-    Their average over a step is that of the frame's accelerations.  The frame's accelerations at the ends of steps are
-    not used: generalized-alpha leaves a part of these undamped that alternates from step to step, which must not be
-    multiplied by quantities that change in the meantime.
+    Averaged over a step they agree with the frame's accelerations.  The frame's accelerations at the ends of steps are
+    not used: generalized-alpha leaves in these an undamped part that alternates from step to step, and this part must
+    not be multiplied by quantities that change from step to step.
     """
     base = None if scene.frame is None else scene.frame.base
     samples = base.x.samples if base is not None and isinstance(base.x, ComputedMotion) else None
@@ -360,7 +362,7 @@ def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
 
 
 def has_computed_motion(scene: Scene) -> bool:
-    """Whether a machine's motion is computed with the model, or has been; not if all of its directions are held."""
+    """Whether a machine's motion is or will be computed with the model; False if all its directions are held."""
     machine = None if scene.frame is None else scene.frame.machine
     return bool(computed_inputs(scene)) or (machine is not None and bool(machine.free))
 
@@ -370,14 +372,14 @@ class MachineMotion:
     """Motion of a machine at T steps, in the directions x, y, z of the pivot (m), roll, pitch and yaw (rad)."""
 
     step: float  # s
-    values: Array  # (3, T, 6), with rates and second rates
+    values: Array  # (3, T, 6): motions, their rates and their second rates
     forces: Array  # (T, 6) N and N m: forces and moments on the ground, by springs, dampers and held directions
     inputs: Mapping[str, Array]  # (T,) values of inertia inputs by name; empty if no direction is free
-    momenta: Array  # (T, 6): linear and angular momentum of the whole about the ground's origin, along its axes
+    momenta: Array  # (T, 6): linear and angular momentum of machine and boom about the ground's origin
 
 
 def with_computed_motion(scene: Scene, track: MachineMotion) -> Scene:
-    """Scene whose frame has a base with the computed motion `track`, and no machine."""
+    """Scene whose frame has a base with the computed motion `track` and has no machine."""
     frame = scene.frame
     assert frame is not None  # of a scene with a machine
     angle = 1.0 if frame.unit == "rad" else 180.0 / np.pi

@@ -1,20 +1,24 @@
-r"""A boom on a base that moves freely: its momenta, and the forces with which it acts on its base, in the boom's axes.
+r"""A boom on a base that moves freely: momenta of the boom, and forces of the boom on its base, in the boom's axes.
 
-The boom's frame, with its origin O at the pivot, has the velocity v and the angular velocity omega.  A section whose
-tail is at d = p + X e_x has points at rho = d + r + u, with u = Phi q, and at second order less the shortening along
-the axis as it bends.  With the moments of each section
+The boom's frame, with its origin O at the pivot, has the velocity v and the angular velocity omega.  A section with its
+tail at d = p + X e_x (the base section's tail is at p, X is the sum of extensions) has points, with the density
+:math:`\rho`, at the position x = d + r + u, with the position r from the tail and the displacement u = Phi q by
+coordinates q; with second-order terms, u includes the shortening of the boom along its axis as it bends.  With the
+first moments of each section over 1, x, y, z (l = 0 to 3) along the axis j
 
 .. math::
     \mu_{lj} = \int \rho\, r_l\, u_j = \beta_{lj} \cdot q + \tfrac12 \delta_{jx}\, q^T G_l q, \qquad
     J_{lj} = \partial \mu_{lj} / \partial q, \qquad r_0 = 1
 
-its kinetic energy is a function of v, omega, q' and the extensions' rates alone,
+the kinetic energy is a function of v, omega, the moments, the extensions and the rates of these two, but not of the
+frame's position and rotation,
 
 .. math::
-    T = \tfrac12 \int \rho\, |v + \omega \times \rho + \dot\rho|^2,
+    T = \tfrac12 \int \rho\, |v + \omega \times x + \dot x|^2,
 
-so that without forces from outside linear and angular momentum are conserved, whatever is left out of the moments.
-Lagrange's equations of it, with the acceleration a = v' + omega x v of O less that of gravity, are
+so that without outer forces linear and angular momentum are conserved, whatever parts of the moments are neglected.
+Lagrange's equations, with the acceleration a = v' + omega x v of O minus the acceleration of gravity and alpha =
+omega', are
 
 .. math::
     M \ddot q + \sum J_{lj} \, y_{lj} + \alpha_k T_k q + 2 \omega_k T_k \dot q
@@ -23,11 +27,14 @@ Lagrange's equations of it, with the acceleration a = v' + omega x v of O less t
     s \times a + \Theta \alpha + \omega \times \Theta \omega + \dot\Theta \omega + \dot h + \omega \times h
         &= \mathfrak M
 
-with s = int rho rho, Theta the inertia about O, h = int rho rho x rho', and y the field of acceleration of
-`pmr.simulation.frame`.  Terms that are quadratic in u, except for G, are included if the system has second order.
-Sources: Shabana: Dynamics of Multibody Systems, section 5, and `docs/moving_frame.md`.
+Here m is the mass of the boom, :math:`s = \int \rho\, x` its first moment about O, Theta its moment of inertia about O
+and :math:`h = \int \rho\, x \times \dot x` its angular momentum about O relative to the frame; y is the field of
+acceleration of `pmr.simulation.frame`, T and N are matrices of the frame's rotation; F and :math:`\mathfrak M` are the
+force and the moment of the base on the boom.  Terms that are quadratic in u, except for G, are included if the system
+has second order.  Sources: Shabana: Dynamics of Multibody Systems, section 5, and `docs/moving_frame.md`.
 
-Also the response of contacts that give way to inputs and to a boom's own inertia, and how it changes with the paths.
+Also the response of contacts that give way to inputs and to a boom's own inertia, and the derivatives of this response
+by the paths.
 """
 
 from __future__ import annotations
@@ -67,7 +74,7 @@ Array = NDArray[np.float64]
 
 
 def with_all_inertia(system: System) -> System:
-    """System whose modes without inertia are ordinary ones, as a free base needs the inertia of all coordinates."""
+    """System in which all coordinates have inertia: modes treated as quasi-static become ordinary ones."""
     if all(len(body.quasi_static) == 0 for body in system.bodies.values()):
         return system
     bodies = {name: replace(body, quasi_static=np.zeros(0, np.int64)) for name, body in system.reduced.items()}
@@ -88,7 +95,7 @@ class FreeBase:
             raise InputError("scene", "frame", None, allowed)
         n = assembly.size
         sections = [_rigid_section(scene, k, system.reduced[name], assembly) for k, name in enumerate(scene.names)]
-        #: numbers of the inputs by which a frame accelerates the boom: by section, over 1, x, y, z, along x, y, z
+        #: column of the inertia input by (section, 0 to 3 for the moment over 1, x, y, z, 0 to 2 for the axis along it)
         self.fields = {
             (k, " xyz".index(over or " "), "xyz".index(along)): column
             for k, name in enumerate(scene.names)
@@ -113,7 +120,7 @@ class FreeBase:
                 shortened.append(Shortening(section, len(frame_term.component) - 1, term.stiffness.toarray(), cylinder))
         self.size, self._count = n, len(sections)
         B = self.moments(assembly.B.toarray())
-        #: names of paths that move no section: a slider's
+        #: names of paths that move no section, such as a slider's
         self.aside = tuple(name for name in system.paths if name not in (*scene.names, LUFFING))
         moments = Moments(B, np.zeros((*B.shape, len(sections) + len(self.aside))), 0.0 * B)
         self.boom = Boom(np.array(scene.frame.tail_position), sections, moments, shortened, rotating, carried)
@@ -121,7 +128,7 @@ class FreeBase:
     def moments(self, B: Array) -> Array:
         """Moments beta (..., S, 4, 3, n) from the matrix B (..., n, i) of inputs on coordinates.
 
-        B is the assembly's, or one that includes the response of contacts (`Answers`).
+        B is the matrix of the assembly, or of an `InputResponse`, which includes the response of contacts.
         """
         moments = np.zeros((*B.shape[:-2], self._count, 4, 3, self.size))
         section, over, along = np.array(list(self.fields)).T
@@ -129,14 +136,14 @@ class FreeBase:
         return moments
 
     def weight(self, upwards: Array, count: int) -> Array:
-        """Loads (i,), i = `count`, of the weight, with the acceleration `upwards` (3,) in m/s^2 in the boom's axes."""
+        """Loads (i,), i = `count`, by the weight; `upwards` (3,) in m/s^2 is minus the acceleration of gravity."""
         loads = np.zeros(count)
         for (_, over, along), column in self.fields.items():
             loads[column] = 0.0 if over else -upwards[along]
         return loads
 
     def inertia(self, motion: FrameMotion, driven: Array, extended: Extensions, loads: Array) -> Array:
-        """Loads (i,) `loads` with the inertia inputs set to those of the frame's accelerations.
+        """The `loads` (i,) with the inertia inputs replaced by the loads of the frame's accelerations.
 
         `driven` (6,) is the acceleration of O and the angular acceleration of the frame.
         """
@@ -150,9 +157,10 @@ class FreeBase:
         return changed
 
     def load_shortenings(self, load: str) -> Iterator[tuple[int | None, Array]]:
-        """Yield (cylinder, G) of a load: its point moves by -q^T G q / 2 along the boom as that bends, G (n, n) in 1/m.
+        """Yield (cylinder, G) of a load: its point moves by -q^T G q / 2 along the bent boom, G (n, n) in 1/m.
 
-        `cylinder` is None, or the number of the extension by whose length q^T G q / 2 has to be divided.
+        `cylinder` is None, or the number of an extension: q^T G q / 2 then has to be divided by the length of this
+        extension.
         """
         for term in frame_terms(self._scene):
             if term.kind in ("load", "cylinder load"):
@@ -160,7 +168,7 @@ class FreeBase:
                     yield (term.number if term.kind == "cylinder load" else None), self._terms[term.name].toarray()
 
     def loads(self, f: Array, extended: Extensions) -> Array:
-        """Force and moment about O (6,) of loads f (i,) on the undeformed boom, without inertia."""
+        """Force and moment about O (6,) by loads f (i,) on the undeformed boom, without inertia."""
         wrenches = self.boom.loads @ f
         x, y, z = np.outer(np.eye(3)[0], np.cumsum(extended.value)[: self._count]) + self.boom.place[:, None]
         force = wrenches[:, :3].T
@@ -168,9 +176,9 @@ class FreeBase:
         return np.asarray(wrenches.sum(axis=0) + np.concatenate([np.zeros(3), moments]))
 
     def path_forces(self, f: Array) -> Array:
-        """Forces (P,) of loads f (i,) along the paths: on each section and all after it.
+        """Forces (P,) along the P paths by loads f (i,): on a path's section and all sections after it.
 
-        Zero for paths that move no section.
+        The force is zero for a path that moves no section.
         """
         forces = np.zeros(self.boom.moments.slope.shape[-1])
         forces[: self._count] = np.cumsum([(section.loads @ f)[0] for section in self.boom.sections[::-1]])[::-1]
@@ -179,7 +187,7 @@ class FreeBase:
     def base_equations(
         self, motion: FrameMotion, extended: Extensions, q: Array, rate: Array, moments: Moments | None = None
     ) -> BaseEquations:
-        """Mass matrix and forces of the equations of base, coordinates and extensions, at one moment."""
+        """Mass matrix and forces of the equations of base, coordinates and extensions, at one instant."""
         state = BoomState(self.boom, motion, extended, q, rate, moments)
         return BaseEquations(state.mass(), state.forces())
 
@@ -193,7 +201,7 @@ def _inertia_inputs(body: ReducedModel, first: int) -> Iterator[tuple[str, str, 
 
 
 def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Assembly) -> SectionInertia:
-    """Rigid-body properties of a section, from the work of its inertia loads and all other loads in rigid motions.
+    """Rigid-body properties of a section, from the work of its inertia loads and of all other loads in rigid motions.
 
     Raises InputError for planar sections, and if the rigid motions are not known.
     """
@@ -230,9 +238,9 @@ class InputResponse:
 
 
 class EliminatedContacts:
-    """Response of a boom on n coordinates to inputs, with contacts that give way and hold both ways eliminated.
+    """Response of a boom on n coordinates to inputs, after contacts that give way and hold both ways are eliminated.
 
-    The mask `gives` (m,) selects these contacts; rigid ones, and pads that only push, are left out.
+    The mask `gives` (m,) selects these contacts; it is false for rigid contacts and for pads that only push.
     """
 
     def __init__(self, boom: FreeBase, assembly: Assembly, along: ChangingRows, gives: NDArray[np.bool_]) -> None:
@@ -241,7 +249,7 @@ class EliminatedContacts:
         self._stored, self._moments = dict[bytes, InputResponse](), (b"", boom.boom.moments)
 
     def moments(self, at: Extensions) -> Moments:
-        """Moments of the sections at extensions `at`, with the response to inertia of contacts that give way."""
+        """First moments of the sections at extensions `at`; they include the response of contacts that give way."""
         key = at.value.tobytes() + at.rate.tobytes()
         if self._gives.any() and key != self._moments[0]:
             answers, of, B_curve = self.response(at.value), self._boom.moments, np.zeros_like(self._B)
@@ -259,7 +267,7 @@ class EliminatedContacts:
         return self._moments[1]
 
     def response(self, s: Array) -> InputResponse:
-        """Response to inputs with the paths at s (P,) m; the last few are stored."""
+        """Response to inputs with the paths at s (P,) m; the last few responses are stored."""
         key = s.tobytes()
         if key not in self._stored:
             B, E = self._B, self._E

@@ -1,16 +1,16 @@
 r"""A machine that moves by itself below a boom: its motion is computed together with the boom's, step by step.
 
-With P and L the linear and angular momentum of machine and boom about the ground's origin, along its axes, and the
-step's mean force and moment from outside,
+With P and L the linear and angular momentum of machine and boom about the ground's origin, along the ground's axes, the
+length h of a step, and the mean values over the step of the outer force F and the outer moment,
 
 .. math::
     P_{n+1} = P_n + h \tilde F, \qquad L_{n+1} = L_n + h \tilde{\mathfrak M}
 
-hold to round-off, so that a machine without springs in space keeps both, while the boom bends and telescopes.  The
+hold to round-off.  So a machine in space, without springs, keeps both momenta while the boom bends and telescopes.  The
 machine's velocity is that at which machine and boom have these momenta, given the boom's coordinates
 (`pmr.simulation.free_base`); the coordinates follow the kernel's step in the frame that the machine moves.
 
-The computed motion is then that of a frame (`pmr.simulation.frame_motion`) for everything else.
+For all further computations, the computed motion is the prescribed motion of a frame (`pmr.simulation.frame_motion`).
 """
 
 from __future__ import annotations
@@ -46,15 +46,15 @@ Array = NDArray[np.float64]
 def machine_of(scene: Scene, system: System, frame: MovingFrame, excitation: Excitation, modes: Array) -> Machine:
     """Return the kernel's data of a scene's machine below the system.
 
-    `frame` is that of the scene, with a base at rest in the `excitation`.  `modes` (n, r') are the bodies' coordinates
-    of the kernel's r' modes.  Errors as `FreeBase` and `ChangingRows`.
+    `frame` is the frame of the scene, with a base at rest in the `excitation`.  `modes` (n, r') are the bodies' n
+    coordinates by the kernel's r' modes.  Errors as `FreeBase` and `ChangingRows`.
     """
     assembly = Assembly(system)
     free_base = FreeBase(scene, system, assembly)
     paths = dict.fromkeys((*scene.names, *system.paths))
     ChangingRows(assembly, tuple(paths))  # refuses rows that are not on carriers
     boom, t = free_base.boom, excitation.times
-    assert scene.frame is not None and scene.frame.machine is not None  # of those who ask
+    assert scene.frame is not None and scene.frame.machine is not None  # of a scene with a machine
     machine, count = scene.frame.machine, len(boom.sections)
     inputs = np.full((count, 4, 3), -1, np.int32)
     for at, column in free_base.fields.items():
@@ -96,7 +96,7 @@ def machine_of(scene: Scene, system: System, frame: MovingFrame, excitation: Exc
 
 
 def modes_in_bodies(form: SystemForm, size: int) -> Array:
-    """Coordinates (n, r') of the assembled bodies in the kernel's r' modes, some of which are padding.
+    """Coordinates (n, r') of the assembled bodies by the kernel's r' modes, some of which are padding.
 
     `size` is r'.
     """
@@ -108,7 +108,7 @@ def modes_in_bodies(form: SystemForm, size: int) -> Array:
 
 
 def _path_rates(scene: Scene, frame: MovingFrame, t: Array) -> Array:
-    """Rates (T, n) of the n drivers that are paths, 0 for others; at a kink the mean of both rates."""
+    """Rates (T, n) of the n drivers; 0 for a driver that is no path, and the mean of both rates at a kink of a path."""
     rates = np.zeros((len(t), len(frame.drivers)))
     before = np.maximum(np.nextafter(t, -np.inf), 0.0)
     for k, name in enumerate(frame.paths):
@@ -121,7 +121,7 @@ def _path_rates(scene: Scene, frame: MovingFrame, t: Array) -> Array:
 def base_motions(scene: Scene, t: Array) -> Array:
     """Prescribed motion of the machine at t (T,) in s: values, rates, second rates (T, 3, 6) in m and rad.
 
-    For held directions that of the machine, for others that of the ground on which its springs stand.
+    In a held direction this is the motion of the machine, in another the motion of the ground below its springs.
     """
     assert scene.frame is not None  # of a scene with a machine
     still, motions = Constant(amount=0.0), {} if scene.frame.base is None else scene.frame.base.motions
@@ -131,19 +131,20 @@ def base_motions(scene: Scene, t: Array) -> Array:
 
 
 def direction_units(scene: Scene) -> Array:
-    """Units (6,) of the directions in m and rad."""
+    """Units (6,) of the six directions in m and rad: 1, or pi / 180 for angles in degrees."""
     assert scene.frame is not None  # of a scene with a machine
     return np.repeat([1.0, 1.0 if scene.frame.unit == "rad" else np.pi / 180.0], 3)
 
 
-#: Most Newton steps of a machine on its springs, increment in m and rad of numerical derivatives, and round-off.
+#: For the equilibrium of a machine on its springs: most steps of Newton's method, increment in m and rad of numerical
+#: derivatives, relative change of the position that is round-off.
 TRIALS, DIFFERENCE, ROUND_OFF = 30, 1e-4, 1e-12
 #: Steps in one call of the kernel, between which the user can interrupt.
 BLOCK = 1024
 
 
 def with_machine_motion(scene: Scene, system: System) -> tuple[Scene, System]:
-    """Scene with the machine's computed motion as that of its frame's base, and system with all inertia.
+    """Scene in which the frame's base has the machine's computed motion, and system in which all modes have inertia.
 
     Both are unchanged if the scene has no machine.  Errors as `machine_motion`.
     """
@@ -171,7 +172,7 @@ class MachineRun:
 
     def __init__(self, scene: Scene, system: System) -> None:
         frame = scene.frame
-        assert frame is not None and frame.machine is not None  # of those who ask
+        assert frame is not None and frame.machine is not None  # of a scene with a machine
         still = BaseMotion(**dict.fromkeys(DIRECTIONS, Constant(amount=0.0)))
         resting = scene.model_copy(update={"frame": frame.model_copy(update={"base": still, "machine": None})})
         self._system, self.form, self._machine = system, SystemForm.of(system), frame.machine
@@ -189,7 +190,7 @@ class MachineRun:
         self._angles = [moving.drivers.index(angle) for angle in OF_BASE]
         self._free, self._sprung = np.isin(DIRECTIONS, frame.machine.free), machine.stiffness > 0.0
         begun = [[getattr(of, axis) for axis in DIRECTIONS] for of in (frame.machine.start, frame.machine.rate)]
-        self._fill_in_start = np.array(begun) * direction_units(scene)  # (2, 6): of free directions, with rates
+        self._fill_in_start = np.array(begun) * direction_units(scene)  # (2, 6): motions in free directions, rates
         self._inertial = [system.input_names[k] for k in machine.inertial] if self._free.any() else []
         self.simulation, self._in_balance = MachineSimulation(state, machine), scene.start == "equilibrium"
 
@@ -215,7 +216,7 @@ class MachineRun:
         )
 
     def _start(self) -> None:
-        """Set the initial state: as given, or in equilibrium on the machine's springs."""
+        """Set the initial state: as the scene gives it, or in equilibrium on the machine's springs."""
         motion, states = self._given.copy(), dict[str, InitialState]()
         motion[:2, self._free] += self._fill_in_start[:, self._free]
         if self._in_balance:
@@ -232,7 +233,7 @@ class MachineRun:
         return rest_states(self._assembly, self._x[0], f, c)
 
     def _balance_springs(self, motion: Array) -> Array:
-        """Motion (3, 6) with the free directions on springs moved to where these balance weight and loads.
+        """The `motion` (3, 6) with the free directions on springs moved to where the springs balance weight and loads.
 
         Raises SimulationError if Newton's method finds no such equilibrium.
         """

@@ -1,12 +1,14 @@
-r"""Modal form of a sliding body: M and K are diagonalised at once, and its moving rows are transformed.
+r"""Modal form of a sliding body: M and K are diagonalised simultaneously, and the moving rows are transformed.
 
 .. math::
     K X = M X \Omega^2, \qquad X^T M X = I, \qquad q = X z
 
-M, K and D of a sliding body never change, so this is done once; only the m rows change from step to step.
+with coordinates q, modes X, circular frequencies in the diagonal of :math:`\Omega` and modal coordinates z.  M, K and D
+of a sliding body never change, so they are diagonalised once; only the m rows change from step to step.
 
-Products of dense matrices in extended precision, with the arithmetic of double precision: each factor is split into its
-leading bits and the remainder, A = A_h + A_l, with so few leading bits that BLAS adds up A_h B_h without any rounding:
+Also products of dense matrices in extended precision, with the arithmetic of double precision.  Each factor is split
+into its leading bits and the remainder, A = A_h + A_l, with so few leading bits that BLAS adds up A_h B_h without any
+rounding:
 
 .. math::
     A B = A_h B_h + (A_h B_l + A_l B)
@@ -36,15 +38,15 @@ from pmr.system.soundness import symmetric_part
 
 Long = NDArray[np.longdouble]
 
-#: Columns of A up to which the plain loop is faster.
+#: Columns of A up to which NumPy's plain loop is faster.
 SMALL = 64
 
 
 def product(A: Long, B: Long) -> Long:
     """Product A B (m, n) of A (m, k) and B (k, n) in extended precision.
 
-    Errors are at most some k 2^-73 of the largest entry of A's row times that of B's column, or the rounding of the
-    result if this is more; where `numpy.longdouble` is no longer than a double, its precision.
+    The error of an entry is about k 2^-73 times the largest entries of A's row and of B's column, or the rounding of
+    the result if that is larger.  If `numpy.longdouble` is no longer than a double, the precision is that of a double.
     """
     if A.shape[1] <= SMALL:
         return A @ B
@@ -55,7 +57,7 @@ def product(A: Long, B: Long) -> Long:
 
 
 def _split(A: Long, bits: int, axis: int) -> tuple[Array, Array]:
-    """Leading `bits` of each entry, counted from the largest entry along the axis, and the remainder."""
+    """Parts of A: the leading `bits` of each entry, counted from the largest entry along `axis`, and the remainder."""
     _, exponent = np.frexp(np.abs(A).max(axis=axis, keepdims=True, initial=0.0).astype(float))
     rounds = np.ldexp(1.5, exponent + (52 - bits))
     plain = A.astype(float)
@@ -67,13 +69,13 @@ Array = NDArray[np.float64]
 
 #: Coordinates up to which a body is diagonalised densely.
 LARGEST = 3000
-#: Modes with eigenvalues no further apart than this many times their coupling are not rotated: any mixture will do.
+#: Modes are not rotated if their eigenvalues differ by at most this many times their coupling: any mixture is valid.
 CLOSE = 1e3
-#: Share that Rayleigh's damping may leave besides the mass and stiffness that it is made of (shell of 18,000
-#: coordinates: 3e-12, solid of 20,000: 6e-10, as sharp as its modes are).
+#: Largest difference of a damping matrix from a sum of multiples of M and K, as a share, with which it is Rayleigh's
+#: (differences by round-off: 3e-12 for a shell of 18,000 coordinates, 6e-10 for a solid of 20,000).
 CLASSICAL = 1e-8
-#: Modes are coupled by any other damping if it leaves more than this share between them, and more than the modes'
-#: own error, `ERROR`, causes between them.
+#: Any other damping couples modes if its entries between them exceed this share, and exceed what `ERROR`, the error of
+#: the modes themselves, causes.
 COUPLED, ERROR = 1e-9, 1e-10
 
 
@@ -81,23 +83,23 @@ COUPLED, ERROR = 1e-9, 1e-10
 class ModalForm:
     """A body in its natural modes, without the coordinates that supports hold."""
 
-    # M = I, K = diag(omega^2) in (rad/s)^2; D diagonal if damping is classical; without the original's rows that
-    # only hold one coordinate
+    # with M = I, K = diag(omega^2) in (rad/s)^2, and D diagonal if damping is classical; without those rows of the
+    # original body that only hold one coordinate
     body: ReducedModel
     X: Array  # q = X z (n, r); zero in the coordinates that are held
     inverse: Array  # X^T M (r, n): z = X^T M q
-    rows: tuple[int, ...]  # numbers of the rows that `body` has, among the original's
+    rows: tuple[int, ...]  # indices of the rows of `body` among the rows of the original body
 
     @property
     def omega2(self) -> Array:
         """Squares (r,) in (rad/s)^2 of the natural circular frequencies without the rows.
 
-        They are ascending, but for coordinates without inertia, which come last.
+        They are ascending; coordinates without inertia come last.
         """
         return np.diagonal(self.body.K)
 
     def start(self, initial: InitialState) -> InitialState:
-        """Initial state of the original body, in modal coordinates."""
+        """`initial`, a state of the original body, in modal coordinates."""
         return InitialState(self.inverse @ initial.q, self.inverse @ initial.v)
 
     @property
@@ -109,8 +111,8 @@ class ModalForm:
 def modal_form(body: SlidingBody) -> ModalForm:
     """Diagonalise M and K of a reduced body, or of a full one with at most `LARGEST` coordinates.
 
-    Coordinates without inertia, which are modes already, are kept, after all others.  Raises InputError if M is not
-    positive definite, or the body is too large.
+    Coordinates without inertia, which are modes already, are not changed and come after all others.  Raises InputError
+    if M is not positive definite, or the body is too large.
     """
     if body.size > LARGEST:
         allowed = f"the body has {body.size} coordinates, up to {LARGEST} are diagonalised; reduce it first"
@@ -139,13 +141,14 @@ def modal_form(body: SlidingBody) -> ModalForm:
 def support_forces(body: SlidingBody, trajectory: Trajectory, loads: Array) -> Array:
     r"""Forces (T, h) in N or N m of a body on its rigid supports, under loads (T, i).
 
-    The equations are those of `pmr.system.body_matrices`, with the accelerations from the equations of motion:
+    The equations and symbols are those of `pmr.system.body_matrices`, with the accelerations from the equations of
+    motion:
 
     .. math::
         \lambda_f = (\Phi^T - P V^T) B f - (\Phi^T D V - P D_r) \dot p - (\Phi^T K V - P K_r) p
         - (C \Phi - C_r P^T)^T \lambda, \qquad P = \Phi^T M V M_r^{-1}
 
-    No columns (T, 0) if the body has no rigid supports with known forces.
+    The result is (T, 0) if the body has no rigid supports with known forces.
     """
     reactions = body.reactions
     if reactions is None:
@@ -175,11 +178,11 @@ def forces_without_rows(body: SlidingBody, reactions: Reactions, trajectory: Tra
 def diagonalise(M: Array, K: Array) -> tuple[Array, Array]:
     """Eigenvalues omega^2 (r,), ascending, and modes X (r, r) with X^T M X = I and X^T K X = diag(omega^2).
 
-    LAPACK leaves an error of eps times the largest eigenvalue in the low ones, which for a fine beam gives a rigid
-    rotation a stiffness and low modes a relative error of 1e-7.  Corrections to first order in the remaining couplings,
-    with products in extended precision where the machine has one, bring all pairs to round-off (Ogita, Aishima:
-    Iterative refinement for symmetric eigenvalue decomposition, Japan Journal of Industrial and Applied Mathematics 35,
-    2018).  An InputError is raised where M is not positive definite.
+    LAPACK leaves in the low eigenvalues an error of the machine precision times the largest eigenvalue.  In a fine beam
+    this error would give a rigid rotation a stiffness and low modes a relative error of 1e-7.  Corrections to first
+    order in the remaining couplings, with products in extended precision if the machine has it, bring all pairs to
+    round-off (Ogita, Aishima: Iterative refinement for symmetric eigenvalue decomposition, Japan Journal of Industrial
+    and Applied Mathematics 35, 2018).  An InputError is raised where M is not positive definite.
     """
     try:
         _, X = scipy.linalg.eigh(K, M)
@@ -196,18 +199,19 @@ def diagonalise(M: Array, K: Array) -> tuple[Array, Array]:
 def _refine_modes(M: Array, K: Array, X: Array) -> tuple[Array, Array]:
     """Eigenvalues (r,) and modes X (r, r) corrected to first order, with products in the precision of M and K.
 
-    The correction E turns modes by its antisymmetric part A and scales them by half the defect.  Gaps between rigid
-    motions are nothing but round-off, so what is divided by a gap is made symmetric before: a coupling that differs
-    from its transpose by round-off would leave that over the gap in X^T M X, 1e-11.  I + E would leave A^T A in X^T M
-    X, and A may be as large as 1 / CLOSE; I + E + E^2 / 2 leaves A^4 / 4.
+    The correction E turns modes by its antisymmetric part A, couplings divided by gaps between eigenvalues, and scales
+    them by half the defect from orthonormality.  Gaps between rigid motions are round-off, so couplings are made
+    symmetric before the division: an asymmetric part by round-off, divided by the gap, would cause an error of 1e-11 in
+    X^T M X.  The factor I + E would cause an error A^T A in X^T M X, and A may be as large as 1 / CLOSE; the factor I +
+    E + E^2 / 2 causes A^4 / 4.
     """
     X = X.astype(M.dtype)
-    defect = np.asarray(symmetric_part(np.eye(len(M)) - product(X.T, product(M, X))), float)  # from M-orthonormality
+    defect = np.asarray(symmetric_part(np.eye(len(M)) - product(X.T, product(M, X))), float)  # of X^T M X from I
     S = np.asarray(symmetric_part(product(X.T, product(K, X))), float)
     omega2 = np.diagonal(S) / (1.0 - np.diagonal(defect))
     coupling = S - np.diag(np.diagonal(S))
     gap = omega2[None, :] - omega2[:, None]
-    near = np.abs(gap) <= CLOSE * (np.abs(coupling) + np.abs(omega2) * np.abs(defect))  # no first order there
+    near = np.abs(gap) <= CLOSE * (np.abs(coupling) + np.abs(omega2) * np.abs(defect))  # first order fails
     with np.errstate(divide="ignore", invalid="ignore"):
         correction = np.where(near, defect / 2.0, (coupling + omega2[None, :] * defect) / gap)
     correction += correction @ correction / 2.0
@@ -215,7 +219,7 @@ def _refine_modes(M: Array, K: Array, X: Array) -> tuple[Array, Array]:
 
 
 def modal_damping(D: Array, remainder: Array, omega2: Array, X: Array, rayleigh: Rayleigh | None) -> Array:
-    """Matrix X^T D X (r, r), exactly diagonal if damping is Rayleigh's or, but for round-off, modal.
+    """Matrix X^T D X (r, r), exactly diagonal if damping is Rayleigh's or couples modes by round-off only.
 
     `remainder` is D - alpha M - beta K of the `rayleigh` damping; all of D if `rayleigh` is None.
     """

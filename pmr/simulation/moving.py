@@ -1,10 +1,10 @@
-"""A frame whose motion is given instant by instant: amplitudes of inputs and terms, for loops of a user's own.
+"""A frame with a motion that a user's own loop prescribes step by step: amplitudes of inputs and terms.
 
-A system whose frame moves has *drivers*, each with its rate and its second rate: paths in m; loads as the scene names
-them, in N, and the gravity behind them; angles of the frame and of its base in rad; and accelerations of its base in
-m/s^2, along ground axes, which have a value alone.
+A system with a frame that moves has *drivers*, in this order: paths in m; loads as the scene names them, in N, then the
+gravity in m/s^2; angles of the frame and of its base in rad; and accelerations of its base in m/s^2 along ground axes.
+Each driver has a value, a rate and a second rate; loads and accelerations have a value only.
 
-Also the scene under which a reduced model was made, as far as its file stores it: path, loads and time.
+Also the scene from which a reduced model was made, as far as the model's file stores it: path, loads and time.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ _SIGNAL: TypeAdapter[Any] = TypeAdapter(Signal)
 
 @dataclass(frozen=True)
 class StoredScene:
-    """Title of a stored scene, and its excitation with a load for each of the inputs."""
+    """A scene stored in a model's file: its title, and its excitation with a load for each of the system's i inputs."""
 
     title: str
     excitation: Excitation
-    #: (i,) array: loads at t = 0 of a stepper, with the full weight even where it rises in time
+    #: (i,) array: loads at t = 0 of a stepper, with the full weight even if the weight rises in time
     first_loads: Array
     scene: Scene | None = None  #: scene of a boom; None for a single body without a frame
 
@@ -55,10 +55,10 @@ class StoredScene:
 
 
 def read_scene(system: System, source: str) -> StoredScene:
-    """Scene that is stored in a system's provenance.
+    """Scene that is stored in the provenance of a system.
 
-    Raises InputError, which names the file `source`, if there is no scene, or if it holds anything but numbers where
-    these belong.
+    Raises InputError, which names the file `source`, if there is no scene, or if a value that has to be a number is
+    none.
     """
     try:
         scene = system.provenance["scene"]
@@ -75,7 +75,7 @@ def read_scene(system: System, source: str) -> StoredScene:
 
 
 def _read_body_scene(scene: Mapping[str, Any], system: System) -> StoredScene:
-    """Stored scene of a single body, read by the keys that all versions of files have."""
+    """Stored scene of a single body, read by keys that files of all versions have."""
     loads = [_SIGNAL.validate_python(load["signal"]) for load in scene["loads"]]
     weight = Gravity.model_validate(scene["gravity"]) if scene.get("gravity") else None
     if weight is not None:
@@ -103,14 +103,14 @@ def _read_boom_scene(scene: Any, system: System) -> StoredScene:
 
 
 def _check_steps(stepping: TimeStepping) -> TimeStepping:
-    """The time grid; a ValueError is raised for more than `MOST_STEPS` steps."""
+    """The time grid `stepping` itself; a ValueError is raised if it has more than `MOST_STEPS` steps."""
     if stepping.steps > MOST_STEPS:
         raise ValueError(f"{stepping.steps} steps, at most {MOST_STEPS:,} steps are allowed")
     return stepping
 
 
 def store_boom_scene(boom: Scene, system: System) -> StoredScene:
-    """Scene of a boom as a record, with its loads at t = 0 under the full weight."""
+    """Scene `boom` as a stored scene, with its loads at t = 0 under the full weight."""
     excitation = Excitation.from_scene(boom)
     gravity = boom.gravity and boom.gravity.model_copy(update={"rise": 0.0})
     in_full = Excitation.from_scene(boom.model_copy(update={"gravity": gravity}))
@@ -120,8 +120,8 @@ def store_boom_scene(boom: Scene, system: System) -> StoredScene:
 def path_ranges(system: System) -> dict[str, tuple[float, float]]:
     """Smallest and largest s in m of each path.
 
-    For sections, over the scene's time and within the rows' ranges; for a single body, or without a scene, the rows'
-    ranges.
+    For sections it is the range over the scene's time within the ranges of the rows; for a single body, or without a
+    scene, it is the range of the rows.
     """
     ranges = system.ranges
     try:
@@ -153,7 +153,7 @@ Indices = NDArray[np.int64]
 GRAVITY = "gravity"
 #: Angles that a frame and its base may have.
 OF_FRAME, OF_BASE = ANGLES[:2], ANGLES[2:]
-#: The quantity that is 1, and the factors of each product, which are filled up with it.
+#: The quantity with the value 1, and the number of factors of each product; missing factors are this quantity.
 ONE, FACTORS = ("one",), 3
 
 
@@ -166,8 +166,8 @@ class MovingFrame:
 
     scene: Scene
     paths: tuple[str, ...]
-    loads: tuple[str, ...]  # the gravity, if there is one, is the last of them
-    angles: tuple[str, ...]  # of `OF_FRAME` and `OF_BASE`, those that the scene has
+    loads: tuple[str, ...]  # gravity, if there is any, is the last one
+    angles: tuple[str, ...]  # the angles of `OF_FRAME` and `OF_BASE` that the scene has
     axes: tuple[str, ...]  # `AXES`, or none
     inputs: tuple[Products, ...]  # of the system's i inputs
     terms: tuple[Products, ...]  # of its K terms
@@ -185,10 +185,10 @@ class MovingFrame:
     def in_scene(cls, scene: Scene, system: System) -> MovingFrame:
         """Frame of a scene with a system's inputs and terms.
 
-        Raises InputError if the scene does not drive one of these.
+        Raises InputError if the scene does not drive one of these inputs or terms.
         """
         frame = scene.frame
-        assert frame is not None  # of those who ask
+        assert frame is not None  # of a scene with a frame
         excitation = Excitation.from_scene(scene)
         of_terms = {term.name: input_name(scene.names[term.number], term.component) for term in frame_terms(scene)}
         angles = {"luffing": frame.luffing, "slewing": frame.slewing}
@@ -239,8 +239,8 @@ class MovingFrame:
     def motions(self, excitation: Excitation, t: ArrayLike) -> Array:
         """Values, rates and second rates (3, n, ...) of the drivers in the scene at the times t (...) in s.
 
-        Second rates of paths are averaged over a step of the `excitation`; loads and accelerations have values alone,
-        and zeros otherwise.
+        Second rates of paths are averaged over a step of the `excitation`.  Rates and second rates of loads and
+        accelerations are zero.
         """
         at = np.asarray(t, float)
         motions = np.zeros((3, len(self.drivers), *at.shape))
@@ -282,7 +282,7 @@ class MovingFrame:
 def _products(
     names: tuple[str, ...], signals: Mapping[str, SignalBase], loads: Mapping[str, str]
 ) -> tuple[Products, ...]:
-    """Products of each named input or term, from its signal; `loads` are names for signals that no frame drives.
+    """Products of each of the inputs or terms `names`, from its signal; `loads` maps names to names of loads.
 
     Raises InputError if a name has no signal.
     """

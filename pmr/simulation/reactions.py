@@ -7,8 +7,9 @@ The force and the moment about the pivot by which a boom acts on its machine, in
 .. math::
     F = \sum_k \lambda_k n_k, \qquad \mathfrak M = \sum_k (p + r_k) \times \lambda_k n_k
 
-over all connections k between the base section and the ground: pads, supports, and cylinders that are supports, at r_k
-from the tail of the base section, which is at p from the pivot.  As for supports, positive is along the axes.
+over all connections k between the base section and the ground (pads, supports, and cylinders that are supports), each
+with the force :math:`\lambda_k` along the unit vector n_k.  A connection is at r_k from the tail of the base section,
+which is at p from the pivot.  As for supports, forces are positive along the axes.
 """
 
 from __future__ import annotations
@@ -62,9 +63,9 @@ def is_reaction(contact: Contact) -> bool:
 
 
 def with_support_reactions(response: Response, system: System, trajectory: SystemTrajectory) -> Response:
-    """Add forces on rigid supports to a response.
+    """Return the response with forces on rigid supports added.
 
-    Reduced bodies have matrices for these; supports of full bodies that are contacts have forces in the trajectory.
+    For reduced bodies, these follow from matrices; supports of full bodies are contacts with forces in the trajectory.
     """
     of_bodies, reactions, first = dict[str, Supports](), dict[str, Array](), 0
     for name, body in system.bodies.items():
@@ -97,7 +98,7 @@ def with_support_reactions(response: Response, system: System, trajectory: Syste
 
 
 def with_row_multipliers(system: System, body: SlidingBody, motion: Trajectory) -> Trajectory:
-    """Motion of a single body with the path coordinate s (T,), and with multipliers of all rows of the body."""
+    """Motion of a single body, with the path coordinate s (T,) and multipliers of all rows of the body."""
     multipliers = np.zeros((len(motion.t), len(body.row_names)))
     moving = 0
     for k, side in enumerate(system.sides):
@@ -108,9 +109,9 @@ def with_row_multipliers(system: System, body: SlidingBody, motion: Trajectory) 
 
 
 def _term_forces(system: System, name: str, P: Array, trajectory: SystemTrajectory) -> Array | float:
-    """Component due to terms that vary in time of the forces (T, h) on a body's rigid supports; 0.0 without terms.
+    """Part (T, h) of the forces on a body's h rigid supports that terms which vary in time cause; 0.0 without terms.
 
-    P (h, n) is that of `inertia_share`.
+    P (h, n) is the matrix that `inertia_share` returns; `name` is the body's.
     """
     total: Array | float = 0.0
     if trajectory.amplitudes is None:
@@ -127,7 +128,7 @@ def _term_forces(system: System, name: str, P: Array, trajectory: SystemTrajecto
 
 
 def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces: Mapping[str, Array]) -> Response:
-    """Add the `forces` (T, h) of rigid supports by body, after all other outputs of the response.
+    """Return the response with the `forces` (T, h) of rigid supports, by body, added after all other outputs.
 
     `of_bodies` are the supports' names and units by body.
     """
@@ -142,7 +143,7 @@ def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces
 
 
 def with_pivot_force(scene: Scene, response: Response) -> Response:
-    """Add the force and moment at the pivot; response unchanged without a frame, or if a force is unknown."""
+    """Return the response with force and moment at the pivot; unchanged without a frame, or if a force is unknown."""
     if scene.frame is None:
         return response
     total, parts = np.zeros((len(response.t), 6)), dict(zip(response.force_names, response.slider_force.T, strict=True))
@@ -164,7 +165,7 @@ def with_pivot_force(scene: Scene, response: Response) -> Response:
 
 
 def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
-    """Add the luffing cylinder's force in N, positive in compression, if the scene has one and the force is known."""
+    """Return the response with the luffing cylinder's force in N, positive in compression, if it is known."""
     if scene.frame is None or scene.frame.cylinder is None:
         return response
     if scene.holding_cylinder is not None:
@@ -178,13 +179,14 @@ def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
 
 
 def with_force_of_pin(scene: Scene, response: Response) -> Response:
-    r"""Add the luffing cylinder's force F along d to the forces of the supports that represent a pin at the pivot.
+    r"""Return the response with the force of the pin at the pivot.
 
     .. math:: F_{pin} = \sum_k \lambda_k n_k + F d
 
-    The sum is over the pin's supports and the support across the boom that represents the cylinder in the model: so the
-    pin carries the cylinder's thrust along the boom, and across the boom the difference between the cylinder's force
-    and that support's.  Response unchanged if the base is held in another way, or a force is unknown.
+    The luffing cylinder's force F along d is added to the forces :math:`\lambda_k` along n_k of the supports that
+    represent the pin.  One of these supports, across the boom, represents the cylinder in the model.  So the pin
+    carries along the boom the cylinder's thrust, and across the boom the difference between the cylinder's force and
+    the force of this support.  The response is unchanged if the base is held in another way, or if a force is unknown.
     """
     held = pin_and_cylinder(scene)
     if held is None or CYLINDER not in response.other_names or not set(held.pin) <= set(response.other_names):
@@ -199,7 +201,7 @@ def with_force_of_pin(scene: Scene, response: Response) -> Response:
 
 
 def _first_stored_force(response: Response, names: Sequence[str]) -> Array:
-    """Force (T,) of a response, under the first of `names` that it has."""
+    """Force (T,) of a response, with the first of `names` that the response has."""
     name = next(label for label in names if label in response.force_names or label in response.other_names)
     if name in response.force_names:
         return response.slider_force[:, response.force_names.index(name)]
@@ -207,20 +209,20 @@ def _first_stored_force(response: Response, names: Sequence[str]) -> Array:
 
 
 def with_forces_on_machine(scene: Scene, response: Response) -> Response:
-    """Add force and moment at the pivot, and forces of luffing cylinder and pin, if the scene has them."""
+    """Return the response with force and moment at the pivot and forces of luffing cylinder and pin, if any."""
     return with_force_of_pin(scene, with_luffing_cylinder(scene, with_pivot_force(scene, response)))
 
 
 @dataclass(frozen=True)
 class ColumnNames:
-    """Names, units and kinds of a response's columns: outputs in m, outputs in N, all others."""
+    """Names, units and kinds of the columns of a response: outputs in m, outputs in N, all other outputs."""
 
-    displacements: tuple[str, ...]  # of the outputs in m
-    forces: tuple[str, ...]  # of those in N
-    # of all other outputs, and their units
+    displacements: tuple[str, ...]  # names of the outputs in m
+    forces: tuple[str, ...]  # names of the outputs in N
+    # names of all other outputs, and their units
     other_outputs: tuple[str, ...]
     other_units: tuple[str, ...]
-    # kind and direction of each, as `Response.kinds` has them: those of moved, of forces, of others
+    # kind and direction of each output, as in `Response.kinds`: of `displacements`, of `forces`, of `other_outputs`
     kinds: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]
 
 

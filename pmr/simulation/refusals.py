@@ -1,4 +1,4 @@
-"""Why a simulation is refused or fails: what a system needs of a simulator, and failures in words."""
+"""Why a simulation is refused or fails: what a system requires of a simulator, and texts about failures."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from pmr.system.definite import dependence_of_rows
 from pmr.system.system import BodySystem
 
 Array = NDArray[np.float64]
-#: Names in a message at most; of the others it has their number.
+#: Most names in a message, which gives the number of all further ones.
 MOST_NAMES = 3
 
 
 def describe_dependence(C: Array, names: Sequence[str]) -> str:
-    """Text that names the rows of C (m, n) that depend on each other; `names` begin with those of the rows."""
+    """Text that names the rows of C (m, n) that depend on each other; the first m of `names` are the rows' names."""
     involved = dependence_of_rows(C, names[: len(C)]).names
     if len(involved) == 1:
         return f"the row {involved[0]} vanishes"
@@ -29,14 +29,14 @@ def describe_dependence(C: Array, names: Sequence[str]) -> str:
 def describe_unsettled(names: Sequence[str], pushes: NDArray[np.bool_]) -> str:
     """Text that names the contacts that only push, which did not settle as open or closed within the kernel's limit.
 
-    `pushes` (m,) is their mask.
+    `names` are the names of all m contacts, and the mask `pushes` (m,) is true for those that only push.
     """
     pushing = ", ".join(name for name, only_pushes in zip(names, pushes, strict=True) if only_pushes)
     return f"which of the rows {pushing} are closed was not settled in 1000 solves"
 
 
 def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact], iterations: int) -> str:
-    """Text about forces of terms and friction that do not converge in `iterations` iterations of a step."""
+    """Text about forces of terms and friction that have not converged after `iterations` iterations of a step."""
     causes = [*term_names, *(f"friction of {joint}" for joint in friction_joints(contacts))]
     further = len(causes) - MOST_NAMES
     names = ", ".join(causes[:MOST_NAMES]) + (f" and {further} more" if further > 0 else "")
@@ -47,12 +47,12 @@ def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact], 
 
 
 def needs_of(system: BodySystem[Body], rigid: NDArray[np.bool_], x: Array, rho_inf: float) -> SimulatorNeeds:
-    """Needs of a system that a simulator has to support: contacts that push, are rigid, give way, move or rub.
+    """Properties of a system that a simulator has to support: contacts that push, are rigid, give way, move or rub.
 
     Parameters
     ----------
     rigid : (m,) mask
-        The rigid contacts.
+        True for rigid contacts.
     x : (T, sides) array, m
         Positions of the sides of all contacts.
     rho_inf : float

@@ -1,10 +1,11 @@
-r"""A consistent initial state of bodies and the contacts and supports that hold them.
+r"""A consistent initial state of bodies and of the contacts and supports that hold these.
 
 .. math::
     C(s_0)\, q_0 = 0, \qquad C(s_0)\, v_0 + \dot s_0\, C'(s_0)\, q_0 = 0
 
-An initial velocity that violates the second equation is corrected by the change of least kinetic energy, that is
-M-orthogonally, as an impulse of the sliders would do it:
+Here :math:`q_0` and :math:`v_0` are coordinates and velocities at t = 0, C the rigid rows with the path at :math:`s_0`,
+and C' their derivative by the path.  A velocity that violates the second equation is changed by :math:`\Delta v` of
+least kinetic energy, with the mass matrix M and the impulses :math:`\mu` of the sliders:
 
 .. math::
     \begin{bmatrix} M & C^T \\ C & 0 \end{bmatrix} \begin{bmatrix} \Delta v \\ \mu \end{bmatrix}
@@ -13,7 +14,7 @@ M-orthogonally, as an impulse of the sliders would do it:
 Eich: Convergence results for a coordinate projection method applied to mechanical systems with algebraic constraints,
 SIAM Journal on Numerical Analysis 30, 1993.
 
-Also the friction of pads (`pmr.system.contacts`) from step to step, by the law of the compiled loop.
+Also the friction of pads (`pmr.system.contacts`) from step to step, by the law of the compiled simulator.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from pmr.system.contacts import Contact, Friction
 
 Array = NDArray[np.float64]
 
-#: Violation of a row that counts as round-off, over the sum of its entries' sizes times the largest coordinate.
+#: Violation of a row that is round-off, over the sum of absolute values of the row times the largest coordinate.
 ROW_TOLERANCE = 1e-8
 
 
@@ -65,7 +66,7 @@ def consistent_start(
     x : (sides,) array, m
         Positions of the sides of all contacts at t = 0.
     x_rate : (sides,) array, m/s
-        Their rates at t = 0.
+        Rates of these positions at t = 0.
     initial : mapping of str to InitialState
         Initial states by the bodies' names.
 
@@ -105,7 +106,7 @@ def consistent_start(
 
 
 def _release_supports(body: SlidingBody, v: Array) -> Array:
-    """Velocities (n,) of a body after those that supports hold at zero are removed, with the least kinetic energy."""
+    """Velocities (n,) of a body: v, changed with least kinetic energy so that coordinates on supports are at rest."""
     held, v = np.array(list(body.held.values()), np.int64), v.copy()
     if np.any(v[held]):
         free = np.setdiff1d(np.arange(body.size), held)
@@ -121,16 +122,17 @@ def check_state(initial: InitialState, size: int) -> InitialState:
 
 
 def velocity_violation(C: Array, C_t: Array, start: InitialState) -> Array | None:
-    """Violation C v + C_t q (m,) in m/s of rows C (m, n) with rates C_t (m, n); None if it is round-off."""
+    """Violation C v + C_t q (m,) in m/s by `start` of rows C (m, n) with rates C_t (m, n); None if it is round-off."""
     drift = C @ start.v + C_t @ start.q
     scale = _magnitude(C, start.v) + _magnitude(C_t, start.q)
     return None if np.all(np.abs(drift) <= ROW_TOLERANCE * scale) else np.asarray(drift)
 
 
 def check_position(C: Array, q: Array, names: tuple[str, ...], largest: float = 0.0) -> None:
-    """Raise InputError if q (n,) violates a row of C (m, n), with the first such row's name.
+    """Raise InputError, with the row's name, for the first row of C (m, n) that q (n,) violates.
 
-    `names` are those of the rows; `largest` is a size of coordinates below which q does not lower the tolerance.
+    `names` are the names of the rows.  The tolerance is proportional to the largest absolute value in q, or to
+    `largest` if that is larger.
     """
     for name, excess, scale in zip(names, np.abs(C @ q), _magnitude(C, q, largest), strict=True):
         if excess > ROW_TOLERANCE * scale:
@@ -139,7 +141,7 @@ def check_position(C: Array, q: Array, names: tuple[str, ...], largest: float = 
 
 
 def _impulse(M: Array | sp.csr_matrix, C: Array, drift: Array, names: tuple[str, ...]) -> Array:
-    """Change of velocity (n,) of least kinetic energy with C dv = `drift` (m,).
+    """Change of velocity dv (n,) of least kinetic energy with C dv = `drift` (m,).
 
     Raises InputError if the rows depend on each other.
     """
@@ -158,18 +160,18 @@ def _impulse(M: Array | sp.csr_matrix, C: Array, drift: Array, names: tuple[str,
 
 
 def check_impulse(achieved: Array, drift: Array, names: tuple[str, ...]) -> None:
-    """Raise InputError if row values `achieved` (m,) differ from `drift` (m,), as the rows depend on each other."""
+    """Raise InputError if row values `achieved` (m,) differ from `drift` (m,), since the rows depend on each other."""
     if not np.allclose(achieved, drift, rtol=0.0, atol=1e-6 * np.abs(drift).max()):
         raise InputError("initial state", "v", None, f"the rows {', '.join(names)} depend on each other")
 
 
 def _magnitude(C: Array, q: Array, largest: float = 0.0) -> Array:
-    """Upper bound (m,) of |C q| for coordinates as large as the largest of q, or `largest`."""
+    """Upper bound (m,) of |C q| for coordinates as large as the largest of q, or as `largest` if that is larger."""
     return np.asarray(np.abs(C).sum(axis=1) * np.abs(q).max(initial=largest))
 
 
 def _vector(name: str, values: ArrayLike, size: int) -> Array:
-    """Values as a float array (size,); an InputError is raised if they are none or not finite."""
+    """Values as a float array (size,); an InputError is raised if they have another size or are not finite."""
     vector = np.asarray(values, dtype=float)
     if vector.shape != (size,) or not np.all(np.isfinite(vector)):
         allowed = f"{size} finite values are allowed, found an array of shape {vector.shape}"
@@ -193,7 +195,7 @@ class Grip:
 
     @classmethod
     def at_start(cls, contacts: Sequence[Contact], s: Array, multipliers: Array) -> Grip:
-        """State at the start, with paths at s (J,) m and contact `multipliers` (m,) N, and without friction."""
+        """State at t = 0 without friction, with paths at s (J,) m and contact forces `multipliers` (m,) in N."""
         law = Friction.from_contacts(contacts)
         if law is None:
             return cls()
@@ -210,7 +212,7 @@ def slide(law: Friction, old: Grip, sums: Array, s: Array, h: float, multipliers
     old : Grip
         State at the beginning of the step.
     sums : (J,) array, N
-        Friction of each joint with which the step was solved.
+        Sum of the friction in each joint, with which the step was solved.
     s : (J,) array, m
         Path coordinates at the end of the step.
     h : float, s

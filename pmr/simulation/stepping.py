@@ -1,11 +1,11 @@
-r"""Time grid of a simulation, its steps block by block, and checks of what signals do between the steps.
+r"""Time grid of a simulation, its steps block by block, and checks of the course of signals between the steps.
 
-A simulator sees its signals at the steps alone.  A tone of frequency f sampled with the step h looks like one of
-:math:`|f - k / h|` with the whole number k that makes this smallest (Nyquist, Shannon); below 1 / (2 h) that is f
-itself, and between two samples it exceeds both by up to :math:`A (1 - \cos \pi f h)`, with the amplitude A.  Breaks of
-a signal are checked one by one.
+A simulator evaluates its signals at the steps only.  A tone of frequency f, sampled with the step h, looks like a tone
+of the frequency :math:`|f - k / h|` with the whole number k that makes this smallest (Nyquist, Shannon); if f is below
+1 / (2 h), this is f itself.  Between two samples the tone exceeds both samples by up to :math:`A (1 - \cos \pi f h)`,
+with its amplitude A.  Breaks of a signal are checked one by one.
 
-A simulation hands over its steps in blocks, so that the coordinates of all steps are stored only if asked for.
+A simulation hands over its steps in blocks, so that the coordinates of all steps need not be stored.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from pmr.scene.signals import SignalBase, Table
 from pmr.system.states import SystemTrajectory
 
 Array = NDArray[np.float64]
-#: Called with the share of the time span, 0 to 1, that is done.
+#: Function that is called with the share of the time span, 0 to 1, that is done.
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
 class TimeStepping:
-    """Generalized-alpha with a constant step, index 3: t_k = k step for k = 0 ... steps.
+    """Time grid t_k = k step, k = 0 ... steps, and settings for generalized-alpha at index 3.
 
     Attributes
     ----------
@@ -40,10 +40,10 @@ class TimeStepping:
     rho_inf : float
         Spectral radius at infinite frequency: 1 keeps all energy, 0 removes the highest frequencies at once.
     parts : int
-        Number of equal parts into which each step is divided if contacts only push; 0, the default: as many as these
-        contacts need (`pmr.simulation.contact_step`).  Without such contacts a step is not divided.
+        Number of equal parts into which each step is divided if contacts only push.  With 0, the default, a step has as
+        many parts as these contacts need (`pmr.simulation.contact_step`).  Without such contacts a step is not divided.
     schedule : tuple of int
-        Number of parts of each step, instead of `parts`: 1, 2, 4 and so on, as another simulation chose them.
+        Number of parts of each step, used instead of `parts`: a power of two that another simulation has chosen.
 
     Raises
     ------
@@ -84,14 +84,14 @@ class TimeStepping:
         return np.arange(self.steps + 1) * self.step
 
 
-#: Share of its own range by which a signal may exceed, between two steps, its values at these.
+#: Share of a signal's range by which the signal may exceed, between two steps, its values at the steps.
 UNSEEN = 0.05
-#: Steps n in a period from which on a tone satisfies `UNSEEN`: (1 - cos(pi / n)) / 2 < `UNSEEN`.
+#: Least number n of steps in a period with which a tone satisfies `UNSEEN`: (1 - cos(pi / n)) / 2 < `UNSEEN`.
 STEPS_A_PERIOD = 7
 
 
 def describe_lost_features(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
-    """Warnings, one line for each feature of a named signal that is lost between the steps; empty if none is."""
+    """Warnings, one line for each feature of a named signal that is lost between the steps; empty if all are kept."""
     return [f"{name}: {what}" for name, signal in signals for what in _describe_loss(signal, stepping)]
 
 
@@ -106,7 +106,7 @@ def describe_overshoots(signals: Sequence[tuple[str, SignalBase]], stepping: Tim
 
 
 def is_aliased(signal: SignalBase, stepping: TimeStepping) -> bool:
-    """Whether the signal has a tone of at least half the sampling rate, which looks slower at the steps."""
+    """Whether the signal has a tone of at least half the sampling rate, so that it looks slower at the steps."""
     return 2.0 * signal.highest_frequency(0.0, stepping.end) * stepping.step >= 1.0
 
 
@@ -151,7 +151,7 @@ def _describe_needed_step(f: float) -> str:
 
 
 def _overshoot(signal: SignalBase, stepping: TimeStepping) -> tuple[float, float]:
-    """Largest overshoot of a signal at its breaks beyond the values at the steps around, and the time of it in s.
+    """Largest overshoot of a signal at its breaks beyond its values at the neighbouring steps, and its time in s.
 
     The overshoot is a share of the signal's whole range; (0, 0) if the signal has no breaks or is constant.
     """
@@ -161,7 +161,7 @@ def _overshoot(signal: SignalBase, stepping: TimeStepping) -> tuple[float, float
     if not len(breaks) or high <= low:
         return 0.0, 0.0
     x = breaks / h
-    first, last = np.ceil(x - 1e-9) - 1.0, np.floor(x + 1e-9) + 1.0  # a step on a break has one on either side
+    first, last = np.ceil(x - 1e-9) - 1.0, np.floor(x + 1e-9) + 1.0  # a break on a step lies between its neighbours
     around = signal.value(h * np.clip([first, np.clip(np.round(x), first, last), last], 0, steps))
     at_breaks = np.stack([signal.value(breaks), signal.value(np.nextafter(breaks, -np.inf))])
     beyond = np.maximum(at_breaks - around.max(axis=0), around.min(axis=0) - at_breaks).max(axis=0)
@@ -174,38 +174,38 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Block:
-    """Consecutive steps of a simulation; the first of them is the last step of the block before, or the start."""
+    """Consecutive steps of a simulation; the first one is the last step of the block before, or the start."""
 
-    first: int  # number of its first step
+    first: int  # number of the first step of the block
     count: int
-    #: Trajectory of some of its steps, by numbers from 0 on; valid until the next block: copy what you keep.
+    #: Function of step numbers, from 0 on in the block, that returns their trajectory; valid until the next block.
     at: Callable[[Indices | slice], SystemTrajectory]
 
 
-#: Blocks that take less than this many seconds are followed by longer ones.
+#: After a block that takes less than this many seconds, blocks become longer.
 BRIEF = 0.05
 
-#: Functions that each block is passed to, in order.
+#: Function to which each block is passed, in order.
 Take = Callable[[Block], None]
 
 
 @dataclass(frozen=True)
 class SimulationEnd:
-    """End of a simulation: the solver's wall time in s, and the trajectory's `surplus` of energy."""
+    """Results at the end of a simulation: wall time of the solver in s, and `surplus` of energy of the trajectory."""
 
     seconds: float
     surplus: float
 
 
 class Recorder:
-    """Callable that takes blocks and records some of their steps; `steps` (S,) are their numbers, ascending."""
+    """Callable that takes blocks and records some of their steps; `steps` (S,) are the steps' numbers, ascending."""
 
     def __init__(self, steps: Indices) -> None:
         self._steps = steps
         self._recorded: SystemTrajectory | None = None
 
     def __call__(self, block: Block) -> None:
-        """Record the selected steps of a block; without any, the first block only sets the arrays' shapes."""
+        """Record the selected steps of a block; if the first block has none, it only sets the arrays' shapes."""
         low, high = np.searchsorted(self._steps, [block.first, block.first + block.count])
         if self._recorded is not None and low == high:
             return
@@ -221,7 +221,7 @@ class Recorder:
 
     def trajectory(self, ended: SimulationEnd) -> SystemTrajectory:
         """Trajectory of the recorded steps, with the solver's time and surplus."""
-        assert self._recorded is not None  # as every simulation has a block
+        assert self._recorded is not None  # every simulation has at least one block
         return replace(self._recorded, seconds=ended.seconds, surplus=ended.surplus)
 
 
@@ -247,7 +247,7 @@ def advance_in_blocks(
     most : int
         Most steps of a block.
     heavy : int
-        A step may cost as much as this many ordinary ones: the first blocks are smaller by this factor.
+        Largest cost of a step over that of an ordinary step; the first blocks are smaller by this factor.
     advance : callable
         Takes the steps first to last - 1; called as ``advance(first, last)``.
     taken : callable

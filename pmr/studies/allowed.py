@@ -15,28 +15,29 @@ from pmr.simulation.statics.postures import HOOK, PostureMatrices
 from pmr.studies.limits import Limit, Share
 
 Array = NDArray[np.float64]
-#: Yields loads in kg, is sent the used shares of a limit under them, again and again, and returns the load at which
-#: the share reaches 1, or None.
+#: Generator that repeatedly yields loads in kg and is sent a limit's used shares under them; returns the load at which
+#: the share reaches 1, or None if it reaches 1 under none of the loads.
 Search = Generator[tuple[float, ...], Sequence[float], float | None]
 Key = TypeVar("Key")
-#: A load in kg, and the used share of a limit less 1.
+#: A load in kg, and the used share of a limit minus 1.
 Point = tuple[float, float]
 
 #: Number of loads at which the share is computed first.
 NODES = 9
 #: Loads that are tried close to an expected one, as shares of it.
 FACTORS_AROUND_GUESS = (0.99, 0.998, 1.0, 1.002, 1.01)
-#: Allowed error of a load, as a share of the largest load and of itself; distance of a share from 1 that is round-off.
+#: Allowed error of a load over the largest load, and over the load itself; round-off in the distance of a share from 1.
 TOP_TOLERANCE, LOAD_TOLERANCE, SHARE_TOLERANCE = 1e-12, 1e-13, 1e-13
 #: Most points of an interpolating polynomial, and the factor on its last change that is taken as its error.
 POINTS, DOUBT = 5, 2.0
 
 
 def run_searches(loaded: LoadedStructure, searches: Mapping[Key, tuple[Share, Search]]) -> dict[Key, float | None]:
-    """Run searches over the equilibria of one place side by side, and return the result of each by its key.
+    """Run searches at one place side by side, and return for each key the load in kg that its search found, or None.
 
-    A search comes with the function from states to the used shares of its limit; the share is infinite under a load
-    without a stable equilibrium.  Loads that several searches ask for are computed once.
+    `searches` maps a key to a pair (share function, search).  The share function returns the used shares of the
+    search's limit from equilibrium states of the structure `loaded`; a share is infinite under a load without a stable
+    equilibrium.  A load that several searches request is computed once.
     """
     results, requests = dict[Key, float | None](), {key: next(search) for key, (_, search) in searches.items()}
     while requests:
@@ -67,10 +68,14 @@ def _used_shares(share: Share, states: LoadedStates) -> list[float]:
 def first_load(top: float, *, grows: bool = False, guess: float = np.nan, at_once: bool = True) -> Search:
     """Return a search for the least load in kg in (0, top] at which the used share of a limit reaches 1.
 
-    `run_searches` runs it.  It returns 0 if the share is 1 or more without a load, and None if it stays below 1 at all
-    loads that are tried.  These are 0 and `top` if the share only `grows` with the load, else `NODES` evenly spaced
-    loads, requested all `at_once` or one after the other.  If the result is expected close to the load `near` in kg
-    (NaN without a guess), loads around that are tried first, and no others if the share reaches 1 between them.
+    The search is run by `run_searches`.  It returns 0 if the share is 1 or more without a load, and None if the share
+    is below 1 at all loads that are tried.
+
+    If `guess` is a load in kg close to which the result is expected, loads around `guess` are tried first; if the share
+    reaches 1 between two of these, no other loads are tried.  NaN means that there is no guess.  Otherwise the loads
+    that are tried are 0 and `top` if `grows` says that the share never falls while the load grows; else they are
+    `NODES` evenly spaced loads, which are requested together if `at_once` is true and one after the other if it is
+    false.
     """
     if 0.0 < guess < top:
         points = yield from _request_points(
@@ -90,17 +95,17 @@ def first_load(top: float, *, grows: bool = False, guess: float = np.nan, at_onc
 
 
 def _request_points(loads: tuple[float, ...]) -> Generator[tuple[float, ...], Sequence[float], list[Point]]:
-    """Request the used shares at `loads` in kg; return points (load, share - 1)."""
+    """Request the used shares at `loads` in kg, and return a point (load, share - 1) for each load."""
     used = yield loads
     return [(load, share - 1.0) for load, share in zip(loads, used, strict=True)]
 
 
 def _find_root(points: list[Point], tolerance: float) -> Generator[tuple[float, ...], Sequence[float], float]:
-    """Return the first load in kg, to about `apart` kg, at which the used share reaches 1 between ascending points.
+    """Return the first load in kg, to about `tolerance` kg, at which the used share between ascending points is 1.
 
-    By inverse interpolation: a polynomial for the load as a function of share - 1, whose error is estimated from the
-    polynomial of one degree less.  Where that does not halve the interval, the quarters of the interval are tried as
-    well.
+    The method is inverse interpolation: the load is a polynomial in share - 1, with an error that is estimated from the
+    polynomial of one degree less.  Where a step of interpolation does not halve the interval that holds the root, the
+    quarters of that interval are tried as well.
     """
     before = np.inf
     while True:
@@ -125,8 +130,9 @@ def _find_root(points: list[Point], tolerance: float) -> Generator[tuple[float, 
 def _interpolate_load(points: Sequence[Point], k: int) -> tuple[float, float]:
     """Return the load in kg at which a polynomial through points near the k-th has share 1, and its last change in kg.
 
-    The load is a polynomial of share - 1 through at most `POINTS` points along which the share increases, by Neville's
-    scheme; the change is that from the polynomial of one degree less.  NaN for both if the k-th share is infinite.
+    The load is a polynomial in share - 1 through at most `POINTS` points along which the share increases, evaluated by
+    Neville's scheme.  The last change is the difference from the value of the polynomial of one degree less.  Both
+    numbers are NaN if the share of the k-th point is infinite.
     """
     if points[k][1] == np.inf:
         return np.nan, np.nan
@@ -151,9 +157,9 @@ def _interpolate_load(points: Sequence[Point], k: int) -> tuple[float, float]:
     return root, change
 
 
-#: Half the square of a cantilever's slope over that of its deflection by the length: (3 / 2)^2 / 2.
+#: (3 / 2)^2 / 2: half the square of 3 / 2, the ratio of a cantilever's slope at the tip to its deflection over length.
 ROTATION_FACTOR = 1.125
-#: Largest share of a limit used without the load that counts when the error by large rotations is computed.
+#: Share of a limit used without the load is taken as at most this when the error by large rotations is computed.
 MOST_UNLOADED = 0.99
 #: Share by which a load is reduced to be just below the load of a limit.
 JUST_BELOW = 1e-6
@@ -161,10 +167,10 @@ JUST_BELOW = 1e-6
 
 @dataclass(frozen=True)
 class Place:
-    """A boom in the k-th posture of `at` and in one load case.
+    """A boom in the `k`-th of `postures`, in one load case.
 
-    `amounts` are those by which each of ``at.parts`` acts: factors on the weight and on the load that is looked for,
-    the scene's other loads in their units.
+    `amounts` holds one number for each of ``postures.parts``: the factor on the weight, the factor on the load that is
+    searched for, and the scene's other loads in N or N m.
     """
 
     postures: PostureMatrices
@@ -181,7 +187,7 @@ class Place:
     def share(self, limit: Limit) -> Share:
         """Return the function from states to the used shares (p,) of `limit` at this place.
 
-        It is made once for each limit.
+        The function is made at the first call for a limit and stored.
         """
         if limit not in self._shares:
             self._shares[limit] = limit.share(self.postures, self.k, self.amounts)
@@ -189,19 +195,20 @@ class Place:
 
     @cached_property
     def _shares(self) -> dict[Limit, Share]:
-        """Functions that `share` has returned, by limit."""
+        """Share functions that `share` has made so far, by limit."""
         return {}
 
     def used_share(self, limit: Limit, state: LoadedState) -> float:
-        """Return the share of `limit` that one state uses."""
+        """Return the share of `limit` that the boom uses in one equilibrium state."""
         return float(self.share(limit)(LoadedStates.from_states([state]))[0])
 
 
 def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: Array | None = None) -> Array:
-    """Return the load in kg that each limit allows at a place, (l,), stability last; NaN if it is above `up_to` in kg.
+    """Return the load (l,) in kg that each limit allows at a place, stability last; NaN if it exceeds `up_to` in kg.
 
-    0 for limits that are passed without a load, and for all if the boom is then unstable.  `near` (l,) are loads in kg
-    that another model allows, around which the searches look first; NaN or None without a guess.
+    The load is 0 for a limit that is exceeded without any load; all loads are 0 if the boom without a load is unstable.
+    `guesses` (l,) are loads in kg that another model allows, around which the searches look first; an entry is NaN, or
+    `guesses` None, where there is no guess.
     """
     loaded, near_loads = place.equilibria, np.full(len(limits) + 1, np.nan) if guesses is None else guesses
     first = loaded.state(0.0)
@@ -217,9 +224,9 @@ def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: 
 
 
 def _loads_by_limit(limits: Sequence[Limit], place: Place, top: float, guesses: Array) -> Array:
-    """Return the load (l,) in kg at which each limit is reached, without stability; NaN if it is above `top`.
+    """Return the load (l,) in kg at which each limit but stability is reached; NaN if the load is above `top` in kg.
 
-    `near` are loads in kg near which they are expected, NaN where nothing is.
+    `guesses` (l,) are loads in kg near which the results are expected, NaN where there is no guess.
     """
     loaded, loads, searches = place.equilibria, np.full(len(limits), np.nan), dict[int, tuple[Share, Search]]()
     for n, (limit, guess) in enumerate(zip(limits, guesses.tolist(), strict=False)):
@@ -237,13 +244,13 @@ def _loads_by_limit(limits: Sequence[Limit], place: Place, top: float, guesses: 
 
 
 def large_rotation_changes(limits: Sequence[Limit], place: Place, loads: Array, reach: float) -> Array:
-    r"""Return the change (l,) in kg of allowed loads (l,) by large rotations; 0 for stability, the last one.
+    r"""Return the change (l,) in kg of allowed `loads` (l,) in kg by large rotations; 0 for stability, the last one.
 
-    A tip that is displaced by w across a boom of length l (`reach` in m) is inclined by
-    :math:`\theta \approx 3 w / 2 l`, and projections that second order takes as 1 are :math:`1 - \theta^2 / 2`.  With
-    the share :math:`u_0` of the limit that is used without a load, an allowed load P changes by
-    :math:`\tfrac98 (w / l)^2 P / (1 - u_0)`; for a limit of overturning :math:`P / (1 - u_0)` is replaced by
-    `TippingMoments.overturning_load`.  The change by stability is not known.
+    A tip that is displaced by w across a boom of length l (`reach` in m) is inclined by :math:`\theta \approx 3 w / 2
+    l`, and projections that the theory of second order takes as 1 are :math:`1 - \theta^2 / 2`.  With the share
+    :math:`u_0` of a limit that is used without a load, its allowed load P changes by :math:`\tfrac98 (w / l)^2 P / (1 -
+    u_0)`.  For a limit on overturning, :math:`P / (1 - u_0)` is replaced by `TippingMoments.overturning_load`.  How
+    large rotations change the load at which stability is lost is not known.
     """
     changes, tip = np.zeros(len(loads)), [n for n, kind in enumerate(place.postures.output_kinds) if kind == "tip"]
     states, unloaded = place.equilibria.states(loads.tolist()), place.equilibria.states([0.0])
@@ -274,5 +281,5 @@ def _stability_load(loaded: LoadedStructure, up_to: float) -> float:
 
 
 def _buckling_share(states: LoadedStates) -> Array:
-    """Return the load of each state over the load at which the boom buckles with the state's closed contacts, (p,)."""
+    """Return (p,) each state's load over that at which the boom buckles while the same contacts stay closed."""
     return states.load / np.array([form.critical for form in states.forms])

@@ -22,7 +22,7 @@ from pmr.studies.workers import NOT_COMPUTING, Order, Pool, code_of_tasks
 #: Files that the digest of the code leaves out, so that tasks are not computed again when these change; the digest of
 #: a task covers the module of its own function.
 NOT_IN_DIGEST = (*NOT_COMPUTING, "studies/kinds/")
-#: Keys of study files that name files: where these lie is of no interest to readers of a summary.
+#: Keys of study files that name files; summaries leave them out, since they say only where files are on this machine.
 FILES = {"scene", "scenes"}
 WATCH_EVERY = 1.0  # s
 TASKS_IN_LINE = 4  # tasks that a line of progress names
@@ -30,7 +30,10 @@ TASKS_IN_LINE = 4  # tasks that a line of progress names
 
 @dataclass(frozen=True)
 class Progress:
-    """Numbers of tasks that are done, that failed or were skipped, and of all, and the seconds that have passed."""
+    """Progress of a study: how many tasks are done, failed or skipped, and how many there are, with times in s.
+
+    `elapsed` is the time since the call began.
+    """
 
     done: int
     failed: int
@@ -41,7 +44,7 @@ class Progress:
 
     @property
     def text(self) -> str:
-        """The progress in one line."""
+        """The progress as one line of text."""
         failed = f", {self.failed} failed or skipped" if self.failed else ""
         time_left = (
             f", about {duration_text(self.remaining)} left"
@@ -63,8 +66,8 @@ Watch = Callable[[Progress], None]
 class Outcome:
     """Results of a call of ``pmr study``.
 
-    `results` are the runs of each part's study, by the part's name; `computed` is the number of tasks that this call
-    computed, which leaves out tasks with a stored result.
+    `results` maps the name of each part of the project to the runs of its study.  `computed` is the number of tasks
+    that this call computed; tasks with a result from an earlier call are not counted.
     """
 
     results: Mapping[str, StudyResults]
@@ -82,9 +85,9 @@ class Outcome:
 
 
 def compute_results(project: Project, folder: Path, pool: Pool, watch: Watch) -> Outcome:
-    """Compute the tasks without a result and return the results of all; no tables are written.
+    """Compute the tasks that have no stored result, and return the results of all tasks; no tables are written.
 
-    Results of tasks are stored in ``folder / "tasks"``.  `watch` is called as in `run_tasks`.
+    Results of tasks are stored in ``folder / "tasks"``.  `watch` is called with the progress, see `run_tasks`.
     """
     store, code = Store(folder / "tasks"), environment.code_digest(environment.source_texts(), NOT_IN_DIGEST)
     store.prepare()
@@ -97,10 +100,10 @@ def compute_results(project: Project, folder: Path, pool: Pool, watch: Watch) ->
 
 
 def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch) -> dict[str, Failure]:
-    """Compute the nodes of `open_nodes`, each as soon as the results that it needs are stored.
+    """Compute `nodes`, each as soon as the results that it needs are stored; return the failures by task digest.
 
-    Results are written into the store, failures are returned by digest.  Blocks until all are done; `watch` is called
-    with the progress whenever a task ends, and every second.
+    `nodes` are those that `open_nodes` returned.  Results are written into the store.  The call blocks until all tasks
+    have ended; `watch` is called with the progress whenever a task ends, and every second.
     """
     ready, code, begin = ReadyQueue(nodes), code_of_tasks(), time.monotonic()
     running: dict[Future[Failure | None], Node] = {}
@@ -141,7 +144,10 @@ def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch)
 
 
 def _failure_of_future(future: Future[Failure | None]) -> Failure | None:
-    """Return the failure of a submitted task, None if it is done; an error of the worker itself is a failure, too."""
+    """Return the failure of a submitted task, or None if the task is done.
+
+    An error of the worker itself is returned as a failure of the task, too.
+    """
     try:
         return future.result()
     except Exception as error:  # the machine could not even start a process, say
@@ -151,7 +157,10 @@ def _failure_of_future(future: Future[Failure | None]) -> Failure | None:
 def _progress(
     nodes: Mapping[str, Node], done: set[str], failures: Mapping[str, Failure], elapsed: float, keys: list[str]
 ) -> Progress:
-    """Return the progress after `elapsed` seconds, while the tasks with these `keys` are computed."""
+    """Return the progress after `elapsed` seconds, while the tasks with these `keys` are being computed.
+
+    `done` holds the digests of the tasks that have a result, `failures` the failures by digest.
+    """
     cost_done = sum(nodes[digest].task.cost for digest in done)
     cost_left = sum(node.task.cost for digest, node in nodes.items() if digest not in done and digest not in failures)
     remaining = elapsed * cost_left / cost_done if cost_done else None
@@ -159,10 +168,10 @@ def _progress(
 
 
 def save(project: Project, outcome: Outcome, folder: Path) -> list[Path]:
-    """Write the tables and summaries, and return the paths of the tables.
+    """Write the tables and summaries of all studies, and return the paths of the tables.
 
-    A single study is written to `folder`; each study of a collection to a folder in it, and a summary of all runs to
-    `folder`.
+    A single study is written to `folder`.  Each study of a collection is written to a folder of its own in `folder`,
+    which also gets a summary of the runs of all studies.
     """
     written = []
     for part in project.parts:
@@ -187,7 +196,7 @@ def _rename_runs(name: str, results: StudyResults) -> list[RunRecord]:
 
 
 def _study_summary(study: StudyBase, results: StudyResults) -> dict[str, Any]:
-    """Return what summary.json says of a study: its keys, what is published, and, if complete, its figures."""
+    """Return the entries of a study in summary.json: its keys, published values and, if complete, its figures."""
     base = set(StudyBase.model_fields)
     keys = {name: value for name, value in study.model_dump(mode="json").items() if name not in base | FILES}
     return {
@@ -201,7 +210,7 @@ def _study_summary(study: StudyBase, results: StudyResults) -> dict[str, Any]:
 
 
 def _summary_head(title: str, kind: str) -> dict[str, Any]:
-    """Return what begins every summary.json: title, kind, versions, commit, date and machine."""
+    """Return the first entries of every summary.json: title, kind, versions, commit, date and machine."""
     return {
         "title": title,
         "kind": kind,

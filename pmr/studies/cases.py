@@ -1,4 +1,4 @@
-"""Load cases of a chart: loads that act at once, factors that the user chooses, the standard they are from."""
+"""Load cases of a chart: loads that act at once, factors that the user chooses, the standard that gives the factors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from pmr.errors import InputError
 from pmr.scene.keys import SceneTable, Usual
 
-#: Hoisting classes of EN 13001-2: phi2,min of drives HD1, and beta2 in s/m.
+#: Hoisting classes of EN 13001-2: the least dynamic factor phi2,min for drives HD1, and its slope beta2 in s/m.
 CLASSES = {"HC1": (1.05, 0.17), "HC2": (1.10, 0.34), "HC3": (1.15, 0.51), "HC4": (1.20, 0.68)}
 
 
@@ -23,7 +23,7 @@ class Exposed(SceneTable):
 
 
 class Wind(SceneTable):
-    r"""A wind that blows steadily, with a force on each area: :math:`F = q A c`, :math:`q = \rho v^2 / 2`.
+    r"""Wind of constant speed, with a force :math:`F = q A c` on each area, where :math:`q = \rho v^2 / 2`.
 
     A is the area, c its shape factor, :math:`\rho` the density of the air and v the speed.
     """
@@ -41,7 +41,7 @@ class Wind(SceneTable):
 
     @property
     def forces(self) -> dict[str, float]:
-        """Forces of the wind in N, by the names of the scene's loads."""
+        """Forces of the wind in N, by the names of the scene's loads along which they act."""
         by_load = dict[str, float]()
         for exposed in self.on:
             by_load[exposed.load] = by_load.get(exposed.load, 0.0) + self.pressure * exposed.area * exposed.shape
@@ -70,7 +70,7 @@ class LoadCase(SceneTable):
 
     @model_validator(mode="after")
     def _check_keys(self) -> Self:
-        """Refuse a hoisting class without a speed, or the reverse, and a load that both `loads` and the wind name."""
+        """Refuse a hoisting class without a speed, a speed without a class, and a load in both `loads` and `wind`."""
         if (self.hoisting_class is None) != (self.hoisting_speed is None):
             raise ValueError("hoisting_class and hoisting_speed go together")
         twice = set(self.loads) & set(self.wind.forces if self.wind else ())
@@ -80,13 +80,15 @@ class LoadCase(SceneTable):
 
     @property
     def in_service(self) -> bool:
-        """Whether a load hangs at the tip in this case."""
+        """Whether a load hangs at the tip in this load case."""
         return self.load > 0.0
 
     def check_loads(self, key: str, load_names: set[str], classes: Mapping[str, tuple[float, float]]) -> None:
-        """Raise InputError, with `key` as the case's key, if the case names a load or hoisting class that is not known.
+        """Raise InputError if the case names a load that `load_names` lacks, or a hoisting class that `classes` lacks.
 
-        `load_names` are the scene's loads; `classes` hold phi2,min and beta2 in s/m by class.
+        `key` is the key of the case in the study file, for the message.  `load_names` are the names of the scene's
+        loads; `classes` maps the name of a hoisting class to its phi2,min and beta2 in s/m, as `hoisting_factor` uses
+        them.
         """
         if self.hoisting_class is not None:
             hoisting_factor(f"{key}.hoisting_class", classes, self.hoisting_class, 0.0)
@@ -101,16 +103,17 @@ class LoadCase(SceneTable):
                 raise InputError("study", f"{key}.{of}", value, allowed)
 
     def hoisting_factor(self, classes: Mapping[str, tuple[float, float]]) -> float:
-        """Return the dynamic factor of the case's hoisting class and speed; 1 without a class."""
+        """Return the dynamic factor of the case's hoisting class at the case's speed; 1 if the case has no class."""
         if self.hoisting_class is None:
             return 1.0
         return hoisting_factor("hoisting_class", classes, self.hoisting_class, self.hoisting_speed or 0.0)
 
     def acting_amounts(self, classes: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
-        """Return the case as plain values: ``name`` and the amounts ``weight``, ``load`` and ``loads``.
+        """Return the case as plain values under the keys ``name``, ``weight``, ``load`` and ``loads``.
 
-        ``weight`` is the factor on all weights, ``load`` that on the load times the hoisting factor; ``loads`` are
-        those of the scene by name, wind included.
+        ``weight`` is the factor on all weights.  ``load`` is the factor on the load that is searched for, times the
+        hoisting factor.  ``loads`` maps the names of the scene's loads to their values in N or N m; forces of the wind
+        are added.
         """
         loads = self.loads | (self.wind.forces if self.wind else {})
         return {
@@ -122,10 +125,11 @@ class LoadCase(SceneTable):
 
 
 def hoisting_factor(key: str, classes: Mapping[str, tuple[float, float]], name: str, speed: float) -> float:
-    r"""Return :math:`\phi_2 = \phi_{2,min} + \beta_2 v` of the hoisting class `name` at a speed v in m/s.
+    r"""Return :math:`\phi_2 = \phi_{2,min} + \beta_2 v`, the dynamic factor of a hoisting class at a speed v in m/s.
 
-    `classes` hold :math:`\phi_{2,min}` and :math:`\beta_2` in s/m by class; an InputError that names the `key` is
-    raised for a class that is not among them.
+    `name` is the hoisting class and `speed` is v.  `classes` maps names of classes to :math:`\phi_{2,min}` and
+    :math:`\beta_2` in s/m.  InputError, with `key` as the key in its message, is raised for a class that is not among
+    `classes`.
     """
     if name not in classes:
         raise InputError("study", key, name, f"one of {', '.join(classes)} is allowed")

@@ -1,4 +1,4 @@
-"""Models of a load chart in all its postures: a reduced one, and richer ones that indicate the errors of its loads."""
+"""Models of a load chart in all its postures: a reduced model, and richer models that indicate errors of its loads."""
 
 from __future__ import annotations
 
@@ -36,33 +36,33 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Contacts of a system, to JSON and back.
+#: Converter of a system's contacts to JSON and back.
 CONTACTS = TypeAdapter(tuple[Contact, ...])
-#: Why the error of the mesh is not known.
+#: Why the error of the mesh is not known: a clause for the report.
 NO_FINER_MESH = "a finer one is made of beams with rigid walls alone"
 #: Number of luffing angles at each extension for whose contact forces there are attachment modes.
 ANGLES_WITH_MODES = 3
 #: Number of postures in which the richer model's buckling factor is compared with that of full order.
 FULL_ORDER_POSTURES = 5
-#: Why limits are not compared with a richer model that has their quantity at other positions, or not at all.
+#: Why some limits are not compared with a richer model, which has their quantity at other positions or lacks it.
 WHY_NOT_STRESS = "it depends on how walls bend at pads, loads and corners"
-#: Errors because of which a richer structural model counts as not available, as in runs.
+#: Errors after which a richer structural model counts as not available, as in runs.
 UNKNOWN = (InputError, ConvergenceError, SimulationError, ValueError, ImportError)
 
 
 def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: compute the `PostureMatrices` of a chart and, with ``error``, of systems to compare it with.
 
-    Arrays by the beginning of their names:
+    The arrays of the result, by the beginning of their names:
 
-    - ``reduced.``; with ``error`` also ``richer.``, of `richer_system`, ``mass.``, of `postures_with_tip_mass`, and
-      for beams ``finer.``, of a finer mesh.
+    - ``reduced.``: the reduced model.  With ``error`` also ``richer.``: the model of `richer_system`; ``mass.``: the
+      postures of `postures_with_tip_mass`; and for beams ``finer.``: the model on a finer mesh.
     - ``mended``: the share of the mesh's error that the finer mesh removes; ``too_stiff``: `stiffness_excess`.
     - ``reach`` (P,): length of the boom in m; ``tip`` (P, 3): the undeformed tip in m in the axes of the ground.
-    - ``bent.``, outputs of `Bent`; ``turned.<angle>``, loads of `acceleration_loads`; ``contacts``, those of the system
-      as JSON.
+    - ``bent.``: outputs of `DeflectionOutputs`; ``turned.<angle>``: loads of `acceleration_loads`; ``contacts``: the
+      system's contacts as JSON.
 
-    Warnings are those of a run that hold for the scene in all postures.
+    The task's warnings are those warnings of a run that hold for the scene in all postures.
     """
     from pmr.compare.accuracy import mesh
     from pmr.compare.accuracy.mesh import FINER, ORDER
@@ -97,7 +97,7 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def finer_mesh_system(scene: Scene) -> System | None:
-    """Return the reduced system of beams on elements half as long; None for other bodies, which take long."""
+    """Return the reduced system of beams on elements half as long; None for other bodies, which would take too long."""
     from pmr.compare.accuracy.mesh import finer_beams, has_rigid_beams, motion_only
 
     if not has_rigid_beams(scene) or any(part.mesh.file is not None for part in scene.sections):
@@ -107,11 +107,11 @@ def finer_mesh_system(scene: Scene) -> System | None:
 
 
 def richer_system(scene: Scene, system: System, positions: PostureSet, up_to: float) -> System:
-    """Return the system with attachment modes for its contact forces, without a load and with half the largest load.
+    """Return the system with attachment modes for its contact forces without a load and under half the largest load.
 
-    If half the load at which the boom buckles is less than half the largest load, that load is taken instead.  Further
-    modes are for the contact forces of the shape in which the boom buckles.  `positions` are all postures, of which
-    three angles at each extension are used; `up_to` is the largest load in kg.
+    Half the load at which the boom buckles is taken if it is less than half of `up_to`, the largest load in kg.
+    Further modes are for the contact forces of the shape in which the boom buckles.  `positions` are all postures of
+    the chart; three luffing angles at each extension are used.
     """
     from pmr.compare.estimate import system_with_attachment_modes
 
@@ -134,10 +134,10 @@ def richer_system(scene: Scene, system: System, positions: PostureSet, up_to: fl
 
 
 def postures_with_tip_mass(scene: Scene, positions: PostureSet, mass: float) -> PostureMatrices:
-    """Return the postures of the reduced model that a run has if its scene carries a `mass` in kg at its tip.
+    """Return the postures of the reduced model of a run whose scene carries a `mass` in kg at its tip.
 
-    Its modes move that mass, so it has an error of its own.  The weight of the mass is taken out: the load of the
-    chart, `HOOK`, acts in its place.  The mass matrix keeps the mass.
+    The modes of that model move the mass, so the model has an error of its own.  The weight of the mass is removed,
+    since the load of the chart, `HOOK`, acts in its place; the mass matrix still contains the mass.
     """
     last = scene.sections[-1]
     masses = (*last.masses, PointMass(name=HOOK, on="tip", mass=mass))
@@ -152,10 +152,11 @@ def postures_with_tip_mass(scene: Scene, positions: PostureSet, mass: float) -> 
 
 
 def stiffness_excess(scene: Scene, better: System, full: System, positions: PostureSet, up_to: float) -> float:
-    """Return the largest share by which the richer system's buckling factor exceeds that of full order; 0 if none.
+    """Return the largest share by which the richer system's buckling factor exceeds that of full order; 0 if none does.
 
-    It is taken in a few of the postures `at`, under half of `up_to` in kg.  A shape of few coordinates buckles later
-    than that of all (Rayleigh's quotient), and the two models' errors of opposite sign may cancel in their difference.
+    `better` is the richer system and `full` the system of full order.  The two are compared in a few of the postures
+    `positions`, under half of `up_to` in kg.  A model with few coordinates buckles at a higher load than the full model
+    (Rayleigh's quotient), so the errors of the reduced and the richer model may cancel in their difference.
     """
     every = _sample_postures(positions)
     few = positions.select(every[np.linspace(0, len(every) - 1, min(FULL_ORDER_POSTURES, len(every))).astype(int)])
@@ -171,7 +172,7 @@ def stiffness_excess(scene: Scene, better: System, full: System, positions: Post
 
 
 def _sample_postures(positions: PostureSet) -> NDArray[np.int64]:
-    """Return the numbers of the postures with the least, a middle and the largest luffing angle of each extension."""
+    """Return the numbers of three postures of each extension: at the least, a middle and the largest luffing angle."""
     groups = dict[tuple[float, ...], list[int]]()
     for k in range(positions.count):
         groups.setdefault(tuple(float(extension[k]) for extension in positions.extensions.values()), []).append(k)
@@ -185,10 +186,10 @@ def _sample_postures(positions: PostureSet) -> NDArray[np.int64]:
 
 
 def compute_richer_postures(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: compute the `PostureMatrices` of a richer structural model, arrays ``model.``, and what it is ``called``.
+    """Task: compute the `PostureMatrices` of a richer structural model (arrays ``model.``) and its name (``called``).
 
-    Array ``reason`` says instead why there is none.  It is the model that runs are compared with
-    (`pmr.scene.model_ladder.model_comparison`), with 20 free modes a section.
+    If there is no such model, the only array is ``reason``, which says why.  It is the model with which runs are
+    compared (`pmr.scene.model_ladder.model_comparison`), with 20 free modes of each section.
     """
     from pmr.system.from_scene import force_names
 
@@ -204,13 +205,13 @@ def compute_richer_postures(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _missing_model(reason: str) -> TaskResult:
-    """Return a task's result with the reason why there is no richer structural model."""
+    """Return the result of a task without a richer structural model: an array with the `reason` why there is none."""
     return TaskResult(arrays={"reason": np.array(reason)})
 
 
 @dataclass(frozen=True)
 class ComparedModel:
-    """Postures of another model, what it is `called`, and the factor `share` from a difference to it to an error."""
+    """Postures of another model, its name `label`, and the factor `share` that makes a difference to it an error."""
 
     postures: PostureMatrices
     label: str
@@ -219,10 +220,10 @@ class ComparedModel:
 
 @dataclass(frozen=True)
 class ChartModels:
-    """Postures of the reduced model (`reduced`) and of the models that it is compared with, None where there is none.
+    """Postures of the reduced model (`reduced`) and of the models with which it is compared; None for a missing model.
 
-    `enriched` is the reduced one with attachment modes, `with_tip_mass` that of a run with a mass at the tip,
-    `finer_mesh` one on a finer mesh, `structural` a richer structural model.
+    `enriched` is the reduced model with attachment modes.  `with_tip_mass` is the reduced model of a run with a mass at
+    the tip.  `finer_mesh` is a reduced model on a finer mesh, and `structural` a richer structural model.
     """
 
     reduced: PostureMatrices
@@ -230,7 +231,7 @@ class ChartModels:
     with_tip_mass: PostureMatrices | None
     finer_mesh: PostureMatrices | None
     structural: PostureMatrices | None
-    structural_label: str  # what the richer structural model is called, or why there is none
+    structural_label: str  # name of the richer structural model, or the reason why there is none
     removed_mesh_error: float  # share of the mesh's error that the finer mesh removes
     stiffness_excess: float  # share by which the richer model's buckling factor is above that of full order
     reach: Array  # (P,) m
@@ -248,7 +249,7 @@ class ChartModels:
 
     @property
     def comparisons(self) -> dict[str, ComparedModel]:
-        """Models with which the reduced one is compared, by the error that they indicate: of the model or the mesh."""
+        """Models with which the reduced one is compared, by the part of the error: ``model`` or ``mesh``."""
         by_part = dict[str, ComparedModel]()
         if self.structural is not None:
             by_part["model"] = ComparedModel(self.structural, self.structural_label, 1.0)
@@ -257,7 +258,7 @@ class ChartModels:
         return by_part
 
     def not_covered(self, limits: Sequence[Limit]) -> list[str]:
-        """Return the errors that the error bars of a chart with these limits do not cover, a clause each."""
+        """Return the errors that the error bars of a chart with these limits do not cover, one clause for each."""
         if self.enriched is None:
             return ["any error: error_bars = false"]
         of = sorted({limit.of for limit in limits if not limit.kind.in_richer_model})

@@ -1,4 +1,4 @@
-"""Warnings of a load chart: those of a run, evaluated for the boom at rest at each point, without and with its load."""
+"""Warnings of a load chart: a run's warnings, for the boom at rest at each point, without and with its load."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ KINDS = {"tip": "tip", "pad": "pad_force", "cylinder": "cylinder_force", "suppor
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """The boom in equilibrium in one posture and load case (`place`) under a load in kg; `words` describe these."""
+    """The boom in equilibrium at a `place` (posture and load case) under a `load` in kg, with a `description`."""
 
     place: Place
     load: float
@@ -44,7 +44,7 @@ class Equilibrium:
 
 @dataclass(frozen=True)
 class RestingResponse(Response):
-    """Response whose times 0, 1, 2, ... are the numbers of equilibria; `words` describe each of these."""
+    """Response whose times 0, 1, 2, ... are the numbers of equilibria; `words` describe each equilibrium."""
 
     words: tuple[str, ...] = ()
 
@@ -54,9 +54,9 @@ class RestingResponse(Response):
 
 
 def stable_equilibria(place: Place, load: float, reach: float) -> list[Equilibrium]:
-    """Return the equilibria at a place without a load and just below `load` in kg, leaving out those that are unstable.
+    """Return the stable equilibria at a place: without a load, and slightly below `load` in kg if `load` is positive.
 
-    The second one is there only if `load` is positive; `reach` in m is for the description alone.
+    An unstable equilibrium is left out.  `reach` in m, the length of the boom, is used in the descriptions only.
     """
     at, k = place.postures, place.k
     where = f"at a reach of {reach:.4g} m, raised {np.rad2deg(at.luffing[k]):.4g} degrees"
@@ -79,11 +79,11 @@ def warnings_of_row(
     cases: Array,
     first: int,
 ) -> tuple[str, ...]:
-    """Return a run's warnings at the points of a row of a chart, without a load and just below the least allowed one.
+    """Return a run's warnings at the points of a row of a chart, without a load and just below the least allowed load.
 
-    `loads` (p, l) in kg are the allowed loads of l limits at p points and `cases` (p, l) the numbers of the load cases
-    that allow least; `first` is the number of the row's first point.  `places` is a function of a model's postures and
-    of the number of a point; it returns a `Place` for each load case.
+    `loads` (p, l) in kg are the loads that l limits allow at p points, and `cases` (p, l) the numbers of the load cases
+    in which these loads are smallest.  `first` is the number of the row's first point.  ``places(postures, number)``
+    returns, for the postures of a model and the number of a point, a `Place` for each load case.
     """
     reach, compared = models.reach, models.comparisons
     equilibria, of_compared = list[Equilibrium](), {part: list[Equilibrium]() for part in compared}
@@ -113,7 +113,7 @@ def warnings_of_row(
 
 
 def unnamed_loads(scene: Scene, cases: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield a line for each load of a scene that acts in its runs and that no case names in its ``loads``."""
+    """Yield a line for each load that acts in runs of the scene but that no case of the chart lists in ``loads``."""
     named = {HOOK} | {name for case in cases for name in case["loads"]}
     for part in scene.sections:
         for load in part.loads:
@@ -122,7 +122,7 @@ def unnamed_loads(scene: Scene, cases: Sequence[Mapping[str, Any]]) -> Iterator[
 
 
 def _response_at_equilibria(equilibria: Sequence[Equilibrium]) -> RestingResponse:
-    """Return the tip's displacements and the contact forces in these equilibria, each at a time; all else is zero."""
+    """Return a response with tip displacements and contact forces of one equilibrium at each time; all else is zero."""
     at, states = equilibria[0].place.postures, [at_rest.state for at_rest in equilibria]
     t, nothing = np.arange(len(equilibria), dtype=float), np.zeros(len(equilibria))
     tip = _indices_of_kind(at, "tip")[0]
@@ -144,10 +144,11 @@ def _response_at_equilibria(equilibria: Sequence[Equilibrium]) -> RestingRespons
 def _relative_errors(
     equilibria: Sequence[Equilibrium], counterparts: Sequence[Equilibrium], share: float
 ) -> dict[str, Any]:
-    """Return the relative error of each kind of output and contact force, by the name of its error.
+    """Return the relative error of each kind of output and contact force, by the name of the error.
 
-    It is `share` times the difference to another model, whose equilibria `counterparts` are those of `equilibria`.
-    Kinds that the models lack or number differently are left out.
+    The error is `share` times the difference to another model; `counterparts` are the equilibria of that model at the
+    same places and loads as `equilibria`.  A kind is left out if a model lacks it or if the two models have different
+    numbers of its outputs.
     """
     pairs = [(at_rest.state, counterpart.state) for at_rest, counterpart in zip(equilibria, counterparts, strict=True)]
     pairs = [(mine, theirs) for mine, theirs in pairs if theirs.in_equilibrium]
@@ -163,7 +164,7 @@ def _relative_errors(
 
 
 def _values_of_kind(at: PostureMatrices, state: LoadedState, kind: str) -> list[float]:
-    """Return the outputs and contact forces of a kind in a state of the model `at`, sorted by their names."""
+    """Return the values of all outputs and contact forces of a kind in a state of the model `at`, sorted by name."""
     outputs, forces = _indices_of_kind(at, kind)
     named = [(at.output_names[n], state.outputs[n]) for n in outputs]
     named += [(at.force_names[n], state.forces[n]) for n in forces]
@@ -171,7 +172,7 @@ def _values_of_kind(at: PostureMatrices, state: LoadedState, kind: str) -> list[
 
 
 def _indices_of_kind(at: PostureMatrices, kind: str) -> tuple[list[int], list[int]]:
-    """Return the indices of the outputs of a kind of the model `at`, and of its contacts of that kind."""
+    """Return the indices of the outputs of a kind in the model `at`, and the indices of its contacts of that kind."""
     outputs, forces = at.output_kinds, at.force_kinds
     return [n for n, label in enumerate(outputs) if label == kind], [
         n for n, label in enumerate(forces) if label == kind

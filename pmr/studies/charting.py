@@ -31,9 +31,9 @@ from pmr.studies.tasks import Arguments, Needs, TaskResult
 
 Array = NDArray[np.float64]
 
-#: Factors on the error that another model indicates; the second one where buckling decides (docs/load_chart.md).
+#: Factors on an error that another model indicates: in general, and where buckling decides (docs/load_chart.md).
 MARGIN, MARGIN_OF_BUCKLING = 1.25, 2.0
-#: Parts of an error bar.
+#: Sources of error whose parts make up an error bar.
 PARTS = ("reduction", "mesh", "model", "rotation")
 
 
@@ -41,12 +41,13 @@ PARTS = ("reduction", "mesh", "model", "rotation")
 class Chart:
     """Limits of a chart and the load cases in which they are evaluated.
 
-    Array shapes of its methods: c load cases; l limits, in the order of `limits`, with stability as the last one.
+    Array shapes in the methods: c load cases; l limits, which are those of `limits` in their order, and stability as
+    last.
     """
 
     limits: Sequence[Limit]
-    amounts: Sequence[Sequence[float]]  # by case: the amount of each of `PostureMatrices.parts`
-    up_to: float  # kg, largest load that is looked for
+    amounts: Sequence[Sequence[float]]  # by case: the amount of each of the components `PostureMatrices.parts`
+    up_to: float  # kg, largest load that is searched
     gravity: float  # m/s^2
 
     def places(self, at: PostureMatrices, k: int) -> list[Place]:
@@ -54,9 +55,9 @@ class Chart:
         return [Place(at, k, amounts, self.gravity) for amounts in self.amounts]
 
     def loads(self, places: Sequence[Place], guesses: Array | None = None) -> Array:
-        """Return the loads (c, l) in kg that the limits allow, one row for each of `places`; NaN if more than `up_to`.
+        """Return the loads (c, l) in kg that the limits allow at c `places`, one row for each place; NaN above `up_to`.
 
-        `guesses` (c, l) holds loads in kg near which each search begins, NaN without one.
+        `guesses` (c, l) holds loads in kg near which each search begins, NaN where there is no guess.
         """
         nearby = [None] * len(places) if guesses is None else list(guesses)
         return np.array(
@@ -64,9 +65,10 @@ class Chart:
         )
 
     def passed_limits(self, at: PostureMatrices, k: int) -> NDArray[np.bool_]:
-        """Return whether each limit is exceeded without a load at the k-th posture of the model `at`, (c, l).
+        """Return whether each limit is exceeded without a load, (c, l), at the k-th posture of the model `at`.
 
-        The last column, stability, is true in cases without a stable equilibrium; all other limits are false in these.
+        The last column, stability, is true in cases in which the boom has no stable equilibrium; in these cases all
+        other columns are false.
         """
         is_passed = np.zeros((len(self.amounts), len(self.limits) + 1), dtype=bool)
         for row, place in zip(is_passed, self.places(at, k), strict=True):
@@ -76,18 +78,18 @@ class Chart:
         return is_passed
 
     def least_loads(self, loads: Array) -> Array:
-        """Return for each limit the smallest of its loads (c, l) in kg over all cases, (l,); `up_to` if all are NaN."""
+        """Return for each limit the smallest of its `loads` (c, l) in kg over c cases, (l,); `up_to` if all are NaN."""
         return np.asarray(np.nan_to_num(_least_case(loads)[1], nan=self.up_to))
 
     def reduction_errors(self, models: ChartModels, k: int, loads: Array) -> Array:
         """Return for each limit the error (l,) in kg that reduction causes in its smallest load over all cases.
 
-        `loads` (c, l) in kg are those that the reduced model allows at the k-th posture.  The error is a margin times
-        the difference to the smallest load that the richer model `ChartModels.enriched` allows.  For limits that are no
-        eigenvalues the margin times the error of a run is added, which is the difference to that of
-        `ChartModels.with_tip_mass` or the same difference again, whichever is larger.  For buckling and stability the
-        richer model is also taken to buckle by a share `ChartModels.stiffness_excess` too late, and the larger
-        difference counts.
+        `loads` (c, l) in kg are the loads that the reduced model allows at the k-th posture.  The error is a margin
+        times the difference d between the smallest loads that the reduced model and the richer model
+        `ChartModels.enriched` allow.  For limits that are no eigenvalues, the margin times the error of a run is added;
+        this error is the difference to the smallest load of `ChartModels.with_tip_mass`, but at least d.  For buckling
+        and stability the difference is also computed with a richer model that buckles at a load lower by the share
+        `ChartModels.stiffness_excess`, and the larger difference is taken.
         """
         assert models.enriched is not None and models.with_tip_mass is not None
         enriched, above = self.places(models.enriched, k), models.stiffness_excess
@@ -108,10 +110,10 @@ class Chart:
     def comparison_errors(self, models: ChartModels, part: str, k: int, loads: Array) -> Array:
         """Return for each limit the error (l,) in kg that mesh or structural model cause in its smallest load.
 
-        `loads` (c, l) in kg are those that the reduced model allows at the k-th posture; the smallest over all cases
-        counts.  The error is the difference to that of ``models.comparisons[part]``, `part` being ``"mesh"`` or
-        ``"model"``, times the share of this model.  NaN for limits that this model can't evaluate, and for all limits
-        if there is no such model.
+        `loads` (c, l) in kg are the loads that the reduced model allows at the k-th posture; for each limit the
+        smallest over all cases is compared.  `part` is ``"mesh"`` or ``"model"``.  The error is the difference to the
+        smallest load of the model ``models.comparisons[part]``, times ``share`` of that model.  The error is NaN for
+        limits that this model can't evaluate, and for all limits if there is no such model.
         """
         error = np.full(loads.shape[1], np.nan)
         if (other := models.comparisons.get(part)) is not None:
@@ -120,9 +122,9 @@ class Chart:
         return error
 
     def _differences(self, places: Sequence[Place], which: Sequence[int], loads: Array) -> Array:
-        """Return the differences in kg of the smallest loads of the limits `which`, then of stability, of two models.
+        """Return differences in kg between two models' smallest loads of the limits `which`, then of stability.
 
-        `loads` (c, l) in kg are those that the reduced model allows; `places` are those of the other model.
+        `loads` (c, l) in kg are the loads that the reduced model allows; `places` are the places of the other model.
         """
         compared, columns = replace(self, limits=[self.limits[n] for n in which]), [*which, -1]
         other = self.least_loads(compared.loads(places, loads[:, columns]))
@@ -131,8 +133,9 @@ class Chart:
     def rotation_errors(self, places: Sequence[Place], loads: Array, reach: float) -> Array:
         """Return for each limit the error (l,) in kg that large rotations cause in its smallest load over all cases.
 
-        `loads` (c, l) in kg are those that the limits allow at `places`, one for each case; `reach` is the length of
-        the boom in m.  The error is the change of `large_rotation_changes` in the case of that load, times a margin.
+        `loads` (c, l) in kg are the loads that the limits allow at c `places`, one for each case; `reach` is the length
+        of the boom in m.  The error is a margin times the change that `large_rotation_changes` returns for the case in
+        which the limit's load is smallest.
         """
         case, load = _least_case(loads)
         by_case = {n: MARGIN * large_rotation_changes(self.limits, places[n], load, reach) for n in set(case.tolist())}
@@ -142,19 +145,20 @@ class Chart:
 def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: compute the loads that the limits allow at the points of one row of a chart.
 
-    Argument ``rows`` holds the number of the row's first point and of the first one behind the row.  Arrays of the p
-    points, l limits (stability last) and c cases out of service:
+    Argument ``rows`` holds the number of the row's first point and the number of the first point after the row.  The
+    arrays of the result have the sizes p points, l limits (stability last) and c cases out of service:
 
     - ``place`` (p, 2) m: radius and height of the undeformed tip; ``luffing`` (p,) rad.
     - ``load`` (p, l) kg: the smallest over all cases in service, NaN if no load up to ``up_to`` reaches the limit;
       ``case`` (p, l): the number of that case.
     - ``error`` (p, l) kg: ``error.reduction`` + ``error.mesh`` + ``error.model`` + ``error.rotation``, the mesh's and
-      the model's counting as 0 where they are NaN, which means unknown; ``not_covered`` (p,): in words what it lacks.
-    - ``hoist`` (p,), only with ``hoist`` among the arguments: the largest force of the rope over the weight of the
-      point's smallest load when that is hoisted off the ground, in the first case's amounts.
+      the model's counting as 0 where they are NaN, which means unknown; ``not_covered`` (p,): the errors that it does
+      not cover, in words.
+    - ``hoist`` (p,), only if ``hoist`` is among the arguments: the largest force of the rope while the point's smallest
+      load is hoisted off the ground, over the load's weight, with the amounts of the first case.
     - ``passed`` (p, c, l): whether the limit is exceeded without a load in a case out of service (argument ``left``).
     - ``at.<name>``: arrays of `pmr.studies.governing.governing_details` at the points ``at.place`` (l,), where each
-      limit governs the largest load of the row; -1 if it governs at none.
+      limit governs the largest load of the row; ``at.place`` is -1 for a limit that governs at none.
 
     Record: ``load.least`` and ``load.most``, the extremes over the points of the smallest load over all limits, in kg.
     """
@@ -211,16 +215,16 @@ def _point_arrays(chart: Chart, models: ChartModels, k: int, rope: Rope | None) 
 
 
 def _hoist_factor(loaded: LoadedStructure, load: float, rope: Rope, gravity: float) -> float:
-    """Return the rope's largest force over the load's weight at lift-off; NaN if the load in kg is 0 or infinite."""
+    """Return the rope's largest force at lift-off over the weight of `load` in kg; NaN if that is 0 or infinite."""
     if not 0.0 < load < np.inf:
         return np.nan
     return lift_off(loaded.state(load).form, load, rope, gravity)
 
 
 def _least_case(loads: Array) -> tuple[NDArray[np.int64], Array]:
-    """Return for each limit the number of the case with the smallest load, and that load, both (l,).
+    """Return for each limit the number (l,) of the case with the smallest load, and the load (l,) in kg in this case.
 
-    `loads` are (c, l); the load is NaN only if those of all cases are.
+    `loads` are (c, l) in kg; the returned load is NaN only if the loads of all cases are.
     """
     finite = np.where(np.isnan(loads), np.inf, loads)
     case = finite.argmin(axis=0)
@@ -228,7 +232,7 @@ def _least_case(loads: Array) -> tuple[NDArray[np.int64], Array]:
 
 
 def _amount(case: Mapping[str, Any], part: str) -> float:
-    """Amount of a part in a case: factor on the weight or on the load, or a named load in N or N m, 0 if not named."""
+    """Amount of a component `part` in a case, 0 if not named: factor on the weight or load, or a load in N or N m."""
     if part in (WEIGHT, HOOK):
         return float(case["weight" if part == WEIGHT else "load"])
     return float(case["loads"].get(part, 0.0))
@@ -237,23 +241,24 @@ def _amount(case: Mapping[str, Any], part: str) -> float:
 def governing_limit(load: Array) -> NDArray[np.int64]:
     """Return the number of the limit with the smallest load at each point, (P,); -1 where all loads are NaN.
 
-    `load` (P, l) in kg at P points of l limits; NaN if no load that was looked for reaches the limit.
+    `load` (P, l) in kg holds the loads of l limits at P points; NaN if no load up to the largest one reaches the limit.
     """
     least = np.where(np.isnan(load), np.inf, load)
     return np.where(np.isfinite(least.min(axis=1)), least.argmin(axis=1), -1)
 
 
 def lower_bounds(load: Array, error: Array, up_to: float) -> Array:
-    """Return loads (P, l) in kg less their errors (P, l); a NaN load counts as `up_to` in kg, a NaN error as 0."""
+    """Return `load` (P, l) in kg minus `error` (P, l) in kg; a NaN load counts as `up_to` in kg, a NaN error as 0."""
     return np.asarray(np.nan_to_num(load, nan=up_to) - np.nan_to_num(error))
 
 
 def limits_in_doubt(load: Array, error: Array, up_to: float) -> NDArray[np.bool_]:
     """Return which limits may govern within their error bars, (P, l); all false at points where only one may.
 
-    `load` and `error` are (P, l) in kg at P points of l limits.  A limit may govern if its load less its error is at
-    most the smallest sum of load and error of any limit at the point.  NaN loads mean that no load up to `up_to`
-    reaches the limit: it may govern only if `up_to` less its error is below `up_to`.  NaN errors count as 0.
+    `load` and `error` are (P, l) in kg, at P points and of l limits.  A limit may govern if its load minus its error is
+    at most the smallest sum of load and error of any limit at the point.  A NaN load means that no load up to `up_to`
+    reaches the limit; such a limit may govern only if `up_to` minus its error is below `up_to`.  A NaN error counts as
+    0.
     """
     low = lower_bounds(load, error, up_to)
     low = np.where(np.isnan(load) & (low >= up_to), np.inf, low)

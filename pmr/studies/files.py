@@ -26,7 +26,7 @@ EXPERIMENTS = ("combinations", "error_map", "histories", "residual", "speed")
 
 
 class Collection(SceneTable):
-    """Several studies in one call: `files`, and what to `change` in each, by the file's name without suffix."""
+    """Several studies in one call: `files`, and the keys to `change` in each, by its file's name without suffix."""
 
     kind: Literal["collection"] = Field(description="Several studies in one call")
     title: str = Field(description="For reports")
@@ -38,7 +38,7 @@ class Collection(SceneTable):
 
 @dataclass(frozen=True)
 class PlannedStudy:
-    """One study of a call and its plan; `name` is its folder, empty for a study outside a collection."""
+    """One study of a call and its plan; `name` is the study's folder, empty for a study outside a collection."""
 
     name: str
     study: StudyBase
@@ -55,11 +55,11 @@ class Project:
 
     @property
     def runs(self) -> tuple[str, ...]:
-        """Names of all runs: their keys, in a collection ``<part>/<key>``."""
+        """Names of all runs: the keys of their tasks, in a collection ``<part>/<key>``."""
         return tuple(_run_name(part, run) for part in self.parts for run in part.plan.runs)
 
     def select_runs(self, names: Sequence[str]) -> Project:
-        """Return the project with the named runs alone; raises InputError if there is no run of a name."""
+        """Return the project reduced to the runs of these names; raises InputError if a name belongs to no run."""
         unknown = sorted(set(names) - set(self.runs))
         if unknown:
             close = similar_name_hint(unknown[0], self.runs)
@@ -72,7 +72,7 @@ class Project:
 
 
 def _run_name(part: PlannedStudy, run: Task) -> str:
-    """Return a run's key, in a collection with the part's name before it."""
+    """Return a run's key; in a collection the part's name and a slash stand before it."""
     return f"{part.name}/{run.key}" if part.name else run.key
 
 
@@ -97,8 +97,8 @@ def _study_class(kind: str) -> type[BaseModel]:
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
     """Read a study file, which is TOML with a ``kind``, and the files that it names; return studies and plans.
 
-    Names of files in it are relative to it, ``extends`` names a base file; `overrides` are ``"section.key=value"``.
-    Raises InputError in one line: file, key, value, what is allowed.
+    Names of files in the study file are relative to it, and its key ``extends`` names a base file.  `overrides` are
+    texts ``"section.key=value"``.  Raises InputError in one line: file, key, value, what is allowed.
     """
     file = _read(path, [override(text) for text in overrides])
     if file.data["kind"] != COLLECTION:
@@ -123,7 +123,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
 
 
 def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
-    """Read a study file and apply changes to it; InputError for an unknown kind."""
+    """Read a study file and apply `changes` to it; raises InputError if its kind is unknown."""
     file = TomlFile.read(path, DIALECT)
     for change in changes:
         file.apply(change)
@@ -140,7 +140,7 @@ def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
 def _plan_study(name: str, file: TomlFile) -> PlannedStudy:
     """Return the study of a file and its plan; an InputError of the plan names the file."""
     study = file.validate(_study_class(file.data["kind"]))
-    assert isinstance(study, StudyBase)  # collections are no parts
+    assert isinstance(study, StudyBase)  # a collection can't be a part of a collection
     try:
         return PlannedStudy(name, study, study.plan())
     except InputError as error:

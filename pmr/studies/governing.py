@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 class Stop(SceneTable):
-    """A stop of luffing or slewing, whose speed falls to zero at a constant rate."""
+    """A stop of luffing or slewing, in which the speed falls to zero at a constant rate."""
 
     of: Literal["luffing", "slewing"] = Field(description="Motion that is stopped")
     speed: Annotated[float, Field(gt=0.0)] = Field(
@@ -36,9 +36,9 @@ class Stop(SceneTable):
 
 @dataclass(frozen=True)
 class StopMotion:
-    """A stop of luffing or slewing (`of`) from a `speed` in rad/s to rest `within` seconds.
+    """A stop of luffing or slewing (`angle`) from a `speed` in rad/s to rest in `duration` seconds.
 
-    `turned` (P, i) are the loads on i inputs by a unit of the angle's acceleration, at P postures.
+    `acceleration_loads` (P, i) are the loads on i inputs at P postures by an acceleration of the angle of 1 rad/s^2.
     """
 
     angle: str
@@ -47,15 +47,16 @@ class StopMotion:
     acceleration_loads: Array
 
     def stop_figures(self, place: Place, load: float, limit: Limit | None) -> Array:
-        """Return five numbers (5,) of the boom at a place under a load in kg, which stops in this way.
+        """Return five numbers (5,) about this stop of the boom, at a place and under a `load` in kg.
 
-        - First the largest displacement of the tip during and after the stop, over that under a lasting steady
-          deceleration and in its direction; NaN if the tip does not move.
-        - Then the used share of `limit` at rest, that under a lasting steady deceleration, and the largest one during
-          and after the stop, the worse direction of motion counting; NaN if `limit` is None.
-        - Last the speed in rad/s.
+        - The first number is the largest displacement of the tip during and after the stop, over the displacement under
+          a steady deceleration that lasts and in the same direction; NaN if the tip does not move.
+        - The next three are used shares of `limit`: at rest, under a steady deceleration that lasts, and the largest
+          share during and after the stop; of both directions of motion the worse one is taken.  They are NaN if `limit`
+          is None.
+        - The last one is the speed in rad/s.
 
-        If the boom is unstable all but the speed are NaN.
+        If the boom is unstable, all numbers but the speed are NaN.
         """
         none, state = np.array([*[np.nan] * 4, self.speed]), place.equilibria.state(load)
         swing = (
@@ -84,12 +85,12 @@ class StopMotion:
         )
 
     def _acting_loads(self, place: Place, load: float) -> DecelerationLoads:
-        """Return the loads by a unit of the angle's acceleration, those on the suspended load in kg included."""
+        """Return the loads by an acceleration of the angle of 1 rad/s^2, with the inertia of the `load` in kg."""
         at, k = place.postures, place.k
         f = self.acceleration_loads[k].copy()
-        if self.angle == "luffing":  # the load hangs: what lifts its rope accelerates it, and nothing sideways
+        if self.angle == "luffing":  # the load hangs: only a lift of its rope accelerates it, nothing sideways
             x, _, z = at.tip[k]
-            lifted = float(at.up[k] @ [-z, 0.0, x])  # by a radian
+            lifted = float(at.up[k] @ [-z, 0.0, x])  # m by a rotation of one radian
             f += load * lifted / place.gravity * at.f[at.parts.index(HOOK), k]
         return DecelerationLoads(at.B @ f, -at.H[k] @ f, np.vstack([at.direct, at.machine_loads[k]]) @ f)
 
@@ -97,7 +98,7 @@ class StopMotion:
 def largest_governed_rows(load: Array) -> NDArray[np.int64]:
     """Return for each limit (l,) the row of `load` (p, l) in kg at which it governs the largest load; -1 if at none.
 
-    A limit governs a row if its load is the smallest there; rows whose smallest load is 0 or NaN don't count.
+    A limit governs a row if its load is the smallest of the row; rows with a smallest load of 0 or NaN are ignored.
     """
     least = np.where(np.isnan(load), np.inf, load)
     which, most = least.argmin(axis=1), least.min(axis=1)
@@ -116,15 +117,15 @@ def governing_details(
     bent: DeflectionOutputs,
     stops: Sequence[StopMotion],
 ) -> dict[str, NDArray[Any]]:
-    """Return arrays that describe the boom at places, the n-th where the n-th limit governs, stability last.
+    """Return arrays that describe the boom at p places: the n-th limit governs at the n-th, stability at the last.
 
-    `loads` (p,) in kg act at the p places.  A place is None, and its rows are NaN, if its limit governs nowhere; if all
-    are None there are no arrays.
+    `loads` (p,) in kg act at the p places.  If a limit governs nowhere, its place is None and its rows are NaN; if all
+    places are None, there are no arrays.
 
     - ``forces`` (p, m) N of m contacts, and their ``kinds`` (m,).
-    - ``bent`` (p, b) m: displacements across the boom at the positions ``bent.x`` (b,) m of the sections
-      ``bent.section`` (b,) in the directions ``direction.names`` (b,).
-    - ``stress`` (p, s) Pa: von Mises stress at probes.
+    - ``bent`` (p, b) m: b displacements across the boom, at the distances ``bent.x`` (b,) m from the tails of the
+      sections with the numbers ``bent.section`` (b,), in the directions ``direction.names`` (b,).
+    - ``stress`` (p, s) Pa: von Mises stress at s probes.
     - ``used`` (p, l): used shares of all limits, and the load over the buckling load as the last one.
     - ``luffing`` (p,) rad.
     - ``stops`` (p, stops, 5): numbers of `StopMotion.stop_figures`.
@@ -133,7 +134,7 @@ def governing_details(
     at = next((place.postures for place in places if place is not None), None)
     if at is None:
         return {}
-    governing_limits = [*limits, None]  # stability has no share that swings
+    governing_limits = [*limits, None]  # stability has no share that a swing changes
     rows = [
         None
         if place is None
@@ -154,14 +155,14 @@ def governing_details(
 
 
 def _stress_columns(at: PostureMatrices) -> dict[str, dict[str, int]]:
-    """Return the columns of each stress component by probe, without probes that limits of the field have added."""
+    """Return, by probe, the column of each stress component; without probes that limits of the stress field add."""
     return {probe: components for probe, components in at.columns.stress_columns().items() if FIELD not in probe}
 
 
 def _place_arrays(limits: Sequence[Limit], place: Place, load: float, bent: DeflectionOutputs) -> dict[str, Array]:
-    """Return one place's row of the arrays of `governing_details` without ``stops``, slightly below `load` in kg.
+    """Return one place's row of each array of `governing_details` but ``stops``, slightly below `load` in kg.
 
-    At the limit of stability itself there is no equilibrium.
+    At the load at which stability is lost there is no equilibrium; therefore a slightly smaller load acts.
     """
     at, load = place.postures, load * (1.0 - JUST_BELOW)
     state = place.equilibria.state(load)

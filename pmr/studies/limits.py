@@ -1,14 +1,17 @@
-r"""Limits of a load chart: which quantities may not pass which amounts, and the share of a limit that a load uses.
+r"""Limits of a load chart: quantities with allowed amounts, and the share of a limit that a load uses.
 
 `KINDS` declares each of them once: its amount, its unit and how the share follows from states.  The share is 1 where
-the limit is reached, with the limit's own factor :math:`\gamma`: :math:`\gamma |r| / r_{most}`, r being a quantity that
-runs have too (`pmr.results.quantities`) or a user's function or expression of `AtRest`, and of the others
+the limit is reached.  With the limit's safety factor :math:`\gamma`, the share is :math:`\gamma |r| / r_{most}` for a
+quantity r that runs have too (`pmr.results.quantities`), or that is a user's function or expression of `AtRest`.  For
+other kinds, with the allowed amount marked by the index least, it is
 
 ===========  ===============================================================================
-buckling     :math:`\gamma \Lambda_{least} / \Lambda`, all axial forces growing
-frequency    :math:`\gamma f_{least} / f`, the load as a mass at the tip
-overturning  :math:`\gamma M_{load} / M_{rest}` about each edge of the polygon (`pmr.studies.tipping`)
+buckling     :math:`\gamma \Lambda_{least} / \Lambda` with the buckling factor :math:`\Lambda` on all axial forces
+frequency    :math:`\gamma f_{least} / f` with the lowest frequency f, the load as a mass at the tip
+overturning  :math:`\gamma M_{load} / M_{rest}` with the moments of load and rest about each edge of the polygon
 ===========  ===============================================================================
+
+The moments are those of `pmr.studies.tipping`.
 """
 
 from __future__ import annotations
@@ -38,11 +41,11 @@ from pmr.system.from_scene import force_names
 
 Array = NDArray[np.float64]
 Positive = Annotated[float, Field(gt=0.0)]
-#: Function from p states to the shares (p,) of a limit that they use; 1 reaches it.
+#: Function from p states to the shares (p,) of a limit that they use; at a share of 1 the limit is reached.
 Share = Callable[[LoadedStates], Array]
 #: The limit that every chart has: beyond it there is no stable equilibrium.
 STABILITY = "stability"
-#: Beginning of the names of probes of the field, behind the body's name; faces that they look at, if cells have them.
+#: Text between the body's name and the rest in names of probes of the stress field; faces of walls with such probes.
 FIELD, FACES = "field of ", ("outer", "inner")
 #: Structural models with a stress field; name of the region of a mesh without regions.
 WITH_FIELD, WHOLE = ("shell", "solid"), "walls"
@@ -59,20 +62,23 @@ class Kind:
     amount : str
         The limit's key that holds the allowed amount: ``most``, ``least``, or nothing.
     unit : str
-        Unit of the amount, empty where there is none or only the user knows it.
+        Unit of the amount; empty for a number without a unit, or if only the user knows the unit.
     share : callable
-        Called with a limit, postures, the number k of one of these and the amounts (w,) by which the parts
-        ``PostureMatrices.parts`` act; returns the `Share`, a function from states to used shares.
+        Called with a limit, postures, the number k of a posture and the amounts (w,) of the w components
+        ``PostureMatrices.parts``; returns the `Share`, a function from states to used shares.
     usual : Usual, optional
         Range in which the amount usually lies.
     names : callable, optional
-        Returns the scene's names among which ``which`` chooses; None if only a model knows them, or there are none.
-    directly : callable, optional
-        Of an eigenvalue: called with a form, the allowed amount, a load in kg near which the result is expected (NaN
-        without one) and the largest load in kg; returns the load in kg at which the eigenvalue reaches the amount.
+        Returns the scene's names among which the limit's key ``which`` chooses; None if only a model knows these names,
+        or if the kind has no names.
+    eigenvalue_load : callable, optional
+        Only for eigenvalues.  Called with a form, the allowed amount, a load in kg near which the result is expected
+        (NaN without a guess) and the largest load in kg; returns the load in kg at which the eigenvalue reaches the
+        amount.
     grows : bool
-        Whether the share can only grow with the load, so that looking at the largest one says whether it is reached.
-    in_richer : bool
+        Whether the share can only grow with the load, so that the share at the largest load tells whether any load
+        reaches the limit.
+    in_richer_model : bool
         Whether a richer structural model has the quantity at the same positions.
     """
 
@@ -89,8 +95,8 @@ class Kind:
 def _share_of_quantity(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on a quantity that runs have, too.
 
-    Raises InputError if the limit is on the luffing cylinder and its arm can't raise the boom at the k-th posture of
-    `at`.
+    Raises InputError if the limit is on the luffing cylinder and the cylinder has no lever arm to raise the boom at the
+    k-th posture of `at`.
     """
     if limit.of == "luffing" and not at.arm[k] > 0.0:
         reason = f"at {np.rad2deg(at.luffing[k]):.4g} degrees the cylinder has an arm of {at.arm[k]:.2g} m"
@@ -102,7 +108,7 @@ def _share_of_quantity(limit: Limit, at: PostureMatrices, k: int, amounts: Seque
 def _share_of_user_function(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on a user's function or expression.
 
-    Its absolute value at the k-th posture of `at` counts.
+    The absolute value of the function or expression at the k-th posture of `at` is compared with the allowed amount.
     """
     is_function, text = limit.of == "function", limit.function or limit.expression or ""
     evaluate = plugin_function(limit.name, text) if is_function else expression_function(text)
@@ -127,7 +133,7 @@ def _share_of_frequency(limit: Limit, at: PostureMatrices, k: int, amounts: Sequ
 def _share_of_overturning(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on overturning, about the worst edge.
 
-    The machine stands at the k-th posture of `at`, whose parts act by `amounts` (w,).
+    The machine stands at the k-th posture of `at`; the components ``at.parts`` act by `amounts` (w,).
     """
     tipping = limit.tipping_moments(at, k, amounts)
     return lambda states: tipping.share(states, limit.factor)
@@ -147,13 +153,13 @@ def _force_names_of(kind: str) -> Callable[[Scene], Sequence[str]]:
 #: Usual range of a quantity, by its unit.
 USUAL = {"Pa": Usual(1e6, 1e10, unit="Pa"), "N": Usual(0.05, 1e3, "weight", "N"), "m": Usual(1e-5, 1.0, "reach", "m")}
 USUAL_PRESSURE = Usual(1e4, 1e10, unit="Pa")
-#: Functions that list a scene's names among which a limit chooses, by quantity, if no model is needed for them.
+#: By quantity: a function that lists the scene's names among which a limit chooses; only where this needs no model.
 NAMES: Mapping[str, Callable[[Scene], Sequence[str]]] = {
     "stress": _stress_probes,
     "rope": lambda scene: list(rope_shares(scene)),
     **{kind: _force_names_of(kind) for kind in ("pad", "cylinder", "support")},
 }
-#: All kinds of limits: quantities that runs have too, and others.
+#: All kinds of limits by name: quantities that runs have too, and others.
 KINDS: Mapping[str, Kind] = {
     key: Kind("most", q.unit, _share_of_quantity, USUAL.get(q.unit), NAMES.get(key), in_richer_model=q.unit != "Pa")
     for key, q in LIMITED.items()
@@ -205,18 +211,18 @@ class Limit(SceneTable):
 
     @property
     def kind(self) -> Kind:
-        """The declaration in `KINDS` of what is limited."""
+        """The entry of `KINDS` for the quantity that is limited."""
         return KINDS[self.of]
 
     @property
     def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
-        """`most` and its usual range, for hints; empty without a `most` or a usual range."""
+        """`most` with its usual range, as ``{"most": (value, range)}`` for hints; empty if either is missing."""
         usual = USUAL_PRESSURE if self.area else self.kind.usual
         return {"most": (self.most, usual)} if self.most is not None and usual is not None else {}
 
     @model_validator(mode="after")
     def _check_keys(self) -> Self:
-        """Refuse keys that are missing for what is limited, and keys that belong to another limit."""
+        """Refuse keys that are missing for the limited quantity, and keys that belong to other kinds of limits."""
         needed = self.kind.amount
         for key in ("most", "least"):
             if (getattr(self, key) is not None) != (key == needed):
@@ -236,7 +242,10 @@ class Limit(SceneTable):
 
     @property
     def allowed_amount(self) -> float:
-        """Largest allowed value: `most`, for a pad with an area `most` times the area; or `factor` times `least`."""
+        """Largest allowed value, or for eigenvalues `factor` times `least`.
+
+        The largest allowed value is `most`; for a pad with an `area` it is `most`, a pressure, times the area.
+        """
         if self.least is not None:
             return self.factor * self.least
         return float(self.most or 0.0) * float(np.prod(self.area or (1.0,)))
@@ -244,8 +253,8 @@ class Limit(SceneTable):
     def share(self, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
         """Return the function from states to the used shares (p,) of the limit at the k-th posture of `at`.
 
-        `amounts` (w,) are those by which the parts ``at.parts`` act.  Raises InputError if the model has none of the
-        columns that the limit depends on.
+        `amounts` (w,) are the amounts by which the w components ``at.parts`` act.  Raises InputError if the model has
+        none of the columns that the limit depends on.
         """
         return self.kind.share(self, at, k, amounts)
 
@@ -264,8 +273,9 @@ class Limit(SceneTable):
     def eigenvalue_load(self, form: Form, near: float, up_to: float) -> float | None:
         """Return the load in kg at which the eigenvalue of `form` reaches the limit while no contact opens or closes.
 
-        None for a limit on something else than an eigenvalue; infinite if no load reaches it.  `near` is a load in kg
-        near which it is expected, NaN without one; a load above `up_to` may be returned as infinite.
+        The result is None if the limit is not on an eigenvalue, and infinite if no load reaches the limit.  `near` is a
+        load in kg near which the result is expected, NaN without a guess.  A load above `up_to` in kg may be returned
+        as infinite.
         """
         directly = self.kind.eigenvalue_load
         return None if directly is None else directly(form, self.allowed_amount, near, up_to)
@@ -273,14 +283,14 @@ class Limit(SceneTable):
     def tipping_moments(self, at: PostureMatrices, k: int, amounts: Sequence[float]) -> TippingMoments:
         """Return the moments about the edges of the support polygon at the k-th posture of `at`.
 
-        `amounts` (w,) are those by which the parts ``at.parts`` act.
+        `amounts` (w,) are the amounts by which the w components ``at.parts`` act.
         """
         return TippingMoments.compute(self.polygon, self.height, self.machine, at, k, np.asarray(amounts))
 
     def check(self, scene: Scene) -> None:
         """Raise InputError if the limit names a probe, contact, function or quantity that the scene lacks.
 
-        It builds no model, so names that only a model knows are not checked.
+        No model is built, so names that only a model knows are not checked.
         """
         if self.of == "luffing" and (scene.frame is None or scene.frame.cylinder is None):
             allowed = "a scene with frame.cylinder is allowed, which says where its hinges are"
@@ -297,7 +307,7 @@ class Limit(SceneTable):
                 raise self._unknown_name(names)
 
     def concerns(self, name: str) -> bool:
-        """Return whether the limit depends on the column, the probe or the point of the field with this name."""
+        """Return whether the limit depends on the column, the probe or the point of the stress field with this name."""
         if self.of not in ("stress", "field"):
             return matches_pattern(self.which, name)
         body, separator, suffix = name.rpartition(FIELD)
@@ -309,7 +319,7 @@ class Limit(SceneTable):
         )
 
     def _unknown_name(self, names: Sequence[str]) -> InputError:
-        """Return the error of a name in ``which`` that is not among `names`; empty `names`: nothing can be limited."""
+        """Return the error for a name in ``which`` that `names` lack; empty `names`: the scene has nothing to limit."""
         allowed = f"names among {', '.join(names)} are allowed" if names else f"the scene has no {self.of} to look at"
         return InputError("study", f"limits.{self.name}.which", ", ".join(self.which), allowed)
 
@@ -325,16 +335,17 @@ def _ratio(part: float, total: float) -> float:
 
 
 def bodies_with_field(scene: Scene) -> list[str]:
-    """Names of a scene's shells and solids, for limits of the field; ``"walls"`` for a body without a name."""
+    """Names of a scene's bodies with a stress field (shells, solids); ``"walls"`` stands for a body without a name."""
     named_members = zip(scene.names, members(scene), strict=True)
     return [name or WHOLE for name, member in named_members if model_of(member) in WITH_FIELD]
 
 
 def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:
-    """Return the scene with probes at all stress points of those bodies or regions that one of the `patterns` fits.
+    """Return the scene with probes at all stress points of the bodies or regions that fit one of the `patterns`.
 
-    A region's name is its body's and its own, ``fly: flange``.  Raises InputError if no body or region fits, or if so
-    many points at so many `places` (points of the chart) would fill the memory.
+    A region is named by its body and its own name, ``fly: flange``.  `places` is the number of points of the chart.
+    Raises InputError if no body or region fits, or if the stresses at all these points and places would fill the
+    memory.
     """
     if not patterns:
         return scene
@@ -353,7 +364,7 @@ def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:
 
 
 def _field_probes(name: str, model: Any, patterns: Sequence[str]) -> Iterator[Probe]:
-    """Yield probes at the stress points of those regions whose name, or whose body's, fits one of the patterns."""
+    """Yield probes at the stress points of each region if its name, or its body's name, fits one of the patterns."""
     rows = model.stresses() if hasattr(model, "stresses") else None
     if rows is None or not set(FACES) & set(rows.faces) and len(rows.components) < 6:
         return

@@ -1,8 +1,8 @@
-"""Full and reduced models of a scene, of several bases and of every size, and their motions, simulated alike.
+"""Full and reduced models of a scene, for several bases and sizes, and their motions with the same excitation.
 
 For a boom of sections the size is the number of elastic modes of each section; rigid-body motions and modes of
-cylinders are added.  Motions begin in static equilibrium or at rest, as the scene says.  Where pads push, models divide
-steps into the same parts as the full model did.
+cylinders are added.  Motions begin in static equilibrium or at rest, as the scene says.  Where contacts only push,
+reduced models divide steps into the same parts as the full model did.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from pmr.system.truncation import MODAL, extend, truncate
 
 Array = NDArray[np.float64]
 
-#: Number of steps of the full motion from one snapshot of it to the next.
+#: Number of steps of the full motion between two snapshots.
 SNAPSHOT_INTERVAL = 5
 #: Rigid-body motions of a section, at most.
 RIGID_MODES = 6
@@ -47,7 +47,7 @@ class FullMotion:
     """A scene, its full models as one system, and the motion of that system."""
 
     scene: Scene
-    full: System  # a single body's in its modal coordinates
+    full: System  # a single body is in its modal coordinates
     excitation: Excitation  # with steps divided as in the full motion
     run: SystemTrajectory
     response: Response
@@ -67,7 +67,7 @@ def simulate_displacement(
 ) -> Array:
     """Return the displacements (T, o) in m of a system at each `every`-th step of its motion.
 
-    Steps are `factor` times as long as the scene's; the spectral radius is `rho_inf`, or the scene's if it is None.
+    The time step is `step_factor` times the scene's.  The spectral radius is `rho_inf`, or the scene's if that is None.
     """
     driven = Excitation.from_scene(scene)
     grid = replace(driven.stepping, step=step_factor * driven.stepping.step)
@@ -77,7 +77,7 @@ def simulate_displacement(
 
 @dataclass(frozen=True)
 class ModelFamily:
-    """Models of one basis as systems: `of` returns the one of a size from `smallest` to `largest`."""
+    """Models of one basis as systems: `system_of_size` returns the model of a size from `smallest` to `largest`."""
 
     system_of_size: Callable[[int], System]
     largest: int
@@ -85,9 +85,9 @@ class ModelFamily:
 
 
 def with_basis(scene: Scene, basis: str, largest: int) -> Scene:
-    """Return the scene with the reduction that a basis needs for models of up to the size `largest`.
+    """Return the scene with the reduction that a `basis` needs for models of up to the size `largest`.
 
-    For a boom of sections goals of accuracy and budgets are removed, so that no size is searched.
+    For a boom of sections, tolerance and budget of the scene are removed, so that no size is searched.
     """
     solver = scene.sections[0].reduction.solver
     if len(scene.sections) > 1:
@@ -106,10 +106,11 @@ def with_basis(scene: Scene, basis: str, largest: int) -> Scene:
 
 
 def model_family(scene: Scene, basis: str) -> ModelFamily:
-    """Return the models of a scene that `with_basis` made for a basis.
+    """Return the models of a `scene` that `with_basis` made for the same `basis`.
 
     ``pod`` and ``visited`` are POD of eigenmodes with the sliders held, at all nodes or at nine positions that the path
-    visits; ``modes`` are free modes without the flexibility of those left out, ``flexibility`` free modes with it.
+    visits.  ``modes`` are free modes without the flexibility of the modes that are left out, ``flexibility`` are free
+    modes with this flexibility.
     """
     if len(scene.sections) > 1:
         return _section_family(scene, basis)
@@ -134,7 +135,7 @@ def _flexible_family(longest: ReducedModel) -> ModelFamily:
         return System.of(truncate(leading, size) if more else leading)
 
     omega2 = np.diagonal(longest.K)
-    rigid = int(np.sum(omega2 <= MODAL * np.finfo(float).eps * omega2[-1]))  # which have no flexibility
+    rigid = int(np.sum(omega2 <= MODAL * np.finfo(float).eps * omega2[-1]))  # rigid-body motions have no flexibility
     return ModelFamily(system_of_size, longest.size, max(rigid, 1))
 
 

@@ -1,4 +1,4 @@
-"""Files that a study leaves: results of its tasks, one table of its runs, their measured seconds, a summary.
+"""Files that a study writes: results of its tasks, one table of its runs, their measured seconds, a summary.
 
 ``runs.csv`` and ``runs.npz`` hold the runs in the order of the plan: key, status, reason, parameters, figures.  They
 are the same to the last byte however many workers there were and however often the study was cut off; times, which
@@ -27,7 +27,7 @@ from pmr.files.whole import finish_swap, replacement_folder
 from pmr.studies.tasks import Failure, Plan, Scalar, TaskResult, digests
 
 FORMAT = "pmr-task-result"
-FORMAT_VERSION = 3  # warnings belong to the result
+FORMAT_VERSION = 3  # from version 3 on, warnings belong to the result
 STALE_AFTER = 3600.0  # s, age at which a file under construction counts as abandoned
 #: Text between two warnings in a cell of the table.
 SEPARATOR = " | "
@@ -37,11 +37,11 @@ TABLES, REPORT = ("runs.csv", "runs.npz", "seconds.csv", "summary.json"), ("repo
 
 @dataclass(frozen=True)
 class Store:
-    """Folder of the results of tasks, one npz file with a JSON header each, named by the result's digest.
+    """Folder with the results of tasks: one npz file with a JSON header for each, named by the result's digest.
 
-    The digest is that of all that decides the result.  A file appears under its name only when it is complete, and a
-    damaged one counts as missing; so a study that was cut off continues with the files that are there.  Equal tasks of
-    several studies share a file.  Nothing in it is pickled.
+    The digest covers everything that decides the result.  A file appears under its name only when it is complete, and a
+    damaged file counts as missing; so a study that was interrupted continues with the files that exist.  Equal tasks of
+    several studies share a file.  Nothing in a file is pickled.
     """
 
     folder: Path
@@ -58,7 +58,7 @@ class Store:
                 file.unlink(missing_ok=True)
 
     def is_sound(self, digest: str) -> bool:
-        """Return whether the file of this digest is there and undamaged to the last byte."""
+        """Return whether the file of this digest exists and is undamaged to the last byte."""
         try:
             self.read(digest)
         except npz.DamagedError:
@@ -66,9 +66,9 @@ class Store:
         return True
 
     def write(self, digest: str, key: str, result: TaskResult) -> None:
-        """Write the result of the task `key` to the file of this digest, all of it or nothing.
+        """Write the result of the task `key` to the file of this digest, completely or not at all.
 
-        Raises TypeError or ValueError if the record holds anything but finite scalars.
+        Raises TypeError or ValueError if the result's record holds anything but finite scalars.
         """
         header = {
             "format": FORMAT,
@@ -88,8 +88,8 @@ class Store:
     def read(self, digest: str, only: Collection[str] | None = None) -> TaskResult:
         """Return the result with this digest; its arrays are read-only.
 
-        `only` names the members of the file that are read; all if it is None.  Raises DamagedError if the file is
-        missing or damaged.
+        `only` holds the names of the arrays that are read; None reads all.  Raises DamagedError if the file is missing
+        or damaged.
         """
         file = self.path(digest)
         try:
@@ -124,10 +124,11 @@ def _check_record(record: Mapping[str, Scalar]) -> dict[str, Scalar]:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """One run: the parameters that were varied, its status, and the numbers that came out, `figures`.
+    """One run: the `parameters` that were varied, its `status`, and its numbers, `figures`.
 
-    `status` is ``"done"``, ``"failed"`` or ``"skipped"``; without ``"done"`` `figures` are empty, and `reason` says why
-    in one line and `detail` at length.  `file` is the path of its arrays, relative to the study's folder.
+    `status` is ``"done"``, ``"failed"`` or ``"skipped"``.  Unless it is ``"done"``, `figures` are empty, `reason` says
+    why in one line, and `detail` says it at length.  `file` is the path of the run's arrays, relative to the study's
+    folder.
     """
 
     key: str
@@ -149,7 +150,7 @@ class RunRecord:
 
 @dataclass(frozen=True)
 class CountedWarning:
-    """A kind of warning: its text in the first of the runs that have it, and the keys of these runs."""
+    """A kind of warning: its text in the first run that has such a warning, and the keys of all runs that have one."""
 
     text: str
     runs: tuple[str, ...]
@@ -165,7 +166,7 @@ class CountedWarning:
 
 @dataclass(frozen=True)
 class StudyResults:
-    """All runs of one study, in the order of its plan, and the folder in which they are stored."""
+    """All runs of one study, in the order of its plan, and the folder in which the results are stored."""
 
     folder: Path
     runs: tuple[RunRecord, ...]
@@ -174,9 +175,9 @@ class StudyResults:
     def collect(
         cls, folder: Path, plan: Plan, code: str, store: Store, failures: Mapping[str, Failure]
     ) -> StudyResults:
-        """Return the records of a plan's runs: of failed ones from `failures`, by digest, of all others from the store.
+        """Return the records of a plan's runs: of failed runs from `failures`, by digest, of all others from the store.
 
-        `code` is the digest of the code that computed them; `folder` is the study's own.
+        `code` is the digest of the code that computed the results; `folder` is the study's own folder.
         """
         digest = digests(plan, code)
         runs = []
@@ -201,7 +202,7 @@ class StudyResults:
         finish_swap(folder)
         runs = json.loads((folder / "summary.json").read_text())["runs"]
         for run in runs:
-            run["warnings"] = tuple(run["warnings"] if "warnings" in run else run.pop("notes"))  # as it was called
+            run["warnings"] = tuple(run["warnings"] if "warnings" in run else run.pop("notes"))  # earlier name
         return cls(folder, tuple(RunRecord(**run) for run in runs))
 
     @property
@@ -226,14 +227,14 @@ class StudyResults:
         return Store(path.parent).read(path.stem).arrays
 
     def column(self, name: str) -> NDArray[Any]:
-        """Return one column (runs,) of the table; NaN, or an empty text among texts, where a run has no such value."""
+        """Return one column (runs,) of the table; a run without a value has NaN, or "" in a column of texts."""
         return _column([run.row.get(name) for run in self.runs])
 
     def save(self, summary: Mapping[str, object], tables: Mapping[str, str] | None = None) -> None:
         """Write runs.csv, runs.npz, seconds.csv, summary.json (`summary` and the runs) and further `tables`.
 
-        `tables` are texts by file name; an empty text writes no file.  Old files of these names are replaced or
-        deleted, and so is an existing report, which shows the old results.
+        `tables` maps file names to texts; for an empty text no file is written.  Old files of these names are replaced
+        or deleted.  An existing report is deleted, since it shows the old results.
         """
         rows = [run.row for run in self.runs]
         names = _column_names(rows)
@@ -280,7 +281,7 @@ def _csv_of_rows(rows: Sequence[Mapping[str, Scalar]]) -> str:
 
 
 def _cell(value: Scalar) -> str:
-    """Return a value as text: None as an empty one, booleans in small letters, numbers with all digits."""
+    """Return a value as text: None as an empty text, booleans in small letters, numbers with all digits."""
     if value is None:
         return ""
     if isinstance(value, bool):
@@ -289,12 +290,12 @@ def _cell(value: Scalar) -> str:
 
 
 def _column(values: Sequence[Scalar]) -> NDArray[Any]:
-    """Return values as an array of texts, None as an empty one, or of numbers, None as NaN."""
+    """Return values as an array: of texts, with an empty text for None, or of numbers, with NaN for None."""
     values_given = [value for value in values if value is not None]
     if any(isinstance(value, str) for value in values_given):
         return np.array(["" if value is None else str(value) for value in values])
     if len(values_given) == len(values) and values_given:
-        return np.array(values_given)  # bool, int or float, whichever holds all
+        return np.array(values_given)  # bool, int or float: the first type that holds all values
     return np.array([np.nan if value is None else float(value) for value in values])
 
 

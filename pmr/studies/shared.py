@@ -1,8 +1,8 @@
-"""Tasks that runs of many kinds have in common: eigenmodes at a slider position, references, frequencies.
+"""Tasks that runs of many kinds of studies share: eigenmodes at a slider position, reference motions, frequencies.
 
-Each is planned from a scene that is stripped of all that does not decide the result, so that runs which differ in
-anything else share the task, within a study and across the studies of a collection.  The functions import FEniCSx when
-they are called: planning works without it.
+Each task is planned from a scene without the keys that do not decide its result, so that runs which differ only in such
+keys share the task, within a study and across the studies of a collection.  The functions import FEniCSx when they are
+called: planning works without it.
 """
 
 from __future__ import annotations
@@ -33,43 +33,46 @@ if TYPE_CHECKING:
     from pmr.system.body import FullBody
     from pmr.system.system import System
 
-#: Rough effort in s for the paper's beam.
+#: Rough effort in s for the beam of Weyrer et al.
 COSTS = {"modes": 0.05, "full": 0.5, "ancf": 3.0, "frequencies": 0.5}
 NOTHING = Constant(amount=0.0)
 
 
 def scene_arguments(scene: Scene) -> dict[str, Any]:
-    """Return a scene as arguments of a task: ``scene``, its keys, and ``hash``, which covers files that it names."""
+    """Return a scene as arguments of a task: ``scene``, its keys, and ``hash``, a digest that covers files it names."""
     plain = scene.model_copy(update={"title": "", "published": None})
     return {"scene": plain.model_dump(mode="json"), "hash": plain.hash}
 
 
 def scene_of(arguments: Arguments) -> Scene:
-    """Return the scene from arguments that `scene_arguments` made."""
+    """Return the scene of a task's arguments that `scene_arguments` made."""
     return Scene.model_validate(arguments["scene"])
 
 
 def refuse_second_order(scene: Scene) -> None:
-    """Raise InputError for a single body with second order, which most kinds of studies can't compute."""
+    """Raise InputError for a single body with second-order terms, which most kinds of studies can't compute."""
     if len(scene.sections) == 1 and scene.frame is not None and scene.frame.second_order:
         allowed = "false is allowed in a study of a body alone; studies of kind 'scenes' follow second order"
         raise InputError("scene", "frame.second_order", scene.frame.second_order, allowed)
 
 
 def model_of(scene: Scene) -> FullModel:
-    """Return the full model of a scene's single body; it is stored for the next task, see `bodies_of`."""
+    """Return the full model of a scene's single body; it is stored for later tasks by `bodies_of`."""
     return bodies_of(scene)[ALONE].model
 
 
 def body_of(scene: Scene) -> FullBody:
-    """Return the full model of a scene's single body as SciPy matrices; a task has one rank."""
+    """Return the full model of a scene's single body with SciPy matrices, complete as a task runs on one rank."""
     body = model_of(scene).gather()
     assert body is not None
     return body
 
 
 def full_system(scene: Scene) -> System:
-    """Return all full models of a scene, with their contacts, as one system of SciPy matrices; a task has one rank."""
+    """Return all full models of a scene, with their contacts, as one system of SciPy matrices.
+
+    The matrices are complete, as a task runs on one rank.
+    """
     from pmr.fullmodel.model import FullSystem
 
     models = {name: built.model for name, built in bodies_of(scene).items()}
@@ -86,7 +89,7 @@ def reduced_system(scene: Scene) -> System:
 
 
 def bodies_of(scene: Scene) -> Mapping[str, AssembledBody]:
-    """Return a scene's full models and structures by body; they are stored for later tasks of this process."""
+    """Return a scene's full models with their structures, by body; they are stored for later tasks of this process."""
     return _build_bodies(
         _without_loads(scene).model_copy(update={"title": "", "published": None, "damping": scene.damping})
     )
@@ -103,15 +106,15 @@ def _build_bodies(scene: Scene) -> Mapping[str, AssembledBody]:
 
 
 def with_reduction(scene: Scene, reduction: Reduction) -> Scene:
-    """Return the scene with this reduction of every body."""
+    """Return the scene with the settings `reduction` for every body."""
     parts = tuple(part.model_copy(update={"reduction": reduction}) for part in scene.sections)
     return scene.model_copy(update={"sections": parts})
 
 
 def modes_tasks(scene: Scene) -> dict[str, Task]:
-    """Return tasks ``modes0``, ``modes1``, ... that compute eigenmodes at each slider position of the snapshots.
+    """Return tasks ``modes0``, ``modes1``, ..., which compute eigenmodes at the slider positions of the snapshots.
 
-    A basis of free modes has one task; vectors from a file or from a package's function have none.
+    A basis of free modes has one task.  A basis of vectors from a file or from a package's function has none.
     """
     choice = scene.reduction
     if choice.is_external:
@@ -131,7 +134,7 @@ def modes_tasks(scene: Scene) -> dict[str, Task]:
             solver=choice.solver,
         )
     plain = _without_loads(scene).model_copy(update={"reduction": deciding})
-    # The path of pads says where they have rows at all, that of points nothing but where snapshots are taken.
+    # The path of pads decides where they have rows; the path of points only decides where snapshots are taken.
     if scene.points and not (choice.uses_pod and choice.positions == "path"):
         update = {"slider": scene.slider.model_copy(update={"path": NOTHING}), "time": TimeChoice(end=1.0, step=1.0)}
         plain = plain.model_copy(update=update)
@@ -145,7 +148,7 @@ def modes_tasks(scene: Scene) -> dict[str, Task]:
 
 
 def reference_task(scene: Scene, name: str) -> Task:
-    """Return the task that simulates a model to compare with, the `name` of which is ``"full"`` or ``"ancf"``."""
+    """Return the task that simulates the reference model `name`, ``"full"`` or ``"ancf"``, for comparison."""
     is_ancf = name == "ancf"
     alone = scene.model_copy(
         update={
@@ -181,10 +184,10 @@ def response_from(result: TaskResult) -> Response:
 
 
 def compute_held_modes(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: eigenmodes with the slider held at the scene's position number ``position``.
+    """Task: compute eigenmodes with the slider held at the scene's position number ``position``.
 
-    Arrays of k modes with n coordinates: ``phi`` (n, k), ``omega`` (k,) in rad/s, ``residuals`` (k,), ``s`` (k,), the
-    position in m.
+    Arrays of k modes with n coordinates: ``phi`` (n, k), ``omega`` (k,) in rad/s, ``residuals`` (k,), and ``s`` (k,) in
+    m, the slider's position repeated.
     """
     from pmr.fullmodel.eigensolvers import eigensolver
     from pmr.reduction.snapshots import positions
@@ -198,7 +201,10 @@ def compute_held_modes(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def compute_released_modes(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: the modes of a scene whose basis needs no slider positions; arrays as those of `compute_held_modes`."""
+    """Task: compute the modes of a scene with a basis that needs no slider positions.
+
+    The arrays are those of `compute_held_modes`.
+    """
     from pmr.reduction.from_scene import take_snapshots
 
     scene = scene_of(arguments)
@@ -230,21 +236,21 @@ def compute_frequencies(arguments: Arguments, needs: Needs) -> TaskResult:
 
 def _without_loads(scene: Scene) -> Scene:
     """Return the scene without loads, damping, comparison and settings of time steps and reduction."""
-    end = scene.time.end  # the path is visited up to it
+    end = scene.time.end  # positions of the path are visited up to this time
     unloaded = scene.without_loads().model_copy(
         update={
             "damping": Damping(),
             "time": TimeChoice(end=end, step=end),
             "compare": Compare(against=()),
             "simulation": Simulation(),
-            "free_motions": "allowed",  # what is simulated refuses them; here a slider may sit on a support
+            "free_motions": "allowed",  # simulations refuse free motions; here a slider may stand on a support
         }
     )
     return with_reduction(unloaded, Reduction(solver=scene.sections[0].reduction.solver))
 
 
 def _scene_task(function: TaskFunction, kind: str, name: str, scene: Scene, **more: Any) -> Task:
-    """Return a task of the scene, whose key is `name` and a digest of its arguments; `more` are further arguments."""
+    """Return a task on the scene: its key is `name` with a digest of its arguments; `more` are further arguments."""
     arguments = scene_arguments(scene) | more
     digest = hashlib.sha256(json.dumps(arguments, sort_keys=True).encode()).hexdigest()[:12]
     return Task(f"{name}-{digest}", function, arguments, cost=COSTS[kind])

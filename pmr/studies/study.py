@@ -1,4 +1,4 @@
-"""Keys that all study files share; a kind of study adds its own keys and its plan."""
+"""Keys that all study files share; each kind of study adds keys of its own and its plan."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Count = Annotated[int, Field(ge=1, strict=True)]
 
 
 class Statement(SceneTable):
-    """Published statement that is compared with a figure of the study."""
+    """Published statement with which a figure of the study is compared."""
 
     figure: str = Field(description="Name of the study's own figure")
     text: str = Field(description="What it is")
@@ -37,8 +37,8 @@ class Statement(SceneTable):
 class StudyBase(SceneTable):
     """A study: settings of its runs, validated and frozen.
 
-    A kind is a module of `pmr.studies.kinds` with a class ``Study`` derived from this one, whose ``kind`` is a Literal
-    of the module's name.
+    A kind is a module of `pmr.studies.kinds` with a class ``Study`` derived from this class; the type of its key
+    ``kind`` is a Literal of the module's name.
     """
 
     kind: str = Field(description="Kind of study")
@@ -49,20 +49,20 @@ class StudyBase(SceneTable):
 
     @abstractmethod
     def plan(self) -> Plan:
-        """Return the tasks of the study; all that can be refused is refused here, before anything runs.
+        """Return the tasks of the study; every key that can be refused is refused here, before a task runs.
 
-        Raises InputError with source ``"study"`` for a key of the study file; the reader of the file puts its name
-        there.
+        Raises InputError with source ``"study"`` for a key of the study file; whoever reads the file replaces the
+        source by the file's name.
         """
 
     def hints(self) -> list[str]:
-        """Return a line for each key of the study whose number lies outside its usual range, as in a wrong unit."""
+        """Return a line for each key of the study with a number outside its usual range, perhaps in a wrong unit."""
         return []
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
         """Return numbers about all runs together, by name, for ``figures`` in summary.json.
 
-        It is called when all runs are done.
+        The method is called when all runs are done.
         """
         return {}
 
@@ -74,5 +74,5 @@ class StudyBase(SceneTable):
         return {}
 
     def summary_line(self, results: StudyResults) -> str:
-        """Return the main result in one line for the terminal, empty without one; called when all runs are done."""
+        """Return the main result in one line for the terminal, or an empty text; called when all runs are done."""
         return ""

@@ -1,4 +1,4 @@
-"""Tasks of a study, each a named call of a function; the plan that lists them, and the graph of those to compute."""
+"""Tasks of a study, each a named call of a function; the plan of all tasks, and the graph of tasks to be computed."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ from pmr.errors import InputError
 
 #: Value of one cell of the table.
 Scalar = float | int | bool | str | None
-#: Longest key of a task, and the pattern of keys: they are names of files, too.
+#: Length of the longest key of a task, and the pattern of keys, which are also names of files.
 LONGEST = 120
 KEY = re.compile(rf"[A-Za-z0-9][A-Za-z0-9._=,+-]{{0,{LONGEST - 1}}}")
 
 
 def task_key(text: str) -> str:
-    """Return a task key that resembles `text`: ``_`` for characters that keys can't hold.
+    """Return a task key that resembles `text`: characters that keys can't contain are replaced by ``_``.
 
-    The end of a text that is too long becomes a digest of it; a key that would begin with a sign begins with 0.
+    The end of a text that is too long is replaced by a digest of the text; a ``0`` is put before a sign at the
+    beginning.
     """
     key = re.sub(r"[^A-Za-z0-9._=,+-]+", "_", text)
     key = key if key[:1].isalnum() else f"0{key}"
@@ -38,7 +39,7 @@ def task_key(text: str) -> str:
 
 
 def cell_number(value: Scalar) -> float:
-    """Return a table's cell as a float; raises TypeError if it is empty (None) or a text."""
+    """Return the value of a table's cell as a float; raises TypeError if the cell is empty (None) or a text."""
     if value is None or isinstance(value, str):
         raise TypeError(f"{value!r} is no number")
     return float(value)
@@ -48,9 +49,9 @@ def cell_number(value: Scalar) -> float:
 class TaskResult:
     """Numbers for the table (`record`), arrays, times and warnings that a task returns.
 
-    Each entry of the `record` is a column of the table, and the same on every machine that computes alike; measured
-    times, which differ from run to run, are in `seconds` instead.  `warnings` are those of a run of the same scene, a
-    line each; what is logged as a warning while the task runs joins them.
+    Each entry of the `record` is a column of the table; its value must not depend on the machine.  Measured times,
+    which differ from run to run, are in `seconds` instead.  `warnings` are the warnings of a run of the same scene, one
+    line each; warnings that are logged while the task runs are added to them.
     """
 
     record: Mapping[str, Scalar] = field(default_factory=dict)  # a float must be finite; None leaves the cell empty
@@ -61,15 +62,15 @@ class TaskResult:
 
 @dataclass(frozen=True)
 class Failure:
-    """Why there is no result: the task failed itself, or was skipped because one that it needs did."""
+    """Why a task has no result: its function failed, or the task was skipped because a task that it needs failed."""
 
     reason: str  # one line, the same wherever the task fails
-    detail: str = ""  # what helps to find out why
+    detail: str = ""  # traceback or output that helps to find the cause
     status: str = "failed"  # or "skipped"
 
     @classmethod
     def from_error(cls, error: BaseException) -> Failure:
-        """Return the failure by an error that was raised; `detail` is its traceback."""
+        """Return the failure of a task that raised `error`; `detail` is the traceback."""
         return cls(" ".join(f"{type(error).__name__}: {error}".split()), "".join(traceback.format_exception(error)))
 
     def of_skipped(self, key: str) -> Failure:
@@ -78,7 +79,7 @@ class Failure:
         return Failure(reason, status="skipped")
 
 
-#: Arguments of a task, as JSON holds them; results of the tasks that it needs, by the names under which it needs them.
+#: Arguments of a task, in types of JSON; results of the tasks that it needs, by the names that its function uses.
 Arguments = Mapping[str, Any]
 Needs = Mapping[str, TaskResult]
 TaskFunction = Callable[[Arguments, Needs], TaskResult]
@@ -88,21 +89,21 @@ TaskFunction = Callable[[Arguments, Needs], TaskResult]
 class Task:
     """One call of a function of a module, in a process of its own.
 
-    It is called with `arguments` and the results of `needs`, sees one MPI process and one thread, and what it computes
-    depends on nothing else.  A task that is `alone` measures time: it waits until nothing else is left to do, and no
-    other one runs beside it.
+    The function is called with `arguments` and the results of `needs`; it sees one MPI process and one thread, and its
+    result depends on nothing else.  A task with `alone` measures time: it starts when all other tasks have ended, and
+    no other task runs at the same time.
     """
 
     key: str  # unique in its plan: letters, digits and ``._=,+-``
     function: TaskFunction
-    arguments: Mapping[str, Any] = field(default_factory=dict)  # as JSON holds; of a file that is read its digest too
-    needs: Mapping[str, str] = field(default_factory=dict)  # name for the function: key of the task whose result it is
-    parameters: Mapping[str, Scalar] = field(default_factory=dict)  # first columns of the table, of failed runs too
-    cost: float = 1.0  # expected effort in any unit: long ones start first, and the time left is estimated by it
+    arguments: Mapping[str, Any] = field(default_factory=dict)  # of JSON types; with digests of files that it reads
+    needs: Mapping[str, str] = field(default_factory=dict)  # name that the function uses -> key of the needed task
+    parameters: Mapping[str, Scalar] = field(default_factory=dict)  # first columns of the table, also for failed runs
+    cost: float = 1.0  # expected effort in any unit: long tasks start first, and the time left is estimated from it
     alone: bool = False
 
     def __post_init__(self) -> None:
-        """Raise ValueError for a key that can't name a file, or a function that is not one of a module."""
+        """Raise ValueError for a key that can't name a file, or for a function that is not one of a module's own."""
         if not KEY.fullmatch(self.key):
             raise ValueError(f"task key {self.key!r}: {KEY.pattern} is allowed")
         if "." in self.function.__qualname__:
@@ -110,13 +111,14 @@ class Task:
 
     @property
     def address(self) -> str:
-        """``"module:name"`` of the function."""
+        """The text ``"module:name"`` that names the function."""
         return f"{self.function.__module__}:{self.function.__qualname__}"
 
     def digest(self, code: str, needs: Mapping[str, str]) -> str:
-        """Return the digest of what decides the result: code, function, source of its module, arguments, needs.
+        """Return the digest of everything that decides the result.
 
-        `code` is the digest of the code; `needs` are the digests of the results that the task needs, by name.
+        It covers the digest `code` of the package's code, the function, the source of its module, the arguments, and
+        `needs`, the digests of the results that the task needs, by name.
         """
         content = [code, self.address, _source(self.function.__module__), self.arguments, needs]
         return hashlib.sha256(json.dumps(content, sort_keys=True, allow_nan=False).encode()).hexdigest()[:24]
@@ -133,10 +135,10 @@ class Plan:
     """The tasks of one study: its runs, and tasks whose results several runs need."""
 
     runs: tuple[Task, ...]  # one row of the table each, in this order
-    shared: tuple[Task, ...] = ()  # what several runs need, without a row; computed once if a run still needs it
+    shared: tuple[Task, ...] = ()  # tasks without a row that several runs need; computed once if a run still needs them
 
     def __post_init__(self) -> None:
-        """Raise InputError if two tasks have one key, ValueError if a task needs one that the plan lacks."""
+        """Raise InputError if two tasks have the same key, ValueError if a task needs a key that the plan lacks."""
         twice = [key for key, count in Counter(task.key.casefold() for task in self).items() if count > 1]
         if twice:
             allowed = f"two runs are called {', '.join(twice)}; names of scenes and cases, and values, must differ"
@@ -148,7 +150,7 @@ class Plan:
                 raise ValueError(f"task {task.key} needs {', '.join(sorted(missing))}, which the plan lacks")
 
     def __iter__(self) -> Iterator[Task]:
-        """Iterate over all tasks, those that runs share first."""
+        """Iterate over all tasks: first those that runs share, then the runs."""
         return iter((*self.shared, *self.runs))
 
 
@@ -156,8 +158,8 @@ class Plan:
 class Node:
     """A task with its digest and, by name, the digests of the results that it needs.
 
-    `urgency` is the cost of the longest chain of tasks that begins here: the most urgent first keeps all workers busy
-    longest (list scheduling by upward rank; Topcuoglu, Hariri, Wu 2002, section 4.1).
+    `urgency` is the cost of the longest chain of tasks that begins with this one.  Starting the most urgent task first
+    keeps all workers busy longest (list scheduling by upward rank; Topcuoglu, Hariri, Wu 2002, section 4.1).
     """
 
     digest: str
@@ -167,7 +169,7 @@ class Node:
 
 
 def digests(plan: Plan, code: str) -> dict[str, str]:
-    """Return the digest of each task of a plan, by key; raises ValueError if tasks need each other in a circle.
+    """Return the digest of each task of a plan, by key; raises ValueError if the needs of tasks form a cycle.
 
     `code` is the digest of the code that tasks compute with.
     """
@@ -179,10 +181,10 @@ def digests(plan: Plan, code: str) -> dict[str, str]:
 
 
 def open_nodes(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool]) -> dict[str, Node]:
-    """Return the tasks that are to be computed, by digest, each behind the tasks that it needs.
+    """Return the tasks that have to be computed, by digest, each after the tasks that it needs.
 
-    These are the runs that are not done and those shared tasks that they need and that are not done; `is_done` tells of
-    a digest whether its result is stored, `code` is the digest of the code.
+    These are the runs that are not done, and the shared tasks that are not done and that such runs need.  `is_done`
+    returns for a digest whether its result is stored; `code` is the digest of the code.
     """
     tasks, needs, needed = dict[str, Task](), dict[str, dict[str, str]](), set[str]()
     for plan in plans:
@@ -193,7 +195,7 @@ def open_nodes(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool])
         needed |= {digest[run.key] for run in plan.runs}
     order = _topological_order({digest: of_task.values() for digest, of_task in needs.items()})
     urgency, of_dependents = dict[str, float](), dict[str, float]()
-    for key in reversed(order):  # each before what it needs
+    for key in reversed(order):  # each key before the keys that it needs
         if key in needed and not is_done(key):
             urgency[key] = tasks[key].cost + of_dependents.get(key, 0.0)
             needed.update(needs[key].values())
@@ -224,7 +226,7 @@ class ReadyQueue:
         return self._nodes[heapq.heappop(self._heap)[1]]
 
     def mark_done(self, digest: str) -> None:
-        """Queue the nodes that waited only for the one with this digest, which has ended: with a result or failed."""
+        """Queue the nodes that waited only for the node with this digest, which has ended: with a result or failed."""
         self._sorter.done(digest)
         self._add_ready()
 
@@ -235,7 +237,7 @@ class ReadyQueue:
 
 
 def _topological_order(needs: Mapping[str, Iterable[str]]) -> list[str]:
-    """Return keys in an order in which each follows all keys that it needs; raises ValueError for a circle."""
+    """Return keys in an order in which each follows all keys that it needs; raises ValueError for a cycle."""
     try:
         return list(TopologicalSorter(needs).static_order())
     except CycleError as error:

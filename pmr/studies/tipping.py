@@ -3,10 +3,11 @@ r"""A machine that tips over an edge of the polygon it stands on.
 .. math::
     \gamma\, \frac{P\; \hat n \cdot (p + u) \times F_1}{-\hat n \cdot (M - P\, (p + u) \times F_1 + M_m)} = 1
 
-Moments are taken about an edge with the unit vector n along it.  M is the moment of the force and moment with which the
-boom presses on its machine at the pivot, as in a run (`pmr.simulation.reactions`).  The load's part of M is that of P
-times its force F_1, the force of a kg, at the tip p, which is displaced by u.  M_m is the moment of the machine's
-weight, :math:`\gamma` the limit's factor.  All are in the axes of the base, which may be inclined; the weight acts on
+is reached at the load P in kg at which the machine tips.  Moments are taken about an edge of the polygon, with the unit
+vector n along the edge.  M is the moment about the edge by the force and the moment with which the boom presses on its
+machine at the pivot, as in a run (`pmr.simulation.reactions`).  M contains the moment of the load: the force of 1 kg of
+the load, F_1, times P, acts at the tip p, which is displaced by u.  M_m is the moment of the machine's weight,
+:math:`\gamma` the limit's factor.  All vectors are in the axes of the base, which may be inclined; the weight acts on
 the deflected boom.
 """
 
@@ -44,12 +45,15 @@ class Mass(SceneTable):
 
 @dataclass(frozen=True)
 class TippingMoments:
-    """Moments about the e edges of a polygon at one posture; positive ones tip the machine, edges run anticlockwise."""
+    """Moments about the e edges of a polygon at one posture; positive moments tip the machine.
+
+    Edges run anticlockwise.
+    """
 
     machine: Array  # (e,) N m: moment of the machine's weight
     boom: Array  # (e, o): moment of boom and load together, by a unit of each of o outputs
-    tip_moment: Array  # (e,) N m: moment of a kg of the load at the undeformed tip
-    tip_derivative: Array  # (e, o): change of `tips` by a unit of each output
+    tip_moment: Array  # (e,) N m: moment of 1 kg of the load at the undeformed tip
+    tip_derivative: Array  # (e, o): change of `tip_moment` by a unit of each output
 
     @classmethod
     def compute(
@@ -63,13 +67,13 @@ class TippingMoments:
     ) -> TippingMoments:
         """Compute the moments at the k-th posture of `at`, about the edges between corners X, Y in m from the pivot.
 
-        The pivot is `height` m above the corners; `machine` are masses below the boom; `amounts` (w,) are those by
-        which the w parts ``at.parts`` (weight, load, loads of the scene) act.  Raises InputError if a force or moment
-        at the pivot is not among the outputs.
+        The pivot is `height` m above the corners; `machine` are masses below the boom; `amounts` (w,) are the amounts
+        by which the w components ``at.parts`` (weight, load, loads of the scene) act.  Raises InputError if a force or
+        moment at the pivot is not among the outputs.
         """
         turned = boom_rotation(at.luffing[k : k + 1], at.slewing[k : k + 1])[0]
         edges = _edge_rows(tuple(polygon), height)
-        about = np.hstack([edges[:, :3] @ turned, edges[:, 3:] @ turned])  # of a wrench in the axes of the boom
+        about = np.hstack([edges[:, :3] @ turned, edges[:, 3:] @ turned])  # rows for forces in the boom's axes
         weight, up = amounts[at.parts.index(WEIGHT)] * at.gravity, turned @ at.up[k]
         resting = np.zeros(6)
         c, s = np.cos(at.slewing[k]), np.sin(at.slewing[k])
@@ -88,18 +92,18 @@ class TippingMoments:
         )
 
     def share(self, states: LoadedStates, factor: float) -> Array:
-        """Return the moment of `factor` times the load over the resisting one about the worst edge, (p,) for p states.
+        """Return (p,) the moment of `factor` times the load over the resisting moment about the worst edge, by state.
 
-        Infinite where nothing resists.
+        The result is infinite where no moment resists.
         """
         load = states.load[:, None] * (self.tip_moment + states.outputs @ self.tip_derivative.T)
         held = load - self.machine - states.outputs @ self.boom.T
         return np.asarray(np.where(held > 0.0, factor * load / np.where(held > 0.0, held, 1.0), np.inf).max(axis=1))
 
     def overturning_load(self, states: LoadedStates, factor: float) -> float:
-        """Return the load in kg whose moment is that of the load, plus the boom's own divided by `factor`.
+        """Return a load in kg whose moment is the load's own moment plus the moment of the boom divided by `factor`.
 
-        Both are absolute moments about the worst edge; `states` hold one state.
+        Both moments are absolute values about the worst edge; `states` hold one state.
         """
         load = states.load[0] * (self.tip_moment + states.outputs[0] @ self.tip_derivative.T)
         boom = states.outputs[0] @ self.boom.T - load
@@ -114,7 +118,7 @@ def area(polygon: Sequence[tuple[float, float]]) -> float:
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
-@lru_cache(64)  # each place of a chart has the same
+@lru_cache(64)  # all places of a chart have the same polygon
 def _edge_rows(polygon: tuple[tuple[float, float], ...], height: float) -> Array:
     """Return rows (e, 6) whose product with a force and its moment about the pivot (6,) is the moment about each edge.
 
@@ -137,7 +141,8 @@ def _cross_matrix(force: Array) -> Array:
 def _pivot_rows(at: PostureMatrices) -> Array:
     """Return the rows (6, o) that select force and moment at the pivot from o outputs.
 
-    Rows of y, rx and rz are zero for a planar boom; raises InputError if another direction is not among the outputs.
+    For a planar boom the rows of y, rx and rz are zero.  Raises InputError if another direction is not among the
+    outputs.
     """
     columns, count = at.columns.pivot_columns(), len(at.output_names)
     planar = not {"y", "rx", "rz"} & set(columns)

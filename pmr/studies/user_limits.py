@@ -24,7 +24,7 @@ from pmr.system.from_scene import force_names
 Amounts = Mapping[str, float | Mapping[str, float]]
 Value = Callable[[Amounts], float]
 
-#: Longest expression, in characters: what is nested deeper than Python follows has no place in a file.
+#: Longest expression, in characters, so that expressions are not nested deeper than Python can follow.
 LONGEST = 1000
 OPERATORS: dict[type[ast.AST], Callable[..., float]] = {
     ast.Add: operator.add,
@@ -47,11 +47,11 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
 
 
 def compile_expression(text: str, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
-    """Compile an expression to a function that returns its value from a mapping of amounts.
+    """Compile an expression to a function that returns the expression's value from a mapping of amounts.
 
-    Allowed are numbers, + - * / **, `FUNCTIONS`, `names`, and entries of `tables` as table["name"]; a ValueError says
-    in one line what is not.  The function may raise KeyError for an entry that a table lacks, ValueError or
-    ArithmeticError.
+    Allowed are numbers, + - * / **, `FUNCTIONS`, `names`, and entries of `tables` as table["name"].  A ValueError says
+    in one line what is not allowed.  The returned function may raise KeyError for an entry that a table lacks,
+    ValueError or ArithmeticError.
     """
     if len(text) > LONGEST:
         raise ValueError(f"at most {LONGEST} characters are allowed")
@@ -66,14 +66,14 @@ def compile_expression(text: str, names: tuple[str, ...], tables: tuple[str, ...
 
 
 def entry_names(text: str, table: str) -> list[str]:
-    """Return the names of the entries of a table that an expression accepted by `compile_expression` uses."""
+    """Return the names of the entries of a `table` in an expression that `compile_expression` has accepted."""
     subscripts = [node for node in ast.walk(ast.parse(text, mode="eval")) if isinstance(node, ast.Subscript)]
     of_table = [node for node in subscripts if isinstance(node.value, ast.Name) and node.value.id == table]
     return [str(node.slice.value) for node in of_table if isinstance(node.slice, ast.Constant)]
 
 
 def _compile_node(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
-    """Compile one node of an expression, and the nodes below it; ValueError if it is not allowed."""
+    """Compile one node of an expression and the nodes below it; raises ValueError for a node that is not allowed."""
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
         constant = _as_float(node.value)
         return lambda at: constant
@@ -93,10 +93,10 @@ def _compile_node(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...
 
 
 def _as_float(number: float) -> float:
-    """Return a number as a float, since powers of integers could fill the memory; ValueError if too large."""
+    """Return a number as a float, as powers of integers could fill the memory; raises ValueError if it is too large."""
     try:
         value = float(number)
-    except OverflowError:  # of integers; 1e400 is infinite
+    except OverflowError:  # only for integers: the float 1e400 is infinite
         value = math.inf
     if not math.isfinite(value):
         raise ValueError("a number in it is too large: up to 1.8e308 is allowed")
@@ -104,7 +104,7 @@ def _as_float(number: float) -> float:
 
 
 def _reader(name: str, entry: str | None = None) -> Value:
-    """Return a function that reads an amount, or an entry of a table of amounts."""
+    """Return a function that reads the amount `name` or, if given, the `entry` of the table `name` from amounts."""
 
     def lookup(at: Amounts) -> float:
         """Return the amount as a float."""
@@ -145,9 +145,9 @@ LimitFunction = Callable[[AtRest], float]
 
 
 def plugin_function(limit: str, name: str | None) -> LimitFunction:
-    """Return the function of the entry point `name`; InputError if no package offers it.
+    """Return the function of the entry point `name`; raises InputError if no package offers it.
 
-    `limit` is the name of the limit, for the error.
+    `limit` is the name of the limit, for the message.
     """
     offered = environment.plugin_objects("pmr.limits", frozenset())
     function: Any = offered.get(name or "")
@@ -159,7 +159,7 @@ def plugin_function(limit: str, name: str | None) -> LimitFunction:
     return cast(LimitFunction, function)
 
 
-@lru_cache(256)  # each place of a chart asks for the same
+@lru_cache(256)  # all places of a chart use the same expression
 def expression_function(text: str) -> LimitFunction:
     """Compile an expression in ``load``, ``luffing``, ``slewing``, ``output["name"]`` and ``force["name"]``.
 
@@ -192,8 +192,8 @@ def amounts_of_states(
 ) -> Callable[[LoadedStates], Array]:
     """Return a function from states to the values (p,) of a user's limit function at the k-th posture.
 
-    It raises InputError with `key` and `text` (the function's name or the expression) if the limit function fails or
-    returns NaN.
+    The returned function raises InputError with `key` and `text` (the limit function's name or the expression) if the
+    limit function fails or returns NaN.
     """
     luffing, slewing = float(at.luffing[k]), float(at.slewing[k])
 

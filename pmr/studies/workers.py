@@ -1,8 +1,8 @@
 """Workers: child processes that run one task after the other, on this machine or on the ranks that MPI launched.
 
-Tasks never run in the process that plans, nor in one that MPI launched.  So a task that ends its process (a crash in
-compiled code, no memory left) fails alone, it sees the same single thread and the same single MPI process whether the
-study runs on one machine or on many, and it computes the same bits.  A local thread or a rank, called by an executor of
+Tasks never run in the process that plans them, nor in a process that MPI launched.  So a task that ends its process (a
+crash in compiled code, no memory left) fails alone.  A task sees one thread and one MPI process whether the study runs
+on one machine or on many, and computes the same bits.  A local thread or a rank, called by an executor of
 `concurrent.futures`, only passes orders to the child process of one worker.
 """
 
@@ -32,16 +32,16 @@ from pmr.errors import InputError, environment
 from pmr.studies.results import Store
 from pmr.studies.tasks import Failure, TaskResult
 
-#: Libraries read these when they are loaded.
+#: Environment variables for the number of threads, which libraries read when they are loaded.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
-#: Beginnings of variables by which a process takes itself for a rank of its parent's MPI job.
+#: First letters of environment variables by which a process takes itself for a rank of its parent's MPI job.
 MPI_VARIABLES = ("OMPI_", "ORTE_", "PRTE_", "PMIX_", "PMI_", "PMI2_", "HYDI_", "HYDRA_", "MPI_LOCAL", "SLURM_")
-#: Beginnings of paths within pmr of code that no task computes with.
+#: Folders of pmr with code that no task computes with.
 NOT_COMPUTING = ("report/", "cli/")
-PATIENCE = 10.0  # s for a child to leave by itself
-#: What a child runs: it finds modules where its parent does.
+PATIENCE = 10.0  # s that a child has to end by itself
+#: Program of a child, which finds modules where its parent does.
 START = "import sys; sys.path[:] = sys.argv[1:]; from pmr.studies.workers import serve; serve()"
-LAST_LINES = 20  # that a child which dies leaves behind
+LAST_LINES = 20  # lines of output that are shown of a child that dies
 OTHER_CODE = "pmr was edited since the study was planned, or is another one on this machine; call the study again"
 
 
@@ -57,7 +57,7 @@ class Order:
     digest: str
     address: str
     arguments: Mapping[str, Any]
-    needs: Mapping[str, str]  # name for the function -> digest
+    needs: Mapping[str, str]  # name that the function uses -> digest of the result
     store: str
     code: str = ""
 
@@ -79,9 +79,9 @@ class Worker:
         self._child: subprocess.Popen[str] | None = None
 
     def run(self, order: Order) -> Failure | None:
-        """Have the child run a task, and wait for it; None if its result is in the store, else the failure."""
+        """Have the child run a task and wait for it; return None if its result is stored, else the failure."""
         child = self._child if self._child is not None and self._child.poll() is None else self._start()
-        self._log.seek(0)  # the child writes where its parent has stopped to read
+        self._log.seek(0)  # parent and child share the file position: the child writes from here on
         self._log.truncate()
         assert child.stdin is not None and child.stdout is not None
         try:
@@ -96,7 +96,7 @@ class Worker:
         return Failure(f"its process died ({_exit_cause(child.wait())})", self._last_output())
 
     def close(self) -> None:
-        """End the child at once, or kill it after `PATIENCE` seconds; of a task that runs nothing is stored."""
+        """End the child at once, or kill it after `PATIENCE` seconds; a task that is running leaves no result."""
         if self._child is not None:
             assert self._child.stdin is not None
             with suppress(BrokenPipeError):
@@ -108,7 +108,7 @@ class Worker:
                 self._child.wait()
 
     def _start(self) -> subprocess.Popen[str]:
-        """Start a child with one thread a library and without variables of an MPI launcher."""
+        """Start a child in which each library has one thread, without environment variables of an MPI launcher."""
         variables = {name: value for name, value in os.environ.items() if not name.startswith(MPI_VARIABLES)}
         variables |= dict.fromkeys(ONE_THREAD, "1")
         self._child = subprocess.Popen(
@@ -128,7 +128,7 @@ class Worker:
 
 
 def _exit_cause(code: int) -> str:
-    """Return in words why a process ended: its exit code, or the signal of a negative one."""
+    """Return in words why a process ended, from its exit code; a negative `code` is the number of a signal."""
     if code >= 0:
         return f"exit code {code}"
     name = signal.Signals(-code).name
@@ -137,7 +137,7 @@ def _exit_cause(code: int) -> str:
 
 @dataclass(frozen=True)
 class Pool:
-    """Workers that run `slots` orders at a time; the future of a submitted order holds the failure, or None."""
+    """Workers that run `slots` orders at a time; the future that `submit` returns gives the failure, or None."""
 
     slots: int
     submit: Callable[[Order], Future[Failure | None]]
@@ -145,7 +145,7 @@ class Pool:
 
 @contextmanager
 def local_pool(jobs: int) -> Iterator[Pool]:
-    """Yield a pool of `jobs` workers on this machine, each with a thread and a child, which end with the block."""
+    """Yield a pool of `jobs` workers on this machine, each with a thread and a child that end with the context."""
     thread, workers = threading.local(), [Worker(sys.path) for _ in range(jobs)]
     unused = iter(workers)
 
@@ -164,9 +164,9 @@ def local_pool(jobs: int) -> Iterator[Pool]:
 
 @contextmanager
 def rank_pool() -> Iterator[Pool | None]:
-    """Yield on rank 0 a pool of all other ranks; collective.
+    """Yield a pool of all other ranks on rank 0; collective.
 
-    All other ranks run orders until the block of rank 0 ends; only then it yields None on them.
+    All other ranks run orders until the context of rank 0 ends; after that None is yielded on them.
     """
     from mpi4py import MPI
     from mpi4py.futures import MPICommExecutor
@@ -181,8 +181,8 @@ def rank_pool() -> Iterator[Pool | None]:
 def count_ranks() -> int:
     """Return the number of ranks that a launcher started, 1 without one; MPI is started only if there are several.
 
-    Raises InputError if the launcher belongs to another MPI than mpi4py, so that each process would take itself for the
-    only one.
+    Raises InputError if the launcher belongs to another MPI library than mpi4py, so that each process would consider
+    itself the only one.
     """
     ranks = environment.launched_process_count()
     if ranks == 1:
@@ -214,10 +214,10 @@ def _worker_of_rank(path: tuple[str, ...]) -> Worker:
 def serve() -> None:
     """Run the orders of the parent, one a line on standard input, and answer each by a line with null or the failure.
 
-    Runs as the child process of a worker until its input ends.  What libraries print is redirected to the error stream,
-    so that it can't mix with the answers.  When the parent dies, the child ends, too.
+    Runs as the child process of a worker until its input ends.  All output that libraries print is redirected to the
+    error stream, so that it can't mix with the answers.  When the parent dies, the child ends, too.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when the child ends
     lines, answers = os.fdopen(os.dup(0)), os.fdopen(os.dup(1), "w")
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)
@@ -232,7 +232,7 @@ def serve() -> None:
         for line in lines:
             orders.put(line)
         if is_busy.is_set():
-            os._exit(1)  # nobody is left to tell
+            os._exit(1)  # no parent is left that could get the failure
         orders.put(None)
 
     threading.Thread(target=listen, daemon=True).start()
@@ -249,7 +249,7 @@ def serve() -> None:
 def _run_order(order: Order, notes: logging.handlers.BufferingHandler) -> Failure | None:
     """Run an order and write its result into the store; return the failure, None without one.
 
-    `notes` collects the warnings that are logged meanwhile, which join those of the result.
+    `notes` collects the warnings that are logged meanwhile; they are added to the warnings of the result.
     """
     if order.code not in ("", code_of_tasks()):
         return Failure(OTHER_CODE)
@@ -262,7 +262,7 @@ def _run_order(order: Order, notes: logging.handlers.BufferingHandler) -> Failur
         result: TaskResult = function(order.arguments, needs)
         seconds = {"task": time.perf_counter() - begin} | dict(result.seconds)
         warnings = dict.fromkeys((*result.warnings, *(record.getMessage() for record in notes.buffer)))
-        if order.code not in ("", code_of_tasks()):  # modules that the task imported may be those of the edited files
+        if order.code not in ("", code_of_tasks()):  # the task's imports may come from edited files
             return Failure(OTHER_CODE)
         Store(Path(order.store)).write(
             order.digest, order.key, replace(result, seconds=seconds, warnings=tuple(warnings))
@@ -272,7 +272,7 @@ def _run_order(order: Order, notes: logging.handlers.BufferingHandler) -> Failur
     return None
 
 
-@lru_cache(8)  # the next tasks may need the same
+@lru_cache(8)  # the next tasks may need the same result
 def _read_result(store: str, digest: str) -> TaskResult:
-    """Read the result with this digest from the store in a folder."""
+    """Read the result with this digest from the store in the folder `store`."""
     return Store(Path(store)).read(digest)

@@ -34,7 +34,7 @@ class ModelAttributes:
 
     identifier: str  #: C identifier: the name of the binaries
     title: str
-    token: str
+    token: str  #: Hash that distinguishes the model from others
     model_exchange: bool  #: Whether there is a Model Exchange interface in addition to Co-Simulation
     sources: Sequence[str]
     end: float  #: s, of the reference trajectory
@@ -116,7 +116,7 @@ def build_description(model: ModelAttributes) -> str:
 
 
 def _root_element(model: ModelAttributes, version: str, more: dict[str, str]) -> ET.Element:
-    """Root element fmiModelDescription of a version of FMI, with attributes `more`."""
+    """Root element fmiModelDescription for a version of FMI, with the further attributes `more`."""
     return ET.Element(
         "fmiModelDescription",
         {
@@ -131,13 +131,13 @@ def _root_element(model: ModelAttributes, version: str, more: dict[str, str]) ->
 
 
 def _interfaces(model: ModelAttributes, of_steps: dict[str, str]) -> list[tuple[str, dict[str, str]]]:
-    """Interfaces (element's name, further attributes): ModelExchange if supported, and CoSimulation with `of_steps`."""
+    """Pairs (name of element, attributes) of interfaces: ModelExchange if supported, CoSimulation with `of_steps`."""
     interfaces: list[tuple[str, dict[str, str]]] = [("CoSimulation", of_steps)]
     return [("ModelExchange", {}), *interfaces] if model.model_exchange else interfaces
 
 
 def _add_units(root: ET.Element, variables: Sequence[Variable]) -> None:
-    """Add the units of the variables to the root element; a unit that is not of SI has only its name."""
+    """Add the units of the variables to the root element; for a unit outside SI only its name is added."""
     units = ET.SubElement(root, "UnitDefinitions")
     for name in dict.fromkeys(variable.unit for variable in variables if variable.unit):
         unit = ET.SubElement(units, "Unit", name=name)
@@ -146,7 +146,7 @@ def _add_units(root: ET.Element, variables: Sequence[Variable]) -> None:
 
 
 def _add_start_kinds(choice: ET.Element) -> None:
-    """Add an Item element to `choice` for each kind of start."""
+    """Add an element Item to `choice` for each kind of start."""
     for name, value in STARTS.items():
         ET.SubElement(choice, "Item", name=name, value=str(value))
 
@@ -173,7 +173,7 @@ def _variable_attributes(variable: Variable) -> dict[str, str]:
 
 
 def _real_attributes(variable: Variable) -> dict[str, str]:
-    """Attributes of a real variable: unit, start, nominal, min and max, as far as it has them."""
+    """Attributes of a real variable: unit, start, nominal, min and max, as far as the variable has them."""
     attributes = {} if not variable.unit else {"unit": variable.unit}
     low, high = variable.within or (None, None)
     numbers = {"start": variable.start, "nominal": variable.nominal, "min": low, "max": high}

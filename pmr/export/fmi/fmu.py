@@ -42,7 +42,7 @@ _DATE = (1980, 1, 1, 0, 0, 0)
 
 @dataclass(frozen=True)
 class Platform:
-    """A platform with FMU binaries: folders in FMI 2.0 (empty: none) and 3.0, the compiler's target, library suffix."""
+    """A platform with FMU binaries: folders in FMI 2.0 (empty: none) and 3.0, compiler's target, library suffix."""
 
     folder_2: str
     folder_3: str
@@ -57,14 +57,14 @@ PLATFORMS = (
     Platform("darwin64", "x86_64-darwin", "x86_64-macos", ".dylib"),
     Platform("", "aarch64-darwin", "aarch64-macos", ".dylib"),
 )
-#: Processors as `Platform.folder_3` names them, by their names in Python.
+#: Names of processors as in `Platform.folder_3`, by their names in Python.
 _MACHINES = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
 _FLAGS = ("-shared", "-std=gnu11", "-O2", "-ffp-contract=fast", "-fvisibility=hidden", "-fno-sanitize=undefined", "-s")
 
 
 @dataclass(frozen=True)
 class Contents:
-    """All files of an FMU except the binaries: texts by archive name, the system file, data of the description."""
+    """All files of an FMU except the binaries: texts by name in the archive, system file, data of the description."""
 
     texts: dict[str, str]
     system: bytes
@@ -74,8 +74,8 @@ class Contents:
 def selected_platforms(platforms: str | None, version: str) -> tuple[Platform, ...]:
     """Platforms that ``--platforms`` selects for a version of FMI.
 
-    ``all``: every one; ``host`` or None: this machine's, or every one if no binary fits this machine.  Raises
-    InputError for any other text.
+    ``all`` selects every platform; ``host`` or None selects this machine's, or every platform if no binary fits this
+    machine.  Raises InputError for any other text.
     """
     if platforms not in (None, "host", "all"):
         raise InputError("command line", "--platforms", platforms, "host or all is allowed")
@@ -93,7 +93,7 @@ def write_fmu(
 ) -> Path:
     """Write a saved system or reduced model, with the scene stored in its file, as an FMU; return `target`.
 
-    Arguments and errors as `write`; an InputError is raised, too, if the file is neither.
+    Arguments and errors as `write`; an InputError is also raised if the file holds neither a system nor a model.
     """
     npz_path = Path(npz_path)
     system = System.load(npz_path)
@@ -113,8 +113,8 @@ def write(
     Parameters
     ----------
     system : System
-        Its paths and loads become inputs; outputs of its bodies and forces of its contacts become outputs.
-    scene : Recorded
+        Its paths and loads become inputs of the FMU; outputs of its bodies and forces of its contacts become outputs.
+    scene : StoredScene
         Initial state, and the excitation of the reference trajectory.
     target : str or Path
         Archive to be written, which is returned; the binaries take its name.
@@ -128,7 +128,7 @@ def write(
     Raises
     ------
     InputError
-        If a rigid contact only pushes, a binary is missing, or as `pmr.simulation` raises it.
+        If a rigid contact only pushes, or a binary is missing; also as `pmr.simulation.SystemSimulator`.
     """
     if version not in VERSIONS:
         raise InputError("command line", "--fmi", version, "2 or 3 is allowed")
@@ -146,7 +146,7 @@ def write(
 
 
 def fmu_contents(system: System, scene: StoredScene, name: str, version: str, sources: bool = False) -> Contents:
-    """Description, system and reference trajectory of an FMU whose binaries are called `name`; otherwise as `write`."""
+    """Description, system and reference trajectory of an FMU with binaries of the name `name`; otherwise as `write`."""
     drivers = Drivers.of(system)
     run = reference(drivers, scene)
     listed = variables(drivers, run.start_values, run.nominal)
@@ -175,7 +175,7 @@ def fmu_contents(system: System, scene: StoredScene, name: str, version: str, so
 def source_files(version: str | None = None) -> dict[str, str]:
     """C sources of the binaries as text, by file name.
 
-    Sources for other versions of FMI than `version` are left out; None: all are returned.
+    Sources for other versions of FMI than `version` are left out; if `version` is None, all are returned.
     """
     other_versions = {f"fmi{other}.c" for other in VERSIONS if version not in (None, other)}
     files = [file for folder in _SOURCES for file in sorted(folder.glob("*.[ch]")) if file.name not in other_versions]
@@ -183,13 +183,13 @@ def source_files(version: str | None = None) -> dict[str, str]:
 
 
 def compiled_files(files: dict[str, str]) -> list[str]:
-    """Names of the C files that are compiled on their own, out of `files`, texts by name; these include all others."""
+    """Names of the C files among `files` (texts by name) that are compiled on their own; they include all others."""
     included = {name for text in files.values() for name in re.findall(r'#include "(\w+\.c)"', text)}
     return [name for name in files if name.endswith(".c") and name not in included]
 
 
 def library_bytes(platform: Platform) -> bytes:
-    """Bytes of the shared library of a platform: the package's file, or compiled by ziglang from the package's sources.
+    """Bytes of a platform's shared library: the package's file, or compiled by ziglang from the package's sources.
 
     Raises InputError if neither the file nor ziglang is installed, or with the first error line of the compiler.
     """

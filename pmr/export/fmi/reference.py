@@ -1,4 +1,4 @@
-"""The reference trajectory that an FMU contains: inputs at every step, and outputs of `march` at some of the steps.
+"""The reference trajectory in an FMU: inputs at every step, and outputs of the compiled simulator at some steps.
 
 Within a step an FMU extrapolates its inputs by their rates: as cubics that agree with the run's inputs at both ends of
 the step (docs/fmu.md says which error is left where a step is divided).
@@ -35,7 +35,7 @@ class Reference:
     stepping: TimeStepping
     omega: float  #: rad/s, of contacts that only push; 0 without any
     inputs: Array  #: (T, 1 + 4 n) array: time, drivers and their rates of order one to three, at every step
-    first: Array  #: (n,) array: start values of the drivers
+    first: Array  #: (n,) array: values of the drivers at the start
     static: bool  #: Whether it starts in equilibrium
     t: Array  #: (S,) array, s
     outputs: Array  #: (S, o + m) array: outputs of the bodies, and contact forces
@@ -43,9 +43,9 @@ class Reference:
 
     @property
     def start_values(self) -> Array:
-        """Start values (4 + 4 n,) in the order of the variables: time, drivers, their rates, step, rho_inf, start.
+        """Start values (4 + 4 n,) of time, drivers, the drivers' rates, and the parameters step, rho_inf, start.
 
-        Rates are zero; `start` is the number of the kind of start (`STARTS`).
+        Rates are zero; the parameter start is the number of the kind of start (`STARTS`).
         """
         step = self.stepping.step
         start = STARTS["static" if self.static else "at rest"]
@@ -55,7 +55,8 @@ class Reference:
 def reference(drivers: Drivers, scene: StoredScene) -> Reference:
     """Simulate a system under its own scene and return the reference trajectory.
 
-    Without a frame, paths and loads follow the FMU's cubics between steps; in a frame that moves, its own signals.
+    Without a frame, paths and loads follow the FMU's cubics between steps; with a frame that moves, they follow the
+    scene's signals.
     """
     system, excitation = drivers.system, scene.excitation
     inputs = input_cubics(drivers, excitation)
@@ -122,7 +123,7 @@ class CubicSignal(SignalBase):
 
 
 def _cubic_excitation(drivers: Drivers, excitation: Excitation, inputs: Array) -> Excitation:
-    """Excitation whose paths and loads are the cubics of `inputs` (4, T, n); unchanged in a frame that moves."""
+    """Excitation with the cubics of `inputs` (4, T, n) as paths and loads; unchanged in a frame that moves."""
     if drivers.frame is not None:
         return excitation
     step = excitation.stepping.step
@@ -157,7 +158,7 @@ def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
     numbers = [*range(len(drivers.shown_paths)), *(drivers.first_load_number + k for k in range(len(drivers.loads)))]
     for number, signal in zip(numbers, [*signals, *signals_in_order(excitation.loads, drivers.loads)], strict=True):
         orders[0, :, number] = signal.value(t)
-        ended = signal.rate(np.nextafter(t[1:], 0.0))  # at a kink that of what ends there
+        ended = signal.rate(np.nextafter(t[1:], 0.0))  # at a kink the rate before it
         x = orders[0, :, number].copy()
         orders[:, :-1, number] = cubic_by_rates(x[:-1], x[1:], signal.rate(t[:-1]), ended, h)
     return orders
@@ -186,7 +187,7 @@ def _csv(names: Sequence[str], rows: Array) -> str:
 def cubic_by_rates(begun: Array, ended: Array, begun_rate: Array, ended_rate: Array, h: float) -> Array:
     """Value and rates of order one to three (4, ...) at the beginning of a step of h s: Hermite's cubic.
 
-    It has the values `begun`, `ended` (...) and the rates `begun_rate`, `ended_rate` (...) at both ends of the step.
+    The cubic has the values `begun`, `ended` (...) and the rates `begun_rate`, `ended_rate` (...) at both ends.
     """
     mean = (ended - begun) / h
     second = (6.0 * mean - 4.0 * begun_rate - 2.0 * ended_rate) / h
@@ -196,7 +197,8 @@ def cubic_by_rates(begun: Array, ended: Array, begun_rate: Array, ended_rate: Ar
 def cubic_by_second_rates(begun: Array, ended: Array, begun_second: Array, ended_second: Array, h: float) -> Array:
     """Value and rates of order one to three (4, ...) at the beginning of a step of h s, of a cubic.
 
-    It has the values `begun`, `ended` (...) and the second rates `begun_second`, `ended_second` (...) at both ends.
+    The cubic has the values `begun`, `ended` (...) and the second rates `begun_second`, `ended_second` (...) at both
+    ends.
     """
     third = (ended_second - begun_second) / h
     rate = (ended - begun) / h - h / 2.0 * begun_second - h**2 / 6.0 * third
@@ -206,7 +208,7 @@ def cubic_by_second_rates(begun: Array, ended: Array, begun_second: Array, ended
 def straight_line(begun: Array, ended: Array, h: float) -> Array:
     """Value and rates of order one to three (4, ...) at the beginning of a step of h s, of a straight line.
 
-    It leads from `begun` to `ended` (...); the second and third rates are zero.
+    The line leads from `begun` to `ended` (...); the second and third rates are zero.
     """
     rate = (ended - begun) / h
     return np.array([begun, rate, 0.0 * rate, 0.0 * rate])

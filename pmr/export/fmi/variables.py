@@ -22,7 +22,7 @@ from pmr.system.contacts import ALONE, SLIDER, qualified_name
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
-#: Name of the angle of the base, which has no range.
+#: Name of the only angle without a range.
 SLEWING = "slewing"
 
 
@@ -39,8 +39,8 @@ class Drivers:
     def of(cls, system: System) -> Drivers:
         """Drivers of a system.
 
-        Raises InputError if the system has terms but no scene whose frame drives them, if its paths differ from those
-        of the frame or have another order, or as `modal_form`.
+        Raises InputError if the system has terms but no scene with a frame that drives these, if the system's paths
+        differ from the frame's or have another order, or as `modal_form`.
         """
         frame = MovingFrame.from_system(system)
         if frame is None:
@@ -93,7 +93,7 @@ class Drivers:
         """Unit of each load, in the order of `loads`."""
         units = [unit.replace("^", "") for unit in self.system.input_units]
         of_inputs = dict(zip(self.system.input_names, units, strict=True))
-        # a force along the ground is an input for each axis of the body
+        # a force along a ground axis has an input for each axis of the body
         of_parts = {name.rpartition(" ")[0]: unit for name, unit in of_inputs.items()}
         return tuple(
             "m/s2" if name == GRAVITY and self.frame else of_inputs.get(name) or of_parts[name] for name in self.loads
@@ -123,7 +123,7 @@ class Drivers:
 
 #: An input has its value and its rates of order one to three.
 ORDERS = 4
-#: What the parameter `start` may be.
+#: Values of the parameter ``start``: number by the kind of start.
 STARTS = {"at rest": 0, "static": 1, "as given": 2}
 
 
@@ -136,11 +136,11 @@ class Variable:
     description: str
     causality: str = "output"
     variability: str = "continuous"
-    initial: str = "calculated"  #: Empty where the causality says it
+    initial: str = "calculated"  #: Empty if the causality determines it
     unit: str = ""  #: Empty for a number
     start: float | None = None
     nominal: float | None = None
-    derivative_of: int | None = None  #: Value reference of the state whose derivative this is
+    derivative_of: int | None = None  #: Value reference of the state of which this variable is the derivative
     within: tuple[float, float] | None = None  #: Smallest and largest value
     is_choice: bool = False  #: Whether it is the kind of start, the only variable that is no real number
     is_rate: bool = False  #: Whether it is the rate of an output
@@ -187,7 +187,7 @@ def rate_unit(unit: str, order: int) -> str:
 
 @dataclass(frozen=True)
 class _Driver:
-    """A driver as an input: name, number among all drivers, description, unit, (smallest, largest) value or None."""
+    """A driver as an input: name, index among all drivers, description, unit, and (smallest, largest) value or None."""
 
     name: str
     number: int
@@ -212,7 +212,7 @@ def _drivers(drivers: Drivers) -> Iterator[_Driver]:
 
 def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -> Iterator[Variable]:
     """Yield time, the inputs with their rates of order one to three, and the parameters, as variables."""
-    fixed = [names(name) for name in ("internal_step", "rho_inf", "start")]  # whatever loads are called
+    fixed = [names(name) for name in ("internal_step", "rho_inf", "start")]  # before those of loads
     yield Variable(names("time"), 0, "time", "independent", initial="", unit="s")
     orders = list[tuple[_Driver, int, str]]()
     for driver in _drivers(drivers):
@@ -252,7 +252,7 @@ def output_kinds(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
 
 
 def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Iterator[Variable]:
-    """Yield outputs, rates of those that are motions, and contact forces; the first value reference is `first`."""
+    """Yield outputs, rates of outputs that are motions, and contact forces; the first value reference is `first`."""
     system, called = drivers.system, list(output_kinds(drivers))
     count, o = len(called), len(system.output_names)
     outputs = [names(force_name(name) if not moves and k < o else name) for k, (name, _, moves) in enumerate(called)]
@@ -269,7 +269,7 @@ def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Itera
 
 
 class Identifiers:
-    """Makes names of letters, digits and underscores, each different from all made so far and from those `taken`."""
+    """Maker of names of letters, digits and underscores, each different from all names made so far and from `taken`."""
 
     def __init__(self, taken: Iterable[str] = ()) -> None:
         self._taken = set(taken)

@@ -1,19 +1,20 @@
 r"""An independent reference in Exudyn: a cable of ANCF elements with a sliding joint.
 
-It has large displacements and axial strain, and shares nothing but the material data with the linear beams.  A mass
-point that coordinate constraints hold at (s(t), 0) carries the joint.  Pieber, Ntarladima, Winkler, Gerstmayr: A Hybrid
-Arbitrary Lagrangian Eulerian Formulation for the Investigation of the Stability of Pipes Conveying Fluid and Axially
-Moving Beams, Journal of Computational and Nonlinear Dynamics 17, 2022.
+The cable has large displacements and axial strain, and shares only the material data with the linear beams.  The joint
+is on a mass point, which coordinate constraints hold at (s(t), 0) with the path s.  Pieber, Ntarladima, Winkler,
+Gerstmayr: A Hybrid Arbitrary Lagrangian Eulerian Formulation for the Investigation of the Stability of Pipes Conveying
+Fluid and Axially Moving Beams, Journal of Computational and Nonlinear Dynamics 17, 2022.
 
 Position and curvature of a uniform cable at a material point x follow from its ANCF coordinates q by
 
 .. math::
     r(x) = \sum_j S_j(\xi)\, q_j, \qquad K = e_3^T \frac{r' \times r''}{|r'|^2}
 
-with the cubic shapes S of position and slope at both ends of an element.  Coordinates of a node are its displacement
-(x, y) and the change of its slope r' (x, y), relative to the straight cable.  Gerstmayr, Irschik: On the correct
-representation of bending and axial deformation in the absolute nodal coordinate formulation with an elastic line
-approach, Journal of Sound and Vibration 318, 2008.
+with the cubic shapes S of position and slope at both ends of an element, the coordinate :math:`\xi` in the element, and
+the axis :math:`e_3` across the plane.  Coordinates of a node are its displacement (x, y) and the change of its slope r'
+(x, y), relative to the straight cable.  Gerstmayr, Irschik: On the correct representation of bending and axial
+deformation in the absolute nodal coordinate formulation with an elastic line approach, Journal of Sound and Vibration
+318, 2008.
 """
 
 # ruff: noqa: N815 - items are numbered as Exudyn users do: nodes n..., objects o..., markers m...
@@ -59,7 +60,7 @@ from pmr.simulation.stepping import Progress, TimeStepping
 #: Position and slope, each in the plane.
 COORDINATES_PER_NODE = 4
 
-#: S of position and slope (over the element's length) at its left and right end, as polynomials in xi / h.
+#: Shapes S of position and of slope times length h, at an element's left and then right end, as polynomials in xi / h.
 _SHAPES = np.array([[2.0, -3.0, 0.0, 1.0], [1.0, -2.0, 1.0, 0.0], [-2.0, 3.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])
 #: Distance in element lengths below which a point counts as lying on a node.
 _ON_NODE = 1e-9
@@ -81,24 +82,24 @@ class Cable:
         return self.length / self.elements
 
     def left_elements(self, x: Array) -> NDArray[np.int64]:
-        """Numbers (o,) of the elements that contain the material points x (o,) in m; at a node that on the left."""
+        """Numbers (o,) of the elements with the material points x (o,) in m; at a node, of the element on the left."""
         return np.clip(np.ceil(x / self.element_length - _ON_NODE).astype(int) - 1, 0, self.elements - 1)
 
     def right_elements(self, x: Array) -> NDArray[np.int64]:
-        """Numbers (o,) of the elements that contain the material points x (o,) in m; at a node that on the right."""
+        """Numbers (o,) of the elements with the material points x (o,) in m; at a node, of the element on the right."""
         return np.clip(np.floor(x / self.element_length + _ON_NODE).astype(int), 0, self.elements - 1)
 
 
 def values(cable: Cable, q: Array, x: Array) -> Array:
-    """Displacements (T, o, 2) in m at the material points x (o,) in m; or velocities, from nodal velocities.
+    """Displacements (T, o, 2) in m at the material points x (o,) in m.
 
-    q (T, N, 4) are the coordinates (or velocities) of all N nodes.
+    q (T, N, 4) are the coordinates of all N nodes.  With the nodes' velocities as q, the result is velocities in m/s.
     """
     return _apply(_interpolation(cable, x, cable.left_elements(x), derivative=0), q)
 
 
 def curvature(cable: Cable, q: Array, x: Array) -> Array:
-    """Material curvature K (T, o) in 1/m at x (o,) in m: at a node the mean of both elements'.
+    """Material curvature K (T, o) in 1/m at the material points x (o,) in m; at a node the mean of both elements.
 
     q (T, N, 4) are the coordinates of all N nodes.
     """
@@ -107,7 +108,7 @@ def curvature(cable: Cable, q: Array, x: Array) -> Array:
 
 
 def _curvature(cable: Cable, q: Array, x: Array, elements: NDArray[np.int64]) -> Array:
-    """Material curvature (T, o) at x (o,), by the shapes of given elements (o,)."""
+    """Material curvature (T, o) in 1/m at the points x (o,) in m, by the shapes of the `elements` (o,)."""
     slope = np.array([1.0, 0.0]) + _apply(_interpolation(cable, x, elements, derivative=1), q)
     bend = _apply(_interpolation(cable, x, elements, derivative=2), q)
     cross = slope[..., 0] * bend[..., 1] - slope[..., 1] * bend[..., 0]
@@ -115,7 +116,7 @@ def _curvature(cable: Cable, q: Array, x: Array, elements: NDArray[np.int64]) ->
 
 
 def _interpolation(cable: Cable, x: Array, elements: NDArray[np.int64], derivative: int) -> Array:
-    """Matrix (o, 2 N) from nodal values and slopes to a derivative at points x (o,) of `elements` (o,)."""
+    """Matrix (o, 2 N) from values and slopes at N nodes to a derivative of order `derivative` at points x (o,)."""
     h = cable.element_length
     matrix = np.zeros((len(x), 2 * (cable.elements + 1)))
     for j, shape in enumerate(_SHAPES):
@@ -161,8 +162,9 @@ def simulate(
 ) -> CableMotion:
     """Simulate from the straight cable at rest, and return its motion at the material points x (o,) in m.
 
-    Loads act along y at `places`, material points in m by the loads' names.  Raises InputError if the path, a place or
-    an x leaves the cable, or a place has no load; raises SimulationError if a step fails or a result is not finite.
+    Loads act along y at the material points `places` in m, by the loads' names.  Raises InputError if the path, a place
+    or a point x is not on the cable, or if a place has no load; raises SimulationError if a step fails or a result is
+    not finite.
     """
     x, at = np.asarray(x, dtype=float), np.array(list(places.values()))
     for key, points in (("x", x), ("loads.at", at)):
@@ -206,12 +208,13 @@ def simulate(
 
 
 def energy(cable: Cable, motion: CableMotion) -> Energy:
-    r"""Energies of a cable's motion by the trapezoidal rule over its material points, which should span the cable.
+    r"""Energies of a cable's motion by the trapezoidal rule over its material points.
 
     .. math::
         \tfrac12 \rho A \int |\dot r|^2 dx, \qquad \tfrac12 EI \int K^2 dx, \qquad - \sum_i F_i\, y_i
 
-    The energy of axial strain is left out, as in the paper (equation for H^ANCF).
+    They are kinetic energy, bending energy and potential of the forces F_i at displacements y_i.  The material points
+    should span the cable.  The energy of axial strain is left out, as in Weyrer et al. (equation for H^ANCF).
     """
     speed = np.sum(motion.velocity**2, axis=2)
     return Energy(
@@ -229,8 +232,8 @@ def _trapezoid(y: Array, x: Array) -> Array:
 def _settings(cable: Cable, stepping: TimeStepping) -> exu.SimulationSettings:
     """Solver settings: modified Newton, which rarely needs a new Jacobian, and a tolerance above round-off.
 
-    Axial forces come from differences of positions of the order of the length L, over elements of length h: their
-    round-off is eps EA L / h, in N.
+    Axial forces follow from differences of positions, which are of the order of the length L, over the length h of an
+    element.  With the machine precision eps, their round-off is eps EA L / h in N.
     """
     chosen = solver_settings(stepping, exu.LinearSolverType.EigenSparse)
     newton = chosen.timeIntegration.newton
@@ -281,7 +284,7 @@ def add_sliding_cable(mbs: exu.MainSystem, cable: Cable, s: float) -> CableItems
     mGround = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=nGround, coordinate=0))
     for direction in (0, 1):
         _fix(mbs, mGround, nodes[0], direction)
-    # The constraints leave the slider no freedom: its mass and its velocity at t = 0 act on nothing else.
+    # The constraints leave the slider no freedom, so its mass and its velocity at t = 0 have no effect.
     nSlider = mbs.AddNode(NodePoint2D(name="slider", referenceCoordinates=[s, 0.0]))
     mbs.AddObject(ObjectMassPoint2D(mass=1.0, nodeNumber=nSlider))
     oHold = _fix(mbs, mGround, nSlider, 0)
@@ -316,6 +319,6 @@ def _add_joint(
             slidingMarkerNumbers=markers,
             slidingMarkerOffsets=np.arange(cable.elements) * cable.element_length,
             nodeNumber=mbs.AddNode(NodeGenericData(initialCoordinates=[first, s], numberOfDataCoordinates=2)),
-            useClassicalFormulation=False,  # the classical one is 0.2 % off a linear beam, this 0.07 %
+            useClassicalFormulation=False,  # this differs by 0.07 % from a linear beam, the classical one by 0.2 %
         )
     )

@@ -2,13 +2,15 @@ r"""Contacts of a system step by step: forces of those that give way, and their 
 
 docs/system_of_bodies.md, section 3, has the balance.
 
-With friction of pads (`pmr.system.contacts`), the forces of contacts that give way are computed together with it.
-Exudyn asks for them at coordinates q in every iteration; they fulfil
+With friction of pads (`pmr.system.contacts`), the forces of contacts that give way are computed together with it.  In
+every iteration Exudyn calls for these forces :math:`\lambda` at coordinates q.  With loads f and the contacts' rows C,
+displacements H by loads and flexibility F, they fulfil
 
 .. math:: F \lambda = C q + H f - g, \qquad g = \sum f_j / k - A\, m, \qquad w = C'^T m
 
-with the moments m of friction, the displacements A m that these cause in the contacts by residual flexibility, and the
-forces w of these moments on q.  Newton's method uses the stiffness of the pads that stick.
+with the gaps g, the displacements f_j / k of cylinders by the friction f_j of joints, the moments m of friction, the
+displacements A m that these moments cause in the contacts by residual flexibility, and the forces w of the moments on
+q.  Newton's method uses the stiffness of the pads that stick.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ Array = NDArray[np.float64]
 
 
 class Contacts:
-    """Rigid contacts and m' contacts that give way, of which some may only push; forces of the latter.
+    """Contacts of a system, rigid or not, and forces of m' contacts that give way, some of which may only push.
 
     Sizes: n coordinates, i inputs, m contacts, each with one or two sides; x (sides,) are positions of sides on bodies.
     """
@@ -43,7 +45,7 @@ class Contacts:
         self._names = [name for name, gives in zip(equations.system.contact_names, self.gives, strict=True) if gives]
         clearance = equations.system.clearance[self.gives]
         self._pushes, self._clearance = ~np.isnan(clearance), np.nan_to_num(clearance)
-        #: (m',) mask: which contacts were closed when forces were computed last.
+        #: (m',) mask: contacts that were closed when forces were computed last.
         self.closed = ~self._pushes
 
     @property
@@ -54,7 +56,7 @@ class Contacts:
     def springs(self, x: Array) -> Array:
         """Matrices K + C^T F^-1 C and B - C^T F^-1 H side by side, (T, n, n + i), at side positions x (T, sides) m.
 
-        C, F and H are those of contacts that give way, all of which have to hold both ways.
+        C, F and H are the matrices of contacts that give way.  Not to be called if any of these contacts only pushes.
         """
         rows, K, B = self.rows(x), self._equations.K, self._equations.B
         answers = self._solve_flexibility(rows, np.concatenate([rows.C, -rows.H], axis=2))
@@ -67,7 +69,7 @@ class Contacts:
     def forces(self, rows: ContactRows, q: Array, f: Array) -> Array:
         """Forces (T, m') in N of contacts that give way, at T times, by coordinates q (T, n) and loads f (T, i).
 
-        Raises SimulationError if contacts depend on each other, or which are closed is not settled.
+        Raises SimulationError if contacts depend on each other, or if it can't be settled which contacts are closed.
         """
         motion = np.einsum("tmn,tn->tm", rows.C, q) + np.einsum("tmi,ti->tm", rows.H, f)
         if not self.any_pushes:
@@ -108,14 +110,13 @@ class Motion:
     f: Array
     forces: Array
     c: Array
-    # friction of n' pads (N, n') N, forces w of its moments (N, n) N, gaps g (N, m)
-    # m; (N, 0) without any
+    # friction of n' pads (N, n') in N, forces w of its moments (N, n) in N, gaps g (N, m) in m; (N, 0) without friction
     friction: Array
     w: Array
     gap: Array
 
     def part(self, steps: slice) -> Motion:
-        """Motion at some of the times."""
+        """Motion at the times that the slice `steps` selects."""
         return Motion(*(array[steps] for array in vars(self).values()))
 
 
@@ -130,7 +131,8 @@ class Balance:
 def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> Balance:
     """Compute stored energy and work of a motion, and fill in the forces of contacts that give way, in place.
 
-    With friction these forces are already known.  Some thousand times are evaluated at once.
+    With friction these forces are already known and are not computed again.  Some thousand times are evaluated
+    together.
     """
     m, (n, i) = len(equations.system.contacts), equations.B.shape
     N, block = len(motion.q), max(2, ENTRIES_AHEAD // max(1, m * (n + m + i)))
@@ -166,25 +168,25 @@ def _energy_and_work(equations: Equations, rows: ContactRows, motion: Motion) ->
     return stored + row_products(f, f @ equations.assembly.energy) / 2.0, work
 
 
-#: Most iterations for friction, and change of a gap that is round-off, over the gap of pads that slide.
+#: Most iterations for friction; change of a gap, over the gap of pads that slide, that is round-off.
 LIMIT, CONVERGED = 200, 1e-12
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Contact rows at one time: of the m' contacts that give way, and what friction needs of all m contacts."""
+    """Contact rows at one time: rows of the m' contacts that give way, and matrices of all m contacts for friction."""
 
     giving: ContactRows
-    slopes: Array  # (m, n) 1/m: C'
-    answers: Array  # (m, m) 1/N: A
-    s: Array
+    slopes: Array  # (m, n) 1/m: C', derivatives of the rows by the side positions
+    answers: Array  # (m, m) 1/N: displacements A of contacts by unit moments
+    s: Array  # (J,) m: path coordinates of the joints with friction
 
 
 @dataclass(frozen=True)
 class PadState:
-    """State of contacts and pads: contact forces (m,) in N, friction, its forces w (n,) in N and gaps g (m,) in m.
+    """State of contacts and pads: contact forces (m,) in N, friction, forces w (n,) in N and gaps g (m,) in m.
 
-    The forces of rigid contacts are zero.
+    The forces w are those of the moments of friction.  The forces of rigid contacts are zero.
     """
 
     multipliers: Array
@@ -208,14 +210,14 @@ class Pads:
                 )
                 raise InputError("system", f"contacts.{system.contact_names[pad]}.compliance", 0.0, allowed)
         self._equations, self._contacts, self.law, self.gives = equations, contacts, law, contacts.gives
-        #: Function of t in s: loads (i,) in N by the motion of the base; zero on the ground.
+        #: Function of t in s that returns loads (i,) in N by the motion of the base; zero on the ground.
         self.inertia: Callable[[float], Array] = lambda t: np.zeros(equations.B.shape[1])
         self._joints = [
             next((k, side.place) for k, side in enumerate(system.sides) if side.place.path == joint)
             for joint in (() if law is None else law.joints)
         ]
         self.grip = Grip()
-        self.t = 0.0  # s, at which that is
+        self.t = 0.0  # s: end of the last step
 
     def rows(self, x: Array) -> Rows:
         """Rows of the contacts with their sides at x (1, sides) m."""
@@ -236,7 +238,7 @@ class Pads:
         self.grip = Grip.at_start(self._equations.system.contacts, rows.s, self._multipliers(rows, q, f, 0.0))
 
     def end(self, rows: Rows, q: Array, f: Array, t: float) -> PadState:
-        """End the present step at t s: the next one starts from its friction.  Otherwise as `state`."""
+        """End the present step at t s, so that the next step starts from its friction.  Otherwise as `state`."""
         ended = self.state(rows, q, f, t)
         self.grip, self.t = ended.grip, t
         return ended

@@ -1,8 +1,8 @@
-"""Sensors and drawing of a system in an mbs.
+"""Sensors and drawing of a system in an mbs (Exudyn's multibody system).
 
-The sensors are its outputs, and the forces of its contacts.  In Exudyn's renderer a boom that bends is drawn as a tube
-for each section, along its outputs across the boom.  The tube has the section's profile at each point where the scene
-observes the section; between two of these it changes linearly.
+The sensors return the system's outputs and the forces of its contacts.  In Exudyn's renderer a boom that bends is drawn
+as a tube for each section, along its outputs across the boom.  The tube has the section's profile at each point where
+the scene observes the section; between two of these it changes linearly.
 """
 
 # ruff: noqa: N815 - items are numbered as Exudyn users do: nodes n..., objects o..., markers m...
@@ -29,7 +29,7 @@ from pmr.system.system import System
 
 @dataclass(frozen=True)
 class SystemSensors:
-    """Numbers of the sensors of a system, and names of their values, in their order."""
+    """Numbers of the sensors of a system, and the names of the sensors' values in order."""
 
     sOutputs: exu.SensorIndex
     output_names: tuple[str, ...]
@@ -38,7 +38,7 @@ class SystemSensors:
 
 
 class SystemObserver:
-    """Outputs and contact forces of a system, in one of Exudyn's configurations at its time."""
+    """Outputs and contact forces of a system in one of Exudyn's configurations, and at the configuration's time."""
 
     def __init__(self, mbs: exu.MainSystem, items: SystemItems) -> None:
         self._mbs, self._items, self._contacts = mbs, items, Contacts(items.equations, items.inputs)
@@ -46,7 +46,7 @@ class SystemObserver:
         self._rest = np.array([k not in items.contacts for k in range(len(self._contacts.gives))])
 
     def forces(self, t: float, configuration: exu.ConfigurationType) -> Array:
-        """Contact forces (m,) in N with friction at t s; of rigid contacts those of the current configuration."""
+        """Contact forces (m,) in N with friction at t s; rigid contacts have those of the current configuration."""
         multipliers, _, grip = self._contact_state(t, self._items.coordinates(self._mbs, configuration))
         return multipliers if grip is None else multipliers + self._items.rubbing.law.cylinder_forces(grip)
 
@@ -80,7 +80,7 @@ class SystemObserver:
 
 
 def add_sensors(mbs: exu.MainSystem, items: SystemItems) -> SystemSensors:
-    """Add sensors of a system that `add_system` added: outputs y = O q + W f - X lambda, and contact forces lambda."""
+    """Add sensors of the outputs y and the contact forces lambda of a system that `simulator.add_system` added."""
     watched, equations = SystemObserver(mbs, items), items.equations
 
     def write_forces(
@@ -104,7 +104,7 @@ def add_sensors(mbs: exu.MainSystem, items: SystemItems) -> SystemSensors:
 
 Array = NDArray[np.float64]
 
-#: Width in m of a section whose profile is not known
+#: Width in m with which a section without a known profile is drawn.
 THIN = 0.02
 #: RGBA of the sections; repeated if there are more.
 COLORS = ((0.95, 0.75, 0.15, 1.0), (0.75, 0.55, 0.1, 1.0), (0.9, 0.85, 0.5, 1.0))
@@ -115,12 +115,12 @@ class Tube:
     """A section as drawn, in coordinates from its tail, at k points along it."""
 
     x: Array  # (k,) m: points at which it is observed
-    across: dict[int, NDArray[np.int64]]  # numbers of the outputs (k,) along y (1) and z (2), as far as there are
+    across: dict[int, NDArray[np.int64]]  # indices of outputs (k,) along y (key 1) and z (key 2), if any
     outline: Array  # (k, c, 2) m: y and z of the profile's c corners at these points
 
 
 def add_drawing(mbs: exu.MainSystem, items: SystemItems, scene: Scene, scale: float = 1.0) -> exu.ObjectIndex:
-    """Draw a boom that `add_system` added, with deflections `scale` times as large.
+    """Draw a boom that was added by `simulator.add_system`, with deflections `scale` times as large.
 
     Returns the number of the ObjectGround that draws it, in the mbs' axes: on the body that carries the boom, or where
     the scene's frame puts it.  Its user function is called whenever the picture changes.

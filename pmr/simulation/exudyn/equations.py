@@ -6,8 +6,9 @@ The equations are the matrices of all coordinates, and the contact rows at any p
     M \ddot q + D \dot q + K q + C^T \lambda = B f, \qquad C q + H f - F \lambda = 0, \qquad
     y = O q + W f - X \lambda
 
-The extensions of a boom on a rigid body may be signals, functions, and coordinates of the user's own nodes.  Inputs are
-what Exudyn asks for at a time t: side positions, loads, and what depends on the positions.
+The extensions of a boom on a rigid body may be signals, functions, and coordinates of the user's own nodes.  Here q are
+coordinates, :math:`\lambda` contact forces, f loads, y outputs.  `Inputs` are quantities that Exudyn needs at a time t:
+side positions, loads, and quantities that depend on the positions.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ class Equations:
         self.sparse = all(sp.issparse(body.K) for body in system.bodies.values())
         a = self.assembly
         self.M, self.D, self.K = (A if self.sparse else A.toarray() for A in (a.M, a.D, a.K))
-        # numbers of the coordinates without inertia, and their damping D (q,), which are left to an object of their own
+        # indices of the coordinates without inertia, and their damping D (q,); they have an object of their own
         self.quasi_static = a.quasi_static
         self.quasi_static_damping = np.asarray(a.D.diagonal())[a.quasi_static]
         for A in (self.M, self.D) if len(a.quasi_static) else ():
@@ -61,7 +62,7 @@ class Equations:
         if self.alone is not None:
             self.alone.ensure_whole("model")
         self._compliant = CompliantRows(self.alone) if self.alone is not None and not self.sparse else None
-        self._places, self._rows = b"", ContactRows(*(np.empty(0),) * 4)  # asked for last
+        self._places, self._rows = b"", ContactRows(*(np.empty(0),) * 4)  # positions and rows of the last call
         self._travelling = [k for k, side in enumerate(system.sides) if side.place.path is not None]
 
     def matrix(self, A: Array | sp.csr_matrix) -> exu.MatrixContainer:
@@ -78,11 +79,11 @@ class Equations:
         Raises InputError if a path leaves a row.
         """
         if self.alone is not None:
-            excitation.path_within(self.alone.domain)  # which knows the scene's key
+            excitation.path_within(self.alone.domain)  # this error names the key of the scene
         return side_positions(self.system, excitation)
 
     def side_positions_on(self, s: Mapping[str, float]) -> Array:
-        """Side positions x (1, sides) in m with the paths at s m; errors as `visited`."""
+        """Side positions x (1, sides) in m with the paths at s in m, by name; errors as `side_positions`."""
         return self.system.side_coordinates(s)[None]
 
     def rows(self, x: Array) -> ContactRows:
@@ -114,7 +115,7 @@ class Equations:
         return {name: InitialState(start.q[free[name]], start.v[free[name]]) for name, start in states.items()}
 
     def needs(self, x: Array, rho_inf: float = 0.0) -> SimulatorNeeds:
-        """Needs of the system in a simulator, with its sides at x (T, sides) m."""
+        """Properties of the system that a simulator has to support, with the contacts' sides at x (T, sides) m."""
         return needs_of(self.system, self.assembly.contact_rows(x[0]).rigid, x, rho_inf)
 
 
@@ -122,11 +123,11 @@ class Equations:
 class NodeCoordinate:
     """An extension in m that is a coordinate of a node: its reference coordinate plus the node's own displacement.
 
-    What moves the node, a cylinder or a winch, drives the boom, whose inertia, weight and pads act back on it.
+    A cylinder or a winch that moves the node drives the boom; the boom's inertia, weight and pads act back on the node.
     """
 
     node: exu.NodeIndex  # number of a node with displacements, such as NodeGenericODE2, Node1D or NodePoint
-    number: int = 0  # of its coordinates
+    number: int = 0  # number of the coordinate in the node
 
     def __call__(self, mbs: exu.MainSystem, t: float) -> float:
         """Current coordinate of the node, or the initial one before assembly.
@@ -156,13 +157,13 @@ def check_path(name: str, path: object) -> None:
 class Paths:
     """Extensions of all P paths at a time, some of which may be coordinates of nodes.
 
-    The paths `aside`, which move no section, follow those of the sections.
+    The paths `aside`, which move no section, come after the paths of the sections.
     """
 
     def __init__(
         self, mbs: exu.MainSystem, scene: Scene, paths: Mapping[str, Driving], aside: Sequence[str] = ()
     ) -> None:
-        #: of the P paths; the first is that of the base, which stays
+        #: names of the P paths; the first belongs to the base section, which has the extension 0
         self.names = (*scene.names, *aside)
         self._t, h = np.nan, scene.time.step
         self.free = {name: path for name in self.names[1:] if isinstance(path := paths.get(name), NodeCoordinate)}
@@ -170,7 +171,7 @@ class Paths:
         self.nodes = list(dict.fromkeys(path.node for path in self.free.values()))
         sizes = [len(mbs.GetNode(node)["referenceCoordinates"]) for node in self.nodes]
         first = dict(zip(self.nodes, np.cumsum([0, *sizes]).tolist(), strict=False))
-        #: d s / d z (P, m), of the extensions, the base's 0 first, by the m coordinates of the nodes
+        #: d s / d z (P, m): derivatives of the extensions s, first the base's, by the m coordinates z of the nodes
         self.along = np.zeros((len(self.names), sum(sizes)))
         self.reference = np.array([value for node in self.nodes for value in mbs.GetNode(node)["referenceCoordinates"]])
         for name, path in self.free.items():
@@ -180,7 +181,7 @@ class Paths:
     def extensions(self, t: float, z: Array, z_t: Array) -> Extensions:
         """Extensions at t s, with coordinates and rates z, z_t (m,) of the nodes.
 
-        Second rates are those of signals and functions; of coordinates of nodes they are zero.
+        Second rates of signals and functions are included; second rates of coordinates of nodes are zero.
         """
         if t != self._t:
             self._t, self._signals_now = t, np.zeros_like(self._signals_now)
@@ -192,21 +193,21 @@ class Paths:
 
 
 class _Path:
-    """A path that is a signal, an object like one, or a function of mbs and t, with kinks spread over one step of h.
+    """A path that is a signal, an object like one, or a function of mbs and t; a kink acts over one step of h.
 
-    The rates of a function are those of the parabola through its values half a step before t, at t, and half a step
-    after.
+    The rates of a function follow from the parabola through its values half a step before t, at t, and half a step
+    after t.
     """
 
     def __init__(self, path: Driving, h: float, mbs: exu.MainSystem) -> None:
-        self._path: Any = path  # of any of the three kinds
+        self._path: Any = path  # of any of these three kinds
         self._h, self._mbs = h, mbs
 
     def evaluate(self, t: float) -> tuple[float, float, float]:
         """Value in m, rate and second rate at t s."""
         half = self._h / 2.0
         if not hasattr(self._path, "rate"):
-            middle = max(t, half)  # no time before the start is asked for
+            middle = max(t, half)  # the path is not evaluated before the start
             before, now, after = (float(self._path(self._mbs, at)) for at in (middle - half, middle, middle + half))
             second = (after - 2.0 * now + before) / half**2
             return float(self._path(self._mbs, t)), (after - before) / self._h + second * (t - middle), second
@@ -215,13 +216,13 @@ class _Path:
         return float(self._path.value(t)), float(self._path.rate(t)), second
 
 
-#: Most values that are computed ahead at once; bounds the memory of a long simulation.
+#: Most values that are computed in advance at once, which bounds the memory of a long simulation.
 ENTRIES_AHEAD = 1_000_000
 
 #: Function of side positions that a simulator needs at every step: ``evaluate(x (T, k)) -> (T, ...)``.
 PositionFunction = Callable[[Array], Array]
-#: A path in m or a load in N: a signal, whose `value` and `rate` are asked for, or a function of the mbs and the time
-#: in s, which may read ``mbs.variables``.
+#: A path in m or a load in N: a signal with `value` and `rate`, or a function of the mbs and the time in s, which may
+#: read ``mbs.variables``.
 Driving: TypeAlias = SignalBase | Callable[[exu.MainSystem, float], float]
 
 
@@ -230,14 +231,14 @@ def driving_value(driving: Driving, mbs: exu.MainSystem, t: float) -> float:
     return float(driving.value(t) if hasattr(driving, "value") else driving(mbs, t))
 
 
-#: Index of the side positions, which stays as long as they do, loads in N (or N m) and amplitudes of terms.
+#: Index of the side positions, the same as long as the positions are, loads in N (or N m), and amplitudes of terms.
 State = tuple[int, tuple[float, ...], tuple[float, ...]]
 
 
 class Inputs(ABC):
     """Side positions and loads at a time, and quantities that depend on the positions, computed in blocks.
 
-    Side positions that stay for some time have one index.
+    Side positions that do not change for some time have one index.
     """
 
     @abstractmethod
@@ -290,7 +291,7 @@ class Inputs(ABC):
 
 
 class SignalInputs(Inputs):
-    """Inputs from signals and functions, which are evaluated if the time changes or a step begins.
+    """Inputs from signals and functions, which are evaluated when the time changes or a step begins.
 
     Raises InputError if a path, load or amplitude of a term is missing, or a load or amplitude has no input or term.
     """
@@ -307,7 +308,7 @@ class SignalInputs(Inputs):
             allowed = f"{', '.join(paths) or 'none'} given, one for each path is allowed: {', '.join(sorted(missing))}"
             raise InputError("system", "paths", None, allowed)
         self._mbs, self._equations, self._paths, self._k = mbs, equations, dict(paths), 0
-        # m/s at t = 0, where a function counts as at rest
+        # m/s at t = 0, when a path that is a function counts as at rest
         self.rates = {name: float(path.rate(0.0)) if hasattr(path, "rate") else 0.0 for name, path in paths.items()}
         self._loads = signals_in_order(loads, equations.system.input_names)
         self._terms = signals_in_order(terms, equations.system.term_names, "term")
@@ -348,7 +349,7 @@ class SignalInputs(Inputs):
 class TabulatedInputs(Inputs):
     """Inputs that have been evaluated beforehand, at the ends of all parts of all steps.
 
-    Errors as `Equations.visited`, `Excitation.forces` and `Excitation.amplitudes`.
+    Errors as `Equations.side_positions`, `Excitation.forces` and `Excitation.amplitudes`.
     """
 
     def __init__(self, equations: Equations, excitation: Excitation, lengths: StepParts) -> None:

@@ -1,10 +1,11 @@
 """Three ways to represent the contacts and loads of a system in Exudyn.
 
-Springs: rows and loads are set once a step; contacts that give way are no constraints but springs that travel, ``K(s) =
-K + C^T F^-1 C``.  If some only push, Python is called in every iteration for the forces of all that give way; the
-kernel finds the closed ones (`pmr.kernel.laws`), and Newton's method uses their stiffness.  Multipliers: contacts that
-give way have multipliers, for comparison.  Callbacks: as in the paper, Python is called for rows, their Jacobian and
-loads in every iteration, for comparison.
+Springs: rows and loads are set once a step; contacts that give way are no constraints but springs that travel, with the
+stiffness ``K(s) = K + C^T F^-1 C`` by their rows C and flexibility F at the path position s.  If some contacts only
+push, Python is called in every iteration for the forces of all contacts that give way; the kernel finds the closed
+contacts (`pmr.kernel.laws`), and Newton's method uses their stiffness.  Multipliers: contacts that give way have
+multipliers, for comparison.  Callbacks: as in Weyrer et al., Python is called for rows, their Jacobian and loads in
+every iteration, for comparison.
 """
 
 from __future__ import annotations
@@ -28,17 +29,17 @@ from pmr.system.contacts import Friction
 Array = NDArray[np.float64]
 Start = Mapping[str, InitialState]
 
-#: How Exudyn knows the contacts and loads of a system.
+#: How Exudyn gets the contacts and loads of a system.
 #: ``springs``: set once a step; contacts that give way, by a pad's stiffness or by residual flexibility, are no
 #: constraints but springs that travel.  ``multipliers``: the same with a constraint and its multiplier for every
-#: contact.  ``callbacks``: the paper's way, Python is called in every iteration.  ``callbacks-modified-newton``: the
+#: contact.  ``callbacks``: Python is called in every iteration (Weyrer et al.).  ``callbacks-modified-newton``: the
 #: same, but a Jacobian is kept as long as Newton's method converges with it.
 Formulation = Literal["springs", "multipliers", "callbacks", "callbacks-modified-newton"]
 AddItems: TypeAlias = Callable[[exu.MainSystem, Equations, Inputs, Start], SystemItems]
 
 
 def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
-    """Add the items of a system whose rows, travelling springs and loads are set once a step.
+    """Add the items of a system; contact rows, travelling springs and loads are set once a step.
 
     Sparse systems with contacts that give way, none of which only pushes, use `add_with_multipliers` instead: springs
     would fill the sparse stiffness anew in every step.
@@ -95,7 +96,7 @@ def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, 
 def _contact_parameters(
     pads: Pads, equations: Equations, inputs: Inputs, steps: Steps, start: Start
 ) -> tuple[dict[str, Any], Callable[[exu.MainSystem, SystemItems, float], None]]:
-    """Parameters of ObjectGenericODE2 (user functions) for contacts that push or rub; function that ends a step."""
+    """Parameters (user functions) of ObjectGenericODE2 for contacts that push or rub; function that ends a step."""
     stored_rows: tuple[int, Rows] | None = None
     begun = np.concatenate([state.q for state in start.values()])
     reached, loads = 0.0, np.array(inputs.loads(0.0))
@@ -115,10 +116,10 @@ def _contact_parameters(
     def force(mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array) -> Array:
         """User function: forces (n,) of the contacts on the coordinates."""
         at, inertia = rows(t), pads.inertia(t)
-        if t <= 0.0:  # where Exudyn asks for the accelerations at the start
+        if t <= 0.0:  # when Exudyn computes the accelerations at the start
             begin(np.asarray(q))
         state = pads.state(at, np.asarray(q), np.array(inputs.loads(t)) + inertia, t)
-        # what contacts answer to inertia is in the mass of the base and the coordinates
+        # the response of contacts to inertia is in the mass of base and coordinates
         return state.w - at.giving.C.T @ (state.multipliers[pads.gives] - pads.answers(at, inertia))
 
     def jacobian(
@@ -131,11 +132,11 @@ def _contact_parameters(
         return equations.matrix(factor * pads.stiffness(at, state))
 
     def finish(mbs: exu.MainSystem, items: SystemItems, t: float) -> None:
-        """End the step before the one that ends at t: the next one starts from its friction."""
+        """End the step before the one that ends at t, so that the latter starts from its friction."""
         nonlocal reached, loads
         if pads.law is None:
             return
-        if t <= 0.0:  # before a simulation is repeated
+        if t <= 0.0:  # when a simulation is repeated
             reached = 0.0
             begin(begun)
             return
@@ -151,7 +152,7 @@ def _contact_parameters(
 
 
 def do_nothing(mbs: exu.MainSystem, items: SystemItems, t: float) -> None:
-    """End a step without friction, of which the next step needs nothing."""
+    """End a step without friction, from which the next step needs no data."""
 
 
 def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
@@ -214,7 +215,7 @@ def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inpu
 
 
 def add_with_callbacks(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
-    """Add the items of a system of rigid contacts, with Python callbacks in every iteration: the paper's way."""
+    """Add the items of a system of rigid contacts, with Python callbacks in every iteration as in Weyrer et al."""
     m, _ = _counts(equations)
     rows = inputs.function_of_time(lambda x: equations.rows(x).C, equations.size * m)
 
@@ -234,7 +235,7 @@ def add_with_callbacks(mbs: exu.MainSystem, equations: Equations, inputs: Inputs
         mbs,
         add_bodies(mbs, equations, start, forceUserFunction=force),
         np.arange(m),
-        scalingMarker0=np.zeros((m, 1)),  # its height is the number of rows
+        scalingMarker0=np.zeros((m, 1)),  # its number of rows is that of the contacts
         constraintUserFunction=constraint,
         jacobianUserFunction=jacobian,
     )

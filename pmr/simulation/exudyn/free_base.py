@@ -1,17 +1,19 @@
-r"""A boom on a rigid body of the user's own in Exudyn: an object on the body's node and on those of the sections.
+r"""A boom on a rigid body of the user's own in Exudyn: an object on the nodes of body and sections.
 
-It adds the equations of `pmr.simulation.free_base` for base and coordinates.  With the node's coordinates x and theta,
-the boom's axes A and its pivot c in the body's axes, the accelerations of the boom's frame are
+The object adds the equations of `pmr.simulation.free_base` for base and coordinates.  With the node's coordinates x and
+theta (displacement and rotation), the body's rotation R and its angular velocity G theta' in the body's axes, and the
+boom's axes A and its pivot c in the body's axes, the accelerations a and alpha of the boom's frame are
 
 .. math::
     \begin{pmatrix} a \\ \alpha \end{pmatrix} = \Lambda \begin{pmatrix} \ddot x \\ \ddot\theta \end{pmatrix} + \gamma,
     \qquad \Lambda = \begin{pmatrix} A^T R^T & -A^T \tilde c\, G \\ 0 & A^T G \end{pmatrix}
 
-with the body's rotation R and its angular velocity G theta' in its own axes.
+in which gamma collects what is quadratic in the rates.
 
-Extensions s may be coordinates of the user's nodes: forces of contacts and loads then act on q and s.  Contacts that
-give way, with g = C q + H f and :math:`\lambda = F^{-1} g`, and cylinders of length l = s that lean by q and carry a
-load f along x, store
+Extensions s may be coordinates of the user's nodes: forces of contacts and loads then act on the boom's coordinates q
+and on s.  Contacts that give way have rows C, displacements H by loads f, flexibility F, displacements g = C q + H f
+and forces :math:`\lambda = F^{-1} g`.  A cylinder of length l = s that leans by q and carries a load f along x has the
+shortening matrix G.  Together they store
 
 .. math::
     V(q, s) = \tfrac12 g^T F^{-1} g + \frac{f}{2 l}\, q^T G q,
@@ -21,8 +23,9 @@ so that the force on q is :math:`-C^T \lambda - f G q / l`, and that on a path
 .. math::
     F_s = -\lambda^T (C' q + H' f) + \tfrac12 \lambda^T F' \lambda + \frac{f}{2 l^2}\, q^T G q.
 
-The derivative of lambda by s uses w = C' q + H' f - F' lambda.  If pads only push, lambda and F are those of the closed
-ones.  Rigid contacts are constraints C(s) q = 0 of q and s.
+A prime marks derivatives by s.  The derivative of :math:`\lambda` by s uses w = C' q + H' f - F' :math:`\lambda`.  If
+pads only push, :math:`\lambda` and F are those of the closed pads.  Rigid contacts are constraints C(s) q = 0 of q and
+s.
 """
 
 from __future__ import annotations
@@ -62,7 +65,7 @@ from pmr.system.system import System
 
 
 def add_extended(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
-    """Add nodes and items of the bodies without their contacts, which the base adds."""
+    """Add nodes and items of the bodies without contacts; the contacts are added with the base."""
     steps, loads_set = Steps(held=bool(Contacts(equations, inputs).rigid.any())), inputs.loads(0.0)
     jacobian = zero_jacobian(equations, steps)
     items = add_bodies(
@@ -131,7 +134,7 @@ class ExtendingBoom:
         return np.asarray(self._along.evaluate(s).rows.C[self.rigid] @ q)
 
     def gap_derivative(self, s: Array, q: Array) -> Array:
-        """Derivative (m, n + S) by q and s of the gaps of rigid contacts."""
+        """Derivative (m, n + S) of the gaps of rigid contacts by q and s."""
         near, numbers = self._along.evaluate(s), self._numbers
         derivative = np.hstack([near.rows.C[self.rigid], np.zeros((len(self.rigid), len(s)))])
         derivative[:, len(q) + numbers] = (near.slopes.C[numbers][:, self.rigid] @ q).T
@@ -148,16 +151,17 @@ class OnBody:
     """Pivot and axes of a boom on a rigid body of the mbs, which then carries the boom."""
 
     body: exu.ObjectIndex  # number of an ObjectRigidBody, such as CreateRigidBody returns
-    scene: Scene  # of the system: pivot, sections, weight
-    place: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the pivot, m from the body's reference point
+    scene: Scene  # scene of the system, with pivot, sections and weight
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: position of the pivot from the body's reference point
     axes: Array = field(default_factory=lambda: np.eye(3))  # (3, 3): columns are the boom's x, y, z in the body's axes
 
 
 @dataclass(frozen=True)
 class Rotations:
-    """Functions of a kind of node with k rotation coordinates: R (3, 3), G (3, k) and G' theta' (3,).
+    """Functions of a kind of node with k rotation coordinates theta, for R (3, 3), G (3, k) and G' theta' (3,).
 
-    R and G depend on the coordinates (k,), G' theta' on these and their rates.
+    R is the rotation and G theta' the angular velocity.  `matrix` and `velocity` return R and G from the coordinates
+    (k,), `remainder` returns G' theta' from the coordinates and their rates.
     """
 
     matrix: Callable[[Array], Array]
@@ -174,7 +178,7 @@ ROTATIONS = {
 
 
 class Base:
-    """Base of a boom on a rigid body: its motion, and what has to be added to Exudyn's equations, at a time."""
+    """Base of a boom on a rigid body: motion of the base, and parts to be added to Exudyn's equations, at a time."""
 
     def __init__(
         self, mbs: exu.MainSystem, equations: Equations, inputs: Inputs, paths: Mapping[str, Driving], on: OnBody
@@ -223,14 +227,11 @@ class Base:
         return self.paths.extensions(t, z, z_t)
 
     def moments(self, at: Extensions) -> Moments:
-        """Moments of the sections, with the response to inertia of contacts that give way."""
+        """First moments of the sections; they include the response of contacts that give way to inertia."""
         return self._answering.moments(at)
 
     def answers(self, s: Array) -> InputResponse:
-        """Response to inputs with the paths at s (P,) in m, with contacts that give way.
-
-        Rigid ones, and pads that only push, are left out.
-        """
+        """Response to inputs with the paths at s (P,) in m, with contacts that give way and hold both ways."""
         return self._answering.response(s)
 
     def kinematics(self, x: Array, rate: Array) -> tuple[Array, Array, FrameMotion, Array]:
@@ -249,7 +250,8 @@ class Base:
     def inertia(self, mbs: exu.MainSystem, t: float) -> Array:
         """Loads (i,) of the boom's inertia and weight by the body's current motion, at t s.
 
-        They deform contacts that give way immediately.  Zero if there are none, or if pads only push.
+        These loads deform contacts that give way immediately.  They are zero if no contact gives way, or if pads only
+        push.
         """
         loads = np.zeros(self._inputs)
         if not self._gives:
@@ -265,9 +267,9 @@ class Base:
         return self.boom.inertia(motion, turned @ second + gamma, extended, loads)
 
     def added_equations(self, t: float, x: Array, rate: Array, loads: Array) -> tuple[Array, Array, Array]:
-        """Mass (N, N), force (N,) and stiffness (N, N) to be added, for N coordinates of body, boom, user's nodes.
+        """Mass (N, N), force (N,) and stiffness (N, N) to be added, for N coordinates of body, boom and user's nodes.
 
-        x, rate (N,) are displacements and rates, `loads` (i,) those of the inputs.
+        x and `rate` (N,) are displacements and rates of these coordinates, `loads` (i,) the loads on the inputs.
         """
         k, n = self.count, self._size
         turned, gamma, motion, R = self.kinematics(x[:k], rate[:k])
@@ -289,16 +291,16 @@ class Base:
 
 
 def driven_by_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Driving]:
-    """Loads by name, with the inertia inputs set to zero: the base accelerates the boom."""
+    """Loads by name, with zero for the inertia inputs, since the base adds the boom's inertia."""
     nothing = Constant(amount=0.0)
     return dict(loads) | {name: nothing for name in system.input_names if INERTIA in name}
 
 
 def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on: OnBody) -> dict[str, Driving]:
-    """Amplitudes of the terms by name: those of loads that stress the boom; all others are zero, as the base adds them.
+    """Amplitudes of the terms by name: of loads that stress the boom; other terms are zero, as the base adds them.
 
-    Terms of a cylinder whose extension is a coordinate are zero, too.  Raises InputError for a path that is no
-    extension.
+    Terms of a cylinder are zero, too, if its extension is a coordinate of a node.  Raises InputError for a path that is
+    no extension.
     """
     for name in dict.fromkeys((*on.scene.names[1:], *paths)):
         check_path(name, paths.get(name))
@@ -334,7 +336,7 @@ def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Input
         nonlocal evaluated_at, evaluated
         x, rate = np.array(q), np.array(q_t)
         arguments = (t, x.tobytes(), rate.tobytes())
-        if arguments != evaluated_at:  # mass and forces are asked for one after the other
+        if arguments != evaluated_at:  # Exudyn calls for mass and forces one after the other
             evaluated_at, evaluated = arguments, base.added_equations(t, x, rate, np.array(inputs.loads(t)))
         return evaluated
 
@@ -346,7 +348,7 @@ def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Input
             massMatrix=np.zeros((count, count)),
             massMatrixUserFunction=lambda mbs, t, item, q, q_t: evaluate(t, q, q_t)[0],
             forceUserFunction=lambda mbs, t, item, q, q_t: evaluate(t, q, q_t)[1],
-            # beside what an extension stores, inertia decides within a step
+            # inertia dominates the Jacobian, except for energy stored along extensions
             jacobianUserFunction=lambda mbs, t, item, q, q_t, factor, factor_t: exu.MatrixContainer(
                 factor * evaluate(t, q, q_t)[2]
             ),
@@ -363,12 +365,12 @@ def _with_rows(mbs: exu.MainSystem, items: SystemItems, base: Base, extending: E
     k, n = base.count, base.boom.size
 
     def split(t: float, z: Array) -> tuple[Array, Array]:
-        """Extensions (S,) and coordinates (n,) of the boom, from those of a marker, which include reference ones."""
+        """Extensions (S,) and coordinates (n,) of the boom, from a marker's coordinates with reference values."""
         z_array = np.array(z)
         return base.extensions(t, z_array[k + n :] - base.paths.reference, z_array[k + n :]).value, z_array[k : k + n]
 
     def gap_derivative(t: float, z: Array) -> Array:
-        """Derivative of the gaps by all coordinates."""
+        """Derivative of the gaps by all coordinates of the marker."""
         derivative = extending.gap_derivative(*split(t, z))
         return np.hstack([np.zeros((len(derivative), k)), derivative[:, :n], derivative[:, n:] @ base.paths.along])
 
@@ -378,7 +380,7 @@ def _with_rows(mbs: exu.MainSystem, items: SystemItems, base: Base, extending: E
         mbs,
         replace(items, mSystem=marker),
         extending.rigid,
-        scalingMarker0=np.zeros((len(extending.rigid), 1)),  # its height is the number of rows
+        scalingMarker0=np.zeros((len(extending.rigid), 1)),  # its number of rows is that of the contacts
         constraintUserFunction=lambda mbs, t, item, q, q_t, velocity: extending.gap(*split(t, q)),
         jacobianUserFunction=lambda mbs, t, item, q, q_t, velocity: gap_derivative(t, q),
     )

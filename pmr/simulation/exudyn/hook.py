@@ -1,16 +1,18 @@
-r"""A hook on a boom that is carried by a body in Exudyn: a point with a mass, to which ropes and others are attached.
+r"""A hook on a boom that a body carries in Exudyn: a point with a mass, to which ropes and more can be attached.
 
-Where three loads of the model act along x, y and z, the boom is displaced by :math:`B^T q + E f`, which includes the
-immediate response to forces, and gets shorter by :math:`q^T G q / 2` if the system has second order.  So the hook at x,
-with its force f on the boom in the boom's axes and the model's loads f_w, the weight included, fulfils
+The hook is at a point where three loads of the model act along x, y and z.  By coordinates q and loads, the point of
+the boom is displaced by :math:`B^T q + E f`, which includes the immediate response to forces, and gets closer by
+:math:`q^T G q / 2` if the system has second order.  So the hook at x, with its force f on the boom in the boom's axes
+and the model's loads f_w, the weight included, fulfils
 
 .. math:: g = R^T (x - x_O) - d - r - B_h^T q + \tfrac12 e_x\, q^T G q - E_{hw} f_w - E_h f = 0
 
-a constraint whose multiplier is f; R and x_O are axes and pivot of the boom, d the tail of the section, r the point
-from there.  By virtual work f acts on the base too, at the position of the hook, so that momentum is conserved.
-Coordinates w in m without mass represent :math:`E_h w = e E_h f`, with e the largest eigenvalue of E_h; in directions
-without flexibility w is held at zero.  They store :math:`w^T E_h w / 2 e^2`, which changes with an extension s that is
-a coordinate: together with this, the constraint's derivative by s leaves :math:`f^T E_h' f / 2` along the path.
+a constraint with the multiplier f.  The index h marks the three inputs of the hook; R and x_O are axes and pivot of the
+boom, d is the position of the section's tail, r that of the point from the tail.  By virtual work f acts on the base
+too, at the position of the hook, so that momentum is conserved.  Coordinates w in m without mass represent :math:`E_h w
+= e E_h f`, with e the largest eigenvalue of E_h; in directions without flexibility w is held at zero.  They store
+:math:`w^T E_h w / 2 e^2`, which changes with an extension s that is a coordinate: together with the change of this
+energy, the derivative of the constraint by s results in the force :math:`f^T E_h' f / 2` along the path.
 """
 
 # ruff: noqa: N815 - items are numbered as Exudyn users do
@@ -40,9 +42,9 @@ from pmr.simulation.start import InitialState
 
 Array = NDArray[np.float64]
 
-#: Share of the largest flexibility that counts as none; least value in m/N of that largest one.
+#: Share of the largest flexibility below which a flexibility is zero; least value in m/N of the largest flexibility.
 ROUND_OFF, TINY = 1e-9, 1e-20
-#: What nodes call their rates at the start.
+#: Names of the initial rates in the dictionaries of nodes.
 RATES = ("initialCoordinates_t", "initialVelocities")
 
 
@@ -61,13 +63,13 @@ class Hook:
 def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str], mass: float) -> Hook:
     """Add a point of mass `mass` in kg at the point where three of the boom's loads act.
 
-    It starts where the boom without the hook's force has this point, and with the point's velocity.
+    It starts at this point of the boom, as it is without the hook's force, and with the point's velocity.
 
     Parameters
     ----------
     mbs : exudyn.MainSystem
     items : SystemItems
-        Those of `add_system` with ``on``.
+        The items that `simulator.add_system` returned, with its argument `on`.
     loads : three str
         Names of inputs along x, y and z of the boom at one point, ``fly.hook x`` and so on; their signals still act.
     mass : float
@@ -107,7 +109,7 @@ def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str
         ObjectConnectorCoordinateVector(
             name=name,
             markerNumbers=[items.mGround, mbs.AddMarker(MarkerObjectODE2Coordinates(objectNumber=oGiven))],
-            scalingMarker0=np.zeros((3, 1)),  # its height is the number of rows
+            scalingMarker0=np.zeros((3, 1)),  # its number of rows is that of the constraint
             constraintUserFunction=lambda mbs, t, item, q, q_t, velocity: joint.gap(t, np.array(q)),
             jacobianUserFunction=lambda mbs, t, item, q, q_t, velocity: joint.gap_derivative(t, np.array(q)),
         )
@@ -126,7 +128,12 @@ def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str
 
 
 class _Joint:
-    """Constraint between the hook and the point of the boom where three loads act."""
+    """Constraint between the hook and the point of the boom where three loads act.
+
+    Its coordinates z (N,) are three each of the node w, without mass, and of the hook, then those of the base, of the
+    boom and of the nodes of extensions.  The first three represent the displacement by the immediate flexibility, see
+    the module.
+    """
 
     def __init__(self, base: Base, items: SystemItems, loads: tuple[str, str, str], start: Array) -> None:
         names = items.equations.system.input_names
@@ -144,33 +151,36 @@ class _Joint:
         answers = base.answers(self._split(0.0, start)[2])
         values, vectors = np.linalg.eigh(answers.E[np.ix_(self._on, self._on)])
         stiff = vectors[:, values <= ROUND_OFF * max(answers.E.max(), TINY)]
-        self._firm = stiff @ stiff.T  # onto the directions in which nothing gives way at once
+        self._firm = stiff @ stiff.T  # projection onto the directions without immediate flexibility
         self._scale = float(values[-1]) if values[-1] > 0.0 else 1.0
         self._shortened = list(base.boom.load_shortenings(loads[0]))
-        self.mass = np.zeros((6 + len(start),) * 2)  # of w where nothing gives way, kg
+        self.mass = np.zeros((6 + len(start),) * 2)  # kg: of w in directions without flexibility
         self.mass[:3, :3] = self._firm
 
     def _split(self, t: float, z: Array) -> tuple[Array, Array, Array]:
-        """Coordinates of base and boom, and path coordinates s (P,) in m, from those of the nodes of all three."""
+        """Coordinates of base (k,) and boom (n,), and path coordinates s (P,) in m, from z without w and hook."""
         k, n = self._base.count, self._base.boom.size
         return z[:k], z[k : k + n], self._base.extensions(t, z[k + n :], z[k + n :]).value
 
     def _displacements(self, z: Array) -> Array:
-        """Displacements of all nodes but w and hook, from coordinates z that include the reference coordinates."""
+        """Displacements (N - 6,), without reference values, of all coordinates in z (N,) after the first six.
+
+        The first six coordinates are those of w and the hook.
+        """
         coordinates, k, paths = z[6:].copy(), self._base.count, self._base.paths
         coordinates[:k] -= self._base.reference
         coordinates[len(coordinates) - len(paths.reference) :] -= paths.reference
         return coordinates
 
     def _flexibility(self, s: Array) -> tuple[Array, Array]:
-        """Flexibility E_h (3, 3) in m/N at the paths s, and its derivatives (P, 3, 3) by them."""
+        """Flexibility E_h (3, 3) in m/N with the paths at s (P,) m, and its derivatives (P, 3, 3) by s."""
         answers, on = self._base.answers(s), np.ix_(self._on, self._on)
         return answers.E[on], answers.E_slope[:, *on]
 
     def forces_and_stiffness(self, t: float, z: Array) -> tuple[Array, Array]:
-        """Force (N,) and stiffness (N, N) of the energy that w stores, and of the stiffness that holds w.
+        """Force (N,) and stiffness (N, N) from the energy that the node w stores, and from the stiffness that holds w.
 
-        w is held in directions without flexibility.
+        The node w is held in directions without flexibility.
         """
         w, (_, _, s), along, e = z[:3], self._split(t, z[6:]), self._base.paths.along, self._scale
         (E, E_slope), K = self._flexibility(s), np.zeros((len(z),) * 2)
@@ -183,7 +193,7 @@ class _Joint:
         return force, K
 
     def _shortening(self, s: Array, q: Array) -> tuple[Array, Array]:
-        """G q (n,), and the derivative (P,) of q^T G q / 2 by the paths s."""
+        """G q (n,), and the derivative (P,) of q^T G q / 2 by s; G shortens the boom at the hook's load along x."""
         bent, by = np.zeros_like(q), np.zeros_like(s)
         for k, G in self._shortened:
             l, Gq = (1.0 if k is None else s[k]), G @ q
@@ -193,9 +203,9 @@ class _Joint:
         return bent, by
 
     def _unloaded_point(self, t: float, q: Array, s: Array, R: Array) -> tuple[Array, Array, Array]:
-        """Position (3,) in m of the point from O in boom axes without the hook's force, and its derivatives.
+        """Position (3,) in m of the point from O in the boom's axes, without the hook's force, and derivatives.
 
-        They are (3, n) by q and (3, P) by s.
+        O is the pivot.  The derivatives are (3, n) by q and (3, P) by s; R (3, 3) are the boom's axes in space.
         """
         answers, e = self._base.answers(s), np.array([1.0, 0.0, 0.0])
         rows, (bent, by) = answers.B[:, self._on].T, self._shortening(s, q)
@@ -208,7 +218,7 @@ class _Joint:
     def start(self, z: Array, z_t: Array) -> tuple[Array, Array]:
         """Position and velocity (3,) of the point in space at t = 0, without the hook's force.
 
-        z and z_t are coordinates and rates of all nodes but w and hook.
+        z and z_t are coordinates and rates of base, boom and nodes of extensions, without w and the hook.
         """
         base, k, n = self._base, self._base.count, self._base.boom.size
         x, q, s = self._split(0.0, z)
@@ -219,14 +229,14 @@ class _Joint:
         return np.asarray(base.origin(x) + R @ at), np.asarray(R @ velocity)
 
     def gap(self, t: float, z: Array) -> Array:
-        """Gap g (3,) in m of coordinates z of w, hook, base, boom and paths, as a marker returns them."""
+        """Gap g (3,) in m of the constraint at coordinates z (N,) that a marker returns."""
         x, q, s = self._split(t, self._displacements(z))
         _, _, _, R = self._base.kinematics(x, 0.0 * x)
         at = R.T @ (z[3:6] - self._base.origin(x))
         return np.asarray(at - self._unloaded_point(t, q, s, R)[0] - self._flexibility(s)[0] @ z[:3] / self._scale)
 
     def gap_derivative(self, t: float, z: Array) -> Array:
-        """Derivative (3, N) of the gap by all N coordinates."""
+        """Derivative (3, N) of the gap by all coordinates z (N,)."""
         x, q, s = self._split(t, self._displacements(z))
         turned, _, _, R = self._base.kinematics(x, 0.0 * x)
         at = R.T @ (z[3:6] - self._base.origin(x))

@@ -3,20 +3,21 @@ r"""The Exudyn items that make up a system: nodes, one object, markers, a connec
 .. math::
     M \ddot q + D \dot q + K q + C(s(t))^T \lambda = B f(t), \qquad C(s(t))\, q = 0
 
-One ObjectGenericODE2 with a node for each body carries all bodies; an ObjectConnectorCoordinateVector carries the rigid
-contacts.
+One ObjectGenericODE2 with a node for each body represents all bodies, with coordinates q; an
+ObjectConnectorCoordinateVector represents the rigid contacts, with rows C on the paths s and forces :math:`\lambda`.
 
-Terms that vary in time (`pmr.system.terms`) have an ObjectGenericODE2 of their own, whose matrices are set once a step.
-Exudyn's generalized-alpha fulfils the equations at the end of the step, whose time the pre-step function receives; the
-object's matrices enter the Jacobian as those of any other object do.
+Terms that vary in time (`pmr.system.terms`) have an ObjectGenericODE2 of their own; its matrices are set once a step.
+Exudyn's generalized-alpha fulfils the equations at the end of a step, and the pre-step function receives the time of
+this end.  The object's matrices enter the Jacobian like the matrices of any other object.
 
 Coordinates eta without inertia (`pmr.system.attachment`) are integrated by backward Euler with steps of h, as in
 `march`:
 
 .. math:: (D / h + K)\, \eta_{n+1} + \ldots = F_{n+1} + D\, \eta_n / h
 
-An ObjectGenericODE2 of their own adds the stiffness D / h and the force D eta_n / h, once a step.  Until the first step
-it has a unit mass for these coordinates, so that Exudyn can solve for the initial accelerations of all others.
+Here n is the number of the step, and D and K are damping and stiffness of these coordinates.  An ObjectGenericODE2 of
+their own adds the stiffness D / h and the force D eta_n / h, set once a step.  Until the first step it has a unit mass
+for these coordinates, so that Exudyn can solve for the initial accelerations of all others.
 """
 
 # ruff: noqa: N815 - items are numbered as Exudyn users do: nodes n..., objects o..., markers m...
@@ -58,26 +59,26 @@ def _do_nothing(mbs: exu.MainSystem, t: float) -> bool:
 class SystemItems:
     """Numbers of the items that make up a system in an mbs (Exudyn's multibody system)."""
 
-    # NodeGenericODE2 of each body with its coordinates, those that supports of a full one hold left out
+    # NodeGenericODE2 of each body, without coordinates that supports of a full body hold
     nBodies: Mapping[str, exu.NodeIndex]
-    # all coordinates of each body; connectors attached here feel the full flexibility at the model's ports alone
+    # markers of all coordinates of each body; connectors here feel the full flexibility only at the ports of the model
     mBodies: Mapping[str, exu.MarkerIndex]
     oSystem: exu.ObjectIndex  # ObjectGenericODE2 with M, D and K of all bodies
-    mSystem: exu.MarkerIndex  # all coordinates
+    mSystem: exu.MarkerIndex  # marker of all coordinates
     mGround: exu.MarkerIndex
-    # ObjectConnectorCoordinateVector of the `contacts`; its output variable Force is their lambda in N; None where
-    # there are no such contacts
+    # ObjectConnectorCoordinateVector of the `contacts`; its output variable Force is their force in N; None without
+    # such contacts
     oContacts: exu.ObjectIndex | None = None
     oTerms: exu.ObjectIndex | None = None  # ObjectGenericODE2 of the terms that vary in time; None where there are none
     oBase: exu.ObjectIndex | None = (
-        None  # ObjectGenericODE2 that couples it with a rigid body; None where it stands on the ground
+        None  # ObjectGenericODE2 that couples the boom with a rigid body; None for a boom on the ground
     )
     contacts: tuple[int, ...] = ()  # numbers of the system's contacts that oContacts holds, in its order
     # sets rows and loads to the time t in s; the mbs' pre-step function calls it
     update: PreStep = _do_nothing
     equations: Any = None  # `Equations` and `Inputs`, which `add_sensors` needs
     inputs: Any = None
-    base: Any = None  # what `add_hook` needs
+    base: Any = None  # `Base` of a boom on a body, which `add_hook` needs
     rubbing: Any = None  # `pmr.simulation.exudyn.contacts.Pads`; None where no pad rubs
 
     def component_name(self, mbs: exu.MainSystem, part: str) -> str:
@@ -169,7 +170,7 @@ def add_bodies(
     start : mapping of str to InitialState
         Initial coordinates and rates of every body, by its name.
     K : (n, n) matrix, optional
-        Stiffness used instead of that of `equations`.
+        Stiffness that replaces the stiffness matrix of `equations`.
     **parameters
         Passed to ObjectGenericODE2, such as user functions.
     """
@@ -226,7 +227,7 @@ def with_contacts(
 class Steps:
     """Calls the update of a system before each step, and refuses solvers and settings that can't solve the system.
 
-    `held` says whether the system has constraints, which may move.  A refusal appears as Exudyn's own error that
+    `held` says whether the system has constraints, which may move.  A refusal appears as an error of Exudyn that
     contains the text of an `InputError`.
     """
 
@@ -243,7 +244,7 @@ class Steps:
     def check(self, t: float) -> None:
         """Raise InputError in a step that ends at t (s) if the update was not called for it.
 
-        This happens where another pre-step function has replaced it.
+        This happens if another pre-step function has replaced the update.
         """
         if t > self._reached + 1e-9 * abs(t):
             allowed = (
@@ -315,7 +316,7 @@ def with_quasi_static(mbs: exu.MainSystem, items: SystemItems, equations: Equati
         "QuasiStatic",
         equations,
         massMatrix=inertia,
-        massMatrixUserFunction=lambda *arguments: empty if begun else inertia,  # Exudyn reuses what is a constant
+        massMatrixUserFunction=lambda *arguments: empty if begun else inertia,  # Exudyn reuses a constant matrix
         stiffnessMatrix=empty,
         forceVector=np.zeros(equations.size),
     )
@@ -323,7 +324,7 @@ def with_quasi_static(mbs: exu.MainSystem, items: SystemItems, equations: Equati
     def follow(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set the stiffness D / h and the force D eta_n / h of the step of h that ends at t."""
         nonlocal reached, begun
-        if t <= 0.0:  # before a simulation is repeated
+        if t <= 0.0:  # when a simulation is repeated
             reached, begun = 0.0, False
             return True
         force, step = np.zeros(equations.size), t - reached
@@ -337,7 +338,7 @@ def with_quasi_static(mbs: exu.MainSystem, items: SystemItems, equations: Equati
 
 
 def rates(equations: Equations, t: Array, q: Array, v: Array) -> Array:
-    """Rates (T, n): v (T, n), but backward differences of q (T, n) for coordinates without inertia.
+    """Rates (T, n): v (T, n), with backward differences of q (T, n) in place of v for coordinates without inertia.
 
     t (T,) in s are the times of the rows; at the first time, the rates of these coordinates are zero.
     """

@@ -1,4 +1,4 @@
-"""Exudyn as a simulator, and systems of reduced bodies in Exudyn systems of a user's own.
+"""Exudyn as a simulator; also adds systems of reduced bodies to a user's own Exudyn system.
 
 In an mbs of one's own::
 
@@ -78,15 +78,15 @@ def add_system(
         `System.of` a single body, or the bodies of a boom.
     paths : mapping of str to signal or function
         Path coordinates in m, by the names in ``system.paths``; a function of mbs and t in s may read
-        ``mbs.variables``, which an earlier pre-step function has set.  With ``on`` also a `NodeCoordinate`, whose node
-        then feels the section: loads along it, weight, inertia, and the forces of pads.
+        ``mbs.variables``, which an earlier pre-step function has set.  With `on` a path may also be a `NodeCoordinate`;
+        the node then feels the section by loads along it, weight, inertia, and the forces of pads.
     loads : mapping of str to signal or function
         A load in N (or N m) for each of ``system.input_names``.
     initial : mapping of str to InitialState, optional
         Initial state of each body; bodies that are missing start at rest, undeformed.  A velocity of a single body that
-        violates the rows is corrected M-orthogonally, for which a path that is a function counts as at rest.  What is
-        attached to coordinates feels the flexibility that these have: all of it at a model's `ports`, elsewhere without
-        the residual part.
+        violates the rows is corrected M-orthogonally, for which a path that is a function counts as at rest.
+        Connectors on coordinates feel the flexibility of these coordinates: at the model's ports (`ReducedModel.ports`)
+        all of it, elsewhere without the residual part.
     formulation : str
         ``springs``, ``multipliers``, ``callbacks`` or ``callbacks-modified-newton``.
     terms : mapping of str to signal or function
@@ -163,10 +163,10 @@ Array = NDArray[np.float64]
 
 
 def step_lengths(system: System, excitation: Excitation, initial: Mapping[str, InitialState]) -> StepParts:
-    """Numbers of parts of each step: one each, unless contacts only push.
+    """Numbers of parts of each step: one part for each step, unless contacts only push.
 
-    Then those that the excitation asks for, or those that `march` chooses; for bodies too large for `march`, as many as
-    resolve the contacts.
+    If contacts only push, they are the numbers that the excitation gives, or else the numbers that the compiled
+    simulator chooses; for bodies too large for it, a step has as many parts as resolve the contacts.
     """
     if np.isnan(system.clearance).all():
         return StepParts.for_contacts(excitation.stepping, 0.0)
@@ -178,7 +178,7 @@ def step_lengths(system: System, excitation: Excitation, initial: Mapping[str, I
 
 
 class SystemRun:
-    """Simulation of a system under an excitation, with each step divided as its schedule or the contacts need it."""
+    """Simulation of a system under an excitation; steps are divided as a schedule says or as the contacts need it."""
 
     def __init__(
         self, system: System, excitation: Excitation, initial: Mapping[str, InitialState], formulation: Formulation
@@ -223,7 +223,7 @@ class SystemRun:
         return ", ".join(f"{name} at {s:g} m" for name, s in at)
 
     def _motion(self) -> Motion:
-        """Motion that the sensors stored; forces of contacts without multipliers are zero, to be filled in."""
+        """Motion that the sensors stored; forces of contacts without multipliers are zero until they are filled in."""
         q, v = (np.hstack([self._sensor_values(sensor) for sensor in sensors]) for sensors in self._of_nodes)
         forces = np.zeros((len(q), len(self.system.contacts)))
         if self._of_contacts is not None:

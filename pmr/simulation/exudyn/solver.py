@@ -116,7 +116,7 @@ def _step_function(times: Array) -> Callable[..., None]:
     def update(
         solver: exu.MainSolverImplicitSecondOrder, system: exu.MainSystem, settings: exu.SimulationSettings
     ) -> None:
-        """Set the solver's time and step length to those of the next step."""
+        """Set the solver's time and step length to the time and length of the next step."""
         solver.it.currentTime, solver.it.currentStepSize = next(ends)
 
     return update
@@ -175,7 +175,7 @@ def _warnings_logged() -> Iterator[None]:
         with redirect_stdout(printed):
             yield
     finally:
-        message = re.sub(r"Python WARNING \[file.*?\]:", "", printed.getvalue(), flags=re.S)  # not where in pmr it was
+        message = re.sub(r"Python WARNING \[file.*?\]:", "", printed.getvalue(), flags=re.S)  # without file
         if text := " ".join(message.replace("*", "").split()):
             _log.warning("Exudyn: %s", text.removeprefix("WARNING: "))
 

@@ -16,31 +16,31 @@ from pmr.kernel.further import AXES
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
-#: Angles but that of slewing turn once at most, rad.  A motion that a step takes farther than this share of its range,
-#: or of a turn, jumps; one in a frame that changes its motion by this, m or rad, without second rates has no inertia.
+#: Largest angle in rad, except for slewing.  Share of its range, or of a turn, by which a motion may change in a step
+#: without a warning of a jump.  Least change in m or rad without a second rate that is warned of: it has no inertia.
 WHOLE_TURN, JUMP, LEFT_OUT = 2.0 * np.pi, 0.1, 1e-6
-#: Largest float that is taken at once; entry of an unknown name, whose limits refuse every value.
+#: Largest float that is taken without further checks; entry of an unknown name, with limits that refuse every value.
 LARGEST, NOWHERE = 1e300, (0, 1.0, 0.0, 0.0, 0.0)
-#: Types of motions with rates that are read at once.
+#: Types of the entries of motions with rates that are read without further checks.
 FLOATS = [float] * 2, [float] * 3
-#: Of a motion: its value, or that with its rate, or with its rate and its second rate.
+#: Value of a motion; or a sequence of its value and rate, or of its value, rate and second rate.
 Motion = float | Sequence[float]
 Values = Mapping[str, float] | Mapping[str, Motion] | ArrayLike
-#: A motion's number, its value, rate and second rate, zero where they are left out, and how many there are.
+#: A motion's number, its value, rate and second rate (zero if not given), and how many of these three were given.
 Reading = tuple[int, float, float, float, int]
-#: A motion's number, its least and largest value, by how much it jumps, and its fastest rate, by names and numbers.
+#: By name and number: a motion's number, its least and largest value, its largest change in a step, its fastest rate.
 Limits = dict[str | int, tuple[int, float, float, float, float]]
 
 
 class Drivers:
     """Motions (3, n) at the end of a step of n drivers: paths, then loads, then motions of a frame.
 
-    The rows of `motions` are values, rates and second rates; motions that are not given at a step keep them.  `rows`
-    (n,) counts how many of the three were given for the next step.  Both are arrays that the kernel reads; they are
-    written as memory views, in a tenth of the time that NumPy takes.
+    The rows of `motions` are values, rates and second rates; a motion that is not given at a step keeps its three
+    entries.  `rows` (n,) says how many of the three were given for the next step.  Both are arrays that the kernel
+    reads; they are written through memory views, which takes a tenth of NumPy's time.
 
-    `names` are those of paths, loads and motions of the frame (None without a frame), `ranges` the smallest and largest
-    coordinate of each path in m, and `in_parts` says whether steps are divided into parts.
+    `names` are the names of paths, of loads, and of motions of the frame (None without a frame).  `ranges` are the
+    smallest and largest coordinate of each path in m.  `in_parts` says whether steps are divided into parts.
 
     Raises InputError for a number out of its range or not finite, for an unknown name, and for a path that is missing
     at the start.
@@ -59,7 +59,7 @@ class Drivers:
         views: list[Any] = [memoryview(array) for array in (*motions, rows)]
         self._values, self._rates, self._seconds, self._counts = views
         rows[:] = 1
-        paths, loads, frame = names  # in the order of motions; no frame: None
+        paths, loads, frame = names  # in the order of motions; the last is None without a frame
         self._in_frame, self._in_parts = frame is not None, in_parts
         self.paths, first = list(paths), len(paths)
         self._ranges = [ranges[path] for path in paths]
@@ -67,12 +67,12 @@ class Drivers:
         self._load_numbers = _motion_numbers(loads, range(first, first + len(loads)))
         self._frame_numbers = _motion_numbers(frame or (), range(first + len(loads), motions.shape[1]))
         self._angles = {first + len(loads) + k: name for k, name in enumerate(frame or ()) if name not in AXES}
-        #: names, by numbers, of drivers with inertia in a frame for which a missing second rate is not yet warned of
+        #: names, by number, of drivers that have inertia in the frame and no warning yet of a missing second rate
         self._unwarned = (dict(enumerate(self.paths)) | self._angles) if self._in_frame else {}
         self._told, self._placed, self._started = set[str](), False, False
-        self._fill_in_start, self._begun_rows = motions.copy(), rows.copy()  # where the last step ended
+        self._fill_in_start, self._begun_rows = motions.copy(), rows.copy()  # motions at the end of the last step
 
-        # by name: numbers of motions, and limits of values and changes that are taken at once
+        # by name: numbers of motions, and limits of values and changes that are taken without further checks
         unlimited = (-LARGEST, LARGEST, 2.0 * LARGEST, LARGEST)
         limits = [(low, high, JUMP * (high - low), (high - low) / step) for low, high in self._ranges]
         self._limits: Limits = {name: (k, *limits[k]) for name, k in self._path_numbers.items()}
@@ -88,7 +88,7 @@ class Drivers:
         return {path: self._values[k] for path, k in self._path_numbers.items() if isinstance(path, str)}
 
     def take_path(self, s: Values) -> None:
-        """Take path coordinates, which are clipped if they are little beyond the end of their range.
+        """Take path coordinates; they are clipped if they are slightly beyond the end of their range.
 
         Raises InputError if they are farther beyond, or a path is missing at the start.
         """
@@ -114,9 +114,9 @@ class Drivers:
         self._write(readings)
 
     def _take_at_once(self, values: dict[Any, Any], limits: Limits) -> bool:
-        """Take all values at once if each is a float (in a frame three) within limits; return whether they were taken.
+        """Take all values at once if each is a float (in a frame three floats) within `limits`; return whether taken.
 
-        This takes a third of the time.  Values that are refused here are read again by others, which say what is wrong.
+        This takes a third of the time.  Values that are refused here are read again by methods that say what is wrong.
         """
         if self._in_parts or not self._started:
             return False
@@ -132,7 +132,7 @@ class Drivers:
         return True
 
     def _take_motions_at_once(self, motions: dict[Any, Any], limits: Limits) -> bool:
-        """Take all motions in a frame at once if each is a tuple of three floats within limits, as `_take_at_once`."""
+        """Take all motions in a frame at once if each is a tuple of three floats in `limits`, as `_take_at_once`."""
         written, rates, seconds, counts = self._values, self._rates, self._seconds, self._counts
         for name, motion in motions.items():
             if type(motion) is not tuple or len(motion) != 3:
@@ -153,13 +153,13 @@ class Drivers:
         return True
 
     def take_loads(self, F: Values) -> None:
-        """Take loads, in a frame as the scene names them."""
+        """Take loads, by their input names; in a frame, by their names in the scene."""
         if type(F) is dict and self._take_at_once(F, self._limits_of_loads):
             return
         self._write(self._read(F, self._load_numbers, "F", "one load for each input"))
 
     def take_frame(self, frame: Mapping[str, Motion]) -> None:
-        """Take motions of the frame; an InputError is raised for an angle of more than a turn, except slewing."""
+        """Take motions of the frame; an InputError is raised for an angle of more than a turn, unless it is slewing."""
         if type(frame) is dict and self._take_at_once(frame, self._limits_of_frame):
             return
         readings = self._read(frame, self._frame_numbers, "frame", "")
@@ -176,7 +176,7 @@ class Drivers:
     def lead_rates(self, rates: Array) -> None:
         """Write the rates (2, n) at the step's beginning and end.
 
-        Rates that are given at both are taken as they are; else both are the mean rate of the step.
+        Rates that are given at both ends are taken as they are; otherwise both are the mean rate of the step.
         """
         smooth, mean = (
             np.minimum(self.rows, self._begun_rows) >= 2,
@@ -185,7 +185,7 @@ class Drivers:
         rates[0], rates[1] = np.where(smooth, self._fill_in_start[1], mean), np.where(smooth, self.motions[1], mean)
 
     def end_step(self) -> None:
-        """End a step, or the start: values stay for the next step, rates that it does not give do not count."""
+        """End a step, or the start: values stay for the next step; rates stay only if they are given again."""
         if self._in_frame or self._in_parts:
             if self._in_parts:
                 self._fill_in_start[:], self._begun_rows[:] = self.motions, self.rows
@@ -193,7 +193,7 @@ class Drivers:
         self._started = True
 
     def _lacks_inertia(self, k: int, change: float) -> bool:
-        """Whether motion k, which changes by `change` in a step without second rates, is to be warned of for that."""
+        """Whether to warn of motion k, which changes by `change` in a step without a second rate."""
         return k in self._unwarned and abs(change - self._step * self._rates[k]) > LEFT_OUT
 
     def _warn_of_jump(self, name: str, change: float, unit: str) -> None:
@@ -213,7 +213,7 @@ class Drivers:
                 )
                 logger.warning(message, self._unwarned.pop(k))
             self._values[k] = value
-            if self._in_frame or self._in_parts:  # rates of others are not read
+            if self._in_frame or self._in_parts:  # the kernel reads no rates otherwise
                 self._rates[k], self._seconds[k], self._counts[k] = rate, second, count
 
     def _read(self, values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> list[Reading]:
@@ -225,7 +225,7 @@ class Drivers:
         for name, motion in values.items():
             k = numbers.get(name, -1)
             if k < 0:
-                number_of(name, _motion_names(numbers), key)  # refused
+                number_of(name, _motion_names(numbers), key)  # raises the error
             if isinstance(motion, float) and isfinite(motion):
                 readings.append((k, motion, 0.0, 0.0, 1))
             elif type(motion) is tuple and [*map(type, motion)] in FLOATS and isfinite(sum(motion)):
@@ -254,7 +254,7 @@ def number_of(name: str | int, names: Sequence[str], key: str) -> int:
 
 def _is_mapping(values: Values) -> TypeGuard[Mapping[str, Any]]:
     """Whether values are given by name."""
-    return type(values) is dict or isinstance(values, Mapping)  # the former is quicker
+    return type(values) is dict or isinstance(values, Mapping)  # the first test is quicker
 
 
 def _motion_names(numbers: Mapping[str | int, int]) -> list[str]:
@@ -263,7 +263,7 @@ def _motion_names(numbers: Mapping[str | int, int]) -> list[str]:
 
 
 def _read_in_order(values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> Array:
-    """Values of all motions of a kind, given as a number or an array, as a float array."""
+    """Values of all motions of a kind, given as a number or a sequence, as a float array."""
     count = len(numbers) // 2
     array = np.asarray(values, dtype=float)
     if array.shape != (count,) and not (array.ndim == 0 and count == 1):

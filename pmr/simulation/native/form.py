@@ -50,7 +50,7 @@ class SystemForm:
 
     @cached_property
     def columns(self) -> dict[str, slice]:
-        """Columns of each body's modes in the kernel's arrays, where bodies are padded to whole registers."""
+        """Columns of each body's modes in the kernel's arrays, in which bodies are padded to whole registers."""
         sizes = {name: form.body.size for name, form in self.forms.items()}
         starts = np.cumsum([0, *map(round_up, sizes.values())]).tolist()
         return {name: slice(at, at + size) for at, (name, size) in zip(starts, sizes.items(), strict=False)}
@@ -62,7 +62,7 @@ class SystemForm:
 
     @cached_property
     def kernel(self) -> Kernel:
-        """Kernel of the system and, if there is one, of its `frame`."""
+        """Kernel of the system and of its `frame`, if there is one."""
         return Kernel.of(self.system, self.forms, self.frame, self.combined)
 
     @cached_property
@@ -80,7 +80,7 @@ class SystemForm:
 
     @property
     def modal(self) -> System:
-        """System in modal coordinates, with combined contacts (`combined`) instead of rings of pads.
+        """System in modal coordinates, in which each ring of pads is replaced by combined contacts (`combined`).
 
         A system of one body on one path has no carriers, as its tables describe all rows.
         """
@@ -88,19 +88,19 @@ class SystemForm:
 
     @cached_property
     def combined(self) -> CombinedRings:
-        """System in modal coordinates, and how the forces of all contacts follow from those of combined ones."""
+        """System in modal coordinates with combined contacts, and how the forces of all contacts follow from theirs."""
         return system_in_modes(self.system, self.forms)
 
     def forces(self, multipliers: Array, friction: Array | None) -> Array:
-        """Forces (..., m) in N of all contacts from the kernel's multipliers; of cylinders with their pads' friction.
+        """Forces (..., m) in N of all contacts from the kernel's multipliers; cylinders' include the pads' friction.
 
-        `friction` (..., n) in N is that of the pads, or None.
+        `friction` (..., n) in N is the friction of n pads, or None without friction.
         """
         forces, pads = self.combined.original_forces(multipliers), Friction.from_contacts(self.system.contacts)
         return forces if pads is None or friction is None else forces + pads.cylinder_forces(friction)
 
 
-#: Iterations of forces of terms and friction within a step.
+#: Most iterations of forces of terms and friction within a step.
 ITERATIONS = 100
 
 
@@ -158,9 +158,9 @@ def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, I
 def start_of(
     system: System, excitation: Excitation, initial: Mapping[str, InitialState] | None = None
 ) -> Mapping[str, InitialState]:
-    """States of bodies at t = 0: `initial` if given, else as the excitation says.
+    """States of bodies at t = 0: `initial` if given, else as ``excitation.start`` says.
 
-    At rest: an empty mapping; in equilibrium: `static_start`.
+    For a start at rest this is an empty mapping, for a start in equilibrium the result of `static_start`.
     """
     if initial is not None or excitation.start == "rest":
         return initial or {}
@@ -173,12 +173,12 @@ def step_failure(where: str, form: SystemForm, error: StepError, x: Array) -> Si
 
 
 def failure_reason(system: System, error: StepError, x: Array) -> str:
-    """Text of why a step failed, for a system in modal form with sides at x (sides,) m."""
+    """Text that says why a step failed, for a system in modal form with sides at x (sides,) m."""
     if error.failure == Failure.UNSETTLED:
         return describe_unsettled(system.contact_names, ~np.isnan(system.clearance))
     if error.failure == Failure.UNCONVERGED:
         return describe_divergence(system.term_names, system.contacts, ITERATIONS)
-    if error.failure == Failure.DEPENDENT:  # at the start the kernel does not say which
+    if error.failure == Failure.DEPENDENT:  # at the start the kernel does not say which rows depend on each other
         C = Assembly(system).contact_rows(x).C
         return describe_dependence(C[: error.contact + 1] if error.contact >= 0 else C, system.contact_names)
     return "not finite" if error.failure == Failure.NOT_FINITE else str(error)

@@ -24,22 +24,22 @@ from pmr.system.assembly import Assembly
 Array = NDArray[np.float64]
 #: Most steps in one call of the kernel, between which the user can interrupt; fewer if divided steps take long.
 BLOCK = 16384
-#: Samples of drivers taken at once: number of times, and the least number of steps.
+#: Samples of drivers that are computed at once: number of times, and least number of steps.
 TIMES, FINE = 2048, 64
 #: Most numbers recorded in one call of the kernel: fewer steps if there are more coordinates.
 RECORDED = 2**22
-#: Most modes for which the kernel computes the equilibrium at the start; with more, sparse statics does.
+#: Most modes for which the kernel computes the equilibrium at the start; for more modes it is computed sparsely.
 DENSE = 400
 
 
 class Steps(NamedTuple):
-    """T consecutive steps; the first of them is the last one of the steps before, or the start.
+    """T consecutive steps; the first one is the last step of the `Steps` before, or the start.
 
     The arrays are valid until the next steps: copy what you keep.
     """
 
-    z: Array  # (T, modes)
-    v: Array
+    z: Array  # (T, modes): modal coordinates
+    v: Array  # (T, modes): rates of the modal coordinates
     multipliers: Array  # (T, m) N
     energy: Array  # (T, 2) J: stored energy, and work since the start
     drivers: Array  # (T, N)
@@ -54,9 +54,9 @@ class Steps(NamedTuple):
 
 
 class March:
-    """One simulation; arguments and errors as `pmr.simulation.SystemSimulator`.
+    """One simulation by the kernel; arguments and errors as `pmr.simulation.SystemSimulator`.
 
-    `initial` None: it starts as the excitation says.
+    If `initial` is None, the simulation starts as ``excitation.start`` says.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class March:
         self.form, self.t = form, excitation.times
         if system.on_one_path and excitation.paths:
             (body,) = system.bodies.values()
-            excitation.path_within(body.domain)  # refused in its own words
+            excitation.path_within(body.domain)  # raises the error of a path out of its range
         self.x, self._paths, self._s = side_positions(system, excitation), tuple(excitation.paths), excitation.s
         self.pushing = ~np.isnan(form.modal.clearance)
         parts: tuple[int, ...] = (1,)
@@ -80,7 +80,7 @@ class March:
         x = side_positions(form.modal, excitation)
         needs = needs_of(form.modal, Assembly(form.modal).contact_rows(x[0]).rigid, x, stepping.rho_inf)
         refuse_unsupported("march", needs)
-        self._growing = list(needs.rigid_moving_rows)  # nothing damps their forces
+        self._growing = list(needs.rigid_moving_rows)  # names of rigid rows that move: their forces are not damped
         self._signals: Signals | None
         self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
         self.state = State(kernel, Settings(stepping.step, stepping.rho_inf, parts, omega))
@@ -97,7 +97,7 @@ class March:
             self._start = ("equilibrium", zero)
             if kernel.modes <= DENSE and self.start() is None:
                 return
-            initial = static_start(system, excitation)  # which also says what nothing holds
+            initial = static_start(system, excitation)  # raises an error that names motions that are not held
         if initial:
             modes = start_modes(form, self.x[0], side_velocities(system, excitation), initial)
             self._start = ("given", zero, *modes)
@@ -106,7 +106,7 @@ class March:
 
     def start(self) -> StepError | None:
         """Set the kernel's state to t = 0; return the error if that fails, else None."""
-        self._sampling = 0.0  # s, of the steps that follow
+        self._sampling = 0.0  # s: time spent to sample drivers, in the steps that follow
         try:
             if self._frame is None:
                 self.state.start(*self._start)
@@ -117,7 +117,7 @@ class March:
         return None
 
     def run(self, take: Callable[[int, Steps], None], progress: Progress | None = None) -> SimulationEnd:
-        """Take all steps; call `take` with the number of the first of some consecutive steps, and with these.
+        """Take all steps; call `take` with the number of the first of some consecutive steps, and with the `Steps`.
 
         Raises GrowthError if more than `balance.GROWN` of the largest energy comes from neither loads nor moving rows.
         """
@@ -143,10 +143,10 @@ class March:
         return self.observe(1, lambda first, steps: None)
 
     def observe(self, every: int, take: Callable[[int, Steps], None], progress: Progress | None = None) -> float:
-        """Take all steps, and return the solver's time in s; `take` gets each `every`-th step, some at a time.
+        """Take all steps, and return the solver's time in s; records of each `every`-th step are passed to `take`.
 
-        Its arguments are the number of the first of these records, and the records; the first one is the last of the
-        call before, or the start.  The energy is not checked.
+        `take` is called with the number of the first of some consecutive records, and with the records; the first one
+        is the last record of the call before, or the start.  The energy is not checked.
         """
         count = (len(self.t) - 1) // every
         most = max(1, min(BLOCK // every, RECORDED // (2 * self.form.kernel.modes), count))
@@ -210,7 +210,7 @@ class March:
         """Take `steps` steps with drivers sampled in Python, at as many points in each step as its parts need."""
         taken, per = 0, self.state.settings.parts[0]
         while taken < steps:
-            skip = -taken % every  # steps up to the next one that is recorded, where a call ended between two
+            skip = -taken % every  # steps up to the next record, if a call ended between two records
             count, each = (every * max(1, max(FINE, TIMES // per) // every), every) if skip == 0 else (skip - 1, skip)
             if skip == 1:
                 count = each = 1
@@ -237,7 +237,7 @@ class March:
         return step_failure(self._step_text(step), self.form, error, modal.side_coordinates(at))
 
     def _check_finite(self, recorded: Array, first: int, every: int) -> None:
-        """Raise SimulationError at the first row that is not finite; row 0 is step `first` times `every`."""
+        """Raise SimulationError for the first row that is not finite; row 0 is step number `first` times `every`."""
         finite = np.isfinite(recorded).all(axis=1)
         if not finite.all():
             where = self._step_text((first + int(np.argmin(finite))) * every)
@@ -250,5 +250,5 @@ class March:
 
 
 def without_pull(multipliers: Array, pushing: NDArray[np.bool_]) -> None:
-    """Set negative forces (T, m) of contacts that only push to zero, in place: they are round-off of other forces."""
+    """Set negative forces (T, m) of contacts `pushing` (m,) to zero, in place: they are round-off of other forces."""
     multipliers[:, pushing] = np.maximum(multipliers[:, pushing], 0.0)

@@ -1,4 +1,4 @@
-"""One step at a time, for a simulation in a loop of one's own: hardware, a controller, an operator.
+"""One step at a time, for a simulation in a loop of your own: with hardware, a controller, an operator.
 
 ::
 
@@ -10,8 +10,8 @@
     while running:
         y = stepper.step({"fly": s}, {"fly.tip force": F})
 
-    stepper = Stepper(System.load("crane.npz"), step=1e-3, s={"mid": 0.6, "fly": 0.6})
-    while running:  # value, rate and second rate of what moves
+    stepper = Stepper(System.load("crane.npz"), step=1e-3, s={"mid": 0.6, "fly": 0.6}) while running:  # value, rate and
+    second rate of paths and angles
         y = stepper.step({"fly": (s, ds, dds)}, frame={"luffing": (phi, dphi, ddphi)})
 """
 
@@ -60,12 +60,12 @@ class Stepper:
         Time step; `contact` shows whether it resolves contacts that only push.
     s : float where there is one path, mapping of str to float, or sequence of float, m
         Path coordinates at the start; a sequence is in the order of `System.paths`.  If the scene has a frame, give
-        rates and second rates, too, {"fly": (s, s', s'')}; those that are left out are zero.
+        rates and second rates, too, {"fly": (s, s', s'')}; rates that are left out are zero.
     F : float where there is one load, (i,) array, or mapping of str to float, N (gravity m/s^2)
-        Loads at the start; an array is in the order of `System.input_names`.  Loads that are not given are those of the
-        system's scene at t = 0, with its full weight even where the weight rises; they are zero if the system has no
-        scene.  If the scene has a frame, name loads as the scene does, gravity included; their components in the moving
-        frame are computed (`pmr.simulation.moving`).
+        Loads at the start; an array is in the order of `System.input_names`.  Loads that are not given have their
+        values in the system's scene at t = 0, with its full weight even where the weight rises; they are zero if the
+        system has no scene.  If the scene has a frame, name loads as the scene does, gravity included; their components
+        in the moving frame are computed (`pmr.simulation.moving`).
     rho_inf : float
         Spectral radius at infinite frequency.  If rigid rows move, take at most 0.9: near 1 their multipliers (index 3)
         grow from step to step, the sooner the faster they move.  The stepper does not check the energy, so try the
@@ -80,11 +80,12 @@ class Stepper:
     frame : mapping of str to float, or to (value, rate, second rate), optional
         Motion of the frame at the start: ``luffing``, ``slewing``, ``base.rx`` ... in rad; for ``base.x`` ... only the
         acceleration of the pivot, in m/s^2.  A rate or second rate that is left out is zero.  Motions that are not
-        given are those of the scene at t = 0.
+        given are as in the scene at t = 0.
     parts : int
-        Number of parts of a step where contacts only push; 0 takes as few as keep their forces within a tolerance, as a
-        run does.  Within a step, paths and loads are cubics if they are given with their rates, {"fly": (s, s')}, at
-        both ends, and straight lines otherwise.  In a frame, second rates that are given hold at both ends, too.
+        Number of parts of a step if contacts only push; with 0 a step has as few parts as keep the error of contact
+        forces within a tolerance, as in a run.  Within a step, paths and loads are cubics if they are given with their
+        rates, {"fly": (s, s')}, at both ends, and straight lines otherwise.  In a frame, second rates that are given
+        hold at both ends, too.
 
     Raises
     ------
@@ -117,7 +118,7 @@ class Stepper:
         form = SystemForm.of(system)
         self._system, self._form, self._step, self._rho_inf, self._steps = system, form, step, rho_inf, 0
         self._ranges: dict[str, tuple[float, float]] = dict(system.ranges)
-        if system.on_one_path:  # a body that nothing moves has a place all the same
+        if system.on_one_path:  # a body without a path has a position, too
             (body,) = system.bodies.values()
             self._ranges = dict.fromkeys(system.paths or (SLIDER,), body.domain)
         #: Names of all that `outputs` chooses from: outputs of the bodies, then forces of the contacts.
@@ -134,7 +135,7 @@ class Stepper:
         kernel = form.kernel if moving is None else Kernel.of(system, form.forms, moving)
         settings = Settings(step, rho_inf, *self._levels(parts, scene), energy=False)
         self._state = State(kernel, settings)
-        beyond = kernel.outputs - len(every)  # forces stand behind all of the kernel's outputs
+        beyond = kernel.outputs - len(every)  # forces come after all outputs of the kernel
         self._bound = bound = BoundStep(self._state, [k if k < len(every) else k + beyond for k in chosen])
         paths, loads, of_frame = kernel.names("drivers")[: kernel.paths], system.input_names, None
         if moving is not None:
@@ -187,14 +188,14 @@ class Stepper:
         Raises
         ------
         InputError
-            If a path leaves its range or would cross all of it in a step, an angle other than that of slewing is more
+            If a path leaves its range or would cross all of the range in a step, an angle other than slewing is more
             than a turn, a number is not finite, the system has no such name, or there is not one load for each input.
             A motion that jumps, or that has no second rate in a frame, is reported once by a warning of `logging`.
         SimulationError
             If contacts depend on each other.
         """
         drivers = self._drivers
-        if type(F) is float and self._load >= 0 and F - F == 0.0:  # else it is not finite
+        if type(F) is float and self._load >= 0 and F - F == 0.0:  # F - F is NaN unless F is finite
             self._file_content[self._load] = F
         elif F is not None:
             drivers.take_loads(F)
@@ -246,7 +247,7 @@ class Stepper:
 
     @property
     def multipliers(self) -> Array:
-        """Forces (m,) of the contacts in N, positive where they push; of cylinders with their friction."""
+        """Forces (m,) of the contacts in N, positive where they push; cylinders' include the pads' friction."""
         return self._state.outputs()[1]
 
     @property
@@ -287,13 +288,13 @@ class Stepper:
                 return
             initial = static_start(
                 self._system, self._constant_excitation(paths, u)
-            )  # which also says what nothing holds
+            )  # raises an error that names motions that are not held
         x = self._system.side_coordinates(paths)
         if error := self._start_kernel("given", *start_modes(self._form, x, np.zeros(len(x)), initial or {})):
             raise self._failure("t = 0 s", error)
 
     def _start_kernel(self, kind: Literal["given", "equilibrium"], *modes: Array) -> StepError | None:
-        """Start the kernel with a kind of start; return the error if that fails, else None."""
+        """Start the kernel from given `modes` or in equilibrium; return the error if that fails, else None."""
         motions = self._bound.motions
         try:
             if self._state.kernel.motions:
@@ -305,7 +306,7 @@ class Stepper:
         return None
 
     def _constant_excitation(self, paths: Mapping[str, float], u: Array) -> Excitation:
-        """Excitation of one step with constant paths, loads and terms, as in the drivers u (N,)."""
+        """Excitation of one step with constant `paths` in m, loads and amplitudes of terms, by drivers u (N,)."""
         names, first = (self._system.input_names, self._system.term_names), len(paths)
         split = np.split(u[first:], [len(names[0])])
         loads, terms = (

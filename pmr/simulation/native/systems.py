@@ -34,7 +34,7 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Observation:
-    """Selected outputs and contact forces of a simulation, at every so many steps."""
+    """Selected outputs and contact forces of a simulation, at T recorded steps."""
 
     t: Array  # (T,) s
     y: Array  # (T, o) m
@@ -51,8 +51,8 @@ def simulate(
 ) -> SystemTrajectory:
     """Simulate all bodies from t = 0 on, and return the trajectory of each `every`-th step.
 
-    Arguments and errors as `pmr.simulation.SystemSimulator`; without `initial` bodies start at rest.  Its `seconds` are
-    those of the steps in modal coordinates, without diagonalisation and transformation to q.
+    Arguments and errors as `pmr.simulation.SystemSimulator`; without `initial` bodies start at rest.  The trajectory's
+    `seconds` are the wall time of the steps in modal coordinates, without diagonalisation and transformation to q.
     """
     return simulate_form(SystemForm.of(system), excitation, initial or {}, progress, every)
 
@@ -64,9 +64,9 @@ def simulate_form(
     progress: Progress | None = None,
     every: int = 1,
 ) -> SystemTrajectory:
-    """Simulate a system in modal form, whose kernel several simulations can share.
+    """Simulate a system in modal form; several simulations can share the kernel of `form`.
 
-    `initial` None: it starts as the excitation says.  Otherwise as `simulate`.
+    If `initial` is None, the simulation starts as ``excitation.start`` says.  Otherwise as `simulate`.
     """
     recorder = Recorder(np.arange(0, excitation.stepping.steps + 1, every))
     march = March(form, excitation, initial)
@@ -76,8 +76,8 @@ def simulate_form(
 def follow(march: March, excitation: Excitation, take: Take, progress: Progress | None = None) -> SimulationEnd:
     """Take all steps of `march`, and call `take` with a block of some thousand steps at a time; nothing is stored.
 
-    If contacts only push, a step may be divided (`pmr.simulation.contact_step`); a block holds the state at its end.
-    Errors as `pmr.simulation.SystemSimulator`; that of a growing motion is raised at the end.
+    If contacts only push, a step may be divided (`pmr.simulation.contact_step`); a block holds the states at the ends
+    of steps.  Errors as `pmr.simulation.SystemSimulator`; the error of a growing motion is raised at the end.
     """
     form, system, paths = march.form, march.form.system, tuple(excitation.paths.values())
     pushing, rubbing, combined = ~np.isnan(system.clearance), Friction.from_contacts(system.contacts), form.combined
@@ -124,9 +124,9 @@ def observe(
 ) -> Observation:
     """Simulate from the excitation's start, and record the outputs and contact forces of each `every`-th step alone.
 
-    `outputs` are numbers among those of all bodies, one body after the other, ascending; None: all.  A long simulation
-    of a large body needs little memory, as no coordinates are stored.  The energy balance of `simulate` is not checked:
-    rigid rows that move may grow unnoticed with rho_inf near 1 (docs/time_integration.md).  Errors as
+    `outputs` are ascending indices among the outputs of all bodies, one body after the other; None records all.  A long
+    simulation of a large body needs little memory, as no coordinates are stored.  The energy balance of `simulate` is
+    not checked: rigid rows that move may grow unnoticed with rho_inf near 1 (docs/time_integration.md).  Errors as
     `pmr.simulation.SystemSimulator`.
     """
     march, system = March(form, excitation), form.system
@@ -164,7 +164,8 @@ def displacements(
 ) -> dict[str, Array]:
     """Outputs O q + W f - X lambda (T, o) of each body by name, with the effect of the moments of friction.
 
-    `outputs` are numbers among those of all bodies, one body after the other, ascending; None: all.
+    q are a body's coordinates, f its loads, lambda the contact forces on it.  `outputs` are ascending indices among the
+    outputs of all bodies, one body after the other; None returns all.
     """
     outputs_of_bodies, first = {}, 0
     for name, chosen in outputs_by_body(system, outputs).items():
@@ -180,9 +181,9 @@ def displacements(
 
 
 def outputs_by_body(system: System, outputs: Sequence[int] | None) -> dict[str, Indices | slice]:
-    """Indices of `outputs` within each body's own outputs; None: all.
+    """By body's name, the indices of `outputs` among the outputs of this body alone.
 
-    The arguments are indices among the outputs of all bodies, one body after the other, ascending.
+    `outputs` are ascending indices among the outputs of all bodies, one body after the other; None selects all.
     """
     ends = np.cumsum([0, *(body.outputs.shape[0] for body in system.bodies.values())])
     if outputs is None:
@@ -200,7 +201,9 @@ def deformation(
     chosen: Indices | slice = slice(None),
     moments: Array | None = None,
 ) -> Array | None:
-    """Outputs W f - X lambda (T, o) of one body's residual flexibility; None if it has none.
+    """Outputs W f - X lambda (T, o) by one body's residual flexibility, under loads f and contact forces lambda.
+
+    None is returned if the body has no residual flexibility.
 
     Parameters
     ----------
@@ -209,17 +212,18 @@ def deformation(
     x : (T, sides) array, m
         Positions of the contact sides on the body.
     multipliers : (T, sides) array, N
-        Their forces.
+        Contact forces on these sides.
     loads : (T, i) array
         Loads on the body.
     chosen : (o,) array of int, or slice
         Numbers of outputs.
     moments : (T, sides) array, N m, optional
-        Moments of friction at the sides (`pmr.system.contacts`); they add the outputs X' moments.
+        Moments of friction at the sides (`pmr.system.contacts`); they add X' times the moments to the outputs, with the
+        derivative X' of X by the position.
     """
     body = system.bodies[name]
     points = [side.place for side in system.sides if side.place.body == name]
-    if system.on_one_path:  # all rows stand where one of them moves
+    if system.on_one_path:  # all rows are at the position of the one that moves
         if body.flexibility is None:
             return None
         rows, moving = [body.row_names.index(one.row) for one in points], [one.path is not None for one in points]
@@ -248,6 +252,6 @@ def deformation(
 
 
 def _weighted_sum(weights: Array, touched: Indices, X: Array) -> Array:
-    """Sums (T, o) over d of the rows `touched` (T, d) of X (K, o) times their `weights` (T, d)."""
+    """Sums (T, o) over d of the rows of X (K, o) with indices `touched` (T, d), times `weights` (T, d)."""
     ends = np.arange(len(weights) + 1) * weights.shape[1]
     return np.asarray(sp.csr_matrix((weights.ravel(), touched.ravel(), ends), (len(weights), len(X))) @ X)

@@ -1,13 +1,14 @@
-r"""Full models over time, in PETSc: the reference for bodies too large to be diagonalised or for a general solver.
+r"""Simulation of full models in PETSc: the reference for bodies that are too large to be diagonalised.
 
 .. math::
     M \ddot q + D \dot q + K q + C^T \lambda = B f, \qquad C q - \lambda / k = 0
 
-of one body with C(s), or of several that contacts join (`pmr.system.contacts`), some of which may only push.
+are the equations of one body with rows C of contacts on a path, or of several bodies that contacts join
+(`pmr.system.contacts`).  Some contacts may only push.
 
-Scheme, start and sign of the multipliers are those of `pmr.simulation.native.systems` and of Exudyn, so the motions
-agree.  Models are distributed over the ranks of their communicator: every function here is collective, that is, all
-ranks have to call it.
+Time integration, initial state and sign of the multipliers :math:`\lambda` are those of `pmr.simulation.native.systems`
+and of Exudyn, so the motions agree.  Models are distributed over the ranks of their communicator: every function here
+is collective, that is, all ranks have to call it.
 """
 
 from pmr.simulation.petsc.checkpoint import Checkpoint

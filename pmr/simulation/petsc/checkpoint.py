@@ -1,6 +1,6 @@
 """Checkpoints of a long simulation: a file that is complete or does not exist, npz with a JSON header, never a pickle.
 
-It stores the state of a simulation on any number of ranks, and what was recorded.
+A checkpoint holds the state of a simulation on any number of ranks, and the records so far.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ class Checkpoint:
     Attributes
     ----------
     file : Path
-        Replaced at each checkpoint, and a last time when the simulation ends: a simulation that is started again ends
-        at once with the same result.  It may be deleted once the result is stored.
+        File that is replaced at each checkpoint and when the simulation ends: a finished simulation that is started
+        again ends at once with the same result.  It may be deleted once the result is stored.
     seconds : float
         Wall time between two checkpoints.
     """
@@ -58,7 +58,7 @@ class Checkpoint:
 
 @dataclass(frozen=True)
 class StoredSimulation:
-    """A simulation after `step` steps, which took `seconds`: its arrays of all ranks by name, and its identity."""
+    """A simulation after `step` steps, which took `seconds`: arrays of all ranks by name, and its identity."""
 
     step: int
     seconds: float
@@ -67,9 +67,9 @@ class StoredSimulation:
 
 
 def save(checkpoint: Checkpoint, saved: StoredSimulation) -> None:
-    """Write a checkpoint, which replaces the one before in one operation.
+    """Write a checkpoint; it replaces the checkpoint before in one operation.
 
-    If there is no room on the disk, a warning is logged, and the one before stays.
+    If the disk is full, a warning is logged, and the checkpoint before is kept.
     """
     header = {
         "format": FORMAT,
@@ -86,7 +86,7 @@ def save(checkpoint: Checkpoint, saved: StoredSimulation) -> None:
 
 
 def load(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> StoredSimulation | None:
-    """Checkpoint of the simulation with this identity; None if there is no file.
+    """Stored simulation of the checkpoint with this identity; None if there is no file.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def load(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> StoredSimulatio
 
 
 def _differences(stored: Mapping[str, object], expected: Mapping[str, object]) -> str:
-    """Names of the entries of an identity in which the stored one differs."""
+    """Text with the names of the entries in which the stored identity differs from the expected one."""
     names = [key for key, value in expected.items() if not _entries_agree(stored.get(key), value)]
     return ", ".join(names)
 
@@ -177,8 +177,8 @@ def identity(
 class ReachedState:
     """State of a simulation after `step` steps, which took `seconds` of wall time.
 
-    `parts` (T,) are the numbers of parts of the steps with which the simulation began; it keeps them even if a reduced
-    model that is made again asks for others.
+    `parts` (T,) are the numbers of parts of all steps, as chosen when the simulation began.  They are kept even if a
+    reduced model that is made again would choose others.
     """
 
     step: int
@@ -216,7 +216,7 @@ class CheckpointFile:
     def load(self, recorder: Recorder, parts: NDArray[np.int64]) -> ReachedState | None:
         """State of the last checkpoint, with the recorder filled in place; None if there is no checkpoint.
 
-        `parts` (T,) are used if the file has none.
+        `parts` (T,) are the numbers of parts if the file holds none.
 
         Raises
         ------

@@ -1,8 +1,8 @@
 """Forces of the contacts in a step of full order: their multipliers, and their effect on the bodies.
 
-The multipliers follow from the Schur complement of the effective matrix.  Some contacts may only push: the
-complementarity problem is the kernel's (`pmr.kernel.laws`), and all ranks use the solution of the first one.  The force
-of a contact that opens is removed from the next step.
+The multipliers follow from the Schur complement of the effective matrix.  If some contacts only push, the kernel solves
+the complementarity problem (`pmr.kernel.laws`) on the first rank, and all ranks use this solution.  The force of a
+contact that opens is removed from the next step.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from pmr.simulation.refusals import describe_dependence, describe_unsettled
 
 @dataclass(frozen=True)
 class Prediction:
-    """State q*, v*, a* at a step's end without the step's acceleration: this rank's rows (n_local,).
+    """State q*, v*, a* at a step's end, as it is without the step's own acceleration: this rank's rows (n_local,).
 
     a* is the acceleration-like variable of generalized-alpha.
     """
@@ -45,7 +45,7 @@ class Prediction:
 
     @classmethod
     def from_shares(cls, factors: SchemeFactors, share: Array, force: Array) -> Prediction:
-        """Contributions to the next step by acceleration-like variables `share` and accelerations `force`."""
+        """Contributions to the next prediction by acceleration-like variables `share` and accelerations `force`."""
         return cls(
             q=factors.z_from_share * share + factors.z_from_force * force,
             v=factors.v_from_share * share + factors.v_from_force * force,
@@ -54,9 +54,9 @@ class Prediction:
 
 
 class ContactState:
-    """State of a system's contacts: closed or open, with their last forces.
+    """State of a system's contacts: which are closed, and their last forces.
 
-    `mass` is a factor of M, needed if some contacts only push.
+    `mass` is a factor of M; it is needed only if some contacts only push.
     """
 
     def __init__(self, system: FullSystem, mass: BlockFactor | None, state: State) -> None:
@@ -65,14 +65,14 @@ class ContactState:
         self.begin(state)
 
     def begin(self, state: State) -> None:
-        """Set the contacts to those of a state."""
+        """Set the contacts to the forces that `state` holds."""
         self._force, self.share = np.where(self.pushes, state.multipliers, 0.0), state.share.copy()
         self._closed = ~self.pushes | (state.multipliers > 0.0)
 
     def forces(self, matrix: Array, motion: Array) -> Array:
-        """Multipliers (m,) in N of contacts with the matrix A (m, m), by `motion` (m,) in m without multipliers.
+        """Multipliers (m,) in N of contacts with the `matrix` (m, m), by their `motion` (m,) in m without multipliers.
 
-        Raises ContactError if contacts depend on each other, or which are closed is not settled.
+        Raises ContactError if contacts depend on each other, or if it can't be settled which contacts are closed.
         """
 
         def solution() -> tuple[Array, NDArray[np.bool_]]:
@@ -86,7 +86,7 @@ class ContactState:
         return forces
 
     def release(self, rows: PathRows, factors: SchemeFactors) -> Prediction | None:
-        """Correction of the prediction that removes the last forces of contacts that are now open; else None.
+        """Correction of the prediction that removes the last forces of contacts that are now open; None without such.
 
         Their stored forces are set to zero.
         """
@@ -100,7 +100,7 @@ class ContactState:
         return Prediction.from_shares(factors, share, force)
 
     def end_step(self, multipliers: Array, factors: SchemeFactors) -> None:
-        """Store what the contact forces (m,) of a step contribute to the next one."""
+        """Store the contributions of a step's contact forces `multipliers` (m,) to the next step."""
         share = factors.gain * multipliers + Prediction.from_shares(factors, self.share, self._force).a
         self.share = np.where(self.pushes, share, 0.0)
         self._force = np.where(self.pushes, multipliers, 0.0)
@@ -108,8 +108,8 @@ class ContactState:
 
 Array = NDArray[np.float64]
 
-#: Bytes a rank may use for S^{-1} E, which saves the second solve of a step: 560 loads of the reference boom's pads at
-#: up to 240,000 coordinates a rank.
+#: Bytes that a rank may use for S^{-1} E, which saves the second solve of a step; enough for 560 carriers of pads at up
+#: to 240,000 coordinates on a rank.
 STORED_BYTES = 2**30
 
 
@@ -118,8 +118,10 @@ class Constraint:
 
     .. math:: (dq\, C S^{-1} C^T + 1/k)\, \lambda = C q_{free}
 
-    for the closed contacts, which `pushing` decides.  `q_gain` is dq.  S^{-1} E is stored if that of all `shared`
-    integrators fits into `STORED_BYTES`.
+    holds for the closed contacts with multipliers :math:`\lambda`, stiffness k and rows C; `pushing` decides which
+    contacts are closed.  S is the effective matrix of `pmr.simulation.petsc.integrate`, dq (`q_gain`) the derivative of
+    positions by accelerations, and :math:`q_{free}` the coordinates without multipliers.  S^{-1} E, the response to the
+    carriers E^T, is stored if the responses of all `shared` integrators fit into `STORED_BYTES`.
     """
 
     def __init__(
@@ -157,7 +159,7 @@ class Constraint:
         Raises
         ------
         SimulationError
-            If closed rows depend on each other, or which are closed is not settled.
+            If closed rows depend on each other, or if it can't be settled which rows are closed.
         """
         try:
             return self.pushing.forces(self.matrix, motion)
@@ -178,7 +180,8 @@ class Constraint:
 def solve_for_carriers(factor: AnyFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> tuple[Array, Array]:
     """Matrix P = E^T S^{-1} E (p, p), the same on every rank, and this rank's rows of S^{-1} E.
 
-    `E` is this rank's columns (p, n_local) of E^T.  Rows of S^{-1} E are (n_local, p), or (n_local, 0) unless `stored`.
+    `factor` is a factor of S; the argument `E` holds this rank's columns (p, n_local) of E^T.  This rank's rows of
+    S^{-1} E are (n_local, p), or (n_local, 0) unless `stored`.
     """
     p, n = E.shape
     P, stored_rows = np.zeros((p, p)), np.zeros((n, p if stored else 0), order="F")
@@ -192,7 +195,7 @@ def solve_for_carriers(factor: AnyFactor, E: sp.csr_matrix, comm: MPI.Comm, stor
 
 
 def compliances(system: FullSystem, factor: BlockFactor, visited: VisitedCarriers) -> Sequence[Array]:
-    """Matrices P = E^T S^{-1} E (p, p) of all bodies, with the factors of their S."""
+    """Matrices P = E^T S^{-1} E (p, p) of all bodies, from the factors of their matrices S."""
     parts = zip(factor.of_bodies, visited.of_bodies, strict=True)
     return [solve_for_carriers(S, E, system.comm, False)[0] for S, E in parts]
 

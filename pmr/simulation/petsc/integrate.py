@@ -1,14 +1,16 @@
 r"""Generalized-alpha on full models, with one solve for each body and step, with a constant matrix.
 
-With q*, v* position and velocity at the step's end without the new acceleration, dq and dv their derivatives by that
-acceleration, and S = M + dv D + dq K (Arnold, Bruels: Convergence of the generalized-alpha scheme for constrained
-mechanical systems, Multibody System Dynamics 18, 2007, equations 5 to 7), the step's end is
+Let q* and v* be position and velocity at the step's end without the new acceleration, dq and dv the derivatives of
+position and velocity by this acceleration, and S = M + dv D + dq K the effective matrix (Arnold, Bruels: Convergence of
+the generalized-alpha scheme for constrained mechanical systems, Multibody System Dynamics 18, 2007, equations 5 to 7).
+With loads f and the rows C and forces :math:`\lambda` of contacts, the step's end is
 
 .. math::
     S b = B f + M q^* / dq + D (q^* dv / dq - v^*) - C^T \lambda, \qquad
     q = dq\, b, \quad \ddot q = b - q^* / dq, \quad v = v^* + dv\, \ddot q
 
-in which K is not needed, and lambda follows from the solution b_free without lambda:
+in which K is not needed.  The contact forces follow from the solution b_free without them, with the contacts' stiffness
+k:
 
 .. math::
     (dq\, C S^{-1} C^T + 1/k)\, \lambda = dq\, C b_{free}
@@ -19,10 +21,10 @@ Rayleigh damping needs no product with D either: with D = alpha M + beta K and w
     S^{-1} D w = S^{-1} M \bigl(\alpha - g (1 + dv\, \alpha)\bigr) w + g w, \qquad
     g = \beta / (dq + dv\, \beta)
 
-Steps may be divided into equal parts, as a schedule says or as pads that only push need it: then there is a factor for
-each length.  The parts of each step are those that the forces of a reduced model asked for (src/substeps.c of
-`pmr.kernel`).  In full order the same estimate asks for more and is less reliable: the walls under pads are light, so
-that they vibrate after every impact.
+Steps may be divided into equal parts, as a schedule says or as pads that only push need it; then S has a factor for
+each length of a part.  The number of parts of each step is the one that an estimate from the forces of a reduced model
+chose (src/substeps.c of `pmr.kernel`).  In full order the same estimate would choose more parts and be less reliable:
+the walls under pads are light, so that they vibrate after every impact.
 """
 
 from __future__ import annotations
@@ -50,9 +52,9 @@ Array = NDArray[np.float64]
 
 
 class Integrator:
-    """Takes steps of one length along a course; everything that is constant is computed when it is made.
+    """Takes steps of one length along a course; everything that is constant is computed when the integrator is made.
 
-    It shares memory with the other `shared` - 1 integrators, of other lengths.
+    `shared` is the number of integrators, of different lengths, that share the memory for responses.
     """
 
     def __init__(
@@ -85,13 +87,13 @@ class Integrator:
     def step(self, step: int, state: State, f: Array, c: Array, flag: bool) -> tuple[State, bool]:
         """Take one step, to number `step` of the course, under loads f (i,) and amplitudes c (K,) of terms at its end.
 
-        Returns the new state, and whether any rank has its `flag` set.
+        Returns the new state, and whether `flag` is true on any rank.
 
         Raises
         ------
         SimulationError
-            If rows depend on each other, which are closed is not settled, forces of terms do not converge, or the
-            state is not finite.
+            If rows depend on each other, it can't be settled which rows are closed, forces of terms do not converge, or
+            the state is not finite.
         """
         self.constraint.move(step)
         pushing, ahead = self.constraint.pushing, self._predict(state)
@@ -140,9 +142,10 @@ class Integrator:
         return Prediction(state.q + self._factors.h * state.v + added.q, state.v + added.v, added.a)
 
     def _free(self, scaled: Array, v: Array, f: Array) -> Array:
-        """This rank's rows (n_local,) of the solution b_free without the rows' forces; overwritten by the next call.
+        """This rank's rows (n_local,) of the solution b_free without contact forces; overwritten by the next call.
 
-        `scaled` is q* / dq, v is v*.
+        `scaled` (n_local,) is q* / dq: the predicted coordinates q* over dq, the derivative of the coordinates by the
+        step's new acceleration.  v (n_local,) is the predicted velocity v*, f (i,) are the loads.
         """
         system = self._system
         for body, at, inputs in zip(self._bodies, system.local_slices, system.input_slices, strict=True):
@@ -180,7 +183,7 @@ class _Body:
 
 @dataclass(frozen=True)
 class _RayleighCoefficients:
-    """Coefficients of S^-1 D w = S^-1 M (of_mass w) + at_once w for Rayleigh damping."""
+    """Coefficients `of_mass` and `at_once` in S^-1 D w = S^-1 M (of_mass w) + at_once w for Rayleigh damping."""
 
     of_mass: float
     at_once: float
@@ -193,7 +196,7 @@ class _RayleighCoefficients:
 
 
 def _sum_over_ranks(comm: MPI.Comm, motion: Array, total: float, flag: bool) -> tuple[Array, float, bool]:
-    """Sums of `motion` and `total` over the ranks, and whether any has its flag set, by one message."""
+    """Sums of `motion` and `total` over the ranks, and whether `flag` is true on any rank, by one message."""
     summed = np.concatenate([motion, [total, float(flag)]])
     comm.Allreduce(MPI.IN_PLACE, summed)
     return summed[:-2], float(summed[-2]), bool(summed[-1] > 0.0)
@@ -217,8 +220,8 @@ def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:
 class DividedSteps:
     """Takes steps, each divided into its number of parts, along a course from step `first` on; collective.
 
-    The course is sampled at the largest number of parts.  A step with another number of parts than the one before
-    starts anew from position, velocity and equilibrium of forces.
+    The excitation `fine` is sampled with the largest number of parts in each step.  A step with another number of parts
+    than the one before starts anew from position, velocity and equilibrium of forces.
     """
 
     def __init__(

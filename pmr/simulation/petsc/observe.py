@@ -1,4 +1,4 @@
-"""Full-order simulations: run the integrator and record what is asked for."""
+"""Full-order simulations: run the integrator and record selected quantities."""
 
 from __future__ import annotations
 
@@ -41,31 +41,31 @@ def observe(
     progress: Progress | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> History:
-    """Simulate full models and return what is recorded; collective.
+    """Simulate full models and return the history of recorded quantities; collective.
 
     Parameters
     ----------
     system : FullSystem
-        M positive definite; for a single model `FullSystem.of` it.
+        System with a positive definite M; `FullSystem.of` makes one of a single model.
     excitation : Excitation
         The system's paths, by name, a load for each ``body.input``, and an amplitude for each term.
     recording : Recording, optional
         By default all outputs at all steps.
     initial : mapping of str to InitialState, optional
         Initial state of each body, with all its n coordinates, on every rank; bodies that are missing start at rest,
-        undeformed.  `static_start` returns states in equilibrium.
+        undeformed.  `pmr.simulation.petsc.start.static_start` returns states in equilibrium.
     progress : callable, optional
         As for `pmr.simulation.SystemSimulator`.
     checkpoint : Checkpoint, optional
         If its file exists, the simulation resumes from it, with the parts of steps with which it began.  On one rank
-        the result is the same to the last digit as without interruption; on several it differs as far as MUMPS adds up
-        messages in the order of their arrival.
+        the result is the same to the last digit as without interruption; on several ranks it differs by round-off,
+        since MUMPS adds up messages in the order of their arrival.
 
     Raises
     ------
     InputError
-        If a path leaves a row, a load is missing, the initial position violates a row, rigid rows move with rho_inf = 1
-        or only push, or the checkpoint is not of this simulation.
+        If a path leaves the range of a row, a load is missing, the initial position violates a row, rigid rows move
+        with rho_inf = 1, a rigid row only pushes, or the checkpoint belongs to another simulation.
     SimulationError
         If a step fails; with step, time, path coordinates and, where rows depend on each other, their names.  Where
         energies are recorded at every step, also if the motion grows without bound.
@@ -94,7 +94,7 @@ class _Run:
         self._lengths = StepParts.for_contacts(excitation.stepping, omega)
 
     def history(self, progress: Progress | None, checkpoint: Checkpoint | None) -> History:
-        """Take all steps, or those after a checkpoint, and return what is recorded."""
+        """Take all steps, or the steps after a checkpoint, and return the history."""
         recorder, keeper, T = self._recorder, None, self._excitation.stepping.steps
         if checkpoint:
             run_identity = identity(self._system, self._excitation, self._at, recorder, self._initial)
@@ -125,7 +125,7 @@ class _Run:
         return ReachedState(0, 0.0, state, self._lengths.parts)
 
     def _steps(self, reached: ReachedState, resumed: bool) -> DividedSteps:
-        """Stepper from the reached state on, in the parts with which the simulation began."""
+        """Integrator of the steps from the reached state on, with the numbers of parts chosen at the beginning."""
         system, recorder, state, mass = self._system, self._recorder, reached.state, self._mass
         lengths = replace(self._lengths, parts=reached.parts)
         fine, begun = self._at, reached.step * lengths.finest

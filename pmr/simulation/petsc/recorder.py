@@ -28,16 +28,16 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Recording:
-    """Selection of what is recorded.  Memory is of the order of what is recorded, plus a few vectors.
+    """Selection of quantities to record; memory is that of the records and of a few vectors.
 
     Attributes
     ----------
     outputs : sequence of int, optional
-        Numbers of the outputs among those of all bodies, one body after the other; all by default.
+        Indices of the outputs among the outputs of all bodies, one body after the other; all outputs by default.
     every : int
         Record each `every`-th step, the first one included.
     energies : bool
-        Whether energies are recorded, which costs two products with a matrix at each of these steps.
+        Whether energies are recorded, which costs two products with a matrix at each recorded step.
     states : sequence of float, s
         Times at which whole states are recorded, at the nearest step.
     """
@@ -70,12 +70,12 @@ class History:
     y : mapping of str to (T, o) array
         Selected outputs of each body.
     forces, peaks : (T, m) arrays, N
-        Contact forces, positive where they push: at t, and for contacts that only push the largest within the step that
-        ends at t.
+        Contact forces, positive where they push.  `forces` are those at t; `peaks` are, for contacts that only push,
+        the largest within the step that ends at t.
     supports : (T, h) array, N
         Multipliers of the supports that hold one coordinate, one body after the other (`FullSystem.with_supports`).
     residual_position : (T,) array, m
-        Largest violation of a row, max |C q - lambda / k|; of one that only pushes, beyond its clearance.
+        Largest violation of a row, max |C q - lambda / k|; for a row that only pushes, beyond its clearance.
     residual_velocity : (T,) array, m/s
         Largest violation of a rigid row's time derivative, max |C v + s' C' q|; NaN if any row gives way.
     energy : Energy or None
@@ -115,7 +115,7 @@ Array = NDArray[np.float64]
 class Recorder:
     """Records a full-order simulation: this rank's contributions to sums over coordinates, added up at the end.
 
-    Work is added up at every step, or part of one, as this rank's contribution, too.
+    This rank's contribution to the work is added up at every step, or at every part of a step.
 
     Raises
     ------
@@ -156,9 +156,9 @@ class Recorder:
         self.q, self.v = np.zeros((len(self.state_steps), n)), np.zeros((len(self.state_steps), n))
 
     def follow(self, state: State, rows: PathRows, x: Array, f: Array, c: Array) -> None:
-        """Take note of a step, or a part of one, for peaks and work.
+        """Update peaks and work by a step, or by a part of a step.
 
-        At its end the sides are at x (q,) in m, with loads f (i,) and amplitudes c (K,) of terms.
+        At the end of the step the sides are at x (q,) in m, with loads f (i,) and amplitudes c (K,) of terms.
         """
         if self._pushes:
             self._peak = np.maximum(self._peak, state.multipliers)
@@ -179,7 +179,7 @@ class Recorder:
         self._peak, self._work = np.full_like(self._peak, -np.inf), 0.0
 
     def record(self, step: int, state: State, rows: PathRows, at: SampledExcitation) -> None:
-        """Record the state after a step, if its number is one of those selected."""
+        """Record the state after step number `step`, if this step is selected."""
         peak, work, self._work = self._peak, self._work, 0.0
         if self._pushes:
             self._peak = np.full_like(peak, -np.inf)
@@ -211,7 +211,7 @@ class Recorder:
         return half_form(self._M, state.v), half_form(self._K, state.q), -float(f @ motion)
 
     def history(self, at: SampledExcitation, seconds: float, preparation: float) -> History:
-        """Everything that is recorded; collective."""
+        """History of all records; collective."""
         system, every = self._system, slice(None, None, self.recording.every)
         sums = system.comm.allreduce(self.sums)
         y, motion, drift, energies_of_steps = np.split(sums, self._ends, axis=1)
@@ -271,7 +271,7 @@ class Recorder:
 
 @dataclass(frozen=True)
 class _StepWork:
-    """Loads and contacts at a step, for the work: of i loads, and of the q sides of contacts.
+    """Loads and contacts at a step, from which work follows: of i loads, and of the q sides of contacts.
 
     `f` and `motion` (i,) are loads and displacements of their points; `force` (q,) in N, `slope` (q,) and x (q,) in m
     are forces on the sides, slopes of their rows times q, and side positions.
@@ -282,7 +282,7 @@ class _StepWork:
     force: Array
     slope: Array
     x: Array
-    # forces of terms on this rank's coordinates, and these coordinates, (n_local,); empty without terms
+    # (n_local,) each: forces of terms on this rank's coordinates, and the coordinates; empty without terms
     of_terms: Array = field(default_factory=lambda: np.zeros(0))
     q: Array = field(default_factory=lambda: np.zeros(0))
     # contact forces (m,) N, and displacements (m,) m of cylinders by friction; empty without friction

@@ -1,9 +1,10 @@
 r"""Factors of the effective matrix, and the contacts' rows at every position of the paths.
 
-There is one factor for each body's matrix that differs from the others.  Rows act through the p carriers E^T (p, n)
-that they touch on the way (`pmr.system.rows`).  A contact has one side on each of its bodies, with a coordinate x
-of its own.  Between two breaks the row of a side is c(x) = sum_e x^e Gamma_e E^T with x counted from the lower break,
-so that with the powers of all sides stacked, C = X(x) Gamma E^T, and
+Bodies with equal effective matrices S share one factor.  Rows act through the p carriers E^T (p, n) that they touch on
+the way (`pmr.system.rows`).  A contact has one side on each of its bodies, with a coordinate x of its own.  Between two
+breaks the row of a side is c(x) = sum_e x^e Gamma_e E^T, with coefficients Gamma_e of the powers e of x, which is
+counted from the lower break.  With the powers of all sides in X(x), the rows of all contacts are C = X(x) Gamma E^T,
+and with contact forces :math:`\lambda`
 
 .. math::
     C S^{-1} C^T = X\, (\Gamma P \Gamma^T)\, X^T, \qquad
@@ -29,9 +30,9 @@ from pmr.system.system import consecutive
 
 
 class BlockFactor:
-    """Factors of a matrix of each body, by the function `factorised`; collective.
+    """Factors of one matrix for each body, by the function `factorised`; collective.
 
-    Bodies that are the same model share one.
+    Bodies with the same model share a factor.
     """
 
     def __init__(self, system: FullSystem, factorised: Callable[[FullModel], AnyFactor]) -> None:
@@ -63,7 +64,7 @@ class BlockFactor:
 
 
 def effective_matrix(model: FullModel, v_gain: float, q_gain: float) -> PETSc.Mat:
-    """Matrix S = M + dv D + dq K: the derivative of forces by the acceleration at a step's end."""
+    """Matrix S = M + dv D + dq K, with dv = `v_gain`, dq = `q_gain`: derivative of forces by a step's acceleration."""
     S = model.K.copy()
     S.scale(q_gain)
     for factor, A in ((v_gain, model.D), (1.0, model.M)):
@@ -89,7 +90,7 @@ class Course:
     contacts : int
         Number of contacts.
     on : list of lists of int
-        Numbers of the sides on each body.
+        Indices of the sides on each body.
     interval : (T, q) integer array
         Number of the interval of its row in which each side is at each step.
     distance : (T, q) array, m
@@ -116,7 +117,7 @@ class Course:
 
 
 class VisitedCarriers:
-    """Carriers that sides touch on their way: their numbers for each body, and this rank's columns of its E^T."""
+    """Carriers that sides touch on their way: indices for each body, and this rank's columns of the body's E^T."""
 
     def __init__(self, system: FullSystem, course: Course) -> None:
         self.numbers = [course.carriers_of(body) for body in range(len(system.models))]
@@ -129,7 +130,7 @@ class VisitedCarriers:
 
 
 class Layout:
-    """Numbering of the sides' D entries and c powers, one side after the other, and the first power of each contact."""
+    """Numbering of the D entries and c powers of all sides, one side after the other; each contact's first power."""
 
     def __init__(self, course: Course) -> None:
         widths = [row.touched.shape[1] for row in course.rows]
@@ -151,7 +152,7 @@ class PathRows:
     Attributes
     ----------
     Gamma : (c, D) array
-        Coefficients with the sides' signs: one line for each power of each side, one column for each of its entries.
+        Coefficients with the sides' signs: one line for each power of each side, one column for each entry of a side.
     columns : (D,) integer array
         Number of each entry's carrier among its body's visited ones.
     interval : (q,) integer array
@@ -182,12 +183,15 @@ class PathRows:
         self.X = self.x**self.layout.exponents
 
     def apply(self, q: Array) -> Array:
-        """This rank's contribution (m,) to C q, from its part (n_local,) of the coordinates q."""
+        """This rank's contribution (m,) to C q, from its part q (n_local,) of the coordinates."""
         values = (self.X @ self.Gamma) * (self._E @ q)
         return np.asarray(np.bincount(self.layout.contact_of_entry, values, self.course.contacts), float)
 
     def slopes(self, q: Array) -> Array:
-        """This rank's contribution (q,) to dc/dx q of each side, with its sign, from its rows q (n_local,)."""
+        """This rank's contribution (q,) to the slope (dc/dx) q of each of the q sides, with the side's sign.
+
+        The argument `q` (n_local,) is this rank's part of the coordinates.
+        """
         values = (self._power_derivatives @ self.Gamma) * (self._E @ q)
         return np.asarray(np.bincount(self.layout.side_of_entry, values, len(self.course.rows)), float)
 
@@ -211,7 +215,7 @@ class PathRows:
 
 
 class PathCompliance:
-    """Blocks P = E^T S^{-1} E (p, p) of all bodies, reduced to the powers of the sides at the current step.
+    """Blocks P = E^T S^{-1} E (p, p) of all bodies, multiplied with the coefficients of the sides at the current step.
 
     Pairs of sides are always multiplied in the same order, whichever of them moved: an interrupted simulation resumes
     with the same digits.
@@ -232,7 +236,7 @@ class PathCompliance:
         return np.asarray((A + A.T) / 2.0)
 
     def _update(self, rows: PathRows) -> None:
-        """Compute the blocks of sides that are in another interval than before."""
+        """Compute the blocks of those sides that have entered another interval."""
         changed, self._interval = np.flatnonzero(rows.interval != self._interval).tolist(), rows.interval
         at, entries, powers, body = rows.columns, rows.layout.entries, rows.layout.powers, rows.course.body
         for k, l in {(min(i, j), max(i, j)) for i in changed for j in rows.course.on[body[i]]}:
@@ -259,7 +263,7 @@ class StoredAnswers:
         return np.asarray(self._of_powers @ weights[self._powers])
 
     def _update(self, rows: PathRows) -> None:
-        """Compute the columns of sides that are in another interval than before."""
+        """Compute the columns of those sides that have entered another interval."""
         for k, at in self._at.items():
             if rows.interval[k] != self._interval[k]:
                 entries, powers = rows.layout.entries[k], rows.layout.powers[k]

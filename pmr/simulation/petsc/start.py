@@ -1,20 +1,22 @@
-r"""State of a full-order system: at t = 0, and the forces of terms and friction in a step.
+r"""State of a full-order system at t = 0; also the forces of terms and friction in a step.
 
-Velocities, accelerations and multipliers at t = 0 are those of march and Exudyn:
+Velocities, accelerations and multipliers at t = 0 are those of the compiled simulator and of Exudyn:
 
 .. math::
     \lambda_y = k\, C_y q_0, \qquad
     \begin{bmatrix} M & C_r^T \\ C_r & 0 \end{bmatrix} \begin{bmatrix} \ddot q_0 \\ \lambda_r \end{bmatrix}
     = \begin{bmatrix} B f - D v_0 - K q_0 - C_y^T \lambda_y \\ 0 \end{bmatrix}
 
-with the contacts that give way (y) and the rigid ones (r); terms of the rigid rows' own motion are left out.  A contact
-with clearance c that only pushes has lambda_y = k (C_y q_0 - c) if this is positive, and 0 otherwise.
+The index y marks contacts that give way, with the stiffness k, and r marks rigid contacts; C are rows, :math:`\lambda`
+multipliers, q_0 and v_0 coordinates and velocities at t = 0, and B f the loads.  The accelerations that the motion of
+rigid rows itself causes are neglected.  A contact that only pushes, with the clearance c, has lambda_y = k (C_y q_0 -
+c) if this is positive, and 0 otherwise.
 
-Terms that vary in time (`pmr.system.terms`) are forces on a step's right-hand side, found by iteration: the factor of S
-= M + dv D + dq K stays, and the forces w of the terms start with those of the predicted end of the step and are
-computed again from multipliers and motion until they no longer change, with one more solve each time.  How fast they
-converge is said in pmr/kernel/src/terms.c; two to four iterations are the rule, and such a step costs as much as this
-many others.  If that is not enough, iterates are extrapolated (pmr/kernel/src/extrapolation.c).
+Terms that vary in time (`pmr.system.terms`) are forces on a step's right-hand side, found by iteration with the
+unchanged factor of S = M + dv D + dq K.  The first forces w of the terms are those at the predicted end of the step;
+they are computed again from multipliers and motion until they no longer change, with one more solve each time.  The
+file pmr/kernel/src/terms.c says how fast they converge; two to four iterations are the rule, and such a step costs as
+much as this many others.  If that is not enough, iterates are extrapolated (pmr/kernel/src/extrapolation.c).
 """
 
 from __future__ import annotations
@@ -55,7 +57,7 @@ Product = Callable[[Array], Array]
 CONVERGED, ACCEPTED = 1e-11, 1e-8
 #: Most iterations of a step; a change this many times the largest force so far, or the step's first, means divergence.
 LIMIT, DIVERGED = 100, 1e6
-#: Directions that are stored for the extrapolation of forces: two vectors each.
+#: Number of directions, of two vectors each, that are stored for the extrapolation of forces.
 MOST_DIRECTIONS = 16
 
 
@@ -65,14 +67,14 @@ class PadFriction:
 
     force: Array | float
     sums: Array
-    gap: Array  # displacements of cylinders by the sums
+    gap: Array  # (m,) m: displacements of cylinders by the sums
     at_limits: float = 0.0  # square of the force with all pads at their limits, this rank's share
 
 
 class Terms:
     """Forces of a system's terms and of friction on this rank's coordinates; collective.
 
-    As a condition it is true if the system has terms or friction.
+    As a condition an object is true if the system has terms or friction.
     """
 
     def __init__(self, system: FullSystem) -> None:
@@ -95,7 +97,7 @@ class Terms:
         return bool(self._parts) or self._friction is not None
 
     def forces(self, q: Array, v: Array, c: Array) -> Array:
-        """This rank's rows (n_local,) of w = -sum_k c_k (V_k v + G_k q), from its rows of q and v and c (K,)."""
+        """This rank's part (n_local,) of w = -sum_k c_k (V_k v + G_k q), by its parts of q and v, and c (K,)."""
         forces = np.zeros_like(q)
         for number, at, stiffness, damping in self._parts:
             for multiplied, state in ((stiffness, q), (damping, v)):
@@ -125,12 +127,12 @@ class Terms:
         return slide(self._friction, old, rubbed.sums, c[len(self._names) :], h, multipliers, matrix)
 
     def begin_step(self) -> None:
-        """Start a new iteration: at a step, and if contacts that open change its result."""
+        """Start a new iteration: at each step, and again if contacts that open change the step's result."""
         if self._iteration is not None:
             self._iteration.restart()
 
     def extrapolate(self, w: Array, old: PadFriction, new_w: Array, new: PadFriction) -> tuple[Array, PadFriction]:
-        """Forces w and friction of the next iteration, from those of this one and from its results."""
+        """Forces w and friction with which the next iteration begins, from those of this iteration and its results."""
         size, first = len(w), self._comm.rank == 0  # sums of joints count once
         if self._iteration is None:
             self._iteration = FixedPoint(size + len(new.sums), MOST_DIRECTIONS, self._comm.allreduce)
@@ -189,7 +191,7 @@ def _product(system: FullSystem, bodies: tuple[str, ...], A: Any) -> Product | N
 
 @dataclass(frozen=True)
 class State:
-    """State of a full-order system: this rank's rows (n_local,) of q, v, acceleration-like variable a and acceleration.
+    """State of a full-order system: this rank's parts (n_local,) of q, v, acceleration-like a and acceleration.
 
     The multipliers lambda (m,) in N, their `share` (m,) in the acceleration-like variable for contacts that only push,
     and the friction `grip` of pads are the same on every rank.
@@ -324,9 +326,9 @@ class _HeldMass:
         self._G = self._comm.allreduce(self._mine @ self._answers)
 
     def impulse(self, start: InitialState) -> Array:
-        """This rank's rows of the excess of a velocity over the nearest consistent one, in terms of kinetic energy.
+        """This rank's rows of the velocity in `start` minus the consistent velocity next to it in kinetic energy.
 
-        Raises InputError if the position violates a rigid contact, or these depend on each other.
+        Raises InputError if the position violates a rigid contact, or if rigid contacts depend on each other.
         """
         check_position(self._C, start.q, self._names)
         drift = velocity_violation(self._C, self._turning, start)
@@ -337,7 +339,7 @@ class _HeldMass:
         return np.asarray(self._answers @ impulse)
 
     def acceleration(self, force: Array) -> tuple[Array, Array]:
-        """This rank's rows of the acceleration under its rows of a force, and the multipliers of the rigid contacts."""
+        """This rank's part of the acceleration, from its part of a force, and the multipliers of the rigid contacts."""
         free = self._factor.solve(force)
         multipliers = np.linalg.lstsq(self._G, self._comm.allreduce(self._mine @ free), rcond=None)[0]
         return free - self._answers @ multipliers, multipliers

@@ -1,1 +1,1 @@
-"""Systems at rest: equilibrium, response to a load that grows, buckling, stopping and hoisting."""
+"""Systems at rest: equilibrium, response to a load that grows, buckling; and swings after stopping or hoisting."""

@@ -4,28 +4,30 @@ r"""Equilibrium of a system of bodies under constant loads, with its paths held,
     \Bigl(K + \sum_k c_k G_k\Bigr) q + C^T \lambda = B f, \qquad
     C q + H f - F \lambda = g \text{ where a contact is closed}, \quad \lambda = 0 \text{ where it is open}
 
-with the clearances g and the system's terms at their amplitudes c.  Contacts that only push are closed where they push
-and open where a gap is left; if some are on the wrong side, the kernel says which of these change sides
-(`pmr.kernel.laws.ContactSearch`; docs/pads.md has the proof that this ends).  A body that open contacts leave free for
-the moment is held by its mass times a frequency far below all others; the last solve is without that.
+with coordinates q, stiffness K, contact forces :math:`\lambda`, loads f on inputs B, rows C, H and flexibility F of the
+contacts, their clearances g, and the stiffness :math:`G_k` of the system's terms at their amplitudes :math:`c_k`.
+Contacts that only push are closed where they push and open where a gap is left; if some are on the wrong side, the
+kernel decides which of these change sides (`pmr.kernel.laws.ContactSearch`; docs/pads.md has the proof that this ends).
+A body that open contacts leave free for the moment is held by a small stiffness, its mass matrix times the square of a
+frequency far below all others; the last solve is without this stiffness.
 
 Terms may make K indefinite while contacts are open; then changing sides need not end, or ends in an unstable
-equilibrium.  So an equilibrium with terms and contacts that only push is valid only if K is positive definite on what
-the closed contacts leave free.  If the first one is not, the energy is minimised in steps, each with a share of
-omega^2 M added and its force at the last q subtracted (Rockafellar: Monotone operators and the proximal point
-algorithm, SIAM Journal on Control and Optimization 14, 1976).  A step has one solution if its share is large enough,
-and moves the further the smaller the share is: so the share falls after a step that has a solution, and grows after
-one that has none.
+equilibrium.  So an equilibrium with terms and contacts that only push is valid only if the stiffness is positive
+definite in all motions that the closed contacts leave free.  If the first equilibrium is not valid, the energy is
+minimised in steps, each with a share of omega^2 M added and its force at the last q subtracted (Rockafellar: Monotone
+operators and the proximal point algorithm, SIAM Journal on Control and Optimization 14, 1976).  A step has one solution
+if its share is large enough, and moves the further the smaller the share is: so the share falls after a step that has a
+solution, and grows after one that has none.
 
-Buckling of a system under axial forces: the factors Lambda of these forces at which the system is in equilibrium in a
+A system under axial forces buckles at the factors :math:`\Lambda` on these forces at which it is in equilibrium in a
 bent shape, too,
 
 .. math::
     \Bigl(K + \Lambda \sum_k c_k G_k\Bigr) q + C^T \lambda = 0, \qquad C q - F \lambda = 0
 
-with the geometric stiffness :math:`c_k G_k` of terms (`pmr.system.terms`) under the loads in question.  With the
-flexibility A of the bodies and their contacts, symmetric and at least semi-definite, 1/Lambda are the eigenvalues of
-:math:`-L^T \sum c_k G_k\, L`, :math:`A = L L^T`.
+with the geometric stiffness :math:`c_k G_k` of terms (`pmr.system.terms`) under the given loads.  With the flexibility
+:math:`A = L L^T` of the bodies and their contacts, which is symmetric and positive semi-definite, :math:`1 / \Lambda`
+are the eigenvalues of :math:`-L^T \sum c_k G_k\, L`.
 """
 
 from __future__ import annotations
@@ -50,15 +52,15 @@ from pmr.system.terms import add_terms
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Multiple of M over the lowest omega^2 that holds otherwise free bodies; the relative change of q that it may cause.
+#: Share of the lowest omega^2 with which M holds otherwise free bodies; relative change of q that this may cause.
 ALMOST_FREE, UNCHANGED = 1e-8, 1e-3
 #: Most solves of one search for the closed contacts.
 LIMIT = 1000
-#: Steps towards an equilibrium with terms, solves in each, and what the share of the lowest omega^2 is multiplied with
-#: after a step that has a solution and after one that has none.
+#: Most steps towards an equilibrium with terms, most solves in each, and factors on the share of the lowest omega^2
+#: after a step that has a solution and after a step that has none.
 STEPS, FEW, SMALLER, LARGER = 100, 50, 0.5, 4.0
-#: Where stability is asked for: flexibility of a rigid contact over that of the stiffest coordinate, and the share by
-#: which others give way more, as their flexibility may be singular.
+#: In a check of stability: flexibility of a rigid contact over that of the stiffest coordinate, and the share by which
+#: the flexibility of all other contacts is increased, as it may be singular.
 SPRING_OF_RIGID, SOFTER = 1e-3, 1e-6
 #: Pull or overlap that is round-off, over the largest force or displacement.
 ROUND_OFF = 1e-9
@@ -70,9 +72,9 @@ ROUND_OFF_OF_K = 1e2 * float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Equilibrium of a system: coordinates q (n,) in the order of `Assembly`, contact forces (m,) in N and a mask (m,).
+    """Equilibrium of a system: coordinates q (n,) in the order of `Assembly`, and the forces (m,) in N of its contacts.
 
-    The mask `closed` is true for closed contacts; the force of an open contact is zero.
+    The mask `closed` (m,) is true for closed contacts; the force of an open contact is zero.
     """
 
     q: Array
@@ -97,8 +99,8 @@ def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) 
     Raises
     ------
     InputError
-        If the contacts do not hold the bodies against the loads, if their forces are not determined, or if no stable
-        equilibrium is found with the terms (the boom buckles).
+        If the contacts do not hold the bodies against the loads, if the contact forces are not determined, or if no
+        stable equilibrium is found with the terms (the boom buckles).
     """
     contacts = _Contacts(assembly, x, f)
     K, softest = assembly.stiffness(() if c is None else c), _lowest_eigenvalue(assembly, contacts.rows)
@@ -106,7 +108,7 @@ def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) 
     with_terms = bool(assembly.terms) and c is not None and bool(np.any(c))
 
     def stand(almost: Equilibrium) -> Equilibrium | None:
-        """The equilibrium by K alone with the contacts that are closed in another; None where there is none."""
+        """Equilibrium by K alone with the contacts closed that are closed in `almost`; None if there is none."""
         if (may_tip := with_terms and contacts.push) and not contacts.is_stable(K + neutral, almost.closed):
             return None
         state = contacts.solve_closed(K, push, almost.closed)
@@ -126,7 +128,7 @@ def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) 
             almost, share = step, SMALLER * share
             if (state := stand(almost)) is not None:
                 return state
-        equilibrium(assembly, x, f)  # refused for its contacts where these do not hold it without terms either
+        equilibrium(assembly, x, f)  # raises if the contacts do not hold the bodies without terms either
         allowed = "axial forces below those that buckle the boom on the pads that are closed at the start are allowed"
         raise InputError("system", "contacts", None, f"{allowed} with second order; without it these pads hold it")
     allowed = (
@@ -137,7 +139,7 @@ def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) 
 
 
 class _Contacts:
-    """Contacts of a system at side positions x (sides,) m under loads f (i,); finds which of them are closed.
+    """Contacts of a system with their sides at x (sides,) m, under loads f (i,); finds which contacts are closed.
 
     Only contacts with a clearance can open; all others are always closed.
     """
@@ -153,7 +155,8 @@ class _Contacts:
         """Equilibrium with a stiffness K (n, n) under forces `push` (n,), with a search for the closed contacts.
 
         K has to be positive definite even with all contacts open.  The search starts from the mask `closed` (m,), by
-        default all contacts; after `limit` solves it stops, and some contacts may still be on the wrong side.
+        default all contacts.  It stops after `limit` solves at the latest, when some contacts may still be on the wrong
+        side.
         """
         closed = self.all_closed if closed is None else closed
         search = ContactSearch()
@@ -166,9 +169,10 @@ class _Contacts:
         return state
 
     def solve_closed(self, K: sp.csr_matrix, push: Array, closed: Mask) -> Equilibrium:
-        """Equilibrium with stiffness K (n, n) under forces `push` (n,) and the contacts of a mask `closed` (m,) closed.
+        """Equilibrium with stiffness K (n, n) under forces `push` (n,), with the contacts of the mask `closed` closed.
 
-        All others are open.  Not finite where the closed contacts do not hold the bodies or depend on each other.
+        The mask is (m,); all other contacts are open.  The result is not finite if the closed contacts do not hold the
+        bodies or depend on each other.
         """
         forces, n = np.zeros(len(closed)), self._assembly.size
         right = np.concatenate([push, (self._clearance - self._motion)[closed]])
@@ -179,12 +183,13 @@ class _Contacts:
     def is_confirmed(self, state: Equilibrium, almost: Equilibrium, K: sp.csr_matrix, stable: bool) -> bool:
         """Return whether `state`, solved with the stiffness K (n, n) alone, is a valid equilibrium.
 
-        It has to agree with `almost`, solved with K plus a multiple of the mass matrix, to `UNCHANGED`; its strain
-        energy has to exceed round-off; and no contact may be on the wrong side.  Only if `hold` has told that the
-        equilibrium is `stable` may the energy be negative, as rigid contacts with a clearance add work of their own.
+        The state has to agree to `UNCHANGED` with `almost`, which is solved with K plus a multiple of the mass matrix;
+        its strain energy has to exceed round-off; and no contact may be on the wrong side.  The energy may be negative
+        only if the caller knows that the equilibrium is `stable`: rigid contacts with a clearance add work of their
+        own.
         """
         q, closed, forces = state.q, state.closed, state.forces.copy()
-        if self._clearance[closed].any():  # as if the contacts that are closed had been so from the start
+        if self._clearance[closed].any():  # energy as if these contacts had been closed from the start
             F = self.rows.F[np.ix_(closed, closed)]
             forces[closed] += np.linalg.lstsq(F, self._clearance[closed], rcond=None)[0]
         unchanged = np.abs(q - almost.q).max(initial=0.0) <= UNCHANGED * np.abs(q).max(initial=0.0)
@@ -193,7 +198,7 @@ class _Contacts:
         return bool(unchanged and stiff and not self.wrong_contacts(state).any())
 
     def is_stable(self, K: sp.csr_matrix, closed: Mask) -> bool:
-        """Return whether K (n, n) is positive definite on what the contacts of a mask `closed` (m,) leave free.
+        """Return whether K (n, n) is positive definite in all motions that the contacts of a mask `closed` (m,) allow.
 
         Contacts with a flexibility act as springs, a rigid one as a spring much stiffer than K is anywhere.
         """
@@ -213,7 +218,7 @@ class _Contacts:
 
 
 def _is_definite(A: sp.csr_matrix) -> bool:
-    """Whether a symmetric matrix (n, n) is positive definite: all pivots of its factor on the diagonal are positive."""
+    """Whether a symmetric matrix (n, n) is positive definite: all pivots of its LU factor are positive."""
     if A.shape[0] <= DENSE:
         return is_definite(A.toarray())
     try:
@@ -224,10 +229,11 @@ def _is_definite(A: sp.csr_matrix) -> bool:
 
 
 def border_matrix(K: Array, C: Array, F: Array) -> tuple[Array, Array]:
-    """Scaled matrix ((K, u C^T), (u C, -u^2 F)) of a held structure, and its units (n + m,): n times 1, m times u.
+    """Scaled matrix ((K, u C^T), (u C, -u^2 F)) of a held structure, and the scaling factors (n + m,).
 
-    K (n, n), C (m, n), F (m, m); u is the largest entry of K, so that all blocks are of similar size.  Multiply a right
-    side by the units before solving, and the solution by them afterwards.
+    K (n, n) is the stiffness, C (m, n) and F (m, m) are rows and flexibility of the contacts.  The factors are 1 for
+    the n coordinates and u for the m contact forces, with the largest entry u of K, so that all blocks are of similar
+    size.  Multiply a right side by the factors before solving, and the solution by the factors afterwards.
     """
     n, scale = len(K), float(np.abs(K).max()) or 1.0
     matrix, units = np.empty((n + len(C), n + len(C))), np.ones(n + len(C))
@@ -266,7 +272,7 @@ def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array]
 
 
 def _sparse_factor(matrix: sp.csc_matrix) -> Callable[[Array], Array] | None:
-    """Function that solves with a sparse LU factor of the matrix; None where the matrix is singular."""
+    """Function that solves with a sparse LU factor of the matrix; None if the matrix is singular."""
     try:
         return spla.splu(matrix).solve
     except RuntimeError:
@@ -274,7 +280,7 @@ def _sparse_factor(matrix: sp.csc_matrix) -> Callable[[Array], Array] | None:
 
 
 def _dense_factor(matrix: Array) -> Callable[[Array], Array] | None:
-    """Function that solves with a dense LU factor of the matrix; None where singular.  Fast below some hundred rows."""
+    """Function that solves with a dense LU factor of the matrix; None if singular.  Fast below some hundred rows."""
     factor, pivots, singular = dgetrf(matrix)
     return None if singular else lambda right: dgetrs(factor, pivots, right)[0]
 
@@ -291,7 +297,7 @@ def _lowest_eigenvalue(assembly: Assembly, rows: ContactRows) -> float:
 
 Solve = Callable[[Array], Array]
 
-#: Coordinates up to which all factors are found at once, dense.
+#: Number of coordinates up to which all buckling factors are computed at once, from dense matrices.
 DENSE_UP_TO = 600
 #: Share of the largest eigenvalue below which an eigenvalue is round-off of zero.
 EIGEN_ROUND_OFF = 1e-10
@@ -300,8 +306,8 @@ EIGEN_ROUND_OFF = 1e-10
 def buckling_factors(assembly: Assembly, x: Array, coefficients: Mapping[str, float], count: int = 1) -> Array:
     """Lowest positive buckling factors Lambda (count,), ascending, with every contact closed.
 
-    At Lambda times the coefficients c_k the system buckles.  Infinite where there are fewer than `count` factors, as
-    where nothing is compressed.
+    The system buckles with the coefficients c_k multiplied by Lambda.  If there are fewer than `count` factors, as
+    where nothing is compressed, the last entries are infinite.
 
     Parameters
     ----------
@@ -322,9 +328,9 @@ def buckling_factors(assembly: Assembly, x: Array, coefficients: Mapping[str, fl
 
 
 class HeldSystem:
-    """A system at fixed side positions with every contact closed; its factored flexibility serves any number of loads.
+    """A system at fixed side positions with every contact closed; its flexibility is factored once for all loads.
 
-    `rows` are the contacts at these positions (`Assembly.contact_rows`).
+    `rows` are the contact rows at these positions (`Assembly.contact_rows`).
     """
 
     def __init__(self, assembly: Assembly, rows: ContactRows) -> None:
@@ -354,13 +360,13 @@ class HeldSystem:
 
     @cached_property
     def _random_response(self) -> Array:
-        """Displacements (n,) under a random load, which has no symmetry.
+        """Displacements (n,) under a random load, which excites all shapes.
 
-        Raises InputError where only round-off resists the load, so that the contacts do not hold the bodies.
+        Raises InputError if only round-off resists the load, which means that the contacts do not hold the bodies.
         """
         K, load = self._assembly.K, np.random.default_rng(3).standard_normal(self._assembly.size)
         q = self._solve(np.concatenate([load, np.zeros(len(self._rows.F))]))[: len(load)]
-        if not q @ load >= ROUND_OFF_OF_K * np.abs(q) @ (abs(K) @ np.abs(q)):  # NaN too
+        if not q @ load >= ROUND_OFF_OF_K * np.abs(q) @ (abs(K) @ np.abs(q)):  # also true for NaN
             allowed = "contacts that hold the bodies are allowed: without, nothing is there to buckle"
             raise InputError("system", "contacts", None, allowed)
         return q

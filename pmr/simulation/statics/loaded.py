@@ -3,17 +3,21 @@ r"""A structure at rest under a load that grows: the response as a rational func
 .. math::
     (K + G_0 + P\, G_1)\, q + C^T \lambda = b_0 + P\, b_1, \qquad C q - F \lambda = g_0 + P\, g_1
 
-with the geometric stiffness G_0 of the fixed loads, and G_1 of a unit of the load that grows.  With fixed closed
-contacts, A the flexibility under :math:`K + G_0`, :math:`A = L L^T`, :math:`L^T G_1 L = V \eta V^T` and U = L V,
+for coordinates q and contact forces :math:`\lambda`, with the stiffness K, rows C and flexibility F of the contacts,
+forces b and gaps g.  G is the geometric stiffness; the index 0 marks what the fixed loads cause, 1 what a unit of the
+load that grows causes.  Let the set of closed contacts be fixed, :math:`A = L L^T` the flexibility of the structure
+with the stiffness :math:`K + G_0`, :math:`V \eta V^T` the eigenvalues and eigenvectors of :math:`L^T G_1 L`, and U = L
+V.  Then
 
 .. math::
     q(P) = \bar q(P) - P\, U\, (I + P \eta)^{-1} U^T G_1\, \bar q(P), \qquad \bar q(P) = q_0 + P\, q_1
 
-(Woodbury), where q_0 and q_1 are the linear responses to the fixed loads and to a unit of P.  So one factorisation
-serves all loads, and the structure buckles at the smallest P with a vanishing :math:`1 + P \eta_i`.  Contacts that only
-push open and close as the load grows: each set of closed contacts has a `Form` of its own.  A search that meets a set
-that holds nothing starts again from the contacts that are closed without geometric stiffness, with a small multiple of
-the mass matrix as stiffness: that matrix is positive definite, so the search for these ends (docs/pads.md).
+(Woodbury's formula), where q_0 and q_1 are the linear responses to the fixed loads and to a unit of P.  So one
+factorisation serves all loads, and the structure buckles at the smallest P with a vanishing :math:`1 + P \eta_i`.
+Contacts that only push open and close as the load grows: each set of closed contacts has a `Form` of its own.  A search
+that meets a set of contacts that do not hold the structure starts again from the contacts that are closed without
+geometric stiffness but with a small multiple of the mass matrix added to the stiffness.  This stiffness is positive
+definite, so the search for these contacts ends (docs/pads.md).
 """
 
 from __future__ import annotations
@@ -33,35 +37,36 @@ from pmr.system.definite import FreeMotions, cholesky_root, first_singular
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Share of the largest geometric stiffness below which one is round-off; share of the largest flexibility of contacts
-#: below which a load's own place gives way to nothing but round-off.
+#: Share of the largest eigenvalue of the geometric stiffness below which an eigenvalue is round-off; share of the
+#: contacts' largest flexibility below which the flexibility at the load's own position is round-off.
 ROUND_OFF, RIGID = 1e-9, 1e-4
 #: Pull or overlap that is round-off, over the largest force or displacement.
 WRONG = 1e-9
-#: Most sets of closed contacts tried at one load; multiple of M, over the lowest omega^2, that holds free bodies.
+#: Most sets of closed contacts tried at one load; share of the lowest omega^2 with which M holds free bodies.
 MOST_SETS, ALMOST_FREE = 200, 1e-8
 
 
 @dataclass(frozen=True)
 class Equations:
-    """Matrices and forces in one posture; pairs are (by the fixed loads, by a unit of the load that grows).
+    """Matrices and forces in one posture.
 
-    Sizes: n coordinates, m contacts, o outputs, d directions of the load.
+    A pair holds what the fixed loads cause, then what a unit of the load that grows causes.  Sizes: n coordinates, m
+    contacts, o outputs, d directions of the load.
     """
 
     M: Array  # (n, n)
     K: Array  # (n, n)
-    G: tuple[Array, Array]  # (n, n): geometric stiffness, of the fixed loads and of a unit of the load
-    b: tuple[Array, Array]  # (n,): loads on coordinates
-    g: tuple[Array, Array]  # (m,): gaps minus displacements of contacts by the loads themselves
+    G: tuple[Array, Array]  # (n, n) each: geometric stiffness
+    b: tuple[Array, Array]  # (n,) each: loads on coordinates
+    g: tuple[Array, Array]  # (m,) each: gaps minus direct displacements of contacts by the loads
     C: Array  # (m, n)
     F: Array  # (m, m)
     outputs: Array  # (o, n)
-    X: Array  # (o, m): X, outputs are O q - X lambda + direct
-    direct: tuple[Array, Array]  # (o,): outputs by the loads themselves
+    X: Array  # (o, m): outputs are `outputs` q - X lambda + `direct`
+    direct: tuple[Array, Array]  # (o,) each: direct outputs by the loads
     pushes: Mask  # (m,): contacts that only push
-    # inputs of the load in its d directions: forces on coordinates (n, d), direct displacements of contacts (m, d)
-    # and of the load's position (d, d)
+    # by a unit of the load's force in each of its d directions: forces on coordinates (n, d), direct displacements of
+    # contacts (m, d) and of the load's position (d, d)
     load_inputs: tuple[Array, Array, Array]
     # (r, n): added to the last r rows of `outputs` by a unit of the load
     outputs_by_load: Array = field(default_factory=lambda: np.zeros((0, 1)))
@@ -69,7 +74,7 @@ class Equations:
 
 @dataclass(frozen=True)
 class LoadedState:
-    """Outputs (o,), contact forces (m,) and form under a load; NaN where no equilibrium exists."""
+    """Equilibrium under a load: outputs (o,), contact forces (m,) in N and form; NaN where no equilibrium exists."""
 
     load: float
     outputs: Array
@@ -103,7 +108,7 @@ class LoadedStates:
 
     @classmethod
     def with_outputs(cls, state: LoadedState, outputs: Array, forces: Array) -> LoadedStates:
-        """Equilibria under the load and with the form of `state`, with outputs (p, o) and forces (p, m)."""
+        """Equilibria with outputs (p, o) and forces (p, m), all under the load and with the form of `state`."""
         count = len(outputs)
         return cls(np.full(count, state.load), outputs, forces, np.ones(count, dtype=bool), (state.form,) * count)
 
@@ -113,7 +118,7 @@ class LoadedStates:
         return LoadedStates(self.load[mask], self.outputs[mask], self.forces[mask], self.in_equilibrium[mask], forms)
 
     def split(self, lengths: Iterable[int]) -> Iterator[LoadedStates]:
-        """Yield consecutive groups of these lengths, in order."""
+        """Yield consecutive groups of the equilibria, with these lengths, in order."""
         first = 0
         for length in lengths:
             at = slice(first, first := first + length)
@@ -124,21 +129,21 @@ class LoadedStates:
 
 @dataclass(frozen=True)
 class Condensed:
-    """Matrices (r, r) on the r coordinates that rigid contacts leave free."""
+    """Matrices of a structure on the r coordinates z of motions that rigid contacts leave free."""
 
-    M: Array
-    K: Array  # with the geometric stiffness of the fixed loads
-    G: tuple[Array, Array]  # geometric stiffness, of the fixed loads and of a unit of the load
+    M: Array  # (r, r)
+    K: Array  # (r, r), with the geometric stiffness of the fixed loads
+    G: tuple[Array, Array]  # (r, r) each: geometric stiffness of the fixed loads, of a unit of the load
     load_position: Array  # (d, r): displacement of the load's position along its directions
-    coordinates: Array  # (n, r): coordinates of the structure, q = own z
-    gap_forces: Array  # (r, closed): forces by gaps of closed contacts that give way
+    coordinates: Array  # (n, r): coordinates of the structure are q = `coordinates` z
+    gap_forces: Array  # (r, closed contacts): forces on z by gaps of closed contacts
 
 
 class Form:
     """Equilibria with a fixed set of closed contacts, a mask (m,), for any load.
 
-    `held` says whether these contacts hold the structure without the load; it buckles at the load `critical` (inf:
-    never).
+    `held` says whether these contacts hold the structure without the load that grows.  The structure buckles at the
+    load `critical`, which is infinite if it never buckles.
     """
 
     def __init__(self, equations: Equations, closed: Mask) -> None:
@@ -156,7 +161,7 @@ class Form:
         if not np.isfinite(size := float(np.linalg.norm(flexibility))):
             return
         if size * np.abs(K).max() > 1.0 / np.finfo(float).eps or (L := cholesky_root(flexibility)) is None:
-            return  # nothing but round-off holds it, or it buckles under the fixed loads alone
+            return  # round-off alone holds the structure, or the fixed loads alone make it buckle
         self.eta, V = np.linalg.eigh(L.T @ e.G[1] @ L)
         least = float(self.eta[0]) if len(self.eta) else 0.0
         some = -least > ROUND_OFF * np.abs(self.eta).max(initial=0.0) and least < 0.0
@@ -164,10 +169,10 @@ class Form:
         self._compute_responses(Z, L @ V)
 
     def _compute_responses(self, Z: Array, U: Array) -> None:
-        """Compute the responses to both components of the load and to the modes U.
+        """Compute the responses to the fixed loads, to a unit of the load that grows, and to the modes U.
 
-        A response is outputs, contact forces and motions of pushing contacts.  `Z` is the inverse of the bordered
-        matrix of coordinates and closed contacts.
+        A response consists of outputs, contact forces and overlaps of contacts that only push.  `Z` is the inverse of
+        the bordered matrix of coordinates and closed contacts.
         """
         e, n, closed, pushes = self.equations, len(self.equations.K), self.closed, self.equations.pushes
         o, m, d = len(e.outputs), len(closed), int(pushes.sum())
@@ -179,7 +184,7 @@ class Form:
             pushing = slice(o + m, o + m + d)
             R[pushing, :n], R[pushing, n:] = e.C[pushes], -e.F[pushes][:, closed]
         z = [Z @ np.concatenate([b, g[closed]]) for b, g in zip(e.b, e.g, strict=True)]
-        # contacts are closed where C q - F lambda = g: the rest is how far that fails
+        # closed contacts fulfil C q - F lambda = g: an overlap is the difference
         none = np.zeros(len(e.outputs_by_load))
         remainders = [
             np.concatenate([direct, np.zeros(m), -g[pushes], none]) for direct, g in zip(e.direct, e.g, strict=True)
@@ -191,7 +196,7 @@ class Form:
         self._on_modes = [U.T @ (e.G[1] @ response[:n]) for response in z]
 
     def responses(self, loads: Array) -> Array:
-        """Responses (p, o + m + d) under loads (p,): outputs, contact forces, and overlaps of the d contacts that push.
+        """Responses (p, o + m + d) under loads (p,): outputs, contact forces, and overlaps of d contacts that push.
 
         An overlap is C q - F lambda - g: how far a contact's sides move towards each other beyond its gap.  NaN where
         no equilibrium exists.
@@ -211,14 +216,14 @@ class Form:
         return np.asarray(values[:, :last])
 
     def is_stable(self, loads: Array) -> Mask:
-        """Mask (p,) of the loads (p,) below the load at which the structure buckles."""
+        """Mask (p,) that is true where a load (p,) is below the load at which the structure buckles."""
         return np.asarray(loads < self.critical)
 
     @cached_property
     def _unstressed_flexibility(self) -> tuple[Array, Array, Array, Array]:
-        """Matrices L^T G_0 L and L^T G_1 L, L, and forces of the closed contacts (closed, n) by unit forces.
+        """Matrices L^T G_0 L, L^T G_1 L and L, and forces of closed contacts (closed, n) by unit forces on q.
 
-        L is the root of the flexibility without geometric stiffness.
+        L L^T is the flexibility without geometric stiffness.
         """
         e, n = self.equations, len(self.equations.K)
         matrix, units = border_matrix(e.K, self._C, self._F)
@@ -229,9 +234,10 @@ class Form:
         return L.T @ e.G[0] @ L, L.T @ e.G[1] @ L, L, units[n:, None] * Z[n:, :n]
 
     def inverse_factor(self, load: float) -> float:
-        """Inverse of the buckling factor: 1 / Lambda, where Lambda times all axial forces under `load` cause buckling.
+        """Inverse 1 / Lambda of the buckling factor: Lambda times all axial forces under `load` cause buckling.
 
-        Zero if nothing is compressed.
+        The result is zero if nothing is compressed, and infinite if the structure is unstable even without axial
+        forces.
         """
         on = self.condensed
         factor = first_singular(on.K - on.G[0], on.G[0] + load * on.G[1])
@@ -240,8 +246,8 @@ class Form:
     def load_of_factor(self, factor: float, near: float = np.nan, up_to: float = np.inf) -> float:
         r"""Smallest load P in kg at which `factor` times all axial forces cause buckling; infinite if there is none.
 
-        :math:`(K + \Lambda G_0 + P \Lambda G_1) q = 0` with the factor Lambda, on the coordinates that rigid contacts
-        leave free; `near` and `up_to` as in `first_singular`.
+        It fulfils :math:`(K + \Lambda G_0 + P \Lambda G_1) q = 0` with `factor` as :math:`\Lambda`, for coordinates q
+        that rigid contacts leave free.  `near` and `up_to` as in `first_singular`.
         """
         on = self.condensed
         return first_singular(on.K + (factor - 1.0) * on.G[0], factor * on.G[1], near, up_to)
@@ -257,7 +263,7 @@ class Form:
 
     @cached_property
     def condensed(self) -> Condensed:
-        """Matrices on what rigid contacts leave free; compliant contacts are included in K."""
+        """Matrices on the motions that rigid contacts leave free; K includes the stiffness of all other contacts."""
         e, closed = self.equations, self.closed
         T, H, E = e.load_inputs
         n, d = T.shape
@@ -287,7 +293,7 @@ class Form:
         return np.asarray(-pull / np.linalg.norm(pull))
 
     def frequency(self, load: float) -> float:
-        """Lowest natural frequency in Hz under `load` in kg, a mass that moves in its directions; 0 past buckling."""
+        """Lowest natural frequency in Hz with `load` in kg as a mass on its directions; 0 past buckling."""
         if load >= self.critical:
             return 0.0
         M, place = self.condensed.M, self.condensed.load_position
@@ -302,10 +308,10 @@ class Form:
         return float(1.0 / np.sqrt(largest[0]) / (2.0 * np.pi)) if largest[0] > 0.0 else np.inf
 
     def load_of_frequency(self, frequency: float, near: float = np.nan, up_to: float = np.inf) -> float:
-        r"""Smallest load P in kg, as a mass, that lowers a natural frequency to `frequency` in Hz; else infinite.
+        r"""Smallest load P in kg, as a mass, that lowers a natural frequency to `frequency` in Hz; infinite if none.
 
-        :math:`(K - \omega^2 M + P (G_1 - \omega^2 c^T c)) q = 0` with the displacement c q of the load's position;
-        `near` and `up_to` as in `first_singular`.
+        It fulfils :math:`(K - \omega^2 M + P (G_1 - \omega^2 c^T c)) q = 0` with :math:`\omega = 2 \pi` times
+        `frequency` and the displacement c q of the load's position.  `near` and `up_to` as in `first_singular`.
         """
         on, square = self.condensed, (2.0 * np.pi * frequency) ** 2
         return first_singular(
@@ -314,7 +320,7 @@ class Form:
 
 
 class LoadedStructure:
-    """Equilibria in one posture under any load; the forms of all sets of closed contacts met so far are stored."""
+    """Equilibria in one posture under any load; the form of each set of closed contacts is stored once it is met."""
 
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
@@ -327,13 +333,13 @@ class LoadedStructure:
         return not self.equations.pushes.any()
 
     def state(self, load: float) -> LoadedState:
-        """Equilibrium under a load; NaN values where none is found."""
+        """Equilibrium under a load; NaN values if none is found."""
         if load not in self._states:
             self._states[load] = self._find_equilibrium(load)
         return self._states[load]
 
     def states(self, loads: Sequence[float]) -> LoadedStates:
-        """Equilibria under several loads, computed at once where no contact can open."""
+        """Equilibria under several loads; they are computed all together if no contact can open."""
         if not self.holds_both_ways:
             return LoadedStates.from_states([self.state(load) for load in loads])
         o, m, form, load = len(self.equations.outputs), len(self.equations.pushes), self._all_closed, np.array(loads)
@@ -342,7 +348,7 @@ class LoadedStructure:
 
     @cached_property
     def _all_closed(self) -> Form:
-        """Form with every contact closed; used if no contact can open."""
+        """Form with every contact closed; it serves all loads if no contact can open."""
         return self._form(self._last)
 
     def _form(self, closed: Mask) -> Form:
@@ -353,7 +359,11 @@ class LoadedStructure:
         return self._forms[key]
 
     def _find_equilibrium(self, load: float) -> LoadedState:
-        """Search the equilibrium under a load, from the last closed contacts and then from those of first order."""
+        """Search the equilibrium under a load.
+
+        The search begins with the last closed contacts; if it fails, it is repeated from the closed contacts of
+        `_first_order`.
+        """
         closed, every = self._last, np.ones_like(self._last)
         if self.holds_both_ways:
             return self._solve_closed(closed, load)[0]
@@ -364,15 +374,15 @@ class LoadedStructure:
 
     @cached_property
     def _first_order(self) -> LoadedStructure:
-        """Problem without geometric stiffness, with a little of the mass matrix as stiffness: always solvable."""
+        """Structure without geometric stiffness, with a small multiple of M added to K; it always has equilibria."""
         e, every = self.equations, self._form(np.ones_like(self._last))
         floor = ALMOST_FREE * (2.0 * np.pi * every.frequency(0.0)) ** 2
         return LoadedStructure(replace(e, K=e.K + floor * e.M, G=(0.0 * e.K, 0.0 * e.K)))
 
     def _search(self, closed: Mask, load: float) -> LoadedState:
-        """Search the equilibrium under a load from a mask `closed` (m,) on, through sets that have an equilibrium.
+        """Search the equilibrium under a load, beginning with the mask `closed` (m,), through sets of closed contacts.
 
-        NaN values where a set has none, or after `MOST_SETS` sets.
+        The values are NaN if a set on the way has no equilibrium, or after `MOST_SETS` sets.
         """
         search = ContactSearch()
         for _ in range(MOST_SETS):

@@ -1,6 +1,6 @@
-"""Postures of a boom at rest, all at once: its matrices, and the loads of the weight, of given loads and of a mass.
+"""Postures of a boom at rest, all at once: its matrices, and the loads by its weight, by given loads and by a mass.
 
-The deflection of a boom at rest: how points along its sections are displaced across them.
+Also outputs that show the deflection of a boom at rest: displacements of points of its sections, across the boom.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Names of components: the load of a chart, whose unit is 1 kg, and the boom's weight.
+#: Names of components of the loads: the load of a chart, with the unit 1 kg, and the boom's weight.
 HOOK, WEIGHT = "load of the chart", "weight"
-#: A load that never acts: modes that no load reaches are left out of a model, and by these a boom may buckle sideways.
+#: Name of a load that is always zero: without it a model would lack the modes in which a boom buckles sideways.
 SIDEWAYS = "sideways in the chart"
 
 
@@ -43,7 +43,7 @@ SIDEWAYS = "sideways in the chart"
 class PostureSet:
     """P postures of a boom: extensions (P,) in m by the sections' names, luffing and slewing angles (P,) in rad."""
 
-    extensions: Mapping[str, Array]  # of a single body the slider's path coordinate, if given
+    extensions: Mapping[str, Array]  # for a single body the slider's path coordinate, if there is one
     luffing: Array
     slewing: Array
 
@@ -69,7 +69,7 @@ class PostureSet:
         return np.asarray(tails + scene.sections[-1].length)
 
     def ground_positions(self, scene: Scene, distances: Array) -> Array:
-        """Positions (P, 3) in m from the pivot, in ground axes X, Y, Z, of undeformed points of the boom.
+        """Positions (P, 3) in m from the pivot, in ground axes X, Y, Z, of an undeformed point of the boom per posture.
 
         `distances` (P,) in m is the distance of each posture's point from the tail of the base section.
         """
@@ -81,10 +81,10 @@ class PostureSet:
 def with_hook(scene: Scene) -> Scene:
     """Scene with the load of a chart, `HOOK`, added at the tip: the weight of 1 kg, downwards in ground axes.
 
-    Where the last section bends sideways, `SIDEWAYS` is added too, a load that is always zero.  The base keeps only its
-    constant inclination, and `recovery` is removed.
+    If the last section can bend sideways, `SIDEWAYS`, a load that is always zero, is added too.  The base keeps only
+    its constant inclination, and the scene's `recovery` is removed.
     """
-    assert scene.frame is not None and scene.gravity is not None  # as whoever makes a chart says
+    assert scene.frame is not None and scene.gravity is not None  # the caller has checked both
     pull = Constant(amount=-scene.gravity.acceleration)
     hook = Load(name=HOOK, on="tip", direction="z", axes="ground", signal=pull)
     last, loads = scene.sections[-1], [hook]
@@ -113,12 +113,12 @@ class PostureMatrices:
     pushes: NDArray[np.bool_]  # (m,)
     clearance: Array  # (m,) m
     hook: NDArray[np.int64]  # numbers of inputs along which the load moves as a mass
-    hook_axes: tuple[str, ...]  # axes of the boom along which these act
+    hook_axes: tuple[str, ...]  # axes of the boom along which these inputs act
     C: Array  # (P, m, n)
     F: Array  # (P, m, m) m/N
     H: Array  # (P, m, i)
     X: Array  # (P, o, m)
-    f: Array  # (w, P, i): loads of a unit of each component
+    f: Array  # (w, P, i): loads by a unit of each component
     c: Array  # (w, P, k): amplitudes of the terms by a unit of each component
     # rows of r forces on supports and on the machine (`pmr.simulation.at_rest`.RestRows): coefficients of
     # coordinates, of contact forces, of loads and, for a unit of each component, again of coordinates
@@ -133,10 +133,10 @@ class PostureMatrices:
     arm: Array  # (P,) m: lever arm about the pivot of the luffing cylinder; NaN where the scene has none
     drives: Array  # (d, o + r + m): coefficients of all columns in the force that drives a section
     drive_names: tuple[str, ...]  # (d,): names of the driven sections
-    rope_names: tuple[str, ...]  # driven sections on ropes, or that others on ropes follow
-    parts: tuple[str, ...]  # (w,)
+    rope_names: tuple[str, ...]  # driven sections that ropes move, or with followers that ropes move
+    parts: tuple[str, ...]  # (w,): names of the components
     gravity: float  # m/s^2
-    # (o + r,): of outputs, then of forces on supports and on the machine
+    # (o + r,): names and more of outputs, then of forces on supports and on the machine
     output_names: tuple[str, ...]
     output_kinds: tuple[str, ...]
     output_units: tuple[str, ...]
@@ -224,8 +224,8 @@ class PostureMatrices:
         k : int
             Number of the posture.
         amounts : mapping of str to float
-            How many units of each component (weight, loads) act all the time; zero for those that are not named.
-            An amount of `HOOK` is ignored.
+            Number of units of each component (weight, loads) that act all the time; zero for a component that is not
+            named.  An amount of `HOOK` is ignored.
         factor : float
             Factor of the forces of 1 kg of `HOOK`, the load that grows.
         """
@@ -254,7 +254,7 @@ class PostureMatrices:
         )
 
     def hook_force(self, k: int) -> Array:
-        """Force (3,) in N that 1 kg of the load exerts in the k-th posture, in boom axes."""
+        """Force (3,) in N that 1 kg of the load exerts on the boom in the k-th posture, in the axes of the boom."""
         force = np.zeros(3)
         for number, axis in zip(self.hook.tolist(), self.hook_axes, strict=True):
             force["xyz".index(axis)] += self.f[self.parts.index(HOOK), k, number]
@@ -270,10 +270,10 @@ def side_positions(system: System, postures: PostureSet) -> Array:
 
 
 def unit_loads(scene: Scene, system: System, postures: PostureSet) -> tuple[tuple[str, ...], Array, Array]:
-    """Names of the w components, their loads (w, P, i) and amplitudes (w, P, k), at P postures on i inputs and k terms.
+    """Names of the w components, their loads (w, P, i) on i inputs and amplitudes (w, P, k) of k terms, in P postures.
 
-    The first component is the weight, by itself; each other one is a unit of a load without the weight: 1 N or 1 N m,
-    or the weight of 1 kg of `HOOK`.
+    The first component is the weight alone; each of the others is a unit of one load alone: 1 N, 1 N m, or the weight
+    of 1 kg of `HOOK`.
     """
     assert scene.gravity is not None
     names = _load_names(scene)
@@ -296,7 +296,7 @@ def _load_names(scene: Scene) -> list[str]:
 
 
 def acceleration_loads(scene: Scene, system: System, postures: PostureSet, angle: str) -> Array:
-    """Loads (P, i) for an acceleration of 1 rad/s^2 of an `angle`, ``luffing`` or ``slewing``, in N s^2.
+    """Loads (P, i) by an acceleration of 1 rad/s^2 of an `angle`, ``luffing`` or ``slewing``, in units of the i inputs.
 
     The scene is one that `with_hook` made.
     """
@@ -319,21 +319,21 @@ def _lever_arms(scene: Scene, postures: PostureSet) -> Array:
 
 
 def _vertical_directions(still: Scene, postures: PostureSet) -> Array:
-    """Vertical unit vectors (P, 3) in boom axes, of a scene made by `rest_scene`."""
+    """Vertical unit vectors (P, 3) in the axes of the boom, for a scene made by `scene_at_rest`."""
     assert still.frame is not None
     numbers = np.arange(postures.count, dtype=float)
     return FrameRotation.from_signals(*still.frame.angles, numbers, still.frame.base_angles).up
 
 
 def _hook_inputs(system: System) -> NDArray[np.int64]:
-    """Indices of the inputs along which `HOOK` moves as a mass: those of its weight, and the one across the boom."""
+    """Indices of the inputs along which `HOOK` moves as a mass: the inputs of its weight, and of `SIDEWAYS`."""
     named = {name.rpartition(" ")[2]: k for k, name in enumerate(system.input_names) if HOOK in name}
     across = [k for k, name in enumerate(system.input_names) if SIDEWAYS in name]
     return np.array([*named.values(), *(across if "y" not in named else [])])
 
 
 def _select_outputs(system: System) -> tuple[list[int], list[Output]]:
-    """Indices and descriptions of the outputs shown: at the last body's tip, of compliant supports, and of probes."""
+    """Indices and descriptions of a chart's outputs: at the last body's tip, of compliant supports, and of probes."""
     numbers, outputs, first = list[int](), list[Output](), 0
     last = list(system.bodies)[-1]
     for name, body in system.bodies.items():
@@ -346,7 +346,7 @@ def _select_outputs(system: System) -> tuple[list[int], list[Output]]:
     return numbers, outputs
 
 
-#: Points along each section, at most.
+#: Most points along each section with outputs of the deflection.
 PLACES = 9
 
 
@@ -360,8 +360,8 @@ class DeflectionOutputs:
     outputs: Array  # (b, n)
     direct: Array  # (b, i)
     X: Array  # (P, b, m)
-    x: Array  # (b,) m, from the section's tail
-    section: NDArray[np.int64]  # (b,), the base is 0
+    x: Array  # (b,) m, distance from the section's tail
+    section: NDArray[np.int64]  # (b,): number of the section; the base is 0
     direction: tuple[str, ...]  # (b,): ``y`` or ``z`` of the boom
     names: tuple[str, ...]  # of the sections
 
@@ -388,7 +388,7 @@ class DeflectionOutputs:
         )
 
     def replace_outputs(self, postures: PostureMatrices) -> PostureMatrices:
-        """The postures with displacements across the boom as their only outputs; forces on the machine are left out."""
+        """`postures` with displacements across the boom as their only outputs; forces on the machine are left out."""
         none = {name: getattr(postures, name)[..., :0, :] for name in ("machine_q", "machine_forces", "machine_loads")}
         return replace(
             postures,

@@ -1,26 +1,27 @@
-r"""How a structure under its load swings: when the load is hoisted off the ground, and when a turning motion stops.
+r"""How a structure swings under its load: when the load is hoisted off the ground, and when a turning motion stops.
 
-A load that is hoisted off the ground at a constant speed: by how much the force of its rope exceeds its weight.
-
-With the stiffness k of the rope, its speed v, and the upward displacement u = c q of the boom's tip, the rope becomes
-taut at t = 0 and pulls with
+First, a load that is hoisted off the ground at a constant speed: by how much the force of its rope exceeds its weight.
+The load has the mass m and the height y, the rope the stiffness k and the speed v; M and K are mass matrix and
+stiffness of the boom on its coordinates q, and u = c q is the upward displacement of its tip.  The rope becomes taut at
+t = 0 and pulls with
 
 .. math::
     F = k\, (c\, q - y + v\, t), \qquad M \ddot q + K q = -c^T F, \qquad m\, \ddot y = F - m g
 
-where the load stays on the ground, y = 0, until F reaches m g, and a slack rope has no force.  Each phase is solved in
-closed form, mode by mode, without damping, up to two periods after the load leaves the ground.  On a rigid tip
-:math:`F_{max} / m g = 1 + v \sqrt{k / m} / g`.
+with the acceleration g of gravity.  The load stays on the ground, y = 0, until F reaches m g; a slack rope has no
+force.  Each phase is solved in closed form, mode by mode, without damping, up to two periods after the load leaves the
+ground.  On a rigid tip :math:`F_{max} / m g = 1 + v \sqrt{k / m} / g`.
 
-A boom whose turning stops: how it swings during a constant deceleration, and afterwards.
+Second, a boom that stops turning: how it swings during a constant deceleration, and afterwards.
 
-With loads b of a unit of the deceleration, which lasts from 0 to T, on the boom under its load m, a mass that moves
-with the tip along the rope,
+The loads b on the boom are those of a unit of the deceleration, which lasts from 0 to T.  The load m is a mass that
+moves with the tip along the rope; G_0 and G_1 are the geometric stiffness of the fixed loads and of 1 kg of the load.
+Then
 
 .. math::
     (M + m c^T c)\, \ddot q + (K + G_0 + m\, G_1)\, q = b\, a(t), \qquad a = 1 \text{ up to } T,\ 0 \text{ after}
 
-is solved in closed form, mode by mode, without damping.  Outputs and contact forces, of rigid contacts too, are those
+is solved in closed form, mode by mode, without damping.  Outputs and contact forces, also of rigid contacts, are those
 at rest under the loads minus inertia, :math:`b\, a - (M + m c^T c)\, \ddot q`.  Contacts stay closed or open.
 """
 
@@ -37,7 +38,7 @@ from pmr.simulation.statics.loaded import Form
 
 Array = NDArray[np.float64]
 
-#: Periods of the lowest frequency after the load leaves the ground, and number of times in them.
+#: Number of periods of the lowest frequency after the load leaves the ground, and number of times in these.
 PERIODS, SAMPLES = 2.0, 4000
 #: Most changes between a slack and a taut rope before it lifts the load.
 MOST = 100
@@ -52,9 +53,10 @@ class Rope:
 
 
 class _ForcedMotion:
-    """Solution of M x'' + K x = f_0 + t f_1 in modes, for times from `since` in s on, with initial x and x' in `start`.
+    """Solution of M x'' + K x = f_0 + t f_1 in modes, from the time `since` in s on, with `start` = (x, x') then.
 
-    Modes are scaled to a unit stiffness, so that those without inertia are included: they follow the loads at once.
+    `f` is (f_0, f_1).  Modes are scaled to a unit stiffness, so that modes without inertia are included: they follow
+    the loads at once.
     """
 
     def __init__(self, M: Array, K: Array, f: tuple[Array, Array], start: tuple[Array, Array], since: float) -> None:
@@ -85,7 +87,8 @@ class _ForcedMotion:
 def lift_off(form: Form, load: float, rope: Rope, gravity: float) -> float:
     """Largest force of the rope over the weight of a `load` in kg that is hoisted off the ground.
 
-    `gravity` is in m/s^2.  NaN where no equilibrium exists under the load, or the rope does not lift it.
+    `gravity` is in m/s^2.  The result is NaN if no equilibrium exists under the load, or if the rope does not lift the
+    load.
     """
     if not form.held or not 0.0 < load < form.critical:
         return np.nan
@@ -128,7 +131,7 @@ STOP_PERIODS, STOP_SAMPLES = 2.0, 300
 
 @dataclass(frozen=True)
 class DecelerationLoads:
-    """Effect of a unit of the deceleration: loads b (n,) on coordinates, g (m,) on gaps, `direct` (o,) on outputs."""
+    """Effects of a unit of the deceleration: b (n,) on forces, g (m,) on gaps, `direct` (o,) on outputs."""
 
     b: Array
     g: Array
@@ -139,19 +142,19 @@ class DecelerationLoads:
 class Swing:
     """Response to a unit of the deceleration: outputs (T, o) and contact forces (T, m) at times t (T,) in s.
 
-    The response to the loads at rest is not included.
+    The response to the loads at rest is not included.  `steady` is the response to a deceleration that lasts.
     """
 
     t: Array
     outputs: Array
     forces: Array
-    steady: tuple[Array, Array]  # (o,) and (m,): where the deceleration has lasted for long
+    steady: tuple[Array, Array]  # (o,) and (m,): outputs and contact forces
 
 
 def stopping_swing(form: Form, load: float, acting: DecelerationLoads, duration: float) -> Swing | None:
     """Swing of a structure under a `load` in kg, during a constant deceleration of `duration` s and afterwards.
 
-    None where no equilibrium exists under the load.
+    The result is None if no equilibrium exists under the load.
     """
     if not form.held or not 0.0 <= load < form.critical:
         return None
@@ -173,9 +176,7 @@ def stopping_swing(form: Form, load: float, acting: DecelerationLoads, duration:
     each = zip((acting.b, acting.g, acting.direct), resisting, strict=True)
     outputs, forces = _static_response(form, load, [np.column_stack(pair) for pair in each])
     omega = 1.0 / np.sqrt(inertia)
-    looked = (
-        STOP_PERIODS * 2.0 * np.pi / float(omega.min())
-    )  # however long the stop lasts: else its samples miss the peaks
+    looked = STOP_PERIODS * 2.0 * np.pi / float(omega.min())  # as many samples of a long stop as its peaks need
     t = np.append(
         np.linspace(0.0, min(duration, looked), STOP_SAMPLES), duration + np.linspace(0.0, looked, STOP_SAMPLES)
     )

@@ -1,4 +1,4 @@
-"""A load chart: the load that a boom carries at every extension and angle, limit by limit, with error bars."""
+"""A load chart: the load that each limit allows a boom at every extension and angle, with error bars."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MOST_POINTS = 200_000
 
 
 class Range(SceneTable):
-    """Evenly spaced values."""
+    """Evenly spaced values from `least` to `most`."""
 
     least: float = Field(description="First value, in m or the unit of the scene's angles")
     most: float = Field(description="Last value")
@@ -56,9 +56,9 @@ class Range(SceneTable):
         return tuple(np.linspace(self.least, self.most, self.count).tolist())
 
     def section_rows(self, names: Sequence[str]) -> list[dict[str, float]]:
-        """Return the extensions in m by section of each of the `count` rows.
+        """Return a mapping of extensions in m by section's name, for each of the `count` rows.
 
-        All sections telescope together, or one after the other in the order of `names`, as `order` says.
+        As `order` says, all sections telescope together, or one after the other in the order of `names`.
         """
         rows = list[dict[str, float]]()
         for share in np.linspace(0.0, 1.0, self.count):
@@ -89,10 +89,11 @@ class Study(StudyBase):
     `change` holds keys of the scene: a payload that the scene carries at the tip has to be removed there, for instance
     by ``sections.fly.masses = []``.
 
-    Figures: the numbers of ``points`` and ``limits``; by limit ``governs.<name>``, the number of points at which it
-    allows least, ``never.<name>``, at which no load up to `up_to` reaches it, and ``at_no_load.<name>``, at which it is
-    passed without a load; ``in_doubt``, points at which the error bars leave open which limit governs; of a case out of
-    service ``stands.<name>``, points at which no limit is passed.
+    Figures, which are numbers: ``points`` and ``limits``, of all points and limits.  For each limit, numbers of points:
+    ``governs.<name>``, at which the limit allows the smallest load; ``never.<name>``, at which no load up to `up_to`
+    reaches the limit; ``at_no_load.<name>``, at which the limit is exceeded without a load.  ``in_doubt`` is the number
+    of points at which the error bars leave open which limit governs.  For each case out of service, ``stands.<name>``
+    is the number of points at which no limit is exceeded.
     """
 
     kind: Literal["chart"] = Field(description="Kind of study")
@@ -127,7 +128,7 @@ class Study(StudyBase):
 
     @model_validator(mode="after")
     def _check_names(self) -> Self:
-        """Refuse names of limits or cases that occur twice, and cases of which none is in service."""
+        """Refuse a name of two limits or of two cases, and a list of cases of which none is in service."""
         for what, names in (
             ("limits", [entry.name for entry in self.limits]),
             ("cases", [case.name for case in self.cases]),
@@ -182,7 +183,7 @@ class Study(StudyBase):
         return Plan(tuple(runs), tuple(common_tasks.values()))
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
-        """Return the numbers that the class lists under figures, of all points."""
+        """Return the figures that the docstring of the class lists, over all points."""
         table = self.table(results)
         names, load = self.names, table["load"]
         least, doubt = governing_limit(load), limits_in_doubt(load, table["error"], self.up_to).any(axis=1)
@@ -214,7 +215,7 @@ class Study(StudyBase):
         )
 
     def _error_bar_clause(self, results: StudyResults) -> str:
-        """Return a clause: how far in kg error bars lower the loads at most, and which errors they do not cover."""
+        """Return a clause: by how many kg at most error bars lower the loads, and which errors they do not cover."""
         table = self.table(results)
         load = np.nan_to_num(table["load"], nan=self.up_to).min(axis=1)
         lower = np.maximum(lower_bounds(table["load"], table["error"], self.up_to).min(axis=1), 0.0)
@@ -223,12 +224,12 @@ class Study(StudyBase):
 
     @property
     def _in_service(self) -> list[LoadCase]:
-        """Load cases with a load."""
+        """Load cases in which a load hangs at the tip."""
         return [case for case in self.cases if case.in_service]
 
     @property
     def _out_of_service(self) -> list[LoadCase]:
-        """Load cases without a load."""
+        """Load cases in which no load hangs at the tip."""
         return [case for case in self.cases if not case.in_service]
 
     @property
@@ -243,20 +244,21 @@ class Study(StudyBase):
 
     @property
     def names(self) -> list[str]:
-        """Names of all limits, ending with that of stability."""
+        """Names of all limits; the last one is the name of stability."""
         return [*(limit.name for limit in self.limits), STABILITY]
 
     def table(self, results: StudyResults) -> dict[str, Any]:
         """Return the arrays of all points of the runs that are done, in the order of the plan, by name.
 
-        They are those of `pmr.studies.charting.allow_row` without ``at.<name>``: ``load`` (P, l) in kg, ``error`` (P,
-        l) in kg and ``case`` (P, l), for instance, of P points and l limits.  Raises IndexError if no run is done.
+        The arrays are those of `pmr.studies.charting.allow_row` but ``at.<name>``; for P points and l limits they are
+        for instance ``load`` (P, l) in kg, ``error`` (P, l) in kg and ``case`` (P, l).  Raises IndexError if no run is
+        done.
         """
         parts = [results.arrays(run.key) for run in results.runs if run.status == "done"]
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0] if name[:3] != "at."}
 
     def tables(self, results: StudyResults) -> Mapping[str, str]:
-        """Return the text of ``chart.csv`` with a row for each point of the runs that are done; empty if no run is."""
+        """Return ``{"chart.csv": text}`` with a row for each point of the runs that are done; empty if none is."""
         done = [run.status == "done" for run in results.runs]
         if not any(done):
             return {"chart.csv": ""}
@@ -271,10 +273,10 @@ class Study(StudyBase):
     def _cells(
         self, table: Mapping[str, NDArray[Any]], k: int, row: Mapping[str, float], luffing: float, slewing: float
     ) -> list[tuple[str, float | str]]:
-        """Return column heads and values of the k-th row of ``chart.csv``.
+        """Return pairs (column head, value) of the k-th row of ``chart.csv``.
 
-        The point has extensions `row` in m and the angles `luffing` and `slewing` in the scene's unit; `table` is that
-        of `Study.table`.
+        The point has extensions `row` in m and the angles `luffing` and `slewing` in the scene's unit; `table` is the
+        one that `Study.table` returns.
         """
         frame, names = self._scene.frame, np.array(self.names)
         angle = "degrees" if frame is not None and frame.unit == "degrees" else "rad"
@@ -313,7 +315,7 @@ class Study(StudyBase):
         return len(self._luffing_angles) * len(self.slewing)
 
     def hints(self) -> list[str]:
-        """Return a line for each key of the study whose number lies outside the range that is usual for its scene."""
+        """Return a line for each key of the study with a number outside the range that is usual for its scene."""
         return table_hints(self, self._scene)
 
     @property
@@ -323,7 +325,7 @@ class Study(StudyBase):
 
     @cached_property
     def _scene(self) -> Scene:
-        """The scene with `change` applied and with second order; InputError if no chart can be made of it."""
+        """The scene with `change` applied and second-order terms; raises InputError if no chart can be made of it."""
         scene = scenes.vary(self.scene, [Change(self.change, "change")])
         if scene.frame is None or scene.frame.luffing is None:
             raise InputError("study", "scene", str(self.scene), "a scene whose [frame] has a luffing angle is allowed")
@@ -342,7 +344,7 @@ class Study(StudyBase):
 
     @cached_property
     def _extension_rows(self) -> list[dict[str, float]]:
-        """Extensions in m by section of each row of the chart; InputError for one that is missing or out of range."""
+        """Extensions in m by section, for each row of the chart; InputError if one is missing or out of range."""
         scene = self._scene
         names = scene.names[1:] if len(scene.sections) > 1 else ()
         extensions = self.extensions
@@ -367,7 +369,7 @@ class Study(StudyBase):
 
     @cached_property
     def _luffing_angles(self) -> tuple[float, ...]:
-        """Luffing angles in the scene's unit; InputError if there is none."""
+        """Luffing angles in the scene's unit; raises InputError if there is none."""
         angles = self.luffing.values if isinstance(self.luffing, Range) else self.luffing
         if not angles:
             raise InputError("study", "luffing", None, "at least one angle is allowed")

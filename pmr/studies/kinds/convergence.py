@@ -1,7 +1,8 @@
 """Convergence with the mesh: the full beam and the ANCF cable with more and more elements.
 
 Weyrer et al., section "Convergence Analysis": the absolute error e_abs in m of the transverse tip displacement is the
-norm, over all steps, of its difference from that of the finest mesh of the same approach.
+norm, over all steps, of the difference between this displacement and the displacement on the finest mesh of the same
+approach.
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ COSTS = {"ancf": 0.1, "full": 0.01}
 
 
 class Study(StudyBase):
-    """Numbers of elements of the full beam and of the ANCF cable, at least two each; of a boom, those of every section.
+    """Numbers of elements of the full beam and of the ANCF cable, at least two each; a boom has them in every section.
 
-    Figures, for each approach: ``chosen.<approach>``, the error in m with the number of elements that the scene has,
-    and ``least.<approach>``, the smallest of all.
+    Figures, for each approach (``full`` or ``ancf``): ``chosen.<approach>``, the error in m with the number of elements
+    that the scene has, and ``least.<approach>``, the smallest error in m of all numbers of elements.
     """
 
     kind: Literal["convergence"] = Field(description="Kind of study")
@@ -47,7 +48,7 @@ class Study(StudyBase):
     @field_validator("full", "ancf")
     @classmethod
     def _check_increasing(cls, elements: tuple[int, ...]) -> tuple[int, ...]:
-        """Refuse numbers of elements that do not increase, and a single one."""
+        """Refuse numbers of elements that do not increase, and a list of a single number."""
         if list(elements) != sorted(set(elements)):
             raise ValueError("numbers of elements must increase")
         if len(elements) == 1:
@@ -82,7 +83,10 @@ class Study(StudyBase):
         return runs
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
-        """Return ``chosen.<approach>`` and ``least.<approach>`` in m; a chosen one that was not run is None."""
+        """Return ``chosen.<approach>`` and ``least.<approach>`` in m.
+
+        A value of ``chosen`` is None if no run has the scene's number of elements.
+        """
         scene, record = scenes.load_any(self.scene), dict[str, Scalar]()
         counts = {body.mesh.elements for body in scene.bodies.values()}
         choices = {"ancf": scene.compare.ancf_elements, "full": counts.pop() if len(counts) == 1 else None}
@@ -97,9 +101,9 @@ class Study(StudyBase):
 
 
 def with_elements(scene: Scene, count: int) -> Scene:
-    """Return the scene with `count` elements in every section, and without all that its full model does not need.
+    """Return the scene with `count` elements in every section, without the settings that its full model does not need.
 
-    Comparison, recovery, choices of simulators, accuracy and budget and the reduction are removed.
+    Comparison, recovery, choices of simulators, accuracy, budget and reduction are removed.
     """
     update = {
         "compare": Compare(against=()), "simulation": Simulation(), "recovery": None, "accuracy": None, "budget": None
@@ -111,10 +115,11 @@ def with_elements(scene: Scene, count: int) -> Scene:
 
 
 def simulate_full_tip(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the full model's tip; array ``tip`` in m.
+    """Task: compute the tip's motion of the full model; record ``coordinates``, ``e_abs`` (m), ``e_nrms``.
 
-    The array holds the transverse displacement (T,) of a single beam, or all d directions (T, d) of a boom's tip.
-    Errors are those against the result ``finest``, which all tasks but the finest one need; None for that one.
+    The array ``tip`` in m holds the transverse displacement (T,) of a single beam, or all d directions (T, d) of a
+    boom's tip.  Errors are against the result ``finest``, which all tasks need but the task of the finest mesh; in the
+    record of the latter the errors are None.
     """
     scene = shared.scene_of(arguments)
     system = shared.full_system(scene)
@@ -127,9 +132,10 @@ def simulate_full_tip(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def simulate_cable_tip(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: ``coordinates``, ``e_abs`` (m) and ``e_nrms`` of the ANCF cable's tip; array ``tip`` (T,) in m.
+    """Task: compute the tip's motion of an ANCF cable; record ``coordinates``, ``e_abs`` (m), ``e_nrms``.
 
-    Errors are those against the result ``finest``, which all tasks but the finest one need; None for that one.
+    The array ``tip`` (T,) is the tip's transverse displacement in m.  Errors are against the result ``finest``, which
+    all tasks need but the task of the finest mesh; in the record of the latter the errors are None.
     """
     scene = shared.scene_of(arguments)
     elements = scene.mesh.elements
@@ -141,7 +147,7 @@ def simulate_cable_tip(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _compare_tip(tip: NDArray[np.float64], coordinates: int, needs: Needs) -> TaskResult:
-    """Return a task's result: the tip's displacement in m and, if ``finest`` is needed, its errors against that."""
+    """Return a task's result: the tip's displacement in m and, if `needs` has ``finest``, the errors against that."""
     record: dict[str, Scalar] = {"coordinates": coordinates, "e_abs": None, "e_nrms": None}
     if "finest" in needs:
         finest = needs["finest"].arrays["tip"]

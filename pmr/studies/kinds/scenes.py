@@ -32,17 +32,17 @@ if TYPE_CHECKING:
     from pmr.pipeline.bodies import Precomputed
 
 Array = NDArray[np.float64]
-#: Beginning of the columns of section forces, by their units.
+#: Beginning of the names of the columns of section forces, by the unit of the force.
 BEAM_FORCE_COLUMNS = {"N": "beam_forces", "N m": "beam_moments"}
-#: Number of frequencies that are stated, and names of the path coordinates: the least, the middle and the largest one.
+#: Number of frequencies in the table, and names of the path coordinates there: least, middle and largest.
 FREQUENCIES, PLACES = 3, ("s_min", "s_middle", "s_max")
-#: Number of frequencies of a single body whose errors are stated.
+#: Number of frequencies of a single body with errors in the table.
 COMPARED_FREQUENCIES = 3
 
 
 @dataclass(frozen=True)
 class ScenePoint:
-    """One run: changes of a scene, words for them in the task's key, and their values by column of the table."""
+    """One run: changes of a scene, words for these in the task's key, and the changed values by column of the table."""
 
     changes: tuple[Change, ...]
     words: tuple[str, ...]
@@ -50,7 +50,7 @@ class ScenePoint:
 
 
 def grid_points(grid: Mapping[str, object]) -> Iterator[ScenePoint]:
-    """Yield a point for each combination of a grid's lists, the last list varying fastest.
+    """Yield a point for each combination of values from a grid's lists, the last list varying fastest.
 
     An empty grid has one point, without changes.  ``{"reduction": {"modes": [4, 6], "coordinates": [10, 20]}}`` has
     four, the first with the words ``modes=4`` and ``coordinates=10``.  A word begins with the last part of the dotted
@@ -70,7 +70,7 @@ def grid_points(grid: Mapping[str, object]) -> Iterator[ScenePoint]:
 
 
 def _lists(tables: Mapping[str, object], prefix: str) -> Iterator[tuple[str, Sequence[Any]]]:
-    """Yield dotted key and list of each list in nested tables; InputError for an empty list or another value."""
+    """Yield dotted key and values of each list in nested tables; InputError for an empty list or another value."""
     for key, value in tables.items():
         if isinstance(value, Mapping):
             yield from _lists(value, f"{prefix}{key}.")
@@ -92,7 +92,7 @@ def _is_plain(value: object) -> bool:
 
 
 def _word(value: object, number: int) -> str:
-    """Return a value as text for a key; ``no<i>``, the i-th of its list, if keys can't hold its characters."""
+    """Return a value as text for a key; ``no<i>`` with its `number` i in the list if keys can't hold its characters."""
     text = str(value).lower() if isinstance(value, bool) else str(value)
     return text if _is_plain(value) and KEY.fullmatch(f"0{text}") else f"no{number + 1}"
 
@@ -105,7 +105,7 @@ class Case(SceneTable):
 
 
 class Study(StudyBase):
-    """All combinations of `scenes`, `cases` and `grid`; `change` is applied first, in all runs.
+    """All combinations of `scenes`, `cases` and `grid`; the keys in `change` are changed first, in all runs.
 
     A list in `grid` holds the values that its key takes in turn: ``[grid] reduction.coordinates = [10, 14, 20]``.
     """
@@ -146,7 +146,7 @@ class Study(StudyBase):
 
 
 def _varied_scene(file: Path, point: ScenePoint, key: str) -> Scene:
-    """Return the scene of the run `key`: the file with the point's changes.
+    """Return the scene of the run `key`: the scene of the file with the changes of the point.
 
     An InputError for a value that the study sets names the key of the study.
     """
@@ -160,7 +160,7 @@ def _varied_scene(file: Path, point: ScenePoint, key: str) -> Scene:
 
 
 def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: run a scene by `run_scene`; a single body's eigenmodes, references and frequencies come from the needs."""
+    """Task: run a scene by `run_scene`; a single body's eigenmodes, references and frequencies come from `needs`."""
     from pmr.pipeline.bodies import Precomputed
 
     scene = shared.scene_of(arguments)
@@ -180,7 +180,7 @@ def motion_figures(scene: Scene, response: Response, s: Array, frequencies: Arra
     - ``forces.<contact>.{min,t_min,s_min,max,t_max,s_max}``: extremes of a contact force in N, their times in s and
       path coordinates in m.
     - ``reactions.<support>.{min,...}`` in N and ``moments.<support>.{min,...}`` in N m of rigid supports.
-    - ``probes.<name>.{min,...}`` in the probe's unit, with ``range``, the largest of its load cycles.
+    - ``probes.<name>.{min,...}`` in the probe's unit, with ``range``, the range of the largest load cycle.
     - ``path.{s_min,s_max}`` in m.
     - ``frequencies.{s_min,s_middle,s_max}.<i>``: the i-th in Hz at the least, the middle and the largest path
       coordinate; None if the model has fewer.
@@ -211,8 +211,8 @@ def _extreme_figures(name: str, extremes: Extremes) -> dict[str, Scalar]:
 def stress_figures(summary: Mapping[str, Any]) -> dict[str, Scalar]:
     """Return ``stress.<region>.{max,t_max,x,y,z}``: the largest von Mises stress of the reduced model in each region.
 
-    ``max`` is in Pa, its time ``t_max`` in s, its position in m.  `summary` is that of a run or of a recovery; a mesh
-    without regions is ``whole body``.
+    ``max`` is in Pa, its time ``t_max`` in s, its position ``x``, ``y``, ``z`` in m.  `summary` is the summary of a run
+    or of a recovery.  The region of a mesh without regions is called ``whole body``.
     """
     record = dict[str, Scalar]()
     for region, peak in stress_by_part(summary).get("reduced", {}).items():
@@ -225,7 +225,7 @@ def body_figures(summary: Mapping[str, Any]) -> dict[str, Scalar]:
     """Return columns of the table about bodies, from the summary of a run.
 
     - ``stress.<region>...``: those of `stress_figures`.
-    - ``mass`` in kg of all bodies with the masses attached to them, and ``mass.<body>`` of one.
+    - ``mass`` in kg of all bodies with the masses attached to them, and ``mass.<body>`` in kg of each body.
     - ``damage.<probe>``: damage by fatigue.
     - ``utilisation``: the largest stress over the yield stress, at ``utilisation_t`` in s in ``utilisation_section`` at
       ``utilisation_{x,y,z}`` in m.
@@ -255,10 +255,11 @@ def run_scene(scene: Scene, precomputed: Precomputed | None = None) -> TaskResul
 
     `precomputed` are eigenmodes, references and frequencies of a single body that need not be computed again.  Record:
     ``errors.<model>_vs_<reference>.<output>`` (e_NRMS), ``coordinates.full`` and ``.reduced``, ``max_displacement`` and
-    ``max_error`` (m), ``cylinders.<name>.{min,max}`` and ``ropes.<name>.{min,max}`` (N), those of `motion_figures` and
-    `body_figures`; ``largest_force`` of a boom is that of its pads.  For a single body also ``basis.kappa`` and
-    ``frequency_error.<i>``, the largest relative error of the i-th frequency over the path.  Arrays: ``t`` (s), ``tip``
-    (m), ``reach`` (path coordinates in m), ``frequencies.<model>`` (Hz), for a single body also ``singular_values``.
+    ``max_error`` (m), ``cylinders.<name>.{min,max}`` and ``ropes.<name>.{min,max}`` (N), and the columns of
+    `motion_figures` and `body_figures`.  For a boom, ``largest_force`` is the largest force of its pads.  For a single
+    body also ``basis.kappa`` and ``frequency_error.<i>``, the largest relative error of the i-th frequency over the
+    path.  Arrays: ``t`` (s), ``tip`` (m), ``reach`` (path coordinates in m), ``frequencies.<model>`` (Hz), for a single
+    body also ``singular_values``.
     """
     from pmr.files.whole import user_cache_folder
     from pmr.pipeline import run

@@ -1,4 +1,4 @@
-"""Accuracy against time: bases and sizes, steps, meshes, and the processor time of each, online and offline.
+"""Accuracy against processor time, online and offline, of bases, model sizes, time steps and meshes.
 
 Methods are the bases of `pmr.studies.motions.model_family`, and
 
@@ -33,21 +33,21 @@ from pmr.studies.study import Count, StudyBase
 from pmr.studies.tasks import Arguments, Needs, Plan, Scalar, Task, TaskFunction, TaskResult, cell_number, task_key
 from pmr.system.system import System
 
-#: Tolerances of the e_NRMS along the body.
+#: Tolerances of e_NRMS, the normalised root mean square error, of the displacements along the body.
 TOLERANCES = (0.05, 0.01, 0.001, 0.0001)
 
 
 def trade_points(figures: Mapping[str, Scalar]) -> list[tuple[int, float, float]]:
-    """Return coordinates, step as a multiple of the scene's, and error of each simulated model among `figures`."""
+    """Return (coordinates, step as a multiple of the scene's step, error) of each simulated model among `figures`."""
     split = [(name.split("."), value) for name, value in figures.items() if name.startswith("total.")]
     return [(int(part[1]), float(".".join(part[2:])), cell_number(value)) for part, value in split if value is not None]
 
 
 def coarsest_within(figures: Mapping[str, Scalar], tolerance: float) -> tuple[int, float] | None:
-    """Return the fewest coordinates that hold a tolerance and the longest step with which they do; None if none do.
+    """Return the fewest coordinates that hold a `tolerance`, and the longest step with which they do; None if none do.
 
-    Steps are multiples of the scene's.  All shorter steps of `figures` have to hold it, too: errors of model and step
-    that cancel each other are no merit.
+    Steps are multiples of the scene's step.  All shorter steps in `figures` have to hold the tolerance, too, so that
+    errors of model and step that happen to cancel are not counted as accuracy.
     """
     for r in sorted({r for r, _, _ in trade_points(figures)}):
         longest = None
@@ -63,20 +63,20 @@ def coarsest_within(figures: Mapping[str, Scalar], tolerance: float) -> tuple[in
 Array = NDArray[np.float64]
 Method = Literal["pod", "visited", "modes", "flexibility", "trajectory"]
 METHODS: tuple[Method, ...] = get_args(Method)
-#: The reference's step, as a share of the smallest one that is tried.
+#: The reference's step, as a share of the smallest step that is tried.
 FINER = 0.25
-#: Number of simulations, of which the fastest counts.
+#: Number of simulations with which a time is measured; the shortest time is taken.
 REPEATS = 3
-#: Number of free modes that serve as well as all, in trials of steps and meshes.
+#: Number of free modes in trials of steps and meshes, with which the model's own error is negligible.
 MANY = 20
 
 
 class Study(StudyBase):
-    """Each of `scenes` by each of `methods`, with numbers of `coordinates` and the scene's step times each of `steps`.
+    """Each of `scenes` with each of `methods`, numbers of `coordinates`, and the scene's step times each of `steps`.
 
-    For each scene of a single body also spectral radii, and for planar beams numbers of elements.  For booms of
-    sections the methods are ``modes`` and ``flexibility`` alone, and `coordinates` are numbers of elastic modes of each
-    section.
+    Each scene of a single body is also simulated with the spectral radii `radii`, and a planar beam with numbers of
+    `elements`.  For booms of sections the methods are ``modes`` and ``flexibility`` alone, and `coordinates` are
+    numbers of elastic modes of each section.
 
     Figures: ``<scene>.<method>.<tolerance>``, such as ``"6 x 0.5"``: the fewest coordinates that hold the tolerance
     with any of the steps, and the longest step with which they do, as a multiple of the scene's.
@@ -117,14 +117,14 @@ class Study(StudyBase):
         return Plan(tuple(runs), tuple(truths))
 
     def _check_steps(self, count: int) -> None:
-        """Refuse `steps` that lack 1 or do not divide the largest; that has to divide the scene's `count` of steps."""
+        """Refuse `steps` that lack 1, that don't divide the largest step, or a largest that doesn't divide `count`."""
         ratios = [count / max(self.steps), *(max(self.steps) / factor for factor in self.steps)]
         if any(ratio != round(ratio) for ratio in ratios) or 1.0 not in self.steps:
             allowed = f"1 and factors that divide the largest, and that one the {count} steps, are allowed"
             raise InputError("study", "steps", list(self.steps), allowed)
 
     def figures(self, results: StudyResults) -> dict[str, Scalar]:
-        """Return ``<scene>.<method>.<tolerance>`` as the class describes it; None if no model holds the tolerance."""
+        """Return ``<scene>.<method>.<tolerance>`` as the class describes it; the value is None if no model holds it."""
         record: dict[str, Scalar] = {}
         for run in results.runs:
             scene, method = run.parameters["scene"], run.parameters["method"]
@@ -143,10 +143,10 @@ def without_axial(scene: Scene) -> Scene:
 
 
 def simulate_reference(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: ``y`` (T, o) in m, the full model's motion with a step `FINER` times the smallest that is tried.
+    """Task: compute the full model's displacements ``y`` (T, o) in m with a step `FINER` times the smallest one tried.
 
-    Record: ``step``, the estimated relative error that this step still causes.  Warnings are those of a run with the
-    scene's step.
+    Record: ``step``, the estimated relative error that this step still causes.  The task's warnings are those of a run
+    with the scene's step.
     """
     case, steps = FullMotion.simulate(shared.scene_of(arguments)), arguments["steps"]
     finest = FINER * steps[-1]
@@ -159,14 +159,14 @@ def simulate_reference(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def errors_of_method(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: errors and times of a method with r coordinates, for all r of the study that the basis can have.
+    """Task: compute errors and times of a method with r coordinates, for all r of the study that the basis can have.
 
     Record, None where a model can't be simulated:
 
     - ``total.<r>.<factor>``: e_NRMS of all displacements against the reference, with the scene's step times a factor.
     - ``reduction.<r>``: e_NRMS of all displacements against the full model, both with the scene's step.
     - ``energy.<r>``, for a single body: the largest difference from the full model's energy while the slider moves,
-      over the largest energy of that, 1000 at most.
+      over the largest energy of the full model; 1000 at most.
     - ``reference``: the error of the reference's step; ``scene step`` in s, and the number of ``steps``.
 
     Seconds: ``offline``, processor time to make all models; ``step.<r>`` and ``full``, time of one step.
@@ -204,9 +204,9 @@ def errors_of_method(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def errors_of_radii(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: ``rho.<radius>.<factor>``, e_NRMS against the reference with this spectral radius and step factor.
+    """Task: compute ``rho.<radius>.<factor>``, e_NRMS against the reference for spectral radii and step factors.
 
-    The model is that of many free modes, so that its own error is small.
+    The model has many free modes, so that its own error is small.
     """
     scene, truth, steps = shared.scene_of(arguments), needs["truth"].arrays["y"], arguments["steps"]
     system, record = _system_of_many_modes(scene), dict[str, Scalar]()
@@ -218,9 +218,10 @@ def errors_of_radii(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def errors_of_meshes(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: ``tip.<elements>``, e_NRMS of the tip against twice the largest number of elements, with many free modes.
+    """Task: compute ``tip.<elements>``, e_NRMS of the tip against a mesh of twice the largest number of elements.
 
-    None where a mesh is too coarse for a model, as with two sliders within one element.
+    Models have many free modes.  The value is None where a mesh is too coarse for a model, as with two sliders within
+    one element.
     """
     scene = shared.scene_of(arguments)
 
@@ -239,7 +240,7 @@ def errors_of_meshes(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _system_of_many_modes(scene: Scene) -> System:
-    """Return a body's model of `MANY` free modes, of a coarse beam fewer, with the flexibility of all others."""
+    """Return a body's model with `MANY` free modes, or all of a coarse beam, and the flexibility of the other modes."""
     from pmr.pipeline import reduce
 
     size = 2 * (scene.mesh.elements + 1) if scene.body.profile is not None else 10 * MANY
