@@ -43,7 +43,7 @@ def test_what_is_drawn_is_where_the_outputs_are() -> None:
     out = base.extensions(turret.t[-1], turret.z[-1], turret.z_t[-1]).value
     for drawn, scale in ((plain, 1.0), (bent, 10.0)):
         for k, (name, points) in enumerate(zip(scene.names, drawn.axes(), strict=True)):
-            own = (points - base.origin(turret.x[-1])) @ R - scene.frame.place
+            own = (points - base.origin(turret.x[-1])) @ R - scene.frame.tail_position
             at = {f"{name}: {one} at {x:g} m": (x, j) for x in (0.0, 0.5, 1.0, 1.5) for j, one in ((1, "y"), (2, "z"))}
             at |= {f"{name}: tip {one}": (2.0, j) for j, one in ((1, "y"), (2, "z"))}
             for output, (x, axis) in at.items():
@@ -70,8 +70,8 @@ def test_a_boom_on_the_ground_is_where_its_frame_has_it() -> None:
     mbs.Assemble()
     base, fly = drawn.axes()
     R, out = scene.frame.rotation(np.array([0.0]))[0], scene.extension(1).value(0.0)
-    np.testing.assert_allclose((R.T @ base[0]), scene.frame.place, atol=1e-6)
-    np.testing.assert_allclose((R.T @ fly[-1])[:1], scene.frame.place[0] + out + 2.0, atol=1e-6)
+    np.testing.assert_allclose((R.T @ base[0]), scene.frame.tail_position, atol=1e-6)
+    np.testing.assert_allclose((R.T @ fly[-1])[:1], scene.frame.tail_position[0] + out + 2.0, atol=1e-6)
     assert R[2, 0] == pytest.approx(np.sin(0.3))
 
 

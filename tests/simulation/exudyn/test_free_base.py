@@ -67,7 +67,7 @@ def test_moved_it_is_the_boom_in_a_frame() -> None:
         along = np.array([1.0, 0.0, 0.0])
         found = driven[:, :3] + scene.gravity.signal.value(turret.t)[:, None] * R[:, 2] + np.outer(s_tt, along)
         found += 2.0 * np.cross(omega, np.outer(s_t, along))
-        found += np.einsum("tij,tj->ti", turning.gradient, scene.frame.place + np.outer(s, along))
+        found += np.einsum("tij,tj->ti", turning.gradient, scene.frame.tail_position + np.outer(s, along))
         return found[:, "xyz".index(name)]
 
     def table(values: Array) -> Table:
@@ -251,7 +251,7 @@ def test_on_springs_it_is_march_s_with_a_machine_on_supports_that_give_way() -> 
     turret.mbs.CreateRigidBodySpringDamper(
         itemNumbers=[turret.mbs.CreateGround(), turret.body], stiffness=stiffness * np.eye(6)
     )
-    turret.on = replace(turret.on, body=turret.body, place=tuple(-one for one in own.frame.place))
+    turret.on = replace(turret.on, body=turret.body, place=tuple(-one for one in own.frame.tail_position))
     sensors = add_sensors(turret.mbs, turret.add())
     turret.solve()
     y = turret.mbs.GetSensorStoredData(sensors.sOutputs)[:, 1:]
