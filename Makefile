@@ -165,12 +165,13 @@ LAST_KERNEL := $(lastword $(KERNELS))
 BETWEEN := $(filter-out $(KERNEL) $(LAST_KERNEL),$(KERNELS))
 LONGEST =
 LAST =
-IN_CI = $(call both,test-suite-rest test-wheel-part test-suite-compare $(LONGEST) test-suite-rooms \
+IN_CI = $(call both,test-suite-rest test-wheel-part test-suite-report test-suite-compare $(LONGEST) test-suite-rooms \
     $(or $(BETWEEN:%=test-mpi-%),test-mpi) $(BETWEEN:%=test-numerical-%) lint $(LAST),test-wheel-part-mpi)
 ALONE = $(call both,lint $(SUITE) test-mpi $(OTHERS:%=test-numerical-%) $(LONGEST) $(LAST),$(OTHERS:%=test-ranks-%))
 BOTH_STACKS = $(and $(filter true,$(CI)),$(PYTHON312))
 # The suite in pieces of some length, one after the other or side by side.
-SUITE := test-suite-rest test-suite-compare test-suite-rooms
+SUITE := test-suite-rest test-suite-report test-suite-compare test-suite-rooms
+REPORT := report studies pipeline models system
 COMPARE := compare fullmodel reduction
 ROOMS := simulation export
 
@@ -184,11 +185,14 @@ test: setup ## lint, the whole suite, two ranks, BLAS kernels; in CI the wheel s
 test-suite-rooms: setup .venv-fmi/.ready
 	$(call pytest,.venv,$(KERNEL),$(ROOMS:%=tests/%))
 
+test-suite-report: setup
+	$(call pytest,.venv,$(KERNEL),$(REPORT:%=tests/%))
+
 test-suite-compare: setup
 	$(call pytest,.venv,$(KERNEL),$(COMPARE:%=tests/%))
 
 test-suite-rest: setup .venv-snakemake/.ready
-	$(call pytest,.venv,$(KERNEL),$(patsubst %,--ignore=tests/%,$(ROOMS) $(COMPARE)))
+	$(call pytest,.venv,$(KERNEL),$(patsubst %,--ignore=tests/%,$(ROOMS) $(COMPARE) $(REPORT)))
 
 .PHONY: test-kernels
 test-kernels: $(OTHERS:%=test-kernel-%) ## the numerical part under the other BLAS kernels: on two ranks what is for two, else on one
