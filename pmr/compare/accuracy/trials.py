@@ -28,7 +28,7 @@ from pmr.compare.outputs import (
     without_kink_forces,
 )
 from pmr.compare.step_error import StepError, reference_rho, step_error
-from pmr.errors import SimulationError
+from pmr.errors import InputError, SimulationError
 from pmr.scene.keys import ALONE, qualified_name
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.native import systems
@@ -45,6 +45,9 @@ Array = NDArray[np.float64]
 Models = Mapping[str, ReducedModel]
 Sizes = tuple[int, ...]  # modes of each body
 
+#: Errors of a run that leave its model or step out of question.  A run is refused, for example, if its model keeps all
+#: modes, so that no residual flexibility is left in its rows, and rho_inf is 1.
+FAILURES = (SimulationError, InputError)
 #: Number of enrichment modes that every model keeps for its estimate; at most a quarter of all modes.
 ENRICHMENT = 4
 #: Largest number of steps of a run: for a single body; and for several bodies, whose steps take ten times as long.
@@ -252,7 +255,7 @@ class Trials:
                 floors = RoundOffBounds.for_system(self.system(trial.sizes), excitation, better.force)
                 apart = differences(fewer, better, floors, self.wanted)
                 errors = {kind: float(np.hypot(MARGIN * apart[kind], trial.reduction[kind])) for kind in self.wanted}
-            except SimulationError:
+            except FAILURES:
                 errors = dict.fromkeys(self.wanted, np.inf)
             self._beside[key] = errors
         return self._beside[key]
@@ -263,7 +266,7 @@ class Trials:
             try:
                 run = self._run(sizes, steps)
                 run_estimate = estimate_error(self.models(sizes), self.system(sizes), self.with_steps(steps), run)
-            except SimulationError:
+            except FAILURES:
                 run_estimate = None
             self._estimates[sizes, steps] = run_estimate
         errors = {} if (of_run := self._estimates[sizes, steps]) is None else of_run.errors
@@ -277,7 +280,7 @@ class Trials:
             try:
                 run = self._run(sizes, steps) if fits_in_memory(system, excitation.stepping) else None
                 self._step_errors[sizes, steps] = step_error(system, excitation, run, self.wanted, band=False)
-            except SimulationError:
+            except FAILURES:
                 self._step_errors[sizes, steps] = None
         run_error = self._step_errors[sizes, steps]
         return {kind: np.inf if run_error is None else run_error.error_of(kind) for kind in self.wanted}

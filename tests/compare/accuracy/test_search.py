@@ -20,7 +20,7 @@ from pmr.compare.accuracy.search import (
 )
 from pmr.compare.accuracy.trials import FINER, Sizes, Trial, Trials
 from pmr.compare.outputs import Outputs, RoundOffBounds, differences
-from pmr.errors import GrowthError
+from pmr.errors import GrowthError, InputError
 from pmr.scene.run_settings import Budget
 from pmr.scene.signals import Chirp, Constant, Sine, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
@@ -231,3 +231,14 @@ def test_models_on_pads_that_push_take_the_same_parts_of_a_step(monkeypatch: pyt
     errors = dict.fromkeys(tried.wanted, 0.0)
     tried.difference_to_trial(Trial((7,), 7, 1000, errors, errors, True, None, None), (5,), 1000)
     assert seen[0].schedule == seen[1].schedule and len(set(seen[0].schedule)) > 1
+
+
+def test_a_model_that_is_refused_does_not_end_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With rho_inf = 1 a model that keeps all modes is refused, as its rows have no residual flexibility."""
+    tried = trials(RICH, driven(250))
+
+    def refuse(sizes: Sizes, steps: int) -> None:
+        raise InputError("scene", "time.rho_inf", 1.0, "less than 1 is allowed")
+
+    monkeypatch.setattr(tried, "_run", refuse)
+    assert set(tried.reduction_errors((8,), 250).values()) == set(tried.step_errors((8,), 250).values()) == {np.inf}
