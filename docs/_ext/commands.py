@@ -37,7 +37,5 @@ def write_page(app: Sphinx) -> None:
 
 
 def _text(text: str) -> list[str]:
-    """Help as Markdown: NumPy's underlined headings become bold lines."""
-    lines = text.replace("\f", "").splitlines()
-    kept = [line for line in lines if set(line.strip()) != {"-"}]
-    return [f"**{line}**\n" if line.strip() == "Examples" else line for line in kept]
+    """Lines of a command's help, as Markdown."""
+    return text.replace("\f", "").splitlines()

@@ -7,7 +7,6 @@ import warnings
 from typing import Annotated, Any
 
 import typer
-from rich.logging import RichHandler
 from typer.core import TyperGroup
 
 from pmr.cli.console import (
@@ -69,7 +68,7 @@ app = typer.Typer(
     epilog="Start with: pmr new boom mine && pmr run mine",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
+    rich_markup_mode=None,
 )
 for command in (new, run, study, chart, simulate, export, flexible, matrices, info, schema):
     app.command()(command)
@@ -101,8 +100,8 @@ def main() -> None:
     """
     prepare_streams()
     warnings.filterwarnings("ignore", "A NumPy version")  # SciPy warns of it; errors due to it are reported below
-    handler = RichHandler(console=err, show_path=False)
-    handler.setFormatter(VisibleText("%(message)s"))
+    handler = logging.StreamHandler()
+    handler.setFormatter(VisibleText("%(levelname)s %(message)s"))
     logging.basicConfig(level=logging.WARNING, handlers=[handler])
     try:
         app()

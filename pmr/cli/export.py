@@ -23,10 +23,10 @@ from pmr.cli.console import (
 )
 from pmr.errors import InputError, TooManyModesError
 from pmr.errors.text import escape_controls
-from pmr.export.formats import BODY_FORMATS, ONE_BODY, Options, formats, write
+from pmr.export.formats import BODY_FORMATS, FORMATS, ONE_BODY, Options, write
 from pmr.files.whole import finish_swap, replacement_folder
 
-_SAYS = "; ".join(f"{name}: {one.description}" for name, one in formats().items())
+_SAYS = "; ".join(f"{name}: {one.description}" for name, one in FORMATS.items())
 
 
 def export(
@@ -62,8 +62,8 @@ def export(
 ) -> None:
     """Write a reduced model for other programs, which do not need pmr.
 
-    Examples
-    --------
+    For example:
+
         pmr export reports/paper_simple/reduced.npz --to exudyn
 
         pmr export reports/boom_shell/reduced.npz --to fmu --fmi 2 --platforms all
@@ -96,10 +96,11 @@ def flexible(
     ] = None,
     overrides: Overrides = None,
 ) -> None:
-    """Write the body of a scene as a flexible body of another multibody program, with its sliders at one place.
+    """Write a scene's body as a flexible body of other programs.
 
-    Formats of flexible bodies do not allow sliding: modes and springs are those with the sliders at S, and the
-    reference frame is that of the ground.  An FMU includes the sliding (`pmr export --to fmu`).
+    Its sliders are at one place, S.  Formats of flexible bodies do not allow sliding: modes and springs are those with
+    the sliders there, and the reference frame is that of the ground.  An FMU includes the sliding (`pmr export --to
+    fmu`).
 
     Example:
 
@@ -162,9 +163,9 @@ def matrices(
         Path | None, typer.Option("--out", metavar="FILE", help="[default: STIFFNESS-matrices.npz]")
     ] = None,
 ) -> None:
-    """Read matrices that another program assembled, and check them; FEniCSx is not needed.
+    """Read matrices that another program assembled, and check them.
 
-    A scene names the file: model = "matrices" in [body], and file in [mesh].
+    FEniCSx is not needed.      A scene names the file: model = "matrices" in [body], and file in [mesh].
 
     Example:
 
@@ -209,8 +210,8 @@ def simulate(
     The scene may differ from that of the file in paths, signals of loads (with the same names), time and simulators.
     Other bodies or joints are refused.  DIR then has summary.json, scene.json and trajectories.npz, as after `pmr run`.
 
-    Examples
-    --------
+    For example:
+
         pmr simulate reports/paper_simple/reduced.npz --scene paper_evolved --set time.end=5
 
         pmr simulate reports/boom_three/system.npz --scene boom_three --set "sections.fly.loads.tip force.signal=0.0"

@@ -258,10 +258,10 @@ def info(
         ),
     ] = None,
 ) -> None:
-    """Print what is installed (versions, MPI, scalar type), or what a file contains.
+    """Print what is installed, or what a file contains.
 
-    Examples
-    --------
+    For example:
+
         pmr info
 
         pmr info reports/paper_simple/reduced.npz

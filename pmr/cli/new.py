@@ -78,7 +78,9 @@ def new(
     ],
     name: Annotated[Path, typer.Argument(metavar="NAME", help="New folder, whose name is the title of the scene.")],
 ) -> None:
-    """Write a scene with comments into a new folder, for one body also a script that draws a mesh.
+    """Write a scene with comments into a new folder.
+
+    For one body there is also a script that draws a mesh.
 
     Example:
 
@@ -111,8 +113,8 @@ def new(
 
 
 def compile_() -> None:
-    """Say that nothing is left to be compiled before a first run: pip has compiled the step.
+    """Say that nothing is left to be compiled before a first run.
 
-    Version 0.2 removes this command of earlier versions.
+    pip has compiled the step.  Version 0.2 removes this command of earlier versions.
     """
     print_text(out, "nothing is to be compiled: the step was compiled when pmr was installed")

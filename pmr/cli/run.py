@@ -74,7 +74,7 @@ def run(
         ),
     ] = None,
 ) -> None:
-    """Compute scenes: mesh, reduced model, simulation, comparison with the full model, report.
+    """Compute scenes: reduced model, simulation, comparison, report.
 
     DIR then has report.html, report.pdf, summary.json, trajectories.npz and the reduced model: reduced.npz, of several
     sections system.npz.  With recovery it also has fields.npz and fields.pvd, which ParaView opens.  Several scenes
@@ -85,8 +85,8 @@ def run(
     that was interrupted is continued.
 
 
-    Examples
-    --------
+    For example:
+
         pmr run paper_evolved
 
         pmr run paper_evolved --set reduction.coordinates=10

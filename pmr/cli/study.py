@@ -63,7 +63,7 @@ def study(
     ] = None,
     listed: Annotated[bool, typer.Option("--list", help="Print the names of all runs, and compute nothing.")] = False,
 ) -> None:
-    """Compute many runs, several at a time, and make one table of them.
+    """Compute many runs and make one table of them.
 
     DIR then has runs.csv and runs.npz (one row for each run), seconds.csv and summary.json, or a folder of these for
     each study of a collection. After an interruption the same command computes what is missing, and tries runs again
@@ -74,8 +74,8 @@ def study(
     Batch systems may take the runs one by one: --list names them, --only computes one of them into DIR, and a last
     call without either makes the table.
 
-    Examples
-    --------
+    For example:
+
         pmr study coordinates --jobs 2
 
         pmr study coordinates --set "grid.reduction.coordinates=[6, 8]"

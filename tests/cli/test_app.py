@@ -282,6 +282,7 @@ def test_no_room_for_a_drawn_mesh_is_one_line(tmp_path: Path) -> None:
 def test_help_teaches(monkeypatch, capsys) -> None:
     top, run = called(monkeypatch, capsys, "--help"), called(monkeypatch, capsys, "run", "--help")
     assert "pmr new boom mine" in top.stdout
+    assert "..." not in top.stdout.partition("Commands:")[2]  # click cuts what it has no room for
     assert "--set reduction.coordinates=10" in run.stdout and "summary.json" in run.stdout
 
 
