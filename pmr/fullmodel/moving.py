@@ -2,8 +2,8 @@ r"""Static solves, and the matrices and loads that a moving frame and axial forc
 
 u and v are the displacements of trial and test function, rho is the density.  S (3, 3) is one of the tensors in
 `pmr.system.body_matrices`, R_c are the model's coordinates under the unit rigid motion along or about direction c,
-which every model represents exactly, and sigma are the stresses of a unit state (docs/moving_frame.md).  On the model's
-own coordinates the matrices and loads are
+which every model represents exactly, and sigma are the stresses of a unit state (docs/moving_frame_theory.md).  On the
+model's own coordinates the matrices and loads are
 
 .. math::
     A_S = \int \rho\, v \cdot S u \, dV, \qquad f_S = A_S R_c, \qquad

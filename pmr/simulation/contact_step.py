@@ -6,9 +6,9 @@ A body that lands on closed pads swings on them, for half a period of
 
 Here :math:`\omega` is the largest circular frequency over all path positions s, C the rows of contacts that only push,
 M the mass matrix, G the residual flexibility and k the pads' stiffness.  A step of length h with h omega of 1 or more
-removes the energy of an impact and most of its force; the loss falls with the square of h omega (docs/pads.md).  So a
-step is divided into equal parts.  Their largest number follows from h omega; the actual number follows from an estimate
-of the error (src/substeps.c of `pmr.kernel`).
+removes the energy of an impact and most of its force; the loss falls with the square of h omega (docs/pads_theory.md).
+So a step is divided into equal parts.  Their largest number follows from h omega; the actual number follows from an
+estimate of the error (src/substeps.c of `pmr.kernel`).
 """
 
 from __future__ import annotations

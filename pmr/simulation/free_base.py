@@ -31,7 +31,7 @@ Here m is the mass of the boom, :math:`s = \int \rho\, x` its first moment about
 and :math:`h = \int \rho\, x \times \dot x` its angular momentum about O relative to the frame; y is the field of
 acceleration of `pmr.simulation.frame`, T and N are matrices of the frame's rotation; F and :math:`\mathfrak M` are the
 force and the moment of the base on the boom.  Terms that are quadratic in u, except for G, are included if the system
-has second order.  Sources: Shabana: Dynamics of Multibody Systems, section 5, and `docs/moving_frame.md`.
+has second order.  Sources: Shabana: Dynamics of Multibody Systems, section 5, and `docs/moving_frame_theory.md`.
 
 Also the response of contacts that give way to inputs and to a boom's own inertia, and the derivatives of this response
 by the paths.

@@ -282,7 +282,7 @@ def _principal_loads(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
     return np.asarray(gathered @ V[:, chosen] / energy[chosen])
 
 
-#: Number of modes without inertia of each body: its first bending mode in each plane (docs/moving_frame.md compares).
+#: Number of modes without inertia of each body: its first bending mode in each plane (docs/moving_frame_theory.md).
 QUASI_STATIC = 2
 
 

@@ -9,7 +9,7 @@ columns of the basis V carry 1/sqrt(kg), so p is in m sqrt(kg); for orthonormal 
 carries the unit of the coordinates (m, rad).  G, H, W and X belong to the residual flexibility (`pmr.system.carriers`)
 and are zero without one; 1/k is the pads' compliance.  The multipliers lambda are in N: with rows that measure a
 displacement in m, -C^T lambda is the force of the sliders on the body.  A row that only pushes is either closed, with
-its clearance on the right-hand side of its equation and lambda >= 0, or open, with lambda = 0 (docs/pads.md).
+its clearance on the right-hand side of its equation and lambda >= 0, or open, with lambda = 0 (docs/pads_theory.md).
 """
 
 from __future__ import annotations

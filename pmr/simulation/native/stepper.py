@@ -267,7 +267,8 @@ class Stepper:
     def contact(self) -> float:
         """Time step times the contact frequency of contacts that only push, over all paths; 0 without such contacts.
 
-        With `parts` = 1, impacts lose force and energy where this is above `contact_step.RESOLVED` (docs/pads.md).
+        With `parts` = 1, impacts lose force and energy where this is above `contact_step.RESOLVED`
+        (docs/pads_theory.md).
         """
         return self._step * contact_frequency(self._system, self._full_range)
 

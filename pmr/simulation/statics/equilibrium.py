@@ -7,7 +7,8 @@ r"""Equilibrium of a system of bodies under constant loads, with its paths held,
 with coordinates q, stiffness K, contact forces :math:`\lambda`, loads f on inputs B, rows C, H and flexibility F of the
 contacts, their clearances g, and the stiffness :math:`G_k` of the system's terms at their amplitudes :math:`c_k`.
 Contacts that only push are closed where they push and open where a gap is left; if some are on the wrong side, the
-kernel decides which of these change sides (`pmr.kernel.laws.ContactSearch`; docs/pads.md has the proof that this ends).
+kernel decides which of these change sides (`pmr.kernel.laws.ContactSearch`; docs/pads_theory.md proves that this
+ends).
 A body that open contacts leave free for the moment is held by a small stiffness, its mass matrix times the square of a
 frequency far below all others; the last solve is without this stiffness.
 

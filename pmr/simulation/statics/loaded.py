@@ -17,7 +17,7 @@ factorisation serves all loads, and the structure buckles at the smallest P with
 Contacts that only push open and close as the load grows: each set of closed contacts has a `Form` of its own.  A search
 that meets a set of contacts that do not hold the structure starts again from the contacts that are closed without
 geometric stiffness but with a small multiple of the mass matrix added to the stiffness.  This stiffness is positive
-definite, so the search for these contacts ends (docs/pads.md).
+definite, so the search for these contacts ends (docs/pads_theory.md).
 """
 
 from __future__ import annotations

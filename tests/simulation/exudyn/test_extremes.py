@@ -1,4 +1,4 @@
-"""Exudyn beside `march` where models, steps and loads are extreme: docs/extremes.md."""
+"""Exudyn beside `march` where models, steps and loads are extreme: docs/validation.md, "At the extremes"."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the compiled simulator's limits lie: what docs/extremes.md states, at its most telling points."""
+"""Where the compiled simulator's limits lie: the most telling points of docs/validation.md, "At the extremes"."""
 
 from __future__ import annotations
 
