@@ -151,9 +151,9 @@ manual: ## commands and Python of the manual, from a wheel in fresh environments
 # ranks of Open MPI would meet on one core.
 define both
 @logs=$$(mktemp -d); go_on() { for target in "$$@"; do mkdir "$$logs/$$target" 2>/dev/null || continue; \
-    $(MAKE) --no-print-directory $$target </dev/null || touch "$$logs/failed"; done; }; \
+    $(MAKE) --no-print-directory $$target </dev/null || echo "failed: make $$target" >>"$$logs/failed"; done; }; \
 go_on $1 >"$$logs/beside" 2>&1 & go_on $1; wait; cat "$$logs/beside"; go_on $2; \
-[ ! -e "$$logs/failed" ]; status=$$?; rm -rf "$$logs"; exit $$status
+cat "$$logs/failed" 2>/dev/null; [ ! -e "$$logs/failed" ]; status=$$?; rm -rf "$$logs"; exit $$status
 endef
 
 # What CI runs: the suite on Debian's stack under KERNEL; on the wheel stack, under the last kernel, what needs the other
