@@ -36,14 +36,18 @@ NUMERICAL = (
     *("compare", "convergence", "fem", "fullmodel", "models", "reduction"),
     *("simulation", "studies/kinds", "system", "errors/test_environment.py", "test_run.py"),
 )
-#: Rooms that compute with FEniCSx, PETSc and SLEPc: of the others CI runs slow tests on one stack alone.
+#: What shows FEniCSx, PETSc and SLEPc at work (weak forms, factors, memory): CI runs its slow tests on both stacks. All
+#: other slow tests take a full model as it is, and run on one.
 FENICSX = (
-    *("convergence", "fem", "fullmodel", "models", "reduction", "simulation/petsc"),
-    "test_random_structures.py",
+    *("convergence", "fem", "models", "simulation/petsc"),
+    *("fullmodel/test_memory.py", "fullmodel/test_model.py", "test_random_structures.py"),
 )
-#: What reads scenes, pages and sources, by packages of one version on both stacks: tested on one of them, but for
-#: `EVALUATED`, of which NumPy and SciPy decide.
-READ = ("scene", "test_commands.py", "test_readme.py", "test_rooms.py", "test_workflows.py")
+#: What reads scenes, pages and sources, or starts processes and stops them, by packages of one version on both stacks:
+#: tested on one of them, but for `EVALUATED`, of which NumPy and SciPy decide.
+READ = (
+    *("benchmarks", "cli", "scene", "studies/test_", "tools"),
+    *("test_commands.py", "test_readme.py", "test_rooms.py", "test_workflows.py"),
+)
 EVALUATED = ("scene/test_signals.py",)
 #: Ranks of this run, and what files say that have tests for several of them, and for several kernels.
 RANKS = int(os.environ.get("OMPI_COMM_WORLD_SIZE", os.environ.get("PMI_SIZE", "1")))

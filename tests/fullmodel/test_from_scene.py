@@ -34,7 +34,6 @@ from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.system.reduced_model import ReducedModel
 
-pytestmark = pytest.mark.mpi
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 LOADS = np.array([1500.0, 700.0, 9.81])
 PUSHING = (
@@ -75,6 +74,7 @@ def scene(request) -> Boom:
 
 @pytest.mark.slow
 @pytest.mark.numerical
+@pytest.mark.mpi
 def test_statics_is_that_of_the_full_model(scene: Boom) -> None:
     """With two rigid turns and two modes: what is left out is answered by the tables, everywhere on the path."""
     full = structural_model(scene.structure)
@@ -96,6 +96,7 @@ def test_statics_is_that_of_the_full_model(scene: Boom) -> None:
             assert y[k, part] == pytest.approx(expected[part], abs=1e-6 * np.abs(expected[part]).max())
 
 
+@pytest.mark.mpi
 def test_rigid_pads_on_a_section_that_can_not_deform_are_named() -> None:
     model = beam()
     structure = boom(model).structure
@@ -105,6 +106,7 @@ def test_rigid_pads_on_a_section_that_can_not_deform_are_named() -> None:
         reduced(full, 6)
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize(("stiffness", "free"), [(1e3, 3), (1e-6, 6)])
 def test_springs_within_the_stiffness_own_round_off_hold_nothing(stiffness: float, free: int) -> None:
     """Of a box of steel: a ring holds y, z and rx; n u K_ii is some 1e-5 N/m, so that 1e-6 N/m are lost in K."""
@@ -141,6 +143,7 @@ def test_pad_forces_hardly_feel_the_nodes() -> None:
 
 @pytest.mark.slow
 @pytest.mark.numerical
+@pytest.mark.mpi
 def test_ten_coordinates_follow_the_full_model() -> None:
     """Gusts included: the first one comes in the third second."""
     scene = boom(shell(), span=3.0, overrides=["time.step=5e-3"])
@@ -236,8 +239,6 @@ count = 4
 
 @pytest.mark.slow
 def test_a_mesh_of_ones_own_is_read(tmp_path: Path) -> None:
-    if MPI.COMM_WORLD.size > 1:
-        pytest.skip("every rank has a folder of its own here")
     write_shell(
         BoxBoom(BoxProfile(width=0.3, height=0.4, wall=0.008).sides, length=4.0, size=0.2), tmp_path / "boom.msh"
     )
