@@ -117,10 +117,12 @@ def main() -> None:
         if isinstance(error, OSError) and error.errno in FULL:
             output_failure()
             places = "standard output, compiled code (XDG_CACHE_HOME) and temporary files (TMPDIR)"
-            exit_with_message(f"{error.strerror}: room is needed for {places}", 1)
+            exit_with_message(f"{error.strerror}: free space is needed for {places}", 1)
         if any(kind.__name__ == "VerificationError" for kind in type(error).__mro__):  # CFFI's
             exit_with_message(
-                "a form was not compiled: a C compiler and room for what it writes (XDG_CACHE_HOME) are needed", 1
+                "a finite-element form was not compiled: a C compiler is needed, and free "
+                "space in the folder of compiled code (XDG_CACHE_HOME)",
+                1,
             )
         if isinstance(error, ImportError) or "numpy.dtype size changed" in str(error):
             exit_with_message(environment.import_failure_message(error), 2)

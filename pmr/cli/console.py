@@ -135,7 +135,7 @@ def check_output_file(file: Path, *read: Path) -> None:
     try:
         ensure_ordinary(file)
         if any(file.exists() and isfile(source) and file.samefile(source) for source in read):
-            raise NotWrittenError("another name is allowed: it is read")
+            raise NotWrittenError("another name is allowed: this file is input of the same run")
     except OSError as error:
         raise InputError("command line", "--out", str(file), error.strerror or str(error)) from None
 

@@ -101,13 +101,13 @@ def new(
     (name / "scene.toml").write_text(f"#:schema {SCHEMA}\n{scene}", encoding="utf-8")
     (name / SCHEMA).write_text(scene_schema(), encoding="utf-8")
     about = {
-        "scene.toml": f"what is built and asked, with comments; `pmr run {name}` computes it",
+        "scene.toml": f"the scene: the structure and what is computed, with comments; `pmr run {name}` computes it",
         SCHEMA: "from which an editor completes and checks keys",
     }
     if "[[sections]]" not in scene:
         mesh = TEMPLATES / f"mesh_of_a_{'box' if '[body.box]' in scene else 'beam'}.py"
         (name / "mesh.py").write_text(mesh.read_text(encoding="utf-8"), encoding="utf-8")
-        about["mesh.py"] = "draws a mesh of its own, for a start"
+        about["mesh.py"] = "draws a mesh, as a start for one of your own"
     for file, what in about.items():
         print_text(out, f"{name / file}  {what}")
 

@@ -218,7 +218,8 @@ STUDY = "chart.toml"
 #: Number of extensions and number of angles in the chart study that `pmr chart` writes.
 EXTENSIONS, ANGLES = 12, 10
 LIMITS = """
-# What may not be passed, each with a factor of yours; without one the chart shows what buckles the boom.
+# Limits that the load must keep, each with your own safety factor.
+# Without limits the chart shows the load that buckles the boom.
 # [[limits]]
 # name = "stress"
 # of = "stress"                # or pad, cylinder, support, deflection, buckling, frequency, overturning
@@ -261,7 +262,7 @@ def chart(
     written = folder / STUDY
     if not written.exists():
         written.write_text(_chart_study_text(file, load_any(file), up_to), encoding="utf-8")
-        print_text(out, f"study  {written}  what is asked: add limits to it, and call again")
+        print_text(out, f"study  {written}  the study of this chart: add limits to it, and call again")
     study(written, out_dir=folder, jobs=jobs)
 
 

@@ -103,7 +103,9 @@ def absolute_error(signal: Array, reference: Array) -> float:
 def refuse_infinite(*values: Array) -> None:
     """Raise a SimulationError if any value in any of the arrays is NaN or infinite."""
     if not all(np.isfinite(largest_absolute(array, None)) for array in values):
-        raise SimulationError("what was simulated is not finite: loads or motions are too large to be computed with")
+        raise SimulationError(
+            "the simulation gave values that are not finite: loads or motions are too large for double precision"
+        )
 
 
 def largest_absolute(values: Array, axis: int | None = 0) -> Any:

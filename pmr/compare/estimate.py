@@ -142,7 +142,10 @@ def _reason_without_estimate_of(model: ReducedModel) -> str | None:
             "coordinates by inertia"
         )
     if model.enrichment is None or model.carriers is None or model.carriers.inertia is None:
-        return "the model keeps no enrichment modes: they come with reduction.estimate = true, on a mesh that has more"
+        return (
+            "the model holds no enrichment modes, which the estimate needs: reduction.estimate "
+            "= true adds them where the mesh has more modes"
+        )
     return None
 
 

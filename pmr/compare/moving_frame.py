@@ -117,11 +117,11 @@ def _plane_buckling_warnings(scene: Scene, system: System) -> list[str]:
 
 
 def _past_buckling_warnings(is_included: bool, stresses: SecondOrderEffect) -> list[str]:
-    """A warning if the boom is past its buckling load, in words that depend on `is_included`; else nothing.
+    """A warning if the boom is beyond its buckling load, in words that depend on `is_included`; else nothing.
 
     `is_included` says whether second order is simulated.
     """
-    past = f"the boom is past its buckling load: at {stresses.t_least_factor:g} s {stresses.least_factor:.3g} of the "
+    past = f"the boom is beyond its buckling load: at {stresses.t_least_factor:g} s {stresses.least_factor:.3g} of the "
     past += "axial forces bends it "
     past += "without limit" if is_included else "without limit, which is not simulated without second order"
     return [past] if stresses.least_factor <= 1.0 else []

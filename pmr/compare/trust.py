@@ -229,7 +229,7 @@ MACHINE_MOTION = "the motion of frame.machine, which is found with the reduced m
 #: (`pmr.system.attachment.has_frame_matrices`).
 SECOND_ORDER_EFFECTS = "effects of axial forces and the frame on the residual part, most of all on pad forces"
 #: Effect that no estimate covers if the vectors of a basis don't move some rows, which are then left out of the model.
-ROWS_LEFT_OUT = "what the basis does not move and leaves out: {}"
+ROWS_LEFT_OUT = "motions that no vector of the basis has: {}"
 #: Reasons why there is no estimate of forces of sliders.
 SLIDER_IMPACTS = (
     "forces of sliders: a kink of the path is an impact of a rigid slider, with a larger force in a shorter step"

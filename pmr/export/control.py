@@ -99,7 +99,9 @@ def write_python_control(npz_path: Path, target: Path, options: Options) -> Path
     if data == target or not target.stem.isidentifier():
         raise InputError("command line", "--out", str(target), "a name that Python can import, .py, is allowed")
     if data.exists() and data.samefile(npz_path):
-        raise InputError("command line", "--out", str(target), f"another name is allowed: {data.name} is read")
+        raise InputError(
+            "command line", "--out", str(target), f"another name is allowed: {data.name} is input of the same run"
+        )
     _write_matrices(*_interpolable(npz_path, options), data)
     with replacement_file(target) as part:
         part.write_text(_SCRIPT.format(module=target.stem, data=data.name), encoding="utf-8")

@@ -204,7 +204,7 @@ def _listed_moves(file: Path, folder: Path) -> tuple[list[str], list[str]]:
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise InputError(str(file), "", None, f"not written by pmr ({error}); delete its folder") from None
     if foreign:
-        raise InputError(str(file), "", foreign[0], "files of this folder are allowed; delete the list's folder")
+        raise InputError(str(file), "", foreign[0], "only files of this folder may be in its list; delete the folder")
     return names, gone
 
 

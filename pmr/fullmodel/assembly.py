@@ -131,7 +131,7 @@ def model_order(model: FiniteElementModel, space: Any) -> Indices:
     for numbers, places in space.mesh.comm.allgather((numbered, order[numbered])):
         order[numbers] = places
     if not np.array_equal(np.sort(order), np.arange(len(order))):
-        raise RuntimeError("the model's coordinates and the space's do not match")
+        raise RuntimeError("the coordinates of the model do not match those of the function space")
     return order
 
 

@@ -87,7 +87,7 @@ class RigidBody:
         Raises a `ValueError` if the full model has no rigid motions (`FullModel.rigid` is None).
         """
         if model.rigid is None:
-            raise ValueError("a model is needed that knows its rigid motions")
+            raise ValueError("a model whose rigid motions are known is needed")
         R, comm = model.rigid.coordinates, model.comm
         U = model.carriers.carriers[:, model.share]
         numbers = [DIRECTIONS.index(direction) for direction in structural.directions]

@@ -99,7 +99,7 @@ class Pad:
         if not 0.0 <= self.clearance < np.inf:
             raise InputError("scene", f"pads.{self.name}.clearance", self.clearance, "a length from 0 on is allowed")
         if self.clearance > 0.0 and not self.unilateral:
-            allowed = "only a pad with unilateral = true may have one: any other is attached to the body"
+            allowed = "only a pad with unilateral = true may have one: a pad that holds both ways is always in contact"
             raise InputError("scene", f"pads.{self.name}.clearance", self.clearance, allowed)
 
     @property
@@ -148,7 +148,7 @@ class Pads:
     def __post_init__(self) -> None:
         low, high = self.travel
         if not low < high:
-            raise InputError("scene", "pads.travel", self.travel, "two places in m, the first one less, are allowed")
+            raise InputError("scene", "pads.travel", self.travel, "two places in m are allowed, the smaller one first")
         pads = [pad.name for pad in (*self.fixed, *self.moving)]
         names = [*pads, *(support.name for support in self.supports), *(slider.name for slider in self.sliders)]
         twice = sorted({name for name in names if names.count(name) > 1})

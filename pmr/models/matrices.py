@@ -108,7 +108,9 @@ class Matrices(TracedModel):
         normal = self._normal(face, points)
         across = int(np.argmin(np.abs(normal) + np.eye(3)[axis]))
         if abs(normal[axis]) > np.sqrt(FLAT):
-            raise InputError("scene", "pads.on", face, "this face lies across the body's axis; others are allowed")
+            raise InputError(
+                "scene", "pads.on", face, "this face lies across the body's axis; faces along it are allowed"
+            )
         flat = points[:, [axis, across]]
         (low, nearest), (high, farthest) = flat.min(axis=0), flat.max(axis=0)
         extent = Extent((float(low), float(high)), (float(nearest), float(farthest)))
@@ -130,7 +132,9 @@ class Matrices(TracedModel):
         interpolation = sp.csr_matrix((shares.ravel(), (rows, corners.ravel())), shape=(len(places), len(nodes)))
         value = sum(c * self._values(nodes)[k] for k, c in enumerate(normal))
         if not value.count_nonzero():
-            allowed = "a face is allowed whose nodes have coordinates along its normal: a pad would hold nothing here"
+            allowed = (
+                "a face is allowed whose nodes have coordinates along its normal: without them a pad holds nothing"
+            )
             raise InputError("scene", "pads.on", face, allowed)
         weights = np.full(len(places), width * breadth)
         return Strip(places[:, 0], places[:, 1], weights, sp.csr_matrix(interpolation @ value), extent)

@@ -102,7 +102,9 @@ class Trace:
         r, w = self.points - self.centroid + self.offset, self.weights
         J = np.eye(3) * (w @ (r**2).sum(axis=1)) - (r.T * w) @ r
         if np.linalg.eigvalsh(J)[0] <= 1e-9 * max(np.trace(J), 1e-300):
-            allowed = "points of this group lie on a line, which leaves the rotation about it open; an area is allowed"
+            allowed = (
+                "points of this group lie on a line, so the rotation about that line is not defined; an area is allowed"
+            )
             raise InputError("scene", "place", self.name, allowed)
         x, y, z = (r * w[:, None]).T
         ux, uy, uz = self.values
@@ -306,7 +308,7 @@ def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
     mesh.require([name])
     group, axis = mesh.groups[name], mesh.axis
     if group.dim != 2:
-        raise InputError(mesh.source, "", None, f"group {name} is no face, pads slide on faces only")
+        raise InputError(mesh.source, "", None, f"group {name} is not a face; pads slide on faces only")
     normal = _face_normal(mesh, group, name)
     if abs(normal[axis]) > np.sqrt(1.0 - FLAT**2):
         raise InputError("scene", "pads.on", name, "this face lies across the body's axis; faces along it are allowed")

@@ -302,7 +302,9 @@ def reduce(
     """
     clock = clock or Clock()
     if scene.goal is not None:
-        allowed = "none is allowed where the reduced model alone is made: pmr.run(scene) chooses model and step"
+        allowed = (
+            "none is allowed for pmr.reduce, which makes only the reduced model: pmr.run(scene) chooses model and step"
+        )
         raise InputError("scene", "budget" if scene.accuracy is None else "accuracy", None, allowed)
     with _keys_as_written(scene):
         scene = scene if basis is None else with_array_basis(scene)
@@ -327,7 +329,7 @@ def _reduce_scene(
 UNKNOWN = (InputError, ConvergenceError, SimulationError)
 UNNEEDED = (*UNKNOWN, ValueError, ImportError)
 #: Reason for no comparison if a machine's motion is computed: another model would have another motion of its base.
-ON_MACHINE = "not measured for a boom on frame.machine; the same boom without it tells"
+ON_MACHINE = "not measured for a boom on frame.machine; a run of the same boom without frame.machine measures it"
 _log = logging.getLogger(__name__)
 
 
@@ -400,7 +402,7 @@ def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:
     """Return the entries of summary.json for an error that can't be measured: ``reason`` and, if long, ``detail``."""
     reason = error.allowed if isinstance(error, InputError) else str(error)
     if isinstance(error, NotHeldError):
-        short = f"a {label} of it is not held: {error.short}; pads or supports against that are needed"
+        short = f"nothing holds its {label}: {error.short}; pads or supports that hold this motion are needed"
         return {"beside": None, "reason": short, "detail": reason}
     return {"beside": None, "reason": reason}
 
@@ -420,7 +422,7 @@ def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None) -> 
             part = _model_budget(comparable_scene(beam), best, "shell", comm, cache)
             tried.append(_chosen_model(beam) | {"error": largest_model_error(part)})
             if comm.rank == 0:
-                _log.info("%(name)s, walls %(walls)s: off by %(error).2g of what a shell says", tried[-1])
+                _log.info("%(name)s, walls %(walls)s: the error is %(error).2g of a shell's result", tried[-1])
             if tried[-1]["error"] <= beam.compare.model_tolerance:
                 return ModelDecision(beam, part, chosen_figures(beam))
     except UNKNOWN as error:

@@ -224,7 +224,7 @@ def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
     A ValueError is raised unless the basis consists of eigenmodes.
     """
     if not is_modal(model):
-        raise ValueError("the inertia of the residual part is that of truncated eigenmodes: the basis must hold these")
+        raise ValueError("residual inertia needs a basis of eigenmodes: it is the inertia of the truncated ones")
     return with_tables(model) if coordinates == model.size else truncate(model, coordinates)
 
 

@@ -84,7 +84,7 @@ def error_notes(result: RunResult, table: Sequence[Row]) -> list[str]:
     """
     explanations = [
         f"{row.comparison}, {row.place}: the published {row.published} is a rounded figure; "
-        f"{row.value} rounds to it, so the two agree as far as is known."
+        f"{row.value} rounds to it, so the two agree within the published digits."
         for row in table
         if row.mark is SAME
     ]
@@ -269,7 +269,7 @@ def trust_table(result: RunResult) -> Table:
     texts["mesh"] = texts["mesh"] or budget.get("mesh_reason") or "not known: a run with [accuracy] measures it"
     why = f": {step['reason']}" if step.get("reason") else ""
     texts["time step"] = texts["time step"] or f"not known{why}"
-    nothing = "not known: nothing was compared with a full model"
+    nothing = "not known: no full model was simulated to compare with"
     texts["reduction"] = f"{source}: {texts['reduction']}" if reduction else nothing
     stressed = "reduced" in summary.get("max_von_mises", {})
     walls = [WALLS] if stressed and any(model_of(of).startswith("beam") for of in members(result.scene)) else []

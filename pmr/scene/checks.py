@@ -40,7 +40,7 @@ def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
             allowed = f"a spring or a damper in {direction} is allowed on what moves: the machine is free there"
             raise scene_error(f"frame.base.{direction}", None, allowed)
     if frame.base is not None and frame.base.accelerations:
-        allowed = "x, y and z are allowed beside frame.machine: where accelerations lead is not known"
+        allowed = "x, y and z are allowed beside frame.machine: an acceleration does not say where the ground is"
         raise scene_error("frame.base.acceleration", None, allowed)
     if frame.second_order == "auto":
         raise scene_error("frame.second_order", "auto", "true or false is allowed beside frame.machine")
@@ -102,7 +102,10 @@ def check_frame(scene: Scene) -> None:
         if axis in ("x", "y", "z"):
             _check_smooth(scene, f"base.{axis}", "a motion", motion)
     if scene.gravity is not None and scene.gravity.direction != Gravity().direction:
-        allowed = "neither direction nor inclination is allowed beside a frame: frame.luffing says where down is"
+        allowed = (
+            "neither direction nor inclination is allowed beside a frame: "
+            "frame.luffing already says how the boom is inclined"
+        )
         raise scene_error("gravity", None, allowed)
     for member in members(scene):
         if model_of(member) == "matrices":
@@ -167,7 +170,7 @@ def _check_holding_cylinder(scene: Scene, frame: Frame) -> None:
     at = frame.cylinder.lug[0] - frame.tail_position[0]
     if not 0.0 <= at <= base.part.length:
         raise scene_error(
-            "frame.cylinder.lug", frame.cylinder.lug[0], "a place on the base is allowed with a stiffness"
+            "frame.cylinder.lug", frame.cylinder.lug[0], "with a stiffness, a place on the base is allowed"
         )
     if twice := supports_at_lug(scene):
         allowed = f"the cylinder's stiffness or the support {twice[0]!r} at its lug is allowed, one of both"
@@ -211,7 +214,9 @@ def _check_single_body(scene: Scene) -> None:
     """Check the keys of a scene of one body."""
     part = scene.only_section
     if part.joint is not None:
-        raise scene_error("sections[0].joint", None, "a section alone slides in nothing: supports or pads hold it")
+        raise scene_error(
+            "sections[0].joint", None, "a section alone does not slide in another one: supports or pads hold it"
+        )
     if part.slider is None:
         allowed = "a table slider with a path is needed: along it a section alone slides through its pads"
         raise scene_error("slider", None, allowed)

@@ -216,7 +216,7 @@ def _stress_reasons(member: Member) -> list[str]:
     """Reason for a shell if the scene asks for stresses or strains, otherwise an empty list."""
     measured = {measure for probe in member.part.probes for measure in probe.measures}
     has_stresses = member.recovery is not None and member.recovery.stress or bool(measured & {"stress", "strain"})
-    return ["stresses are asked for, which pads and walls decide"] * has_stresses
+    return ["stresses are computed, which depend on pads and walls"] * has_stresses
 
 
 def _wall_reasons(member: Member) -> list[str]:

@@ -44,10 +44,10 @@ MOVED = {
 #: Keys of earlier versions without a present name, and what replaces them.
 GONE = dict.fromkeys(
     ("reduction.residual_inertia", "sections.reduction.residual_inertia"),
-    "no such key is allowed any more: more of reduction.coordinates do its work",
+    "this key is no longer allowed: a larger reduction.coordinates has the same effect",
 ) | dict.fromkeys(
     ("section.joint.friction_speed", "sections.joint.friction_speed"),
-    "no such key is allowed any more: pads stick until they slide, by the shear_stiffness of each ring",
+    "this key is no longer allowed: pads stick until they slide, by the shear_stiffness of each ring",
 )
 
 
@@ -170,7 +170,7 @@ def _unused_body_keys(member: Member, compared: bool) -> Iterator[UnusedKey]:
             continue
         yield UnusedKey(key, "body.model", f"it has no effect on {model}")
     if model == "beam2d":
-        yield from (UnusedKey(key, "", f"{model} knows of no frames; beam3d and shell do") for key in STIFFENERS)
+        yield from (UnusedKey(key, "", f"{model} has no frames; beam3d and shell have them") for key in STIFFENERS)
     if member.part.mesh.file is not None:
         yield from (UnusedKey(f"mesh.{key}", "mesh.file", "the mesh is read from a file") for key in _CELLS)
     if member.part.body.profile is not None:
@@ -192,7 +192,11 @@ def _unused_joint_keys(scene: Scene, number: int) -> Iterator[UnusedKey]:
             if not ring.friction:
                 yield UnusedKey(f"joint.{end}.{k}.shear_stiffness", "", "without friction nothing sticks")
             if not ring.static_friction:
-                yield UnusedKey(f"joint.{end}.{k}.stribeck_speed", "", "without static_friction it falls from nothing")
+                yield UnusedKey(
+                    f"joint.{end}.{k}.stribeck_speed",
+                    "",
+                    "it has an effect with static_friction alone, from which the friction falls",
+                )
     if not has_axial_motion(member_at(scene, number)):
         yield from (
             UnusedKey(f"joint.{key}", "", f"{name} has no coordinates along the boom, and so no {key}")

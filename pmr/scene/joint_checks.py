@@ -109,7 +109,7 @@ def _check_clearance(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[
     for face in seat.ring.faces or ("bottom", "top"):  # points stand above and below
         clearance, gap = seat.ring.clearance_on(face), room.get(face, np.inf)
         if clearance > gap * (1.0 + SLACK):
-            allowed = f"at most {gap:.6g} m is allowed: so wide is the gap between {name} and {around} there"
+            allowed = f"at most {gap:.6g} m is allowed: this is the width of the gap between {name} and {around} there"
             raise scene_error(f"{key}.clearance", clearance, allowed)
 
 
@@ -147,7 +147,9 @@ def _check_section_names(scene: Scene) -> None:
     """Refuse equal names of sections or of rings at one end, a joint of the base, and others without a joint."""
     check_names("sections", scene.names)
     if scene.sections[0].joint is not None:
-        raise scene_error("sections[0].joint", None, "the base slides in nothing: supports or pads hold it")
+        raise scene_error(
+            "sections[0].joint", None, "the base does not slide in another section: supports or pads hold it"
+        )
     for number, part in enumerate(scene.sections[1:], start=1):
         if part.joint is None:
             raise scene_error(f"sections[{number}].joint", None, f"a joint in which {part.name} slides is needed")
@@ -191,7 +193,7 @@ def _check_drive(scene: Scene, number: int) -> None:
         chain.append(follows)
     if joint.rope is not None and rope_length(scene, number) is None:
         allowed = (
-            "a length is needed: by itself it is known of a rope from the head of the section before the one that "
+            "a length is needed: it is computed only for a rope from the head of the section before the one that "
             f"{scene.names[number]} slides in, over the head of that one, which it follows with a ratio of 1"
         )
         raise scene_error(f"{key}.rope.length", None, allowed)
@@ -219,14 +221,18 @@ def _check_flexible_drive(scene: Scene, number: int) -> None:
     soft = next((leader for leader in leads if Drive.of_section(scene, scene.names.index(leader)).compliance), None)
     if soft and not drive.compliance:
         allowed = (
-            f"a rope with its EA, or cylinder.stiffness, is needed: what moves {soft}, which it follows, gives way"
+            "a rope with its EA, or cylinder.stiffness, is needed: the rope or "
+            f"cylinder of {soft}, which it follows, gives way"
         )
         raise scene_error(f"{key}.rope", None, allowed)
     rings = ((end, k, ring) for end in ("tail", "mouth") for k, ring in enumerate(getattr(scene.joint(number), end)))
     rubs = next((f"{end}[{k}]" for end, k, ring in rings if ring.friction), "")
     hangs = soft or drive.changes_length or (drive.compliance and len(carried.get(name, ())) > 1)
     if rubs and hangs:
-        allowed = f"0 is allowed: what moves {name} changes its length, or gives way together with what moves others"
+        allowed = (
+            f"0 is allowed: the rope or cylinder that moves {name} changes its length, "
+            "or shares its flexibility with those of other sections"
+        )
         raise scene_error(f"{key}.{rubs}.friction", None, allowed)
 
 

@@ -42,13 +42,13 @@ def model_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
         )
     richer = ORDER[max(ranks) + 1] if richer_model == "next" else richer_model
     if ORDER.index(richer) <= max(ranks):
-        raise _no_comparison(richer_model, f"{' and '.join(dict.fromkeys(models_of_scene))} knows as much")
+        raise _no_comparison(richer_model, f"{' and '.join(dict.fromkeys(models_of_scene))} is as rich as that")
     if any(part.body.box is None for part in scene.sections):
-        raise _no_comparison(richer_model, "a box is needed to make one of")
+        raise _no_comparison(richer_model, "[body.box] is needed: from it the richer model is made")
     if richer == "shell" and any(part.body.section is not None for part in scene.sections):
         raise _no_comparison(richer_model, "body.section gives stiffnesses that a shell of the box does not have")
     if richer == "beam3d" and any(part.body.walls == "give" for part in scene.sections):
-        raise _no_comparison(richer_model, "walls that give way are to be compared with a shell")
+        raise _no_comparison(richer_model, "'shell' is allowed for a beam whose walls give way")
     return comparable_scene(scene), _scene_with_models(scene, [richer] * len(models_of_scene)), richer
 
 

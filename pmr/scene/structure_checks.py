@@ -126,7 +126,7 @@ def _check_travel(member: Member) -> None:
         raise scene_error("slider.travel", [low, high], "points have the whole beam: leave it out")
     slack = BEYOND_ENDS * (high - low)
     if not low < high or first < low - slack or last > high + slack:
-        allowed = f"two places in m, the first one less, around the path's {first:.6g} to {last:.6g} are allowed"
+        allowed = f"two places in m, the smaller one first, around the path's {first:.6g} to {last:.6g} are allowed"
         raise scene_error("slider.travel", [low, high], allowed)
 
 

@@ -257,4 +257,4 @@ class MachineRun:
             if np.abs(change).max() <= ROUND_OFF * max(1.0, np.abs(at).max()):
                 motion[0, sprung] = at
                 return motion
-        raise SimulationError("the machine finds no equilibrium on its springs")
+        raise SimulationError("no equilibrium of the machine on its springs was found")

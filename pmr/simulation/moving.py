@@ -63,7 +63,7 @@ def read_scene(system: System, source: str) -> StoredScene:
     try:
         scene = system.provenance["scene"]
         if any(map(_names_a_file, _signals(scene))):
-            raise ValueError("a signal in a model holds its numbers itself")
+            raise ValueError("a signal in a saved model contains its numbers; it reads no file")
         if ALONE in system.bodies and not scene.get("frame"):
             return _read_body_scene(scene, system)
         return _read_boom_scene(scene, system)
@@ -71,7 +71,9 @@ def read_scene(system: System, source: str) -> StoredScene:
         if isinstance(error, InputError):
             raise InputError(source, f"provenance.scene.{error.key}", error.value, error.allowed) from None
         why = "this one has none" if error.args == ("scene",) else repr(error)
-        raise InputError(source, "provenance.scene", None, f"a file that holds its scene is allowed: {why}") from None
+        raise InputError(
+            source, "provenance.scene", None, f"a file that contains its scene is allowed: {why}"
+        ) from None
 
 
 def _read_body_scene(scene: Mapping[str, Any], system: System) -> StoredScene:

@@ -125,7 +125,7 @@ def _describe_loss(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
     if share > UNSEEN:
         yield (
             f"what it does about t = {at:.6g} s passes between two steps of {h:.4g} s, "
-            f"{two_digits(100.0 * share)} % of its whole range; smaller steps see it"
+            f"{two_digits(100.0 * share)} % of its whole range; smaller steps resolve it"
         )
 
 

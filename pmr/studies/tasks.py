@@ -241,4 +241,4 @@ def _topological_order(needs: Mapping[str, Iterable[str]]) -> list[str]:
     try:
         return list(TopologicalSorter(needs).static_order())
     except CycleError as error:
-        raise ValueError(f"{' and '.join(sorted(set(error.args[1])))} need each other") from None
+        raise ValueError(f"{' and '.join(sorted(set(error.args[1])))} need one another's results") from None

@@ -121,7 +121,7 @@ def _operation(function: Callable[..., float], parts: list[Value]) -> Value:
         """Return the operator's value."""
         value = function(*(part(at) for part in parts))
         if isinstance(value, complex):
-            raise ValueError("a power of a negative number is no real one")
+            raise ValueError("a power of a negative number is not a real number")
         return value
 
     return apply

@@ -65,7 +65,7 @@ def describe_names(field: str, names: object) -> str | None:
     None is also returned if `names` is no tuple.
     """
     wrong = [name for name in names if not is_name(name, LONGEST)] if isinstance(names, tuple) else []
-    return f"{field} holds {wrong[0]!r:.60}, which is no name" if wrong else None
+    return f"{field} holds {wrong[0]!r:.60}, which is not a name" if wrong else None
 
 
 def symmetric_part(A: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -112,7 +112,7 @@ def _unpack_triangle(triangle: Array, sign: float) -> Array:
     """Matrix (n, n) with the lower triangle `triangle`, row by row; `sign` is 1 if symmetric, -1 if antisymmetric."""
     n = int((np.sqrt(8.0 * triangle.size + 1.0) - 1.0) / 2.0 + 0.5)
     if triangle.shape != (n * (n + 1) // 2,):
-        raise ValueError(f"{triangle.shape} is no triangle of a matrix")
+        raise ValueError(f"{triangle.shape} is not the shape of a triangle of a matrix")
     square, below = np.empty((n, n)), np.tri(n, dtype=bool)
     square.T[below] = sign * triangle
     square[below] = triangle

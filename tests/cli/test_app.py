@@ -275,7 +275,9 @@ def test_no_room_for_a_drawn_mesh_is_one_line(tmp_path: Path) -> None:
     done = python("-c", f"{limit}; import sys; sys.argv = {command}; from pmr.cli.app import main; main()")
     assert (done.returncode, done.stdout) == (1, "")
     assert (
-        done.stderr.count("\n") == 1 and "File too large: room is needed" in done.stderr and "(TMPDIR)" in done.stderr
+        done.stderr.count("\n") == 1
+        and "File too large: free space is needed" in done.stderr
+        and "(TMPDIR)" in done.stderr
     )
 
 
@@ -300,7 +302,7 @@ def test_a_form_that_is_not_compiled_is_one_line(tmp_path: Path, monkeypatch: py
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     done = pmr("run", SIMPLE, "--out", str(tmp_path / "out"))
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr.count("\n") == 1 and "a form was not compiled" in done.stderr
+    assert done.stderr.count("\n") == 1 and "a finite-element form was not compiled" in done.stderr
 
 
 @pytest.mark.parametrize("terminal", [True, False])

@@ -29,7 +29,7 @@ def test_what_a_full_disk_does_not_take_is_said(arguments: list[str]) -> None:
 def test_help_names_the_places_that_need_room() -> None:
     done = under(">/dev/full", "--help")
     assert done.returncode == 1 and done.stderr.count("\n") == 1
-    assert done.stderr.startswith("pmr: No space left on device: room is needed for standard output")
+    assert done.stderr.startswith("pmr: No space left on device: free space is needed for standard output")
 
 
 @pytest.mark.parametrize("redirection", [">&-", "2>&-", "<&- >&- 2>&-", "2>/dev/full"])

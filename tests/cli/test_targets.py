@@ -68,7 +68,7 @@ def test_what_a_command_reads_it_does_not_write_over(model: Path, tmp_path: Path
     ):
         content = read.read_bytes()
         monkeypatch.chdir(tmp_path)
-        assert " is read" in refused(monkeypatch, capsys, *asked)
+        assert " is input of the same run" in refused(monkeypatch, capsys, *asked)
         assert read.read_bytes() == content
 
 

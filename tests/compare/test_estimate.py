@@ -187,7 +187,7 @@ def test_where_there_is_no_estimate_it_says_why() -> None:
         replace(flexible(full, 5), enrichment=model.enrichment),
         replace(model, carriers=None),
     ):
-        assert "keeps no enrichment modes" in str(reason_without_estimate({"": without}))
+        assert "holds no enrichment modes" in str(reason_without_estimate({"": without}))
     with pytest.raises(ValueError, match="no estimate: without residual flexibility"):
         estimate(pod, driven(PATH, LOADS[0], STEPPING))
 

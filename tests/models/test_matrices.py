@@ -109,7 +109,7 @@ def test_a_face_without_coordinates_along_its_normal_is_refused() -> None:
         direction=model.body_matrices.direction[kept],
     )
     given = replace(given, groups={"bottom": model.body_matrices.groups["bottom"][10:]})
-    with pytest.raises(InputError, match="coordinates along its normal: a pad would hold nothing here"):
+    with pytest.raises(InputError, match="coordinates along its normal: without them a pad holds nothing"):
         Matrices(given).strip("bottom", Window((0.7, 0.9), (-0.05, 0.05), (0.02, 0.01)))
 
 

@@ -75,7 +75,7 @@ def bent(mesh: NamedMesh) -> NamedMesh:
 def test_what_is_no_face_for_a_pad_is_refused() -> None:
     with pytest.raises(InputError, match="no group named floor; found: bottom"):
         shell(box()).strip("floor", WINDOW)
-    with pytest.raises(InputError, match="tip is no face"):
+    with pytest.raises(InputError, match="tip is not a face"):
         shell(box()).strip("tip", WINDOW)
     with pytest.raises(InputError, match="not flat"):
         shell(bent(box())).strip("top", WINDOW)

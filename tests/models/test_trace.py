@@ -104,7 +104,7 @@ def test_a_weighted_mean_weighs() -> None:
 def test_a_straight_line_leaves_a_rotation_open() -> None:
     mesh = surface()
     nodes = number_nodes("triangle", mesh.points, mesh.cells, SHELL)
-    with pytest.raises(InputError, match="'10'.*on a line, which leaves the rotation about it open"):
+    with pytest.raises(InputError, match="'10'.*on a line, so the rotation about that line is not defined"):
         group_trace(mesh, nodes, "10", 2).motion()
 
 

@@ -313,7 +313,7 @@ def test_fields_of_every_section_are_what_its_outputs_say_and_stand_where_it_is(
 
 @pytest.mark.slow
 def test_a_shell_slides_in_beams() -> None:
-    """The fly as a shell, whose stresses are asked for; its pads on the beam carry its weight, full and reduced."""
+    """The fly as a shell, whose stresses are computed; its pads on the beam carry its weight, full and reduced."""
     beams = [f"sections.{name}.body.model=beam3d" for name in ("base", "middle")]
     coarse = ["section.mesh={size=0.15,along=0.6,elements=12}", "time.end=0.02", "recovery.every=0.01"]
     coarse.append(f"section.joint.extension={OUT}")

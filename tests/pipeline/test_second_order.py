@@ -217,7 +217,9 @@ def test_a_column_beyond_its_buckling_load_is_warned_of() -> None:
     summary = pmr.run(load(f"sections.beam.loads.0.signal={beyond}")).result.summary
     assert summary["buckling"]["factor"] == pytest.approx(1.0 / 1.2, rel=1e-3)
     (said,) = [one for one in summary["warnings"] if "buckling" in one]
-    assert said.startswith("the boom is past its buckling load: at 0 s 0.833 of the axial forces") and "\n" not in said
+    assert (
+        said.startswith("the boom is beyond its buckling load: at 0 s 0.833 of the axial forces") and "\n" not in said
+    )
 
 
 @pytest.mark.slow

@@ -59,7 +59,7 @@ REFUSED = [
     ("sections.fly.joint.mouth.0.clearance=0.5", r"mouth\[0\].clearance = 0\.5: at most 0\.0135 m is allowed"),
     ("section.joint.tail.0.clearance=0.0136", r"sections\[1\].*clearance = 0.0136: at most 0\.0125 m"),
     ("section.joint.tail.0.clearance=0.0124", ""),
-    ("section.joint.friction_speed=0.1", "joint.friction_speed = 0.1: no such key is allowed any more: pads stick"),
+    ("section.joint.friction_speed=0.1", "joint.friction_speed = 0.1: this key is no longer allowed: pads stick"),
     ("section.joint.tail.0.friction=50", r"friction = 50.0: a number from 0 to 1 is allowed"),
     ("section.joint.tail.0.static_friction=0.2", "static_friction = 0.2 is allowed beside a smaller friction"),
     ("sections.fly.supports=[{on='tip',kind='clamped'}]", r"supports\[0\].kind = 'clamped': directions"),

@@ -50,8 +50,8 @@ def test_the_next_richer_model_or_that_asked_for(name: str, asked: str, own: str
     [
         ("boom_shell", "next", "richest"),
         ("boom_solid", "shell", "richest"),
-        ("boom_beam", "beam3d", "knows as much"),
-        ("paper_evolved", "next", "a box is needed"),
+        ("boom_beam", "beam3d", "is as rich as that"),
+        ("paper_evolved", "next", r"\[body.box\] is needed"),
         ("boom_beam", "none", "compare.richer = 'none' leaves it out"),
     ],
 )

@@ -91,7 +91,7 @@ REFUSED = [
     (
         "reduction.residual_inertia=true",
         "reduction.residual_inertia = True",
-        "more of reduction.coordinates do its work",
+        "a larger reduction.coordinates has the same effect",
     ),
     ("reduction.estimate=1", "reduction.estimate = 1", "boolean"),
     ("reduction.basis=craig", "reduction.basis = 'craig'", "'free_modes', 'eigenmodes', 'paper' or 'file'"),

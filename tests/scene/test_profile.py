@@ -103,7 +103,10 @@ REFUSED = [
     (["sections.fly.body.box.chamfer=0.05"], "comes 0.009 m too close to the bottom right of base"),
     (["sections.base.body.box.chamfer=[0.1,0.12]"], "the bottom left of fly and that of base are not"),
     (["sections.base.body.box.chamfer=0.0"], "faces that base has are allowed: bottom, left, top, right"),
-    ([PADS % ("'top left'=[0.0],bottom=[0.0]", "'top left'=0.03")], "at most 0.0248198 m is allowed: so wide is"),
+    (
+        [PADS % ("'top left'=[0.0],bottom=[0.0]", "'top left'=0.03")],
+        "at most 0.0248198 m is allowed: this is the width",
+    ),
     ([PADS % ("'top left'=[0.0]", "bottom=0.01")], "a clearance of faces that have pads is allowed: bottom has none"),
     ([PADS % ("'top left'=[-0.1]", "")], "the flat face top left offers -0.0424264 to 0.113137 m"),
     (["section.body.model=beam2d"], "bottom, top, left and right are allowed for beam2d, or body.model = 'beam3d'"),

@@ -120,8 +120,8 @@ def test_damping_in_two_ways_names_the_file_that_has_both(tmp_path: Path) -> Non
         ((), "beam3d", "the load gust acts along y"),
         (("body.box.frames=[3.0]", "body.box.frame_depth=0.05"), "shell", "the box has frames"),
         ((AT_THE_WEB, VERTICAL), "beam2d", "all loads and masses lie in the vertical plane"),
-        ((AT_THE_WEB, VERTICAL, "recovery={every=0.1}"), "shell", "stresses are asked for"),
-        ((AT_THE_WEB, VERTICAL, PROBE % "strain"), "shell", "stresses are asked for"),
+        ((AT_THE_WEB, VERTICAL, "recovery={every=0.1}"), "shell", "stresses are computed"),
+        ((AT_THE_WEB, VERTICAL, PROBE % "strain"), "shell", "stresses are computed"),
         ((AT_THE_WEB, VERTICAL, PROBE % "displacement"), "beam2d", "vertical"),
         ((AT_THE_WEB, VERTICAL, "body.box.wall=0.002"), "beam2d", "vertical plane"),
         (
@@ -201,7 +201,7 @@ def test_what_a_planar_beam_does_not_know_is_refused(load, override, message) ->
     ("override", "says"),
     [
         ("slider.travel=[1.6,4.0]", "around the path's 1.5 to 4"),
-        ("slider.travel=[4.2,1.4]", "two places in m, the first one less"),
+        ("slider.travel=[4.2,1.4]", "two places in m, the smaller one first"),
         ("slider.travel=[1.4,5.9]", "slider.travel: the pad .* reaches from 1.25 to 6.05 m"),
         ("slider.travel=[1.4]", "slider.travel"),
     ],

@@ -59,7 +59,7 @@ def test_equal_tasks_of_two_plans_are_one() -> None:
 
 
 def test_a_circle_is_refused() -> None:
-    with pytest.raises(ValueError, match="need each other"):
+    with pytest.raises(ValueError, match="need one another's results"):
         digests(Plan((task("a", "b"), task("b", "a"))), "")
 
 

@@ -93,7 +93,7 @@ FORGED: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "a body more": (changed(lambda header: header["bodies"].append("3")), "M"),
     "two of a name": (changed(lambda header: header | {"bodies": ["0", "0", "1"]}), "names that differ"),
     "one without a name": (changed(lambda header: header | {"bodies": ["", "1", "2"]}), "names that differ"),
-    "one with an odd name": (changed(lambda header: header | {"bodies": ["\x1b[31m", "1", "2"]}), "no name"),
+    "one with an odd name": (changed(lambda header: header | {"bodies": ["\x1b[31m", "1", "2"]}), "not a name"),
     "a number for a name": (changed(lambda header: header | {"bodies": [0, 1, 2]}), "bodies.0"),
     "another body": (place(body="9"), "contacts.tail 1 top.body = '9'"),
     "another row": (place(row="v"), "contacts.tail 1 top.row = 'v'"),

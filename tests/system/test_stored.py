@@ -98,7 +98,7 @@ def test_a_damaged_triangle_is_refused_in_one_line(model: ReducedModel, tmp_path
         arrays = dict(data)
     arrays["carriers.flexibility.rows.triangle"] = arrays["carriers.flexibility.rows.triangle"][:-1]
     np.savez(tmp_path / "m.npz", **arrays)
-    with pytest.raises(InputError, match="is no triangle") as caught:
+    with pytest.raises(InputError, match="is not the shape of a triangle") as caught:
         ReducedModel.load(tmp_path / "m.npz")
     assert len(str(caught.value).splitlines()) == 1
 

@@ -79,7 +79,7 @@ def test_what_knows_no_terms_refuses_them(system: System, tmp_path: Path) -> Non
     for to in ("exudyn", "matlab"):
         with pytest.raises(InputError, match="system.npz: terms = 'N'.*without terms that vary in time"):
             write(to, file, None, Options())
-    with pytest.raises(InputError, match="a file that holds its scene is allowed"):  # which says what drives them
+    with pytest.raises(InputError, match="a file that contains its scene is allowed"):  # which says what drives them
         write("fmu", file, None, Options())
 
 

@@ -61,7 +61,12 @@ def other_mesh(scene: Scene) -> OtherMesh:
     Raises an `InputError` that says why there is no such mesh.
     """
     if any(part.mesh.file is not None for part in scene.sections):
-        raise InputError("scene", "mesh", None, "a mesh that is read from a file has no other one to be compared with")
+        raise InputError(
+            "scene",
+            "mesh",
+            None,
+            "a mesh that is read from a file cannot be refined, so there is nothing to compare it with",
+        )
     if has_rigid_beams(scene):
         order = FIRST_ORDER if has_long_elements(scene) else ORDER
         return OtherMesh(finer_beams(scene), "finer mesh", 1.0 / (1.0 - FINER**-order))

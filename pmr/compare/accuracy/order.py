@@ -108,7 +108,9 @@ class Search:
     def __init__(self, scene: Scene, models: Mapping[str, ReducedModel]) -> None:
         begin, self.scene = time.perf_counter(), scene
         if why := reason_without_estimate(models):
-            raise InputError("scene", _key(scene), None, f"there is no estimate to go by: {why}")
+            raise InputError(
+                "scene", _key(scene), None, f"the search needs an estimate of the error, and there is none: {why}"
+            )
         self.trials = trials = trials_of(scene, models)
         if lacking := [kind for kind in trials.wanted if kind not in trials.kinds]:
             _refuse_outputs(
@@ -259,7 +261,8 @@ def accuracy_warnings(choice: Choice) -> list[str]:
             percent(max((choice.mesh or {}).values()), "their size"),
         )
         lines.append(
-            f"the tolerance of {limit} isn't held: all is off by {sizes}, {of_mesh} by the mesh; shorter cells help"
+            f"the tolerance of {limit} isn't held: the sum of all errors is {sizes}, "
+            f"of which the mesh causes {of_mesh}; shorter cells help"
         )
     return lines
 

@@ -339,7 +339,8 @@ def space_drawings(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...],
     figures = [tuple(row)]
     if any(result.summary.get("buckling", {}).get("over", {}).get("factor", ())):
         caption = (
-            "By what all axial forces would have to grow until the boom buckles, with every pad closed, along the "
+            "Factor by which all axial forces would have to grow until the "
+            "boom buckles, with every pad closed, along the "
         )
         caption += "way of this run, which begins at the larger dot."
         captions = (("reach", caption), ("angle", "The same over the angle of luffing."))

@@ -133,7 +133,7 @@ def _headline(study: FinishedStudy, least_loads: Array) -> str:
         hint = (
             ""
             if study.study_file["limits"]
-            else f" It was looked for {STABILITY} alone: [[limits]] of the study adds others."
+            else f" Only the limit {STABILITY} was evaluated: [[limits]] of the study adds others."
         )
         most = f"{study.study_file['up_to']:g}{SPACE}kg"
         return f"No limit is reached up to {most} at any of {least_loads.size} points.{hint}"

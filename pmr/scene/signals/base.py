@@ -56,7 +56,7 @@ class SignalBase(BaseModel):
 
         Raises NotImplementedError for a kind of signal without them.
         """
-        raise NotImplementedError(f"nobody needs the second rate of {type(self).__name__}")
+        raise NotImplementedError(f"there is no second rate of {type(self).__name__}")
 
     @property
     def breaks(self) -> Floats:

@@ -133,7 +133,7 @@ def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) 
         allowed = "axial forces below those that buckle the boom on the pads that are closed at the start are allowed"
         raise InputError("system", "contacts", None, f"{allowed} with second order; without it these pads hold it")
     allowed = (
-        "contacts that hold the bodies against the loads at the start, each in a way of its own, are allowed "
+        "contacts are allowed that together hold every motion of the bodies against the loads at the start "
         "(pads in the middle of faces hold no roll; pads with a clearance hold nothing until a load closes them)"
     )
     raise InputError("system", "contacts", None, allowed)
@@ -368,7 +368,7 @@ class HeldSystem:
         K, load = self._assembly.K, np.random.default_rng(3).standard_normal(self._assembly.size)
         q = self._solve(np.concatenate([load, np.zeros(len(self._rows.F))]))[: len(load)]
         if not q @ load >= ROUND_OFF_OF_K * np.abs(q) @ (abs(K) @ np.abs(q)):  # also true for NaN
-            allowed = "contacts that hold the bodies are allowed: without, nothing is there to buckle"
+            allowed = "contacts that hold the bodies are allowed: without, there is nothing that could buckle"
             raise InputError("system", "contacts", None, allowed)
         return q
 

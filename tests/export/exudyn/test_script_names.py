@@ -87,7 +87,7 @@ def test_a_name_is_never_run(plain: ReducedModel, kind: str, compliant: bool, tm
     if compliant:
         model = replace(model, pads=np.array([2e-6, 3e-6]))
     if not is_name(NAMES[kind]):  # a file with such names is refused; a title may be anything
-        with pytest.raises(InputError, match="which is no name"):
+        with pytest.raises(InputError, match="which is not a name"):
             write_exudyn_script(model.save(tmp_path / "refused.npz"), tmp_path / "script.py")
         model, rows = replace(plain, provenance=model.provenance, pads=model.pads), list(plain.row_names)
     script = write_exudyn_script(model.save(tmp_path / "beam.npz"), tmp_path / "script.py")
@@ -117,7 +117,7 @@ def test_a_crafted_model_is_refused(plain: ReducedModel, tmp_path: Path) -> None
         arrays = dict(data)
     names = [f'"""\n{CODE}\n"""', f"\\\n{CODE}"]
     np.savez(tmp_path / "crafted.npz", **(arrays | {"row_names": np.array(names)}))
-    with pytest.raises(InputError, match="row_names holds .*, which is no name"):
+    with pytest.raises(InputError, match="row_names holds .*, which is not a name"):
         write_exudyn_script(tmp_path / "crafted.npz", tmp_path / "crafted.py")
 
 

@@ -74,7 +74,10 @@ def test_a_rigid_stop_holds_what_a_term_tips_until_that_buckles_between_its_ends
 def test_what_second_order_alone_lets_go_is_said_to_be_so() -> None:
     """Held without terms, and by nothing with them; without terms either it is the contacts that hold nothing."""
     one, none, rows = np.ones((1, 1)), np.zeros((1, 1)), PPoly(np.zeros((1, 1, 0, 1)), [0.0, 1.0])
-    for K, said in ((100.0, "second order; without it these pads hold it"), (0.0, "contacts that hold the bodies")):
+    for K, said in (
+        (100.0, "second order; without it these pads hold it"),
+        (0.0, "together hold every motion of the bodies"),
+    ):
         body = ReducedModel(one, none, K * one, one, one, rows, ("F",), (), np.zeros(1))
         system = System({"mass": body}, (), terms=(Term("pressed", ("mass",), stiffness=one),))
         with pytest.raises(InputError, match=said):

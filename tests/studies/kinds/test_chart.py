@@ -246,7 +246,7 @@ def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path) ->
     unmet = "no limit is reached up to 5000 kg at any of 12 points"
     assert study.summary_line(replace(small, runs=tuple(bare))) == unmet
     said = study.model_copy(update={"limits": ()}).summary_line(replace(small, runs=tuple(bare)))
-    assert said == f"{unmet}; it was looked for stability alone, [[limits]] of the study adds others"
+    assert said == f"{unmet}; only the limit stability was evaluated; [[limits]] of the study adds others"
 
 
 def test_the_report_shows_the_picture_with_values_at_the_pointer(small: StudyResults, folder: Path) -> None:
