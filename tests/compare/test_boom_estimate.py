@@ -121,7 +121,7 @@ def _rows(model: ReducedModel, s: float) -> np.ndarray:
     ("changes", "said"),
     [
         (("section.reduction.flexibility=false",), "base: without residual flexibility"),
-        (("section.mesh.elements=2", "sections.base.reduction.coordinates=3"), "keeps no enrichment modes"),
+        (("section.mesh.elements=2", "sections.base.reduction.coordinates=3"), "holds no enrichment modes"),
     ],
 )
 def test_where_there_is_none_the_reason_is_told(changes: tuple[str, ...], said: str) -> None:

@@ -164,7 +164,7 @@ def test_what_is_not_held_is_told() -> None:
         (("accuracy.tolerance=0.01", "accuracy.outputs=['tip','tip']"), "each kind once"),
         (
             ("accuracy.tolerance=0.01", "section.mesh.elements=2", "section.reduction.coordinates=5"),
-            "mesh that has more",
+            "the mesh has more modes",
         ),
     ],
 )
