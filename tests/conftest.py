@@ -13,7 +13,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 #: What runs measure once per structure is no user's here.
 os.environ["PMR_CACHE"] = os.path.join(tempfile.gettempdir(), f"pmr-tests-{os.getpid()}")
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import blas
@@ -117,6 +117,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         read = file.startswith(READ) and not file.startswith(EVALUATED)
         if file.startswith(FENICSX) or not slow and not read:
             item.add_marker(pytest.mark.stack)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _no_waiting_for_the_disk() -> Iterator[None]:
+    """Leave files to the system's memory: no test is about a power failure."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda file: None)
+        yield
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -25,7 +25,7 @@ ONE_WORKER = ["--jobs", "1"]
 #: Runs of which the page shows no figure need not last.
 SHORT = {"reports/heavy": ["--set", "time.end=0.1"], "payloads.toml": ["--set", "change.time.end=0.1", *ONE_WORKER]}
 #: Runs of which the page doesn't say what their mesh and model are off by.
-NOT_MEASURED = re.compile("reports/(heavy|both_ways|second_order|fields)")
+NOT_MEASURED = re.compile("reports/(heavy|both_ways|second_order|fields)|payloads.toml")
 
 
 @pytest.mark.slow

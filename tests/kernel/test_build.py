@@ -37,6 +37,7 @@ print(code_variant())
 """
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("flags", [[], ["-DPMR_PLAIN"]], ids=["vectors", "plain"])
 def test_sources_compile_without_a_warning_and_export_what_the_header_declares(
