@@ -52,14 +52,19 @@ EVALUATED = ("scene/test_signals.py",)
 #: Ranks of this run, and what files say that have tests for several of them, and for several kernels.
 RANKS = int(os.environ.get("OMPI_COMM_WORLD_SIZE", os.environ.get("PMI_SIZE", "1")))
 FOR_RANKS, FOR_KERNELS = "pytest.mark.mpi", "pytest.mark.numerical"
+#: Variables of the environment on which a test's outcome depends: the command that repeats it alone sets them.
+SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_CORETYPE", "PMR_SWEEP", "PMR_KERNEL", "LD_PRELOAD", "ASAN_OPTIONS")
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Print the command that repeats each failed test, and the kernels of BLAS, as these decide the round-off."""
-    settings = [f"{name}={os.environ[name]}" for name in ("OMP_NUM_THREADS", "OPENBLAS_CORETYPE") if name in os.environ]
+    settings = [f"{name}={os.environ[name]}" for name in SETTINGS if name in os.environ]
     launcher = ["mpirun", "-n", str(RANKS)] if RANKS > 1 else []
+    config = terminalreporter.config
+    options = ["-p", "other_kernel"] if config.pluginmanager.has_plugin("other_kernel") else []
+    options += ["-m", "peers"] if config.option.markexpr == "peers" else []
     for report in (report for kind in ("failed", "error") for report in terminalreporter.stats.get(kind, ())):
-        command = shlex.join([*settings, *launcher, sys.executable, "-m", "pytest", report.nodeid])
+        command = shlex.join(["env", *settings, *launcher, sys.executable, "-m", "pytest", *options, report.nodeid])
         terminalreporter.write_line(f"alone: {command}")
     libraries = sorted(f"{library.name} {library.kernel}" for library in blas.loaded())
     terminalreporter.write_line(f"BLAS: {', '.join(libraries) or 'no OpenBLAS was loaded'}")

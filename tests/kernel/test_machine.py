@@ -23,7 +23,7 @@ from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
 
 Array = NDArray[np.float64]
-pytestmark = [pytest.mark.slow, pytest.mark.numerical]  # a boom is reduced
+pytestmark = pytest.mark.slow  # a boom is reduced
 
 MASS, CENTER, INERTIA = 300.0, np.array([0.1, 0.2, -0.3]), np.array([40.0, 60.0, 50.0])
 FORCE, MOMENT = np.array([0.0, 700.0, 0.0]), np.array([0.0, 0.0, 300.0])
@@ -86,6 +86,7 @@ class Oracle:
         self.holding_forces = needed + STIFFNESS * motion[0] + DAMPING * motion[1]
 
 
+@pytest.mark.numerical
 def test_momenta_and_what_holds_it_are_those_of_the_equations(run: MachineRun) -> None:
     """Where machine and boom move anyhow, the boom telescopes, and contacts give way by residual flexibility."""
     rng, r = np.random.default_rng(3), run.simulation.state.kernel.modes
@@ -106,6 +107,7 @@ def test_momenta_and_what_holds_it_are_those_of_the_equations(run: MachineRun) -
         )
 
 
+@pytest.mark.numerical
 def test_momenta_change_by_forces_that_are_averaged_as_accelerations_are() -> None:
     """Upwards, where nothing but weight acts, which rises.
 

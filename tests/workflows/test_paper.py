@@ -179,7 +179,6 @@ def test_histories_compare_the_three_models(short: str, tmp_path: Path) -> None:
     assert isinstance(chapter, Chapter) and "short case" in chapter.key_numbers[0].label
 
 
-@pytest.mark.numerical
 def test_the_table_of_the_paper() -> None:
     pairs = [f"errors.{pair}.{place}" for pair in ("full_vs_ancf", "reduced_vs_full") for place in ("tip", "beam")]
     simple, evolved = histories.row("paper_simple"), histories.row("paper_evolved")
