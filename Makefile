@@ -3,7 +3,7 @@
 .NOTPARALLEL:
 SHELL := /bin/bash
 
-PINS := $(filter-out requirements/snakemake.txt requirements/benchmarks.txt requirements/docs.txt requirements/fmi.txt, $(wildcard requirements/*.txt)) pyproject.toml
+PINS := $(filter-out requirements/snakemake.txt requirements/benchmarks.txt requirements/docs.txt requirements/fmi.txt requirements/release.txt, $(wildcard requirements/*.txt)) pyproject.toml
 
 # The form compiler calls cc at run time, WeasyPrint loads Pango and HarfBuzz, gmsh (without a window) X libraries, VTK
 # (without an X server) EGL, and on Debian's default BLAS a MUMPS factor takes six times as long as on OpenBLAS.
@@ -106,6 +106,20 @@ wheels: $(WHEELS:%=wheel-%) ## dist: wheels for Linux and macOS (x86-64, Arm) an
 wheel-%: setup
 	@rm -rf build/wheels/$*
 	@PMR_TARGET=$* .venv/bin/python setup.py -q build --build-base build/wheels/$* bdist_wheel --dist-dir dist
+
+# Only a release wants it: cffconvert needs older packages than pmr.
+.venv-release/.ready: requirements/release.txt
+	@/usr/bin/python3 -m venv .venv-release
+	@.venv-release/bin/python -m pip install -q --no-compile -r requirements/release.txt
+	@touch $@
+
+.PHONY: release
+release: .venv-release/.ready ## dist: sources and wheels, checked in fresh environments by the first boom; nothing is uploaded
+	@.venv-release/bin/cffconvert --validate
+	@rm -rf dist && .venv-release/bin/python -m build -q --sdist
+	@$(MAKE) --no-print-directory wheels
+	@.venv-release/bin/twine check --strict dist/*
+	@.ci/release dist /usr/bin/python3 "$(PYTHON312)"
 
 .PHONY: report
 report: setup ## the paper's two cases, full against reduced: reports/paper/report.html and .pdf
@@ -316,5 +330,5 @@ schemas: setup ## write what editors complete and check workflows from
 
 .PHONY: clean
 clean: ## remove what make and the tests made, the venvs too
-	rm -rf docs/_build docs/gallery docs/_static/report_*.html .venv .venv-wheel .venv-snakemake .venv-fmi .snakemake build dist reports/paper reports/benchmarks pmr/kernel/_native* .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf docs/_build docs/gallery docs/_static/report_*.html .venv .venv-wheel .venv-snakemake .venv-fmi .venv-release .snakemake build dist reports/paper reports/benchmarks pmr/kernel/_native* .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
 	find pmr tests -name __pycache__ -prune -exec rm -rf {} +
