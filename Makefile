@@ -194,6 +194,7 @@ test: setup ## lint, the whole suite, two ranks, BLAS kernels; in CI the wheel s
 	@echo "lint, the suite under $(or $(KERNEL),the system's BLAS), two ranks; numerical part under $(or $(OTHERS),no other kernel)$(if $(BOTH_STACKS),; a part on the wheel stack)"
 	$(if $(BOTH_STACKS),$(IN_CI),$(ALONE))
 	@$(if $(BOTH_STACKS),,echo "wheel stack not tested: make test-wheel does it, with Python 3.12 or newer")
+	@echo "make test: everything passed"
 
 .PHONY: $(SUITE)
 test-suite-rooms: setup .venv-fmi/.ready
