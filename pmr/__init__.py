@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from pmr.compare.simulated import simulate, simulate_with_states
     from pmr.errors import ConvergenceError, InputError, SimulationError
     from pmr.files.matrices import from_matrices
+    from pmr.observe.linear import linearize
+    from pmr.observe.observer import Observer
     from pmr.pipeline import full_model, reduce, run
     from pmr.results import Response, RunResult
     from pmr.scene import load_any as load_scene
@@ -49,6 +51,7 @@ __version__ = "0.1.0"
 _PLACES = {
     "ConvergenceError": "pmr.errors:ConvergenceError",
     "InputError": "pmr.errors:InputError",
+    "Observer": "pmr.observe.observer:Observer",
     "ReducedModel": "pmr.system.reduced_model:ReducedModel",
     "Response": "pmr.results:Response",
     "RunResult": "pmr.results:RunResult",
@@ -57,6 +60,7 @@ _PLACES = {
     "System": "pmr.system.system:System",
     "from_matrices": "pmr.files.matrices:from_matrices",
     "full_model": "pmr.pipeline:full_model",
+    "linearize": "pmr.observe.linear:linearize",
     "load_scene": "pmr.scene:load_any",
     "project": "pmr.system.body:projected",
     "reduce": "pmr.pipeline:reduce",
@@ -65,8 +69,9 @@ _PLACES = {
     "simulate_with_states": "pmr.compare.simulated:simulate_with_states",
 }
 __all__ = [
-    "ConvergenceError", "InputError", "ReducedModel", "Response", "RunResult", "SimulationError", "Stepper", "System",
-    "from_matrices", "full_model", "load_scene", "project", "reduce", "run", "simulate", "simulate_with_states",
+    "ConvergenceError", "InputError", "Observer", "ReducedModel", "Response", "RunResult", "SimulationError", "Stepper",
+    "System", "from_matrices", "full_model", "linearize", "load_scene", "project", "reduce", "run", "simulate",
+    "simulate_with_states",
 ]  # fmt: skip
 __getattr__ = lazy_names("pmr", _PLACES, former=FORMER)
 

@@ -316,6 +316,7 @@ class State:
         """
         r, N, o, m = self.kernel.modes, self.kernel.drivers, self.kernel.outputs, self.kernel.contacts
         shapes = {"A": (3 * r, 3 * r), "B": (3 * r, N), "C": (o, 3 * r), "D": (o, N), "L": (m, 3 * r), "K": (m, N)}
+        shapes |= {"E": (3 * r, 3 * r), "G": (3 * r, N)}
         arrays = {name: np.zeros(shape) for name, shape in shapes.items()}
         out = ffi.new("pmr_jacobian *", {name: pointer(array) for name, array in arrays.items()})
         failed = lib.pmr_linearize(self._state, pointer(self._check_array("u", u, N)), out)
@@ -388,8 +389,8 @@ class State:
 class Jacobian:
     """Derivatives of a step by the prediction x = (z*, v*, a*) (3 modes,) and by the drivers u (N,) at the step's end.
 
-    They are dx_next = A dx + B du for the next prediction, dy = C dx + D du for the outputs y, and dlambda = L dx + K
-    du for the multipliers.
+    They are dx_next = A dx + B du for the next prediction, dy = C dx + D du for the outputs y, dlambda = L dx + K du
+    for the multipliers, and dw = E dx + G du for w = (z, v, z'') (3 modes,) at the step's end.
     """
 
     A: Array
@@ -398,6 +399,8 @@ class Jacobian:
     D: Array
     L: Array
     K: Array
+    E: Array
+    G: Array
 
 
 def _check_room(record: Record, first: int, rows: int) -> None:

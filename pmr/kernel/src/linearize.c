@@ -250,9 +250,11 @@ static int linearize_part(pmr_state *st, const pmr_scheme *c, const double *u, c
         if (of_driver) {
             store_column(jacobian->D, N, column - 3 * r, d.y, o);
             store_column(jacobian->K, N, column - 3 * r, d.lambda, m);
+            store_column(jacobian->G, N, column - 3 * r, d.z, 3 * r); /* z, v and acceleration follow each other */
         } else {
             store_column(jacobian->C, 3 * r, column, d.y, o);
             store_column(jacobian->L, 3 * r, column, d.lambda, m);
+            store_column(jacobian->E, 3 * r, column, d.z, 3 * r);
         }
         predict_seed(st, c, &d);
         if (of_driver)

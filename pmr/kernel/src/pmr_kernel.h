@@ -297,12 +297,12 @@ void pmr_further(pmr_state *state, double *further);
    staying so; what friction remembers of the step before is no coordinate, and stays too.  With the prediction
    x = (z*, v*, a*) (3 r'), from which a step begins, and drivers u at its end, x_next = A x + ... u:
 
-       dx_next = A dx + B du,    dy = C dx + D du,    dforces = L dx + K du
+       dx_next = A dx + B du,    dy = C dx + D du,    dforces = L dx + K du,    dw = E dx + G du
 
-   Any of A (3 r', 3 r'), B (3 r', N), C (o, 3 r'), D (o, N), L (m, 3 r'), K (m, N) may be NULL.  The state
-   stays where it is. */
+   with w = (z, v, z'') (3 r') at the step's end.  Any of A (3 r', 3 r'), B (3 r', N), C (o, 3 r'), D (o, N), L (m, 3 r'),
+   K (m, N), E (3 r', 3 r'), G (3 r', N) may be NULL.  The state stays where it is. */
 typedef struct {
-    double *A, *B, *C, *D, *L, *K;
+    double *A, *B, *C, *D, *L, *K, *E, *G;
 } pmr_jacobian;
 
 int pmr_linearize(pmr_state *state, const double *u, const pmr_jacobian *jacobian);

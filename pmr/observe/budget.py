@@ -1,0 +1,41 @@
+"""Parts of the error of a run's outputs, as standard deviations of what an observer adds to its bands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pmr.observe.linear import ACCELERATION, SPECIFIC_FORCE, VELOCITY, LinearMotion
+from pmr.results.quantities import QUANTITIES
+
+#: Parts of the error budget of a run, and where `summary.json` has them.
+PARTS: Mapping[str, tuple[str, ...]] = {
+    "reduction": ("estimate",), "step": ("step",), "mesh": ("budget", "mesh"), "model": ("budget", "model"),
+}  # fmt: skip
+
+
+def output_errors(summary: Mapping[str, Any], motion: LinearMotion) -> dict[str, dict[str, float]]:
+    """Errors of outputs of a linear model, as fractions of their RMS, by the part of the budget and the output's name.
+
+    `summary` is the content of a run's ``summary.json``.  An output that a part does not cover is missing in that part;
+    accelerations and velocities have the errors of velocities, or of displacements where the part does not cover them.
+    """
+    errors = dict[str, dict[str, float]]()
+    for part, keys in PARTS.items():
+        table: Any = summary
+        for key in keys:
+            table = table.get(key) if isinstance(table, Mapping) else None
+        if not isinstance(table, Mapping):
+            continue
+        of_part = {name: _error_of(table, name, kind) for name, kind in zip(motion.outputs, motion.kinds, strict=True)}
+        errors[part] = {name: error for name, error in of_part.items() if error is not None}
+    return {part: of_part for part, of_part in errors.items() if of_part}
+
+
+def _error_of(table: Mapping[str, Any], name: str, kind: str) -> float | None:
+    """Error of the output `name` of a kind as one part's `table` has it; None if the part does not cover it."""
+    keys = [key for key, quantity in QUANTITIES.items() if quantity.kinds == (kind,)]
+    if name.startswith((VELOCITY, ACCELERATION, SPECIFIC_FORCE)):
+        keys = ["velocity", "beam"]
+    values = [table.get("probes", {}).get(name), *map(table.get, [*keys, kind])]
+    return next((float(value) for value in values if isinstance(value, int | float)), None)

@@ -1,0 +1,374 @@
+r"""Kalman filter on a reduced model whose paths are measured: payload, loads, and any output with bands.
+
+The state is X = (xi, f, m, theta, b, g, e): prediction of the kernel's step, unknown loads, payload, parameters, bias
+and gain of sensors, and errors of the model in measured outputs.  Loads and errors are Gauss-Markov processes,
+
+.. math::
+    f_{k+1} = e^{-h/\tau} f_k + w_k, \qquad \mathrm{var}(w_k) = \sigma^2 (1 - e^{-2h/\tau})
+
+A payload m beside that of the reference motion acts as the load :math:`-m (g + a)`, in which a is the measured
+acceleration of the place that carries it, so that the model stays linear.  (Simon, *Optimal State Estimation*, 2006,
+section 5.1; Lourens and others, *An augmented Kalman filter for force identification*, 2012.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.stats
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.observe.linear import LinearMotion
+
+Array = NDArray[np.float64]
+
+#: Innovation over its standard deviation from which a measurement counts less: its variance is enlarged to this bound.
+GATE = 5.0
+#: Seconds over which innovations are averaged for alarms, and mean square of normalised ones that raises an alarm.
+WINDOW, ALARM = 0.4, 6.0
+#: Seconds in which a sensor that vibrates does not have one and the same value.
+STUCK = 0.25
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Sensor that measures an output of the model, in the output's unit."""
+
+    output: str
+    noise: float  # standard deviation of a measurement
+    bias: float = 0.0  # standard deviation of its constant error
+    gain: float = 0.0  # standard deviation of the error of its factor, which is 1
+
+
+@dataclass(frozen=True)
+class UnknownLoad:
+    """Load that nobody measures, a Gauss-Markov process."""
+
+    input: str  # name of the load
+    deviation: float  # N: standard deviation
+    time: float  # s: time in which it changes
+
+
+@dataclass(frozen=True)
+class Payload:
+    """Mass beside that of the reference motion, which hangs at the place of a load along z."""
+
+    input: str  # name of the load, upwards, at the place that carries the payload
+    acceleration: str  # sensor's output: acceleration of that place upwards
+    deviation: float  # kg: standard deviation at the start
+    wander: float = 0.0  # kg/s^(1/2): of its random walk
+    gravity: float = 9.80665  # m/s^2
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Constant parameter of the model, such as a stiffness, known up to a multiple of one change."""
+
+    name: str
+    sensitivity: Array  # (T, q): what the change makes of the outputs (`output_sensitivity`)
+    deviation: float = 1.0  # standard deviation, in units of the change
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """Estimates at T steps: outputs (T, q) and unknowns (T, u) with standard deviations, innovations of p sensors."""
+
+    t: Array  # (T,) s
+    outputs: tuple[str, ...]
+    mean: Array  # (T, q)
+    deviation: Array  # (T, q)
+    unknowns: tuple[str, ...]
+    unknown_mean: Array  # (T, u)
+    unknown_deviation: Array  # (T, u)
+    sensors: tuple[str, ...]
+    innovations: Array  # (T, p): over their standard deviations; NaN where nothing was measured
+    alarms: NDArray[np.bool_]  # (T, p): whether a sensor disagrees with the model, or is stuck
+
+    def of(self, name: str) -> tuple[Array, Array]:
+        """Mean and standard deviation (T,) of an output or unknown; an InputError is raised for another name."""
+        if name in self.outputs:
+            k = self.outputs.index(name)
+            return self.mean[:, k], self.deviation[:, k]
+        if name not in self.unknowns:
+            allowed = f"one of these is allowed: {', '.join((*self.unknowns, *self.outputs))}"
+            raise InputError("observe", "estimate", name, allowed)
+        k = self.unknowns.index(name)
+        return self.unknown_mean[:, k], self.unknown_deviation[:, k]
+
+    def coverage(self, name: str, truth: Array, share: float = 0.9) -> float:
+        """Share of T true values that lie in the bands of an output or unknown that should hold `share` of them."""
+        mean, deviation = self.of(name)
+        width = float(scipy.stats.norm.ppf(0.5 + 0.5 * share))
+        return float(np.mean(np.abs(truth - mean) <= width * deviation))
+
+    def whiteness(self, lags: int = 10) -> dict[str, float]:
+        """p-value of the Ljung-Box test of each sensor's innovations: small where they are not white noise."""
+        values = dict[str, float]()
+        for name, column in zip(self.sensors, self.innovations.T, strict=True):
+            x = column[np.isfinite(column)]
+            n, x = len(x), x - np.mean(x)
+            correlations = np.array([x[lag:] @ x[: n - lag] for lag in range(1, lags + 1)]) / (x @ x)
+            statistic = n * (n + 2) * np.sum(correlations**2 / (n - np.arange(1, lags + 1)))
+            values[name] = float(scipy.stats.chi2.sf(statistic, lags))
+        return values
+
+
+@dataclass(frozen=True)
+class Observer:
+    """Estimator of unknowns and outputs from sensors, on a linear model along measured paths.
+
+    Attributes
+    ----------
+    model : LinearMotion
+        Its outputs are estimated.
+    sensors, loads, payload, parameters
+        What is measured, and what is not known.
+    errors : mapping
+        Errors of outputs as fractions of their RMS, by the part of the budget and the output's name
+        (`pmr.observe.budget.output_errors`).
+    error_time : float, s
+        Time in which these errors change.
+    disturbance : float, kg^(1/2) m/s^2
+        Standard deviation of accelerations of modes that nothing else explains.
+
+    Raises
+    ------
+    InputError
+        For a sensor or load that the model lacks, and for standard deviations that are not allowed.
+    """
+
+    model: LinearMotion
+    sensors: Sequence[Sensor]
+    loads: Sequence[UnknownLoad] = ()
+    payload: Payload | None = None
+    parameters: Sequence[Parameter] = ()
+    errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    error_time: float = 0.5
+    disturbance: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if not self.sensors:
+            raise InputError("observe", "sensors", None, "one sensor or more is needed")
+        for sensor in self.sensors:
+            self.model.output_number(sensor.output)
+            if not sensor.noise > 0.0 or sensor.bias < 0.0 or sensor.gain < 0.0:
+                raise InputError("observe", f"sensors.{sensor.output}", None, "noise above 0, bias and gain from 0 on")
+        for load in self.loads:
+            self.model.input_number(load.input)
+            if not (load.deviation > 0.0 and load.time > 0.0):
+                raise InputError("observe", f"loads.{load.input}", None, "a deviation and a time above 0 are allowed")
+        if self.payload is not None:
+            self.model.input_number(self.payload.input)
+            if self.payload.acceleration not in [sensor.output for sensor in self.sensors]:
+                allowed = "the acceleration of the place that carries it has to be among the sensors"
+                raise InputError("observe", "payload.acceleration", self.payload.acceleration, allowed)
+        for parameter in self.parameters:
+            if parameter.sensitivity.shape != self.model.reference.shape:
+                allowed = f"a sensitivity {self.model.reference.shape} is allowed"
+                raise InputError("observe", f"parameters.{parameter.name}", parameter.sensitivity.shape, allowed)
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of what is estimated beside outputs: loads, payload, parameters, bias and gain of sensors."""
+        return (
+            *(load.input for load in self.loads),
+            *(() if self.payload is None else ("payload",)),
+            *(parameter.name for parameter in self.parameters),
+            *(f"bias of {sensor.output}" for sensor in self.sensors if sensor.bias),
+            *(f"gain of {sensor.output}" for sensor in self.sensors if sensor.gain),
+        )
+
+    def total_errors(self) -> Array:
+        """Errors (q,) of the outputs over all parts of the budget, as fractions: roots of sums of squares."""
+        return np.array(
+            [
+                np.sqrt(sum(of_part.get(name, 0.0) ** 2 for of_part in self.errors.values()))
+                for name in self.model.outputs
+            ]
+        )
+
+    def grid(self, measured: Mapping[str, tuple[Array, Array]]) -> Array:
+        """Measurements (T, p) at the model's steps, NaN where there is none.
+
+        `measured` has times (n,) in s and values (n,) by the sensors' outputs; each value counts at the nearest step.
+        Raises InputError for a name that no sensor has, and for times and values of different lengths.
+        """
+        names, t, h = [sensor.output for sensor in self.sensors], self.model.t, self.model.step
+        values = np.full((len(t), len(names)), np.nan)
+        for name, (times, readings) in measured.items():
+            if name not in names:
+                raise InputError("observe", "measured", name, f"one of the sensors is allowed: {', '.join(names)}")
+            times, readings = np.asarray(times, float), np.asarray(readings, float)
+            if times.shape != readings.shape or times.ndim != 1:
+                raise InputError("observe", f"measured.{name}", readings.shape, f"{times.shape} is allowed")
+            steps = np.rint((times - t[0]) / h)
+            used = np.isfinite(steps) & (steps >= 0) & (steps < len(t))
+            values[steps[used].astype(int), names.index(name)] = readings[used]
+        return values
+
+    def run(self, measured: Mapping[str, tuple[Array, Array]]) -> Estimates:
+        """Estimates from measurements; arguments and errors as `grid`."""
+        return _Filter(self).run(self.grid(measured))
+
+    def observability(self) -> dict[str, float]:
+        """Standard deviation of each unknown after the whole motion, over that before, whatever is measured.
+
+        It follows from covariances alone, with all sensors at all steps.  Near 1 the sensors can't tell the unknown.
+        """
+        values = np.repeat(np.nan, len(self.sensors))
+        filter_ = _Filter(self)
+        first = filter_.unknown_variances()
+        for k in range(len(self.model.t)):
+            filter_.update(k, values, np.ones(len(self.sensors), bool))
+            filter_.predict(k)
+        ratios = np.sqrt(filter_.unknown_variances() / first)
+        return dict(zip(self.unknowns, ratios.tolist(), strict=True))
+
+
+class _Filter:
+    """State X (N,), its covariance P (N, N), and what they are made of; one pass over the steps of a model."""
+
+    def __init__(self, observer: Observer) -> None:
+        self.observer, model = observer, observer.model
+        sensors = observer.sensors
+        n, self.h = model.A.shape[1], model.step
+        self.number = np.array([model.output_number(sensor.output) for sensor in sensors])
+        self.noise = np.array([sensor.noise for sensor in sensors])
+        self.errors, self.square = observer.total_errors(), np.mean(model.reference**2, axis=0)
+        self.lift = 0.0 if observer.payload is None else -observer.payload.gravity
+        self.load_columns = [model.input_number(load.input) for load in observer.loads]
+        sizes = [len(observer.loads), int(observer.payload is not None), len(observer.parameters)]
+        self.biased = [k for k, sensor in enumerate(sensors) if sensor.bias]
+        self.scaled = [k for k, sensor in enumerate(sensors) if sensor.gain]
+        self.off = [k for k, number in enumerate(self.number) if self.errors[number] > 0.0]
+        sizes += [len(self.biased), len(self.scaled), len(self.off)]
+        ends = np.cumsum([n, *sizes])
+        self.of_loads, self.of_payload, self.of_parameters, self.of_bias, self.of_gain, self.of_errors = (
+            slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)
+        )
+        self.n, N = n, int(ends[-1])
+        self.unknown = slice(n, int(ends[-2]))
+        deviations = [load.deviation for load in observer.loads]
+        deviations += [] if observer.payload is None else [observer.payload.deviation]
+        deviations += [parameter.deviation for parameter in observer.parameters]
+        deviations += [sensors[k].bias for k in self.biased] + [sensors[k].gain for k in self.scaled]
+        self.x, self.P = np.zeros(N), np.zeros((N, N))
+        self.P[range(n, N), range(n, N)] = np.array([*deviations, *[1.0] * len(self.off)]) ** 2
+        equilibrium = np.eye(N)  # the boom stands in equilibrium with what is not known
+        equilibrium[:n, self.of_loads] = model.start[:, self.load_columns]
+        if observer.payload is not None:
+            equilibrium[:n, self.of_payload] = model.start[:, [model.input_number(observer.payload.input)]] * self.lift
+        self.P = equilibrium @ self.P @ equilibrium.T
+        decay = [np.exp(-self.h / load.time) for load in observer.loads]
+        error_decay = np.exp(-self.h / observer.error_time)
+        self.decay, self.Q = np.ones(N), np.zeros(N)
+        self.decay[self.of_loads], self.decay[self.of_errors] = decay, error_decay
+        self.Q[self.of_loads] = [
+            load.deviation**2 * (1.0 - a * a) for load, a in zip(observer.loads, decay, strict=True)
+        ]
+        self.Q[self.of_errors] = 1.0 - error_decay**2
+        if observer.payload is not None:
+            self.Q[self.of_payload] = observer.payload.wander**2 * self.h
+        self.Q[n // 3 : 2 * n // 3] = (observer.disturbance * self.h) ** 2
+        self.rows = np.zeros((len(model.outputs), N))
+
+    def unknown_variances(self) -> Array:
+        """Variances (u,) of the unknowns."""
+        return np.diagonal(self.P)[self.unknown].copy()
+
+    def _load_rows(self, of_loads: Array) -> Array:
+        """Columns (., loads + 1) of unknown loads and payload, from the derivatives (., i) by the model's loads."""
+        payload, model = self.observer.payload, self.observer.model
+        columns = of_loads[:, self.load_columns]
+        if payload is None:
+            return columns
+        return np.column_stack([columns, self.lift * of_loads[:, model.input_number(payload.input)]])
+
+    def update(self, k: int, measured: Array, present: NDArray[np.bool_]) -> Array:
+        """Correct the state by measurements (p,) at step k; return innovations (p,) over their standard deviations."""
+        observer, model = self.observer, self.observer.model
+        n, rows, payload = self.n, self.rows, observer.payload
+        if payload is not None:
+            number = [sensor.output for sensor in observer.sensors].index(payload.acceleration)
+            if np.isfinite(measured[number]):
+                self.lift = -(payload.gravity + measured[number])
+        rows[:, :n] = model.C[k]
+        rows[:, n : self.of_payload.stop] = self._load_rows(model.D[k])
+        for j, parameter in enumerate(observer.parameters):
+            rows[:, self.of_parameters.start + j] = parameter.sensitivity[k]
+        predicted = model.reference[k] + rows @ self.x
+        H = rows[self.number].copy()
+        H[self.biased, range(self.of_bias.start, self.of_bias.stop)] = 1.0
+        H[self.scaled, range(self.of_gain.start, self.of_gain.stop)] = predicted[self.number[self.scaled]]
+        off = self.number[self.off]
+        H[self.off, range(self.of_errors.start, self.of_errors.stop)] = self.errors[off] * np.sqrt(self.square[off])
+        expected = model.reference[k, self.number] + H @ self.x
+        innovations = np.full(len(self.number), np.nan)
+        used = np.nonzero(present)[0]
+        if len(used):
+            H, gap = H[used], np.nan_to_num(measured[used] - expected[used])
+            PH = self.P @ H.T
+            S = H @ PH + np.diag(self.noise[used] ** 2)
+            innovations[used] = gap / np.sqrt(np.diagonal(S))
+            beyond = np.maximum((innovations[used] / GATE) ** 2 - 1.0, 0.0)
+            S[range(len(used)), range(len(used))] += beyond * np.diagonal(S)
+            K = np.linalg.solve(S, PH.T).T
+            self.x = self.x + K @ gap
+            self.P -= K @ PH.T
+            self.P = 0.5 * (self.P + self.P.T)
+        return innovations
+
+    def outputs(self, k: int) -> tuple[Array, Array]:
+        """Mean and variance (q,) of the outputs at step k, after `update`, with the errors of the model."""
+        mean = self.observer.model.reference[k] + self.rows @ self.x
+        self.square += (mean**2 - self.square) * min(1.0, self.h / self.observer.error_time / 10.0)
+        variance = np.einsum("qn,nm,qm->q", self.rows, self.P, self.rows, optimize=True)
+        return mean, np.maximum(variance, 0.0) + self.errors**2 * self.square
+
+    def predict(self, k: int) -> None:
+        """Advance state and covariance from step k to the next."""
+        model, n = self.observer.model, self.n
+        F = np.diag(self.decay)
+        F[:n, :n] = model.A[k]
+        F[:n, n : self.of_payload.stop] = self._load_rows(model.B[k])
+        self.x = F @ self.x
+        self.P = F @ self.P @ F.T
+        self.P[range(len(self.x)), range(len(self.x))] += self.Q
+
+    def run(self, values: Array) -> Estimates:
+        """Estimates from measurements (T, p) at the steps of the model."""
+        observer, model = self.observer, self.observer.model
+        T, q = model.reference.shape
+        mean, deviation = np.zeros((T, q)), np.zeros((T, q))
+        unknown, unknown_deviation = np.zeros((2, T, self.unknown.stop - self.unknown.start))
+        innovations, alarms = np.full(values.shape, np.nan), np.zeros(values.shape, bool)
+        stuck = _stuck(values, max(2, round(STUCK / self.h)))
+        level, share = np.ones(values.shape[1]), min(1.0, self.h / WINDOW)
+        for k in range(T):
+            usable = np.isfinite(values[k]) & ~stuck[k]
+            innovations[k] = self.update(k, values[k], usable)
+            level[usable] += share * (np.minimum(innovations[k, usable] ** 2, 1e3) - level[usable])
+            alarms[k] = stuck[k] | (level > ALARM)
+            mean[k], variance = self.outputs(k)
+            deviation[k] = np.sqrt(variance)
+            unknown[k] = self.x[self.unknown]
+            unknown_deviation[k] = np.sqrt(np.maximum(self.unknown_variances(), 0.0))
+            self.predict(k)
+        names = tuple(sensor.output for sensor in observer.sensors)
+        estimated = (model.outputs, mean, deviation, observer.unknowns, unknown, unknown_deviation)
+        return Estimates(model.t, *estimated, names, innovations, alarms)
+
+
+def _stuck(values: Array, count: int) -> NDArray[np.bool_]:
+    """Whether the last `count` measurements (T, p) of a sensor are one and the same number, at each step."""
+    stuck = np.zeros(values.shape, bool)
+    for column, marked in zip(values.T, stuck.T, strict=True):
+        at = np.nonzero(np.isfinite(column))[0]
+        same = 0
+        for before, step in zip(at[:-1], at[1:], strict=True):
+            same = same + 1 if column[step] == column[before] else 0
+            marked[step] = same >= count
+    return stuck
