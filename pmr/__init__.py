@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from pmr.files.matrices import from_matrices
     from pmr.observe.linear import linearize
     from pmr.observe.observer import Observer
+    from pmr.observe.position import PositionObserver
     from pmr.pipeline import full_model, reduce, run
     from pmr.results import Response, RunResult
     from pmr.scene import load_any as load_scene
@@ -52,6 +53,7 @@ _PLACES = {
     "ConvergenceError": "pmr.errors:ConvergenceError",
     "InputError": "pmr.errors:InputError",
     "Observer": "pmr.observe.observer:Observer",
+    "PositionObserver": "pmr.observe.position:PositionObserver",
     "ReducedModel": "pmr.system.reduced_model:ReducedModel",
     "Response": "pmr.results:Response",
     "RunResult": "pmr.results:RunResult",
@@ -69,9 +71,9 @@ _PLACES = {
     "simulate_with_states": "pmr.compare.simulated:simulate_with_states",
 }
 __all__ = [
-    "ConvergenceError", "InputError", "Observer", "ReducedModel", "Response", "RunResult", "SimulationError", "Stepper",
-    "System", "from_matrices", "full_model", "linearize", "load_scene", "project", "reduce", "run", "simulate",
-    "simulate_with_states",
+    "ConvergenceError", "InputError", "Observer", "PositionObserver", "ReducedModel", "Response", "RunResult",
+    "SimulationError", "Stepper", "System", "from_matrices", "full_model", "linearize", "load_scene", "project",
+    "reduce", "run", "simulate", "simulate_with_states",
 ]  # fmt: skip
 __getattr__ = lazy_names("pmr", _PLACES, former=FORMER)
 

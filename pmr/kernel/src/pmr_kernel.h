@@ -390,6 +390,30 @@ enum { PMR_LAW = 3 };
 double pmr_friction(int n, const double *kappa, const double *laws, const double *forces, const double *old,
                     double moved, double speed, const pmr_cylinder *cylinder, double *limits, double *f);
 
+/* ---- a bank of models along a path, for a place that nobody measures ---- */
+
+/* S places, D speeds and n states; probabilities of a step.  Arrays stay as long as they are used. */
+typedef struct {
+    int32_t places, speeds, states;
+    const double *F, *H, *gain, *variance; /* (S, n, n), (S, n), (S, n), (S): maps, outputs, gains, variances of these */
+    const double *up, *down;               /* (D,): that a speed leads to the next place, or to the one before */
+    const double *rest, *active;           /* (D, D): that speeds change, at rest and in motion */
+    double temper;                         /* exponent of likelihoods, 0 to 1 */
+    double attack, decay, floor;           /* shares by which the level of innovations follows, and its least value */
+} pmr_bank;
+
+/* Probabilities of places (., S), mean states (., n) and level (.,), a row each step. */
+typedef struct {
+    double *probability, *states, *level;
+} pmr_bank_record;
+
+/* Doubles of a bank's memory; all places equally likely; `steps` steps with measurements y, NaN where there is none, by
+   how much each is in motion (0 to 1), and the least level of each. */
+size_t pmr_bank_memory(const pmr_bank *bank);
+void pmr_bank_start(const pmr_bank *bank, double *memory);
+void pmr_bank_advance(const pmr_bank *bank, double *memory, int64_t steps, const double *y, const double *activity,
+                      const double *least_level, const pmr_bank_record *record);
+
 /* ---- up to here ---- */
 
 #ifdef __cplusplus

@@ -1,0 +1,258 @@
+r"""Position of a slider that nobody measures, from an acceleration: a bank of models over the places of a path.
+
+.. math::
+    \dot x = \begin{bmatrix} 0 & w I \\ -M^{-1} K(s) / w & -M^{-1} D(s) \end{bmatrix} x, \qquad y = b(s)\,\ddot z,
+    \qquad x = (w z, \dot z), \quad M = 1 + m\, b\, b^T
+
+with modal coordinates z, the shape b of the modes at the sensor, and its mass m.  States mean the same at all places.
+The bank (`src/bank.c`) has a Kalman filter with stationary gain for each place and each speed along the path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from pmr.errors import InputError
+from pmr.export.state_space import StateSpace
+from pmr.kernel.bank import Bank, advance_bank
+
+Array = NDArray[np.float64]
+#: w in rad/s: parts of a state have one size at 100 Hz.
+SCALE = 2.0 * np.pi * 100.0
+#: Points in a step at which noise of accelerations is added up.
+POINTS = 8
+
+
+@dataclass(frozen=True)
+class PlaceModels:
+    """Discrete models at S places of a path: r modes, n = 2 r states, o further outputs."""
+
+    step: float  # s
+    places: Array  # (S,) m
+    frequencies: Array  # (S, r) Hz
+    F: Array  # (S, n, n)
+    H: Array  # (S, n): acceleration at the sensor
+    noise: Array  # (S, r, n, n): covariance of a step, for unit noise of each mode's acceleration at the sensor
+    rows: Array  # (S, o, n): further outputs, such as displacements
+
+
+def sensor_modes(space: StateSpace, load: str, mass: float = 0.0) -> tuple[Array, Array, Array]:
+    """Frequencies (S, r) in Hz, modes (S, r, r) and shapes b (S, r) with a sensor of `mass` kg at the place of a load.
+
+    Raises InputError if the state space has no such load.
+    """
+    if load not in space.inputs:
+        raise InputError("observe", "load", load, f"one of these is allowed: {', '.join(space.inputs)}")
+    r = space.A.shape[1] // 2
+    shapes = space.B[:, r:, space.inputs.index(load)]
+    frequencies, modes = np.zeros((len(shapes), r)), np.zeros((len(shapes), r, r))
+    for k, (A, b) in enumerate(zip(space.A, shapes, strict=True)):
+        squares, modes[k] = scipy.linalg.eigh(-A[r:, :r], np.eye(r) + mass * np.outer(b, b))
+        frequencies[k] = np.sqrt(np.abs(squares)) / (2.0 * np.pi)
+    return frequencies, modes, shapes
+
+
+def place_models(
+    space: StateSpace,
+    load: str,
+    step: float,
+    damping: ArrayLike,
+    mass: float = 0.0,
+    measured: Mapping[float, Sequence[float]] | None = None,
+    rows: Sequence[ArrayLike] = (),
+) -> PlaceModels:
+    """Models at the places of a state space with one path, for an accelerometer at the place of a load.
+
+    Parameters
+    ----------
+    space : StateSpace
+        State space over the places (`pmr.export.state_space`).
+    load : str
+        Load at the place and in the direction of the accelerometer.
+    step : float, s
+    damping : (r,) or (S, r) array
+        Damping ratios of the modes.
+    mass : float, kg
+        Mass of the sensor beside that of the model.
+    measured : mapping, optional
+        Frequencies in Hz measured at places in m, lowest first: the model's are multiplied by factors on straight
+        lines between these places.
+    rows : sequence of (q,) arrays
+        Weights of the state space's outputs for each further output.
+
+    Raises
+    ------
+    InputError
+        If the state space has another number of paths than one, or no such load; if damping does not fit its modes.
+    """
+    if len(space.paths) != 1:
+        raise InputError("observe", "paths", ", ".join(space.paths), "one path is allowed")
+    places, S, r = space.s[:, 0], len(space.A), space.A.shape[1] // 2
+    try:
+        ratios = np.broadcast_to(np.asarray(damping, float), (S, r))
+    except ValueError:
+        raise InputError("observe", "damping", np.shape(damping), f"{(r,)} or {(S, r)} is allowed") from None
+    frequencies, modes, shapes = sensor_modes(space, load, mass)
+    if measured:
+        at = np.array(sorted(measured))
+        for k in range(min(len(measured[place]) for place in measured)):
+            wanted = np.array([measured[place][k] for place in at])
+            frequencies[:, k] *= np.interp(places, at, wanted / np.interp(at, places, frequencies[:, k]))
+    n = 2 * r
+    F, H, noise = np.zeros((S, n, n)), np.zeros((S, n)), np.zeros((S, r, n, n))
+    for k in range(S):
+        b, omega = shapes[k], 2.0 * np.pi * frequencies[k]
+        M = np.eye(r) + mass * np.outer(b, b)
+        momenta, inverse = M @ modes[k], np.linalg.inv(M)
+        A = np.zeros((n, n))
+        A[:r, r:] = SCALE * np.eye(r)
+        A[r:, :r] = -inverse @ (momenta * omega**2) @ momenta.T / SCALE
+        A[r:, r:] = -inverse @ (momenta * (2.0 * ratios[k] * omega)) @ momenta.T
+        F[k], H[k] = scipy.linalg.expm(A * step), b @ A[r:]
+        for j in range(r):
+            push = np.concatenate([np.zeros(r), modes[k][:, j] / (np.abs(b @ modes[k][:, j]) * omega[j])])
+            for point in range(POINTS):
+                moved = scipy.linalg.expm(A * step * (point + 0.5) / POINTS) @ push
+                noise[k, j] += np.outer(moved, moved) / POINTS
+    weights = np.array(rows, float).reshape(len(rows), len(space.outputs))
+    further = np.einsum("oq,sqr->sor", weights, space.C[:, :, :r])
+    return PlaceModels(step, places, frequencies, F, H, noise, np.concatenate([further / SCALE, 0.0 * further], axis=2))
+
+
+@dataclass(frozen=True)
+class PositionSettings:
+    """Random motion of a slider and of what excites the modes; `tune` in a script finds them on measured series."""
+
+    mode_noise: tuple[float, ...] = (1.7e-5, 2.9e-3, 5.2e-3)  # (r,): of the modes, over that of the measurement
+    speeds: tuple[float, ...] = (0.08,)  # m/s, in both directions beside rest
+    turn: float = 0.01  # chance in a step that a speed changes to a neighbour
+    start: float = 0.02  # the same at rest in motion, as `activity` tells; times `quiet` where nothing moves
+    quiet: float = 0.02
+    spread: float = 0.03  # chance in a step to be a place further than the speed says
+    temper: float = 0.6  # exponent of likelihoods: errors of models are correlated in time
+    attack: float = 0.39  # shares by which the level of innovations follows, up and down
+    decay: float = 0.07
+    floor: float = 1e-7  # least variance of innovations, (m/s^2)^2 or in the sensor's unit
+    active: float = 1e-2  # `activity` at which the slider is as likely in motion as not
+    share: float = 0.36  # least level over activity
+
+
+@dataclass(frozen=True)
+class Positions:
+    """Position at T steps with its band, mean states, and further outputs of the most likely place."""
+
+    places: Array  # (S,) m
+    probability: Array  # (T, S)
+    states: Array  # (T, n)
+    level: Array  # (T,): variance of innovations over that of the filters
+    outputs: Array  # (T, o)
+
+    @property
+    def mean(self) -> Array:
+        """Mean position (T,) in m."""
+        return np.asarray(self.probability @ self.places)
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviation (T,) of the position in m."""
+        return np.sqrt(np.maximum(self.probability @ self.places**2 - self.mean**2, 0.0))
+
+    def quantile(self, share: float) -> Array:
+        """Position (T,) in m below which the true one is with the probability `share`; linear within each place."""
+        width = np.diff(self.places).mean()
+        edges = np.append(self.places - 0.5 * width, self.places[-1] + 0.5 * width)
+        sums = np.cumsum(np.column_stack([np.zeros(len(self.probability)), self.probability]), axis=1)
+        at = np.minimum(np.sum(sums[:, 1:] < share, axis=1), len(self.places) - 1)
+        steps = np.arange(len(sums))
+        within = (share - sums[steps, at]) / np.maximum(self.probability[steps, at], 1e-300)
+        return np.asarray(edges[at] + width * np.clip(within, 0.0, 1.0))
+
+    def band(self, share: float = 0.9) -> tuple[Array, Array]:
+        """Lower and upper end (T,) in m of the band that holds `share` of the probability."""
+        return self.quantile(0.5 - 0.5 * share), self.quantile(0.5 + 0.5 * share)
+
+
+@dataclass(frozen=True)
+class PositionObserver:
+    """Observer of a position from one acceleration.
+
+    Attributes
+    ----------
+    models : PlaceModels
+        Their places are evenly spaced.
+    settings : PositionSettings
+
+    Raises
+    ------
+    InputError
+        If places are not evenly spaced, or a speed passes more than half a place in a step.
+    """
+
+    models: PlaceModels
+    settings: PositionSettings = field(default_factory=PositionSettings)
+
+    def __post_init__(self) -> None:
+        gaps = np.diff(self.models.places)
+        if len(gaps) < 2 or np.ptp(gaps) > 1e-6 * gaps.mean():
+            raise InputError("observe", "places", len(gaps) + 1, "three places or more, evenly spaced, are allowed")
+        fastest = max(self.settings.speeds) * self.models.step / gaps.mean()
+        if fastest > 0.5 or min(self.settings.speeds) <= 0.0:
+            most = 0.5 * gaps.mean() / self.models.step
+            raise InputError(
+                "observe", "speeds", self.settings.speeds, f"more than 0, at most {most:g} m/s, is allowed"
+            )
+        if len(self.settings.mode_noise) != self.models.noise.shape[1]:
+            allowed = f"one number for each of {self.models.noise.shape[1]} modes is allowed"
+            raise InputError("observe", "mode_noise", self.settings.mode_noise, allowed)
+
+    def bank(self) -> Bank:
+        """Bank of the kernel, with stationary gains at all places."""
+        models, settings = self.models, self.settings
+        S, n = models.H.shape
+        gain, variance = np.zeros((S, n)), np.zeros(S)
+        for k in range(S):
+            Q = np.einsum("j,jab->ab", settings.mode_noise, models.noise[k]) + 1e-12 * np.eye(n)
+            P = scipy.linalg.solve_discrete_are(models.F[k].T, models.H[k][:, None], Q, np.eye(1))
+            variance[k] = models.H[k] @ P @ models.H[k] + 1.0
+            gain[k] = P @ models.H[k] / variance[k]
+        cells = np.array(sorted(settings.speeds)) * models.step / np.diff(models.places).mean()
+        speeds = np.concatenate([-cells[::-1], [0.0], cells])
+        spread = np.where(speeds == 0.0, 0.1, 1.0) * settings.spread
+        up, down = np.maximum(speeds, 0.0) + spread, np.maximum(-speeds, 0.0) + spread
+        rest, active = (
+            self._changes(len(speeds), start) for start in (settings.start * settings.quiet, settings.start)
+        )
+        return Bank(
+            models.F, models.H, gain, variance, up, down, rest, active,
+            settings.temper, settings.attack, settings.decay, settings.floor,
+        )  # fmt: skip
+
+    def _changes(self, count: int, start: float) -> Array:
+        """Chances (D, D) in a step to change from a speed to a neighbour, from rest (in the middle) with `start`."""
+        W = np.zeros((count, count))
+        for d in range(count):
+            neighbours = [e for e in (d - 1, d + 1) if 0 <= e < count]
+            W[d, neighbours] = (start if d == count // 2 else self.settings.turn) / len(neighbours)
+            W[d, d] = 1.0 - W[d].sum()
+        return W
+
+    def run(self, acceleration: ArrayLike, activity: ArrayLike = 0.0) -> Positions:
+        """Positions from accelerations (T,) at the models' step; NaN where nothing was measured.
+
+        `activity` (T,) or a number is the power of what only a slider in motion excites, such as the acceleration above
+        the modes' frequencies; by default nothing tells.
+        """
+        y = np.ascontiguousarray(acceleration, float)
+        if y.ndim != 1:
+            raise InputError("observe", "acceleration", y.shape, "(T,) is allowed")
+        power = np.ascontiguousarray(np.broadcast_to(np.asarray(activity, float), y.shape))
+        settings, models = self.settings, self.models
+        record = advance_bank(self.bank(), y, power / (power + settings.active), settings.share * power)
+        likely = np.argmax(record.probability, axis=1)
+        outputs = np.einsum("ton,tn->to", models.rows[likely], record.states)
+        return Positions(models.places, record.probability, record.states, record.level, outputs)

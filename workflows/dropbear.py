@@ -1,0 +1,138 @@
+"""Position of the roller of DROPBEAR from an acceleration, and strain: python workflows/dropbear.py FOLDER.
+
+FOLDER holds series of Dataset-8 (A. Vereen, A. Downey, J. Dodson, A. G. Moura, DROPBEAR Acceleration vs Roller
+Displacement, 2023, CC BY-SA 4.0) as .npz files with the arrays acceleration, strain_a, strain_b, pin and rate.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.signal
+
+import pmr
+from pmr.export.state_space import state_space
+from pmr.observe.position import PlaceModels, PositionObserver, PositionSettings, place_models
+
+# pin in V at commanded places in m, and frequencies in Hz identified there in stepped series
+PIN = np.array([1.2275, 1.6475, 2.0835, 2.505, 2.9365, 3.369])
+PLACES = np.array([48.0, 72.0, 96.0, 120.0, 144.0, 168.0]) * 1e-3
+F1, F2 = (26.26, 28.23, 30.80, 33.89, 37.55, 41.97), (160.3, 178.7, 194.1, 214.0, 236.0, 268.7)
+MEASURED = {s: (low, high) for s, low, high in zip(PLACES, F1, F2, strict=True)}
+EVERY, STEP = 4, 8e-4  # of the samples at 5 kHz, and s
+SENSOR = 0.05321  # kg, identified
+DAMPING = (0.003, 0.004, 0.01)
+GRID = np.arange(0.040, 0.1761, 0.0025)  # m
+
+
+def series(file: Path) -> dict[str, Any]:
+    """True position (T,) in m, filtered acceleration, its power above the modes, and strains: every fourth sample."""
+    with np.load(file) as data:
+        raw = {name: np.asarray(data[name], float) for name in data.files}
+    smooth = np.convolve(np.pad(raw["pin"], 12, mode="edge"), np.ones(25) / 25, "valid")
+    inner = np.interp(smooth, PIN, PLACES)
+    slopes = np.diff(PLACES)[[0, -1]] / np.diff(PIN)[[0, -1]]
+    place = inner + np.minimum(smooth - PIN[0], 0.0) * slopes[0] + np.maximum(smooth - PIN[-1], 0.0) * slopes[1]
+
+    def low(x):  # type: ignore[no-untyped-def]
+        return scipy.signal.sosfilt(scipy.signal.butter(4, 300.0, fs=5000, output="sos"), x)[::EVERY]
+
+    high = scipy.signal.sosfilt(scipy.signal.butter(4, 400.0, "high", fs=5000, output="sos"), raw["acceleration"])
+    power = scipy.signal.lfilter([0.04], [1, -0.96], high**2)[::EVERY]
+    strains = [low(raw[name] - raw[name][0]) for name in ("strain_a", "strain_b")]
+    return {
+        "name": file.stem,
+        "y": low(raw["acceleration"]),
+        "power": power,
+        "place": place[::EVERY],
+        "strain": strains,
+    }
+
+
+def begin(place: np.ndarray) -> int:
+    """Number of the step from which a series is judged: 0.4 s after the roller first moves, nothing vibrates before."""
+    return int(np.argmax(np.abs(np.gradient(place, STEP)) > 0.03)) + 500
+
+
+def models() -> PlaceModels:
+    """Models over the roller's places, with frequencies as measured; their output is curvature at 375 mm in 1/m."""
+    reduction = pmr.reduce(pmr.load_scene(Path(__file__).with_suffix(".toml"), ["reduction.estimate=false"]))
+    space = state_space(reduction.system, {reduction.system.paths[0]: GRID}, "dropbear")
+    x = np.array([float(name.split()[2]) if " at " in name else np.inf for name in space.outputs])
+    node = int(np.argmin(np.abs(x - 0.375)))
+    curvature = np.zeros(len(x))
+    curvature[node - 1 : node + 2] = np.array([1.0, -2.0, 1.0]) / (x[node] - x[node - 1]) ** 2
+    return place_models(space, "sensor", STEP, DAMPING, SENSOR, MEASURED, [curvature])
+
+
+def judge(observer: PositionObserver, data: list[dict[str, Any]]) -> dict[str, float]:
+    """Errors of positions in mm, over all and at rest and in motion, and shares in 90 % bands."""
+    errors, inside, moving = list[Any](), list[Any](), list[Any]()
+    for one in data:
+        found = observer.run(one["y"], one["power"])
+        low, high = found.band()
+        speed = np.abs(np.gradient(np.convolve(one["place"], np.ones(25) / 25, "same"), STEP))
+        chosen = slice(begin(one["place"]), -25)
+        errors.append((1e3 * (found.mean - one["place"]))[chosen])
+        inside.append(((one["place"] > low) & (one["place"] < high))[chosen])
+        moving.append((speed > 0.01)[chosen])
+    error, held, moves = (np.concatenate(parts) for parts in (errors, inside, moving))
+    figures = {"rms": np.sqrt(np.mean(error**2)), "held": np.mean(held), "median": np.median(np.abs(error))}
+    for name, which in (("rest", ~moves), ("motion", moves)):
+        figures |= {f"rms {name}": np.sqrt(np.mean(error[which] ** 2)), f"held {name}": np.mean(held[which])}
+    return {name: float(value) for name, value in figures.items()}
+
+
+def tune(of: PlaceModels, data: list[dict[str, Any]], seconds: float, start: PositionSettings) -> PositionSettings:
+    """Settings of the least error on some series, with bands that hold 90 %, by random search."""
+    rng, names = np.random.default_rng(3), [field.name for field in fields(PositionSettings)]
+    best: list[tuple[float, PositionSettings]] = []
+    end = time.process_time() + seconds
+    while time.process_time() < end:
+        settings = start if not best else best[rng.integers(min(5, len(best)))][1]
+        if best:
+            for name in names:
+                value = np.atleast_1d(getattr(settings, name))
+                moved = value * 10 ** (rng.normal(0.0, 0.2, value.shape) * (rng.random(value.shape) < 0.4))
+                moved = np.minimum(moved, {"speeds": 1.5, "temper": 1.0, "attack": 1.0, "decay": 1.0}.get(name, np.inf))
+                kept = tuple(sorted(moved.tolist())) if name == "speeds" else tuple(moved.tolist())
+                settings = replace(settings, **{name: kept if isinstance(getattr(settings, name), tuple) else kept[0]})
+            if settings.turn > 0.3 or settings.start > 0.3 or settings.spread > 0.15:
+                continue
+        try:
+            figures = judge(PositionObserver(of, settings), data)
+        except (np.linalg.LinAlgError, pmr.InputError):
+            continue
+        loss = figures["rms"] + 10.0 * abs(figures["held"] - 0.9) + 4.0 * max(0.0, 0.87 - figures["held motion"])
+        best = sorted([*best, (loss if np.isfinite(loss) else 1e9, settings)], key=lambda pair: pair[0])[:20]
+    return best[0][1]
+
+
+def main() -> None:
+    """Print errors of positions and strains of all series in the folder, or tune on some of them and print settings."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--tune", type=float, default=0.0, help="seconds")
+    parser.add_argument("--on", default="rand0,slow0", help="series that are tuned on")
+    arguments = parser.parse_args()
+    if not (files := sorted(arguments.folder.glob("*.npz"))):
+        parser.exit(2, f"{arguments.folder}: no series there; they are those of Dataset-8 as .npz files\n")
+    of, data = models(), [series(file) for file in files]
+    settings = SETTINGS
+    if arguments.tune:
+        settings = tune(of, [one for one in data if one["name"] in arguments.on], arguments.tune, settings)
+        print(settings)
+    for one in data:
+        figures = judge(PositionObserver(of, settings), [one])
+        print(one["name"], ", ".join(f"{name} {value:.2f}" for name, value in figures.items()))
+
+
+SETTINGS = PositionSettings()
+
+if __name__ == "__main__":
+    main()
