@@ -87,10 +87,11 @@ print(f"the tip goes down by {-lowest:.1f} mm, stresses reach {1e-6 * summary['m
 
 surface = result.body.fields
 walls = np.max([stress.max(axis=0) for stress in surface.von_mises.values()], axis=0)
-figure = plt.figure(figsize=(9, 4), layout="constrained")
+figure = plt.figure(figsize=(7, 4.5))
 axes = figure.add_subplot(projection="3d")
-axes.set_box_aspect((3, 0.6, 0.6), zoom=1.6)
+axes.set_box_aspect((3, 0.6, 0.6), zoom=1.15)
 drawn = axes.plot_trisurf(*surface.points.T, triangles=surface.cells, lw=0.0)
 drawn.set(array=1e-6 * walls, cmap="viridis")
-figure.colorbar(drawn, label="von Mises stress in MPa", shrink=0.6)
+figure.colorbar(drawn, label="von Mises stress in MPa", shrink=0.5, orientation="horizontal", pad=0.0)
+axes.set(yticks=(-0.05, 0.05), zticks=(-0.08, 0.08))
 plt.show()
