@@ -150,6 +150,7 @@ bench-full: setup .venv/.bench ## the same with the paper's way over its whole t
 .PHONY: docs
 docs: setup .venv/.docs ## the manual: docs/_build/html/index.html, which needs no network
 	@.venv/bin/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	@echo "the manual: docs/_build/html/index.html"
 
 .PHONY: docs-check
 docs-check: setup .venv/.docs ## the same without executing the examples, which the tests do

@@ -55,7 +55,8 @@ napoleon_google_docstring = False
 napoleon_use_rtype = False
 
 html_theme = "furo"
-html_title = "pmr"
+html_title = f"pmr {release}"
+html_logo = "_static/logo.svg"
 html_static_path = ["_static"]
 html_css_files = ["manual.css"]
 html_copy_source = False
