@@ -20,13 +20,13 @@ import inspect
 import logging
 import sys
 import sysconfig
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, lru_cache, partial
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar
 from weakref import WeakKeyDictionary
 
 from pmr.errors.environment import check_current_folder, check_temporary, launched_process_count, mpi_without_launcher
@@ -103,6 +103,18 @@ else:
 from pmr.errors import InputError
 from pmr.files.whole import FULL, complete_folder
 
+if TYPE_CHECKING:
+    from basix import CellType
+    from dolfinx.cpp.graph import AdjacencyList_int32
+    from dolfinx.fem import Constant, DofMap
+    from dolfinx.fem import Form as CompiledForm
+    from dolfinx.fem import Function as Function
+    from dolfinx.fem import FunctionSpace as FunctionSpace
+    from dolfinx.mesh import Mesh as Mesh
+    from ufl import FiniteElementBase as Element
+    from ufl import Form as Form
+    from ufl.core.expr import Expr as Expr
+
 __all__ = [
     "HAS_PETSC", "MPI", "PETSc", "SLEPc", "assemble", "cell_dofs", "cell_topology", "cellwise",
     "check_fenicsx", "comm_of", "compiled_form", "constant", "create_mesh", "hermite_space", "lagrange_rule",
@@ -116,6 +128,7 @@ if not HAS_PETSC and launched_process_count() > 1:  # each process would act as 
     )
 
 Array = NDArray[np.float64]
+Compiled = TypeVar("Compiled")
 VERSION = () if _MISSING else tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 _WRAPPED = VERSION < (0, 7)  # elements before basix.ufl
 #: Where a mesh keeps the space of `cellwise`.
@@ -156,7 +169,7 @@ def check_fenicsx(model: str) -> None:
         raise InputError("scene", "body.model", model, allowed)
 
 
-def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: NDArray[np.int64]) -> Any:
+def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: NDArray[np.int64]) -> Mesh:
     """A dolfinx mesh of linear cells, distributed over `comm`; collective.
 
     Only the points and cells that rank 0 passes in are used.
@@ -182,7 +195,7 @@ def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: NDArray[np.int6
     return mesh
 
 
-def _destinations(cells: NDArray[np.int64], _: MPI.Comm, ranks: int, *_more: Any) -> Any:
+def _destinations(cells: NDArray[np.int64], _: MPI.Comm, ranks: int, *_more: object) -> AdjacencyList_int32:
     """For each cell that this rank passes in: the rank that will own it, then the ranks that will know it as a ghost.
 
     Ranks own equal shares of the cells in the order of their lowest vertices.  As coordinates are numbered by vertices,
@@ -199,7 +212,7 @@ def _destinations(cells: NDArray[np.int64], _: MPI.Comm, ranks: int, *_more: Any
     return dolfinx.cpp.graph.AdjacencyList_int32(knowing.col[order].astype(np.int32), offsets.astype(np.int32))
 
 
-def comm_of(mesh: Any) -> MPI.Comm:
+def comm_of(mesh: Mesh) -> MPI.Comm:
     """The communicator that was passed to `create_mesh` for this mesh.
 
     dolfinx makes a communicator of its own for each mesh, on which PETSc objects must not stay: if Python drops such an
@@ -209,7 +222,7 @@ def comm_of(mesh: Any) -> MPI.Comm:
     return _comm_of[mesh]
 
 
-_comm_of: WeakKeyDictionary[Any, MPI.Comm] = WeakKeyDictionary()
+_comm_of: WeakKeyDictionary[Mesh, MPI.Comm] = WeakKeyDictionary()
 
 
 def cell_topology(cell: str) -> list[list[list[int]]]:
@@ -259,24 +272,24 @@ def _repeat_rule(cell: str, parts: int, points: Array, weights: Array) -> tuple[
     return places.reshape(-1, d) / parts, np.tile(weights, len(places)) / parts**d
 
 
-def _quadrature(kind: Any, degree: int) -> Any:
+def _quadrature(kind: CellType, degree: int) -> tuple[Array, ...]:
     """Points and weights of basix' rule that integrates polynomials of `degree` exactly."""
     if _WRAPPED:
         return basix.make_quadrature(basix.QuadratureType.Default, kind, degree)
     return basix.make_quadrature(kind, degree)
 
 
-def lagrange_space(mesh: Any, degree: int) -> Any:
+def lagrange_space(mesh: Mesh, degree: int) -> FunctionSpace:
     """Space of continuous vectors of polynomials of `degree`, with as many components as the mesh has coordinates."""
     return _space(mesh, _element(mesh, "Lagrange", degree, mesh.geometry.dim))
 
 
-def shell_space(mesh: Any) -> Any:
+def shell_space(mesh: Mesh) -> FunctionSpace:
     """Space of quadratic displacements and Crouzeix-Raviart rotations, three components each, on triangles in space."""
     return _space(mesh, _mixed_element([_element(mesh, "Lagrange", 2, 3), _element(mesh, "CR", 1, 3)]))
 
 
-def hermite_space(mesh: Any, linear: int, planes: int = 1) -> Any:
+def hermite_space(mesh: Mesh, linear: int, planes: int = 1) -> FunctionSpace:
     """Function space on an interval mesh: `linear` components u, then w_A and theta_B for each of the bending `planes`.
 
     Cubic Hermite functions on an element with the coordinate X in [0, 1] are built from two elements with one degree of
@@ -291,7 +304,7 @@ def hermite_space(mesh: Any, linear: int, planes: int = 1) -> Any:
     return _space(mesh, _mixed_element([_element(mesh, "Lagrange", 1)] * linear + [value, slope] * planes))
 
 
-def _element(mesh: Any, family: str, degree: int, components: int = 0) -> Any:
+def _element(mesh: Mesh, family: str, degree: int, components: int = 0) -> Element:
     """Element of a scalar or, if `components` is not 0, of a vector with as many components."""
     if not _WRAPPED:
         shape = (components,) if components else None
@@ -302,12 +315,12 @@ def _element(mesh: Any, family: str, degree: int, components: int = 0) -> Any:
     return ufl.FiniteElement(family, cell, degree)
 
 
-def _mixed_element(elements: list[Any]) -> Any:
+def _mixed_element(elements: list[Element]) -> Element:
     """Mixed element of the given elements."""
     return ufl.MixedElement(*elements) if _WRAPPED else basix.ufl.mixed_element(elements)
 
 
-def _vertex_element(functions: Any, derivative: int, complete_degree: int) -> Any:
+def _vertex_element(functions: Sequence[Callable[[Array], Array]], derivative: int, complete_degree: int) -> Element:
     """Custom cubic element on the unit interval with two functions, and one degree of freedom at each vertex.
 
     `derivative` is 0 if the degree of freedom is a value and 1 if it is a slope.  `complete_degree` is the highest
@@ -333,12 +346,12 @@ def _vertex_element(functions: Any, derivative: int, complete_degree: int) -> An
     )  # fmt: skip
 
 
-def constant(mesh: Any, value: float | Array) -> Any:
+def constant(mesh: Mesh, value: float | Array) -> Constant:
     """UFL constant that is not compiled into the form, so that a change of its value needs no compilation."""
     return dolfinx.fem.Constant(mesh, np.array(value, PETSc.ScalarType, order="C"))
 
 
-def function(space: Any, values: Array) -> Any:
+def function(space: FunctionSpace, values: Array) -> Function:
     """Function on a space from the `values` of all its coordinates in PETSc's global order, the same on every rank.
 
     Collective.
@@ -350,20 +363,20 @@ def function(space: Any, values: Array) -> Any:
     return result
 
 
-def compiled_form(form: Any) -> Any:
+def compiled_form(form: Form) -> CompiledForm:
     """Compile a bilinear form; it can be assembled again whenever the values of its constants change.  Collective."""
     domain = next(iter(form.subdomain_data())).ufl_cargo()
     return _compile_once(domain.comm, f"form {form.signature()}", partial(dolfinx.fem.form, form))
 
 
-def assemble(form: Any) -> PETSc.Mat:
+def assemble(form: CompiledForm) -> PETSc.Mat:
     """Assemble a compiled form to a PETSc matrix, without boundary conditions; collective."""
     matrix = dolfinx.fem.petsc.assemble_matrix(form)
     matrix.assemble()
     return matrix
 
 
-def tabulation_space(space: Any) -> Any:
+def tabulation_space(space: FunctionSpace) -> FunctionSpace:
     """Space on which `tabulate` works for expressions that are linear in functions of `space`: itself or an equivalent.
 
     In dolfinx 0.5 an expression writes beyond its memory if the components of the space share the numbers of their
@@ -374,7 +387,7 @@ def tabulation_space(space: Any) -> Any:
     return _space(space.mesh, ufl.MixedElement(*space.ufl_element().sub_elements()))
 
 
-def tabulate(expression: Any, points: Array, space: Any) -> Array:
+def tabulate(expression: Expr, points: Array, space: FunctionSpace) -> Array:
     """Values (C, q, v, d) of an expression of v components that is linear in a trial function of `space`; collective.
 
     The q `points` (q, tdim) are on the reference cell of dimension tdim.  C is the number of cells that this rank
@@ -388,13 +401,13 @@ def tabulate(expression: Any, points: Array, space: Any) -> Array:
     return np.asarray(values).reshape(len(cells), len(points), ufl.product(expression.ufl_shape), -1)
 
 
-def _space(mesh: Any, element: Any) -> Any:
+def _space(mesh: Mesh, element: Element) -> FunctionSpace:
     """Function space of an element on a mesh; collective."""
     create = dolfinx.fem.FunctionSpace if VERSION < (0, 7) else dolfinx.fem.functionspace
     return _compile_once(mesh.comm, f"element {element!r}", partial(create, mesh, element))
 
 
-def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Any]) -> Any:
+def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Compiled]) -> Compiled:
     """Call `create` with a folder in dolfinx' cache for the code that it compiles, named by `signature`; collective.
 
     FFCx marks code that it has begun by a file, which stays if its process is killed: from then on each run that needs
@@ -418,7 +431,7 @@ def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Any]) ->
 
 
 @cache
-def _compiler() -> tuple[Path, tuple[Any, ...]]:
+def _compiler() -> tuple[Path, tuple[object, ...]]:
     """Folder for compiled code, and the settings that determine that code; both are read from files once."""
     old = VERSION < (0, 6)
     options = dict(dolfinx.jit.get_parameters() if old else dolfinx.jit.get_options())
@@ -434,7 +447,7 @@ def _is_whole(folder: Path) -> bool:
     return bool(begun) and all(file.with_suffix(".c.cached").is_file() for file in begun)
 
 
-def cellwise(mesh: Any, values: Array) -> Any:
+def cellwise(mesh: Mesh, values: Array) -> Function:
     """Function that is constant in each cell, from the `values` of the cells in the order of `create_mesh`.
 
     The space of such functions is made once for a mesh, because forms take dozens of these functions and making the
@@ -448,12 +461,12 @@ def cellwise(mesh: Any, values: Array) -> Any:
     return function
 
 
-def original_cells(mesh: Any) -> NDArray[np.int64]:
+def original_cells(mesh: Mesh) -> NDArray[np.int64]:
     """Numbers, in the input of `create_mesh`, of the cells that this rank knows: its own cells, then ghosts."""
     return np.asarray(mesh.topology.original_cell_index, np.int64)
 
 
-def cell_dofs(space: Any) -> list[NDArray[np.int64]]:
+def cell_dofs(space: FunctionSpace) -> list[NDArray[np.int64]]:
     """Global degrees of freedom (cells, d) of each scalar component, on the cells that this rank knows."""
     index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
     tables = []
@@ -464,20 +477,20 @@ def cell_dofs(space: Any) -> list[NDArray[np.int64]]:
     return tables
 
 
-def unrolled_cell_dofs(space: Any) -> NDArray[np.int64]:
+def unrolled_cell_dofs(space: FunctionSpace) -> NDArray[np.int64]:
     """Local degrees of freedom (cells, d) on the cells that this rank knows, in the order of element matrices."""
     table, block = _table(space.dofmap), space.dofmap.index_map_bs
     return (table[..., None] * block + np.arange(block)).reshape(len(table), -1)
 
 
-def _scalar_parts(space: Any) -> list[Any]:
+def _scalar_parts(space: FunctionSpace) -> list[FunctionSpace]:
     """Scalar subspaces of a space, with the scalar subspaces of its subspaces."""
     if space.num_sub_spaces == 0:
         return [space]
     return [part for i in range(space.num_sub_spaces) for part in _scalar_parts(space.sub(i))]
 
 
-def _table(dofmap: Any) -> NDArray[np.int64]:
+def _table(dofmap: DofMap) -> NDArray[np.int64]:
     """Degrees of freedom (cells, d) of each cell that this rank knows; the components of a block count as one."""
     table = dofmap.list
     if VERSION < (0, 7):

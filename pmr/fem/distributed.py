@@ -7,7 +7,6 @@ rows in a NumPy array.
 from __future__ import annotations
 
 import gc
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -27,7 +26,7 @@ def tall(local: Array, like: PETSc.Mat) -> PETSc.Mat:
     return _tall(local, like.getSizes()[0], like.comm)
 
 
-def _tall(local: Array, sizes: tuple[int, int], comm: Any) -> PETSc.Mat:
+def _tall(local: Array, sizes: tuple[int, int], comm: MPI.Comm) -> PETSc.Mat:
     """Dense PETSc matrix from this rank's rows `local`; `sizes` are the local and the global number of rows."""
     assert len(local) == sizes[0]
     matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), comm=comm)
@@ -45,7 +44,7 @@ def view(local: Array, like: PETSc.Mat) -> PETSc.Mat:
     return _view(local, like.getSizes()[0], like.comm)
 
 
-def _view(local: Array, sizes: tuple[int, int], comm: Any) -> PETSc.Mat:
+def _view(local: Array, sizes: tuple[int, int], comm: MPI.Comm) -> PETSc.Mat:
     """Dense PETSc matrix that shares its entries with `local`; `sizes` are the local and the global number of rows."""
     assert len(local) == sizes[0] and local.flags.f_contiguous
     matrix = PETSc.Mat().createDense((sizes, (PETSc.DECIDE, local.shape[1])), array=local, comm=comm)
@@ -77,7 +76,7 @@ def times(A: PETSc.Mat, local: Array) -> Array:
     return result
 
 
-def free_objects(*objects: Any) -> None:
+def free_objects(*objects: PETSc.Object) -> None:
     """Free the memory of PETSc objects at once; collective.
 
     The memory of objects that Python merely drops is kept until `free_dropped`.
@@ -86,7 +85,7 @@ def free_objects(*objects: Any) -> None:
         item.destroy()
 
 
-def inner(X: Array, Y: Array, comm: Any) -> Array:
+def inner(X: Array, Y: Array, comm: MPI.Comm) -> Array:
     """Product X^T Y of two matrices from this rank's rows of both, the same on every rank; collective."""
     return np.asarray(comm.allreduce(X.T @ Y))
 
@@ -98,7 +97,7 @@ def subtract(X: Array, A: Array, B: Array) -> None:
         scipy.linalg.blas.dgemm(-1.0, A, B, 1.0, X, overwrite_c=True)
 
 
-def fix_signs(local: Array, comm: Any) -> Array:
+def fix_signs(local: Array, comm: MPI.Comm) -> Array:
     """Columns times 1 or -1, so that the entry of largest magnitude of each column is positive; collective.
 
     Of all entries within `SIGN_TOLERANCE` of the largest one, the first in the model's order decides, so that round-off

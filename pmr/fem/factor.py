@@ -11,7 +11,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,7 +174,7 @@ class SparseFactor:
         self.__dict__.pop("_factor", None)
 
 
-AnyFactor = Factor | SequentialFactor | SparseFactor
+MatrixFactor = Factor | SequentialFactor | SparseFactor
 
 
 def factor_of(A: PETSc.Mat, name: str) -> Factor | SparseFactor:
@@ -186,7 +185,7 @@ def factor_of(A: PETSc.Mat, name: str) -> Factor | SparseFactor:
     return Factor(A, name) if HAS_PETSC else SparseFactor(A, name)
 
 
-def factor_for_steps(A: PETSc.Mat, name: str) -> AnyFactor:
+def factor_for_steps(A: PETSc.Mat, name: str) -> MatrixFactor:
     """Factor for single right-hand sides, one after another: by CHOLMOD on one rank, else the one of `factor_of`.
 
     CHOLMOD is taken only if PETSc was built with it.  Raises the errors of `factor_of`.
@@ -324,7 +323,7 @@ class ReplicatedFactor:
         self._factor.destroy()
 
 
-def factor_for_columns(A: PETSc.Mat, name: str) -> AnyFactor | ReplicatedFactor:
+def factor_for_columns(A: PETSc.Mat, name: str) -> MatrixFactor | ReplicatedFactor:
     """Factor for many columns at a time; collective.
 
     On several ranks it is complete on each rank if it fits into the memory.  Otherwise, and on one rank, it is the
@@ -368,7 +367,7 @@ class Exchange:
             self._comm.Alltoallw(of_columns, of_rows)
 
     @contextmanager
-    def _parts(self, local: Array, full: Array) -> Iterator[tuple[Any, Any]]:
+    def _parts(self, local: Array, full: Array) -> Iterator[tuple[tuple[object, ...], ...]]:
         """Yield MPI's descriptions of this rank's rows, by columns, and of its columns, by rows, for one exchange.
 
         Both refer to the arrays in place.  Their data types are freed on exit.

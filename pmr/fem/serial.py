@@ -7,13 +7,17 @@ decides.
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Value = TypeVar("Value")
+#: Pairs of the local and the global number of rows, and of columns, which are the same here.
+Sizes: TypeAlias = tuple[tuple[int, int], tuple[int, int]]
 
 
 class Comm:
@@ -24,24 +28,24 @@ class Comm:
     def tompi4py(self) -> Comm:
         return self
 
-    def bcast(self, value: Any, root: int = 0) -> Any:
+    def bcast(self, value: Value, root: int = 0) -> Value:
         return value
 
-    def allreduce(self, value: Any, op: Any = None) -> Any:
+    def allreduce(self, value: Value, op: int | None = None) -> Value:
         return value
 
     reduce = allreduce
 
-    def allgather(self, value: Any) -> list[Any]:
+    def allgather(self, value: Value) -> list[Value]:
         return [value]
 
-    def gather(self, value: Any, root: int = 0) -> list[Any]:
+    def gather(self, value: Value, root: int = 0) -> list[Value]:
         return [value]
 
     def barrier(self) -> None:
         """Do nothing, as there is no other rank to wait for."""
 
-    def Bcast(self, *arrays: Any) -> None:
+    def Bcast(self, *arrays: Array | int | None) -> None:
         """Do nothing: on one rank the arrays already have their result."""
 
     Allreduce = Bcast
@@ -75,7 +79,7 @@ class Vec:
 class IS:
     """Numbers of rows or columns, with those methods of PETSc index sets that pmr calls."""
 
-    def createGeneral(self, numbers: NDArray[Any], comm: Comm = WORLD) -> IS:
+    def createGeneral(self, numbers: Indices, comm: Comm = WORLD) -> IS:
         self.numbers = numbers
         return self
 
@@ -89,15 +93,15 @@ class Mat:
     comm = WORLD
     Structure = SimpleNamespace(SUBSET_NONZERO_PATTERN=0, DIFFERENT_NONZERO_PATTERN=1)
 
-    def __init__(self, values: Any = None) -> None:
+    def __init__(self, values: sp.csr_matrix = None) -> None:
         self.values = values
 
-    def createAIJ(self, sizes: Any, csr: tuple[NDArray[Any], ...], comm: Comm = WORLD) -> Mat:
+    def createAIJ(self, sizes: Sizes, csr: tuple[NDArray[np.generic], ...], comm: Comm = WORLD) -> Mat:
         indptr, indices, entries = csr
         self.values = sp.csr_matrix((entries, indices, indptr), shape=tuple(size[1] for size in sizes))
         return self
 
-    def createDense(self, sizes: Any, array: Array | None = None, comm: Comm = WORLD) -> Mat:
+    def createDense(self, sizes: Sizes, array: Array | None = None, comm: Comm = WORLD) -> Mat:
         self.values = np.zeros(tuple(size[1] for size in sizes), order="F") if array is None else array
         return self
 
@@ -129,10 +133,10 @@ class Mat:
     def getDenseArray(self) -> Array:
         return np.asarray(self.values)
 
-    def getValuesCSR(self) -> tuple[NDArray[Any], NDArray[Any], Array]:
+    def getValuesCSR(self) -> tuple[NDArray[np.generic], ...]:
         return self.values.indptr.copy(), self.values.indices.copy(), self.values.data.copy()
 
-    def getRow(self, number: int) -> tuple[NDArray[Any], Array]:
+    def getRow(self, number: int) -> tuple[NDArray[np.generic], ...]:
         row = self.values[number]
         return row.indices, row.data
 
@@ -171,17 +175,17 @@ class Mat:
     def scale(self, factor: float) -> None:
         self.values *= factor
 
-    def axpy(self, factor: float, X: Mat, structure: Any = None) -> None:
+    def axpy(self, factor: float, X: Mat, structure: int | None = None) -> None:
         """Add `factor` times X to this matrix; `structure` is not used."""
         self.values = sp.csr_matrix(self.values + factor * X.values)
 
-    def zeroRowsColumns(self, numbers: NDArray[Any], diag: float) -> None:
+    def zeroRowsColumns(self, numbers: Indices, diag: float) -> None:
         """Set the rows and columns with these `numbers` to zero, and their diagonal entries to `diag`."""
         remaining, diagonal = np.ones(self.getSize()[0]), np.zeros(self.getSize()[0])
         remaining[numbers], diagonal[numbers] = 0.0, diag
         self.values = sp.csr_matrix(sp.diags(remaining) @ self.values @ sp.diags(remaining) + sp.diags(diagonal))
 
-    def norm(self, kind: Any) -> float:
+    def norm(self, kind: int) -> float:
         """Largest sum of the absolute values in a row, which is PETSc's infinity norm; `kind` is not used."""
         return float(np.abs(self.values).sum(axis=1).max())
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,6 +15,9 @@ from pmr.models import FiniteElementModel, StructuralModel, is_assembled
 from pmr.models.matrices import Matrices
 from pmr.scene import Damping
 from pmr.system.body_matrices import Rayleigh
+
+if TYPE_CHECKING:
+    from pmr.fem.compat import Function, FunctionSpace
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -104,7 +107,7 @@ class Assembler:
         free_objects(P)
         return matrix
 
-    def displacement_function(self, q: Array) -> Any:
+    def displacement_function(self, q: Array) -> Function:
         """Function on the function space with the model's coordinates q (n,), the same on every rank; collective.
 
         Not to be called for a model with a `transformation`, whose coordinates are not those of the function space.
@@ -114,7 +117,7 @@ class Assembler:
         return function(self.space, values)
 
 
-def model_order(model: FiniteElementModel, space: Any) -> Indices:
+def model_order(model: FiniteElementModel, space: FunctionSpace) -> Indices:
     """For each coordinate of the model its PETSc index (n,) in the function space; collective, the same on every rank.
 
     Raises

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import scipy.linalg
@@ -34,6 +34,9 @@ from pmr.models import StructuralModel, is_assembled
 from pmr.scene.structures import PointMass
 from pmr.system.body_matrices import CONSTANT, LINEAR, STATES
 from pmr.system.rows import Row, Rows
+
+if TYPE_CHECKING:
+    from pmr.fem.compat import Expr, Function, FunctionSpace
 
 Array = NDArray[np.float64]
 
@@ -171,7 +174,7 @@ class FrameAssembler:
         return self._assembler.assemble_form(form, zeros=False)
 
     @cached_property
-    def _inertia_form(self) -> tuple[Any, Any]:
+    def _inertia_form(self) -> tuple[Expr, ...]:
         """Tensor S (3, 3) as a UFL constant with a changeable value, and the form of A_S, compiled once; collective."""
         space = self._assembler.space
         tensor = constant(space.mesh, np.zeros((3, 3)))
@@ -203,7 +206,7 @@ class FrameAssembler:
         """Coordinate of a point mass along the axis, m."""
         return float(self._model.centroid(mass.on)[0] if mass.at is None else mass.at[0])
 
-    def displacement(self, state: StressState) -> Any:
+    def displacement(self, state: StressState) -> Function:
         """Displacement under the loads of `state` with the tail clamped, as a function on the model's function space.
 
         Collective.
@@ -251,7 +254,7 @@ class StressState:
     stretch: float
     forces: tuple[tuple[str, Array], ...]
 
-    def displacement(self, space: Any) -> Any:
+    def displacement(self, space: FunctionSpace) -> Function:
         """Displacement under the state's loads as a function on the model's function space; collective.
 
         `space` is not used.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeGuard
+from typing import TYPE_CHECKING, Protocol, TypeGuard
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,6 +19,10 @@ from pmr.models.trace import Strip, Window
 from pmr.results.field_series import Grid
 from pmr.results.field_stress import ForceRows, StressRows
 
+if TYPE_CHECKING:
+    from pmr.fem.compat import Expr, Form, Function, FunctionSpace, Mesh
+
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -29,8 +33,8 @@ __all__ = ["DIRECTIONS", "rigid_motions"]
 class Forms:
     """Mass and stiffness as UFL forms of a trial function and a test function."""
 
-    mass: Any
-    stiffness: Any
+    mass: Form
+    stiffness: Form
 
 
 class UnitState(Protocol):
@@ -48,7 +52,7 @@ class UnitState(Protocol):
     def forces(self) -> Sequence[tuple[str, Array]]:
         """Pairs of a place on the body and the force (3,) in N that acts there."""
 
-    def displacement(self, space: Any) -> Any:
+    def displacement(self, space: FunctionSpace) -> Function:
         """Displacement of the body under the loads of this state, a function on the model's space; collective."""
 
 
@@ -119,22 +123,22 @@ class StructuralModel(Protocol):
 class FiniteElementModel(StructuralModel, Protocol):
     """A structural model that is assembled from weak forms on a mesh, with cells to draw and stresses in the cells."""
 
-    def domain(self, comm: MPI.Comm) -> Any:
+    def domain(self, comm: MPI.Comm) -> Mesh:
         """The dolfinx mesh of the model, spread over `comm`; collective."""
 
-    def space(self, domain: Any) -> Any:
+    def space(self, domain: Mesh) -> FunctionSpace:
         """Function space of the model on `domain`, the dolfinx mesh."""
 
-    def forms(self, space: Any) -> Forms:
+    def forms(self, space: FunctionSpace) -> Forms:
         """Mass and stiffness as UFL forms on `space`."""
 
-    def inertia(self, space: Any, S: Any) -> Any:
+    def inertia(self, space: FunctionSpace, S: Expr) -> Form:
         """UFL form of the integral of rho v . S u over the volume, for trial and test displacements u and v.
 
         `S` is a tensor (3, 3) in UFL, and rho is the density.  If S is the identity, the form is the mass.
         """
 
-    def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
+    def geometric_stiffness(self, space: FunctionSpace, state: UnitState) -> Form:
         """UFL form of the integral of sigma_jk u_i,j v_i,k over the volume, for trial and test displacements u and v.
 
         sigma are the stresses of the unit state; u_i,j is the derivative of component i of u along j.
@@ -209,7 +213,7 @@ class Cut:
     element: Indices  # (2 p,): number of the whole beam's element at both ends of each piece
 
 
-def ufl_product(S: Any, v: Sequence[Any], u: Sequence[Any]) -> Any:
+def ufl_product(S: Expr, v: Sequence[Expr | None], u: Sequence[Expr | None]) -> Expr:
     """Product v . S u in UFL for S (3, 3); components of v or u that are None count as zero."""
     return sum(S[j, k] * v[j] * u[k] for j in range(3) for k in range(3) if v[j] is not None and u[k] is not None)
 

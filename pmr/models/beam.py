@@ -15,7 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -31,6 +31,10 @@ from pmr.models.trace import Extent, Plane, Strip, Window, line_points
 from pmr.results.field_series import Grid
 from pmr.results.field_stress import ForceRows, StressRows, force_rows
 from pmr.scene.structures import Beam3DBody, Profile
+
+if TYPE_CHECKING:
+    from pmr.fem.compat import Expr, Function, FunctionSpace, Mesh
+
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -58,6 +62,11 @@ class Beam(ABC):
     @abstractmethod
     def directions(self) -> tuple[str, ...]:
         """Directions along or about which a node can move: some of `DIRECTIONS`, in their order."""
+
+    @property
+    @abstractmethod
+    def reference_frequency(self) -> float:
+        """Scale of the lowest circular frequencies in rad/s."""
 
     @property
     @abstractmethod
@@ -93,7 +102,7 @@ class Beam(ABC):
         """Faces for pads at the coordinate `at` (m) along the axis: the plane and extent of each face by its name."""
 
     @abstractmethod
-    def strains(self, space: Any) -> Any:
+    def strains(self, space: FunctionSpace) -> Expr:
         """The v generalised strains of a trial function on `space`, to which section forces belong, as a UFL vector."""
 
     @property
@@ -222,7 +231,7 @@ class Beam(ABC):
         """Strains at both ends of each element, per unit of the function space's coordinates."""
         return cell_values(self, self.strains, np.array([[0.0], [1.0]]))
 
-    def element_property(self, mesh: Any, values: Array) -> Any:
+    def element_property(self, mesh: Mesh, values: Array) -> Expr:
         """Property of the sections with the `values` (K,) in UFL, constant in each element."""
         return constant(mesh, float(values[0])) if len(values) == 1 else cellwise(mesh, values[self.number])
 
@@ -261,7 +270,7 @@ class Beam(ABC):
         """Number of coordinates n."""
         return len(self.directions) * len(self.node_stations)
 
-    def domain(self, comm: MPI.Comm) -> Any:
+    def domain(self, comm: MPI.Comm) -> Mesh:
         """The axis as a dolfinx interval mesh, spread over `comm`; collective.
 
         The mesh has two points where sections change or the beam is cut.
@@ -276,7 +285,7 @@ class Beam(ABC):
         nodes = self.first[cells, None] + np.arange(2)
         return [len(self.directions) * nodes + i for i in range(len(self.directions))]
 
-    def axial_force(self, mesh: Any, state: UnitState) -> Any:
+    def axial_force(self, mesh: Mesh, state: UnitState) -> Expr:
         r"""Axial force N(x) in N, tension positive, of the beam held at its tail, in UFL on a dolfinx mesh.
 
         With the mass per length :math:`\rho A`, the length L, the state's acceleration a along x, its stretch b, and
@@ -292,7 +301,7 @@ class Beam(ABC):
         pulled = self._sums_beyond(mesh, state, 0)[0] - cellwise(mesh, beyond)
         return pulled - mass_here * (a * (end - x) + b * (end**2 - x**2) / 2.0)
 
-    def moment(self, mesh: Any, state: UnitState, component: int) -> Any:
+    def moment(self, mesh: Mesh, state: UnitState, component: int) -> Expr:
         r"""Bending moment M(x) = EI w'' in N m of the beam held at its tail, in UFL on a dolfinx mesh.
 
         The deflection w is along y (`component` 1) or z (`component` 2).  The state's acceleration along this axis is a
@@ -317,7 +326,7 @@ class Beam(ABC):
         """For each element the sum of `values` (E,) over all elements behind it."""
         return np.append(np.cumsum(values[:0:-1])[::-1], 0.0)
 
-    def _sums_beyond(self, mesh: Any, state: UnitState, component: int) -> tuple[Any, Any]:
+    def _sums_beyond(self, mesh: Mesh, state: UnitState, component: int) -> list[Function]:
         """Sums of the state's forces beyond each element, and of forces times their coordinates x, in UFL.
 
         Only one `component` of the forces is summed: 0, 1 or 2 for x, y or z.
@@ -327,7 +336,7 @@ class Beam(ABC):
         for place, force in state.forces:
             at = self.station(place)
             sums += np.array([[1.0], [at]]) * force[component] * (at > middle)
-        return cellwise(mesh, sums[0]), cellwise(mesh, sums[1])
+        return [cellwise(mesh, values) for values in sums]
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
         """Rows (k t, n) of the displacements of the centroids at k places, along the t of x, y, z that the beam has."""
@@ -389,6 +398,6 @@ class Beam(ABC):
         return sp.csr_matrix((np.ones(rows.size), (rows.ravel(), columns.ravel())), (3 * len(nodes), self.size))
 
 
-def measure(mesh: Any) -> Any:
+def measure(mesh: Mesh) -> ufl.Measure:
     """UFL measure by which weak forms of beams are integrated."""
     return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})

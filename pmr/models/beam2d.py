@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -44,6 +44,10 @@ from pmr.models.trace import FACES, Extent, Plane
 from pmr.results.field_stress import ForceRows, StressRows
 from pmr.scene.box import Box
 from pmr.scene.structures import Beam3DBody, Profile
+
+if TYPE_CHECKING:
+    from pmr.fem.compat import Expr, Form, FunctionSpace, Mesh
+
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -137,11 +141,11 @@ class Beam2D(Beam):
             U[:, 0, 2] = -self.stiffnesses.centroid
         return U
 
-    def space(self, domain: Any) -> Any:
+    def space(self, domain: Mesh) -> FunctionSpace:
         """Function space on a dolfinx interval mesh."""
         return hermite_space(domain, linear=len(self.directions) - 2)
 
-    def forms(self, space: Any) -> Forms:
+    def forms(self, space: FunctionSpace) -> Forms:
         """Mass and stiffness as UFL forms."""
         mesh, of = space.mesh, self.stiffnesses
         (u, _, w), (du, _, dw) = (self._displacement(field) for field in _trial_and_test(space))
@@ -150,12 +154,12 @@ class Beam2D(Beam):
             stiffness += self.element_property(mesh, of.axial) * u.dx(0) * du.dx(0)
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness * measure(mesh))
 
-    def inertia(self, space: Any, S: Any) -> Any:
+    def inertia(self, space: FunctionSpace, S: Expr) -> Form:
         """UFL form of the integral of rho A v . S u along the axis; rotary inertia is neglected."""
         u, v = (self._displacement(field) for field in _trial_and_test(space))
         return self.element_property(space.mesh, self.stiffnesses.mass) * ufl_product(S, v, u) * measure(space.mesh)
 
-    def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
+    def geometric_stiffness(self, space: FunctionSpace, state: UnitState) -> Form:
         """UFL form of the integral of N w' dw' along the axis, with the state's axial force N.
 
         w and dw are the deflections of trial and test function.
@@ -163,7 +167,7 @@ class Beam2D(Beam):
         w, dw = (self._displacement(field)[2] for field in _trial_and_test(space))
         return self.axial_force(space.mesh, state) * w.dx(0) * dw.dx(0) * measure(space.mesh)
 
-    def _displacement(self, field: Any) -> tuple[Any, None, Any]:
+    def _displacement(self, field: Expr) -> tuple[Expr, ...]:
         """Displacements along x, y and z of a field in UFL; None along directions that the model does not have."""
         i = self.directions.index("z")
         J = ufl.JacobianDeterminant(field.ufl_function_space().ufl_domain())
@@ -227,7 +231,7 @@ class Beam2D(Beam):
         rows["normal force"] = np.stack([of.axial[self.number], np.zeros_like(bent)], axis=1)
         return rows
 
-    def strains(self, space: Any) -> Any:
+    def strains(self, space: FunctionSpace) -> Expr:
         """Strain u', if there are axial coordinates, and curvature w'' of a trial function as a UFL vector."""
         u, _, w = self._displacement(ufl.TrialFunction(space))
         return ufl.as_vector([*([] if u is None else [u.dx(0)]), w.dx(0).dx(0)])
@@ -263,6 +267,6 @@ def planar_beam(body: Beam3DBody, box: Box, nodes: Array) -> Beam2D:
     return Beam2D(body, stations, sections_of(body, stations, box))
 
 
-def _trial_and_test(space: Any) -> tuple[Any, Any]:
+def _trial_and_test(space: FunctionSpace) -> tuple[Expr, ...]:
     """Trial and test function of a space."""
     return ufl.TrialFunction(space), ufl.TestFunction(space)

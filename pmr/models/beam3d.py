@@ -32,7 +32,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import ufl
@@ -57,9 +57,13 @@ from pmr.results.field_stress import FORCES, ForceRows, StressRows
 from pmr.scene.box import Box
 from pmr.scene.structures import Beam3DBody, BeamSection
 
+if TYPE_CHECKING:
+    from pmr.fem.compat import Expr, Form, FunctionSpace, Mesh
+
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-Motion = tuple[Any, ...]  # displacements along x, y and z in UFL; None: no inertia
+Motion: TypeAlias = "tuple[Expr | None, ...]"  # displacements along x, y and z in UFL; None: no inertia
 
 
 @dataclass(frozen=True)
@@ -140,11 +144,11 @@ class Beam3D(Beam):
         U[range(6), [0, 3, 1, 5, 2, 4]] = 1.0, 1.0, 1.0, 1.0, 1.0, -1.0
         return np.asarray(U @ self.sections.centre_motions)
 
-    def space(self, domain: Any) -> Any:
+    def space(self, domain: Mesh) -> FunctionSpace:
         """Function space on `domain`, an interval mesh: u, phi, and the Hermite functions of both planes."""
         return hermite_space(domain, linear=2, planes=2)
 
-    def forms(self, space: Any) -> Forms:
+    def forms(self, space: FunctionSpace) -> Forms:
         """Mass and stiffness as UFL forms on `space`."""
         mesh = space.mesh
         trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
@@ -158,7 +162,7 @@ class Beam3D(Beam):
             stiffness += plane.energy(of, by, partial(self.element_property, mesh))
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness * measure(mesh))
 
-    def inertia(self, space: Any, S: Any) -> Any:
+    def inertia(self, space: FunctionSpace, S: Expr) -> Form:
         r"""UFL form of the integral of rho v . S u over the body, for trial and test displacements u and v.
 
         .. math::
@@ -178,7 +182,7 @@ class Beam3D(Beam):
         total = sum(self.element_property(mesh, rho * size) * ufl_product(S, v, u) for size, v, u in parts)
         return (total + self._ring_inertia(mesh, S, by, of)) * measure(mesh)
 
-    def _ring_inertia(self, mesh: Any, S: Any, by: Sequence[Motion], of: Sequence[Motion]) -> Any:
+    def _ring_inertia(self, mesh: Mesh, S: Expr, by: Sequence[Motion], of: Sequence[Motion]) -> Expr:
         """Integrand of the rings' inertia in UFL, from `_motion` of the test (`by`) and trial (`of`) functions.
 
         Rings have their own centroid and second moments.
@@ -204,11 +208,11 @@ class Beam3D(Beam):
                 total += cellwise(mesh, second[:, j, k]) * ufl_product(S, by[1 + j], of[1 + k])
         return total
 
-    def _principal_rotation(self, mesh: Any) -> list[list[Any]]:
+    def _principal_rotation(self, mesh: Mesh) -> list[list[Expr]]:
         """Rows of the matrix R in UFL that turns y and z to the principal axes, constant in each element."""
         return [[self.element_property(mesh, self.sections.principal[:, i, j]) for j in (0, 1)] for i in (0, 1)]
 
-    def _motion(self, mesh: Any, field: Any) -> tuple[Motion, ...]:
+    def _motion(self, mesh: Mesh, field: Expr) -> tuple[Motion, ...]:
         """Displacement of the centroid, then its derivatives along both principal axes of the section, in UFL.
 
         Each of the three has components along x and the principal axes; a component without inertia is None.
@@ -224,14 +228,14 @@ class Beam3D(Beam):
             (turn_w, -phi, None),
         )
 
-    def _centroid_deflections(self, mesh: Any, v: Any, w: Any, phi: Any) -> tuple[Any, Any]:
+    def _centroid_deflections(self, mesh: Mesh, v: Expr, w: Expr, phi: Expr) -> tuple[Expr, ...]:
         """Deflections of the centroid along the principal axes, from v and w of the shear centre and the twist phi."""
         sections = self.sections
         y, z = np.einsum("kij,kj->ik", sections.principal, sections.centroid - sections.shear_centre)
         v = v - self.element_property(mesh, z) * phi if z.any() else v
         return v, w + self.element_property(mesh, y) * phi if y.any() else w
 
-    def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
+    def geometric_stiffness(self, space: FunctionSpace, state: UnitState) -> Form:
         r"""UFL form of the geometric stiffness of a state's axial force and bending moments.
 
         The axial force of the state is N, its deflections are :math:`v_0` and :math:`w_0`, and its bending moments are
@@ -264,7 +268,7 @@ class Beam3D(Beam):
         across -= (M_v * phi).dx(0) * by[1] + of[1] * (M_v * dphi).dx(0)
         return (self.axial_force(mesh, state) * along + across) * measure(mesh)
 
-    def _deflections(self, mesh: Any, field: Any) -> list[Deflection]:
+    def _deflections(self, mesh: Mesh, field: Expr) -> list[Deflection]:
         """Deflections in both planes of a field in UFL with the components u, phi, w_A, theta_B, w_A and theta_B.
 
         The first w_A and theta_B belong to bending along y, the second ones to bending along z.
@@ -334,7 +338,7 @@ class Beam3D(Beam):
         stiffness["bending moment y"][:, 1:3], stiffness["bending moment z"][:, 1:3] = -bent[:, 1], bent[:, 0]
         return stiffness
 
-    def strains(self, space: Any) -> Any:
+    def strains(self, space: FunctionSpace) -> Expr:
         """Stretch u', curvatures psi_v' and psi_w' in both planes, and twist phi' of a trial function, in UFL."""
         field = ufl.TrialFunction(space)
         v, w = self._deflections(space.mesh, field)

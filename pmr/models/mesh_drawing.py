@@ -69,7 +69,7 @@ class Drawing:
         """Tag in gmsh of the arc around the point `centre` from the point `start` to `end`, in `divisions` parts."""
         return self._curve(start, end, divisions, lambda: self._model.geo.addCircleArc(start, centre, end))
 
-    def _curve(self, start: int, end: int, divisions: int, draw: Any) -> int:
+    def _curve(self, start: int, end: int, divisions: int, draw: Callable[[], int]) -> int:
         """Tag in gmsh of the curve between two points; if there is none yet, `draw` draws it."""
         key = frozenset((start, end))
         if key not in self._curves:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, cell_dofs, original_cells, tabulate, tabulation_space, unrolled_cell_dofs
-from pmr.models import DIRECTIONS, rigid_motions
+from pmr.models import DIRECTIONS, StructuralModel, is_assembled, rigid_motions
 from pmr.models.mesh_nodes import Nodes, number_nodes
 from pmr.models.named_mesh import CELLS_OF_KIND, NamedMesh
 from pmr.models.trace import (
@@ -34,6 +34,10 @@ from pmr.models.trace import (
 )
 from pmr.results.field_series import Grid
 from pmr.scene.structures import Material
+
+if TYPE_CHECKING:
+    from pmr.fem.compat import Expr, FunctionSpace, Mesh
+
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -94,7 +98,7 @@ class MeshedModel(TracedModel):
         """Number of coordinates n."""
         return self.nodes.size
 
-    def domain(self, comm: MPI.Comm) -> Any:
+    def domain(self, comm: MPI.Comm) -> Mesh:
         """The mesh in dolfinx, spread over `comm`; collective."""
         return self.mesh.distribute(comm)
 
@@ -216,7 +220,7 @@ class CellValues:
     coordinates: Indices  # (C, d): numbers of these coordinates, as `FiniteElementModel.element_coordinates` counts
 
 
-def cell_values(model: Any, quantity: Callable[[Any], Any], points: Array) -> CellValues:
+def cell_values(model: StructuralModel, quantity: Callable[[FunctionSpace], Expr], points: Array) -> CellValues:
     """Tabulate a quantity in all cells of a model's mesh, in their order; each rank does so alone.
 
     Parameters
@@ -227,6 +231,7 @@ def cell_values(model: Any, quantity: Callable[[Any], Any], points: Array) -> Ce
     points : (q, d) array
         Points on the reference cell.
     """
+    assert is_assembled(model)
     space = tabulation_space(model.space(model.domain(MPI.COMM_SELF)))
     cells = original_cells(space.mesh)
     dofs = unrolled_cell_dofs(space)

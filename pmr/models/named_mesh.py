@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,12 @@ from pmr.errors.text import NAMED, is_name
 from pmr.fem.compat import MPI, cell_topology, create_mesh
 from pmr.files.decks import KINDS, Deck, read_deck
 from pmr.models.mesh_nodes import codes
+
+if TYPE_CHECKING:
+    import meshio
+
+    from pmr.fem.compat import Mesh
+
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -117,7 +123,7 @@ def _meshio_content(file: Path) -> MeshFile:
     return MeshFile(points, blocks, _physical_groups(mesh))
 
 
-def _physical_groups(mesh: Any) -> dict[str, list[Indices]]:
+def _physical_groups(mesh: meshio.Mesh) -> dict[str, list[Indices]]:
     """For each physical group the numbers of its cells in each of meshio's blocks, from sets (MSH 4) or tags (2)."""
     sets = {name: parts for name, parts in mesh.cell_sets.items() if not name.startswith("gmsh:")}
     empty = np.empty(0, np.int64)
@@ -268,7 +274,7 @@ class NamedMesh:
         x = self.points[:, self.axis][self.cells]
         return x.min(axis=1), x.max(axis=1)
 
-    def distribute(self, comm: MPI.Comm) -> Any:
+    def distribute(self, comm: MPI.Comm) -> Mesh:
         """The mesh as a dolfinx mesh, spread over `comm`; collective."""
         return create_mesh(comm, self.cell, self.points, self.cells)
 

@@ -26,7 +26,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -37,6 +37,10 @@ from pmr.results.field_stress import FIBRE, FORCES, ForceRows, StressRows
 from pmr.scene.box import Box, Stretch
 from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import Beam3DBody, BeamSection
+
+if TYPE_CHECKING:
+    from pmr.fem.compat import Expr
+
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -341,12 +345,12 @@ class Deflection:
     `curvature` the derivative of the rotation in 1/m.
     """
 
-    second: Any
-    third: Any
-    shear: Any
-    value: Any
-    rotation: Any
-    curvature: Any
+    second: Expr
+    third: Expr
+    shear: Expr | None
+    value: Expr
+    rotation: Expr
+    curvature: Expr
 
 
 @dataclass(frozen=True)
@@ -373,7 +377,7 @@ class Bending:
         gamma = -(h**2) / 12.0 / (1.0 + (self.shear_stiffness / (12.0 * self.stiffness))[number] * h**2) * third
         return value + gamma * h * (X - 3 * X**2 + 2 * X**3), slope + gamma * (-6 * X + 6 * X**2)
 
-    def deflection(self, w: Any, h: Any, X: Any, of_elements: Callable[[Array], Any]) -> Deflection:
+    def deflection(self, w: Expr, h: Expr, X: Expr, of_elements: Callable[[Array], Expr]) -> Deflection:
         """Deflection in UFL from the cubic w in elements of length h, at the share X in [0, 1] along each element.
 
         `of_elements` turns a property (K,) of the K sections into UFL.
@@ -389,7 +393,7 @@ class Bending:
         rotation, curvature = first + gamma * (steeper - 1), second + gamma * steeper.dx(0)
         return Deflection(second, third, gamma, w + gamma * bulge, rotation, curvature)
 
-    def energy(self, of: Deflection, by: Deflection, of_elements: Callable[[Array], Any]) -> Any:
+    def energy(self, of: Deflection, by: Deflection, of_elements: Callable[[Array], Expr]) -> Expr:
         """Integrand of the bending stiffness in UFL, for the trial function (`of`) and the test function (`by`).
 
         `of_elements` turns a property (K,) of the K sections into UFL.

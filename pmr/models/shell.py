@@ -40,7 +40,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import ufl
@@ -66,6 +66,10 @@ from pmr.scene import Body
 from pmr.scene.box import Box
 from pmr.scene.profile import BoxProfile
 from pmr.scene.structures import Material, Plate, ShellBody
+
+if TYPE_CHECKING:
+    from pmr.fem.compat import Expr, Form, Function, FunctionSpace, Mesh
+
 
 Array = NDArray[np.float64]
 
@@ -106,11 +110,11 @@ class Shell(MeshedModel):
         plate = self.body.plate
         return frequency_scale(self.mesh.points, plate.material, plate.thickness)
 
-    def space(self, domain: Any) -> Any:
+    def space(self, domain: Mesh) -> FunctionSpace:
         """Function space on `domain`, the mesh in dolfinx."""
         return shell_space(domain)
 
-    def forms(self, space: Any) -> Forms:
+    def forms(self, space: FunctionSpace) -> Forms:
         """Mass and stiffness as UFL forms on `space`."""
         mesh = space.mesh
         E, nu, rho, t = self._cellwise(mesh)
@@ -128,7 +132,7 @@ class Shell(MeshedModel):
         drilling = rho * t**3 / 12 * ufl.dot(theta, normal) * ufl.dot(dtheta, normal) * _mass_measure(mesh)
         return Forms(self.inertia(space, ufl.Identity(3)) + drilling, stiffness)
 
-    def inertia(self, space: Any, S: Any) -> Any:
+    def inertia(self, space: FunctionSpace, S: Expr) -> Form:
         r"""UFL form of :math:`\int \rho t\, v \cdot S u + \frac{\rho t^3}{12} v_{,\zeta} \cdot S u_{,\zeta}\, dA`.
 
         u and v are the displacements of trial and test function, rho is the density and t the thickness.  A point at
@@ -143,7 +147,7 @@ class Shell(MeshedModel):
         of_plate = rho * t * ufl.dot(du, ufl.dot(S, u)) + rho * t**3 / 12 * ufl.dot(dturn, ufl.dot(S, turn))
         return of_plate * _mass_measure(mesh)
 
-    def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
+    def geometric_stiffness(self, space: FunctionSpace, state: UnitState) -> Form:
         r"""UFL form of the work of a state's membrane stress sigma on products of displacement gradients.
 
         .. math:: \int t\, \sigma_{\alpha\beta}\, u_{i,\alpha} v_{i,\beta}\, dA
@@ -161,12 +165,12 @@ class Shell(MeshedModel):
         measure = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 3})
         return t * ufl.inner(ufl.dot(of, sigma), by) * measure
 
-    def _cellwise(self, mesh: Any) -> list[Any]:
+    def _cellwise(self, mesh: Mesh) -> list[Function]:
         """Young's modulus (Pa), Poisson's ratio, density (kg/m^3) and thickness (m) of each cell, in UFL."""
         names = "material.young", "material.poisson", "material.density"
         return [*(cellwise(mesh, self.plates.values(name)) for name in names), cellwise(mesh, self.thickness)]
 
-    def plane_stresses(self, space: Any) -> Any:
+    def plane_stresses(self, space: FunctionSpace) -> Expr:
         """Membrane stresses in Pa, then bending stresses per distance from the middle in Pa/m, as a UFL vector of six.
 
         They are linear in a trial function.  Each of the two has three components in the axes of `frames`: along,
@@ -201,7 +205,7 @@ class Shell(MeshedModel):
 class Strains:
     """Strains of a displacement u and rotation theta in UFL, in a frame of three unit vectors, the last one normal."""
 
-    def __init__(self, u: Any, theta: Any, frame: Sequence[Any]) -> None:
+    def __init__(self, u: Expr, theta: Expr, frame: Sequence[Expr]) -> None:
         in_plane, normal = _in_plane(frame), frame[2]
         H = ufl.dot(in_plane, _surface_gradient(u, frame))
         director = ufl.cross(normal, theta)
@@ -212,27 +216,27 @@ class Strains:
         self.drilling = (H[1, 0] - H[0, 1]) / 2 - ufl.dot(theta, normal)
 
 
-def _in_plane(frame: Sequence[Any]) -> Any:
+def _in_plane(frame: Sequence[Expr]) -> Expr:
     """The first two vectors of a frame as the rows of a matrix (2, 3)."""
     return ufl.as_matrix([[e[i] for i in range(3)] for e in frame[:2]])
 
 
-def _surface_gradient(field: Any, frame: Sequence[Any]) -> Any:
+def _surface_gradient(field: Expr, frame: Sequence[Expr]) -> Expr:
     """Derivatives of a field along the first two vectors of a frame; the last axis counts the two vectors."""
     return ufl.dot(ufl.grad(field), ufl.transpose(_in_plane(frame)))
 
 
-def _mass_measure(mesh: Any) -> Any:
+def _mass_measure(mesh: Mesh) -> ufl.Measure:
     """UFL measure by which forms of the mass are integrated."""
     return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 4})
 
 
-def _plane_stress(E: Any, nu: Any, strain: Any) -> Any:
+def _plane_stress(E: Expr, nu: Expr, strain: Expr) -> Expr:
     """Stress in Pa of a strain (2, 2) in UFL, for Young's modulus E and Poisson's ratio nu."""
     return E / (1 - nu**2) * ((1 - nu) * strain + nu * ufl.tr(strain) * ufl.Identity(2))
 
 
-def _frame(mesh: Any) -> tuple[Any, Any, Any]:
+def _frame(mesh: Mesh) -> tuple[Expr, ...]:
     """Unit vectors of each triangle in UFL: along its first edge, across it in its plane, normal to it."""
     J = ufl.Jacobian(mesh)
     first, second = ufl.as_vector([J[i, 0] for i in range(3)]), ufl.as_vector([J[i, 1] for i in range(3)])

@@ -27,7 +27,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import ufl
@@ -50,6 +50,10 @@ from pmr.models.named_mesh import NamedMesh
 from pmr.results.field_stress import SPATIAL, StressRows
 from pmr.scene import Body
 from pmr.scene.structures import SolidBody
+
+if TYPE_CHECKING:
+    from pmr.fem.compat import Expr, Form, FunctionSpace, Mesh
+
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -84,11 +88,11 @@ class Solid(MeshedModel):
         """Scale of the lowest circular frequencies in rad/s."""
         return frequency_scale(self.mesh.points, self.body.material)
 
-    def space(self, domain: Any) -> Any:
+    def space(self, domain: Mesh) -> FunctionSpace:
         """Function space on `domain`, the mesh in dolfinx."""
         return lagrange_space(domain, 2)
 
-    def forms(self, space: Any) -> Forms:
+    def forms(self, space: FunctionSpace) -> Forms:
         """Mass and stiffness as UFL forms on `space`."""
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
         # Tetrahedra: exact.  Hexahedra: exact for boxes, three Gauss points in each direction.
@@ -96,13 +100,13 @@ class Solid(MeshedModel):
         stiffness = ufl.inner(self._stress(space.mesh, u), ufl.sym(ufl.grad(du))) * dk
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness)
 
-    def inertia(self, space: Any, S: Any) -> Any:
+    def inertia(self, space: FunctionSpace, S: Expr) -> Form:
         """UFL form of the integral of rho v . S u over the volume, for the trial function u and the test function v."""
         rho = cellwise(space.mesh, self.materials.values("density"))
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
         return rho * ufl.dot(du, ufl.dot(S, u)) * _measure(space.mesh, 4)
 
-    def geometric_stiffness(self, space: Any, state: UnitState) -> Any:
+    def geometric_stiffness(self, space: FunctionSpace, state: UnitState) -> Form:
         """UFL form of the integral of sigma_jk u_i,j v_i,k over the volume, for trial and test functions u and v.
 
         sigma are the stresses of a unit state.
@@ -111,13 +115,13 @@ class Solid(MeshedModel):
         sigma = self._stress(space.mesh, state.displacement(space))
         return ufl.inner(ufl.dot(ufl.grad(u), sigma), ufl.grad(du)) * _measure(space.mesh, 4)
 
-    def _stress(self, mesh: Any, u: Any) -> Any:
+    def _stress(self, mesh: Mesh, u: Expr) -> Expr:
         """Stress tensor in Pa of a displacement u, in UFL."""
         E, nu = (cellwise(mesh, self.materials.values(name)) for name in ("young", "poisson"))
         lame, mu, epsilon = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu)), ufl.sym(ufl.grad(u))
         return lame * ufl.tr(epsilon) * ufl.Identity(3) + 2 * mu * epsilon
 
-    def stress_components(self, space: Any) -> Any:
+    def stress_components(self, space: FunctionSpace) -> Expr:
         """Stresses xx, yy, zz, yz, xz and xy in Pa of a trial function, as a UFL vector."""
         sigma = self._stress(space.mesh, ufl.TrialFunction(space))
         return ufl.as_vector([sigma[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))])
@@ -151,7 +155,7 @@ class Solid(MeshedModel):
         )
 
 
-def _measure(mesh: Any, degree: int) -> Any:
+def _measure(mesh: Mesh, degree: int) -> ufl.Measure:
     """UFL measure for integrands of the given polynomial degree."""
     return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
 

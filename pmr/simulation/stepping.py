@@ -13,7 +13,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -225,7 +224,7 @@ class Recorder:
         return replace(self._recorded, seconds=ended.seconds, surplus=ended.surplus)
 
 
-def _copy_of_view(array: NDArray[Any]) -> NDArray[Any]:
+def _copy_of_view(array: NDArray[np.generic]) -> NDArray[np.generic]:
     """The array, or a copy if it is a view of memory that others may overwrite."""
     return np.ascontiguousarray(array) if array.flags.owndata else array.copy()
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from pmr.system.system import Side
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Number = TypeVar("Number", bound=np.generic)
 
 
 class ChangingRows:
@@ -184,7 +185,7 @@ class _BodyRows:
         curves.F[:] += crossed + crossed.transpose(0, 1, 3, 2)
 
 
-def _pad_to_shape(values: NDArray[Any], *shape: int) -> NDArray[Any]:
+def _pad_to_shape(values: NDArray[Number], *shape: int) -> NDArray[Number]:
     """Pad `values` to `shape` with zeros: in front along the first axis (powers), behind along the last (carriers)."""
     first = shape[0] - values.shape[0]
     wide = np.zeros(shape, values.dtype)

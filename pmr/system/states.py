@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.system.body import Trajectory
+from pmr.system.body import Body, Trajectory
 from pmr.system.contacts import Friction
 from pmr.system.system import BodySystem, System
 
@@ -101,7 +101,7 @@ class BodyStates:
 
 
 def friction_on_body(
-    system: BodySystem[Any], name: str, forces: Array, friction: Array | None
+    system: BodySystem[Body], name: str, forces: Array, friction: Array | None
 ) -> tuple[Array, Array] | tuple[None, None]:
     """Moments (S, rows) in N m and forces along the boom (S, rows) in N of friction on the rows of a body.
 

@@ -62,7 +62,7 @@ class StoredSimulation:
 
     step: int
     seconds: float
-    identity: Mapping[str, Any]
+    identity: Mapping[str, object]
     arrays: Mapping[str, Array]
 
 
@@ -85,7 +85,7 @@ def save(checkpoint: Checkpoint, saved: StoredSimulation) -> None:
         _log.warning("no checkpoint: %s", error)
 
 
-def load(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> StoredSimulation | None:
+def load(checkpoint: Checkpoint, identity: Mapping[str, object]) -> StoredSimulation | None:
     """Stored simulation of the checkpoint with this identity; None if there is no file.
 
     Raises
@@ -190,7 +190,7 @@ class ReachedState:
 class CheckpointFile:
     """Writes and reads the checkpoints of one simulation; all methods but `due` are collective."""
 
-    def __init__(self, checkpoint: Checkpoint, system: FullSystem, identity: Mapping[str, Any]) -> None:
+    def __init__(self, checkpoint: Checkpoint, system: FullSystem, identity: Mapping[str, object]) -> None:
         self._checkpoint, self._identity = checkpoint, identity
         self._comm, self._system = system.comm, system
         self._last = time.monotonic()

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError, call_on_first_rank
 from pmr.fem.compat import MPI
-from pmr.fem.factor import BLOCK, AnyFactor
+from pmr.fem.factor import BLOCK, MatrixFactor
 from pmr.fullmodel.model import FullSystem
 from pmr.kernel.laws import ContactError, SchemeFactors, solve_contact
 from pmr.simulation.petsc.rows import (
@@ -177,7 +177,7 @@ class Constraint:
         return self._factor.solve(self.rows.apply_transposed(multipliers))
 
 
-def solve_for_carriers(factor: AnyFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> tuple[Array, Array]:
+def solve_for_carriers(factor: MatrixFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> tuple[Array, Array]:
     """Matrix P = E^T S^{-1} E (p, p), the same on every rank, and this rank's rows of S^{-1} E.
 
     `factor` is a factor of S; the argument `E` holds this rank's columns (p, n_local) of E^T.  This rank's rows of

@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
-from pmr.fem.factor import AnyFactor, factor_for_steps
+from pmr.fem.factor import MatrixFactor, factor_for_steps
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.kernel.laws import SchemeFactors
 from pmr.simulation import contact_step
@@ -77,7 +77,7 @@ class Integrator:
         self._b = np.empty(system.local_slices[-1].stop)
         self.constraint = Constraint(system, self._factor, self._q_gain, rows, pushing, shared)
 
-    def _factorise(self, model: FullModel) -> AnyFactor:
+    def _factorise(self, model: FullModel) -> MatrixFactor:
         """Factor of the effective matrix S of a model."""
         S = effective_matrix(model, self._v_gain, self._q_gain)
         factor = factor_for_steps(S, "M + dv D + dq K")
@@ -160,7 +160,7 @@ class Integrator:
 class _Body:
     """Solver for the next state of one body without its contacts."""
 
-    def __init__(self, model: FullModel, factor: AnyFactor, v_gain: float, q_gain: float) -> None:
+    def __init__(self, model: FullModel, factor: MatrixFactor, v_gain: float, q_gain: float) -> None:
         self._M, self._D, self._factor, self._v_gain = model.M, model.D, factor, v_gain
         self._is_rayleigh = model.rayleigh is not None
         self._damped = _RayleighCoefficients.from_damping(model.rayleigh or Rayleigh(0.0, 0.0), v_gain, q_gain)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import without_zeros
-from pmr.fem.factor import AnyFactor
+from pmr.fem.factor import MatrixFactor
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.system.system import consecutive
 
@@ -35,8 +35,8 @@ class BlockFactor:
     Bodies with the same model share a factor.
     """
 
-    def __init__(self, system: FullSystem, factorised: Callable[[FullModel], AnyFactor]) -> None:
-        self._local, self._factors = system.local_slices, dict[int, AnyFactor]()
+    def __init__(self, system: FullSystem, factorised: Callable[[FullModel], MatrixFactor]) -> None:
+        self._local, self._factors = system.local_slices, dict[int, MatrixFactor]()
         for model in system.models:
             if id(model) not in self._factors:
                 self._factors[id(model)] = factorised(model)

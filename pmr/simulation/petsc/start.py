@@ -30,7 +30,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import SimulationError, call_on_first_rank
-from pmr.fem.compat import MPI
+from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import local_csr
 from pmr.fem.factor import product
 from pmr.fullmodel.model import FullModel, FullSystem
@@ -166,7 +166,7 @@ class Terms:
         return False
 
 
-def _product(system: FullSystem, bodies: tuple[str, ...], A: Any) -> Product | None:
+def _product(system: FullSystem, bodies: tuple[str, ...], A: PETSc.Mat | sp.csr_matrix | None) -> Product | None:
     """Function that returns this rank's rows of A x from its rows of x, of stacked bodies; None if A is None."""
     if A is None:
         return None
