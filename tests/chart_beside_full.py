@@ -75,7 +75,7 @@ def beside(scene: Scene, places: Array, limits: Sequence[Limit], up_to: float) -
     found = allow_row(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
     full = shared.full_system(scene)
     whole = PostureMatrices.from_scene(scene, full, PostureSet.from_task(at))
-    amounts = [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in whole.parts]
+    amounts = [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in whole.loads.names]
     near = found["load"]
     exact = np.array([allowed_loads(limits, Place(whole, k, amounts, GRAVITY), up_to, near[k]) for k in range(count)])
     return Beside(found["load"], found["error.reduction"], exact, [*(one.name for one in limits), "stability"])

@@ -76,12 +76,12 @@ def chart(
     own = npz.record_from_arrays(
         PostureMatrices, {n.removeprefix("reduced."): a for n, a in made.arrays.items() if n.startswith("reduced.")}
     )
-    amounts = [{WEIGHT: 1.0, HOOK: 1.0, "wind": wind}.get(part, 0.0) for part in own.parts]
+    amounts = [{WEIGHT: 1.0, HOOK: 1.0, "wind": wind}.get(part, 0.0) for part in own.loads.names]
     place = Place(own, 0, amounts, G)
     limits = list[Limit]()
     state = LoadedStates.from_states([place.equilibria.state(at_load)])
     kinds = ["stress", "pad", "cylinder", "support", "luffing", "deflection", "buckling", "frequency", "overturning"]
-    kinds += ["rope"] if own.rope_names else []
+    kinds += ["rope"] if own.columns.ropes else []
     for kind in kinds:
         if kind == "stress" and not any("stress" in name for name in own.output_names):
             continue

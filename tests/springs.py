@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.system import contact_rows
 from pmr.system.body import SlidingBody
 from pmr.system.carriers import Flexibility
+from pmr.system.contact_rows import check_determined, compliant_rows
 from pmr.system.polynomials import apply_table, evaluate
 
 Array = NDArray[np.float64]
@@ -21,16 +21,16 @@ class CompliantRows:
     """
 
     def __init__(self, body: SlidingBody) -> None:
-        self._body, self._rows = body, contact_rows.CompliantRows(body)
-        self.numbers = self._rows.numbers
+        self._body, self.numbers = body, compliant_rows(body)
 
     def flexibility(self, s: Array) -> Array:
         """Flexibility F(s) (T, m', m') in m/N; raises the package's error if it is singular."""
-        self._rows.check(s)
         F = np.tile(np.diag(self._body.row_compliance), (len(s), 1, 1))
         if self._body.flexibility is not None:
             F = F + evaluate(self._body.flexibility.rows, s)
-        return F[:, self.numbers][:, :, self.numbers]
+        F, names = F[:, self.numbers][:, :, self.numbers], [self._body.row_names[k] for k in self.numbers]
+        check_determined(F, names, lambda k: f"slider at {s[k]:g} m")
+        return F
 
     def inputs(self, s: Array) -> Array:
         """Table H(s) (T, m', i) in m/N."""

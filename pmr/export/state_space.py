@@ -25,7 +25,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from pmr.errors import InputError, SimulationError
+from pmr.errors import InputError
 from pmr.export.formats import Options
 from pmr.files.whole import replacement_file
 from pmr.scene.built import force_name
@@ -33,7 +33,7 @@ from pmr.scene.keys import ALONE, LUFFING_CYLINDER, SLIDER
 from pmr.simulation.modal import diagonalise, modal_damping
 from pmr.simulation.moving import path_ranges
 from pmr.system.assembly import Assembly
-from pmr.system.contact_rows import REGULAR, ContactRows
+from pmr.system.contact_rows import ContactRows, check_determined
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.saved import read
 from pmr.system.soundness import symmetric_part
@@ -165,7 +165,9 @@ class _HeldSystem:
         X (n, r) and `omega2` (r,) are its modes; s (P,) are path coordinates, for messages.
         """
         soft, r, B = rows.select(~firm), len(omega2), assembly.B.toarray()
-        _check_apart(assembly.system, soft.F, firm, s)
+        names = [name for name, rigid in zip(assembly.system.contact_names, firm, strict=True) if not rigid]
+        where = ", ".join(f"{path} at {at:g} m" for path, at in zip(assembly.system.paths, s, strict=True))
+        check_determined(soft.F[None], names, lambda _: where)
         C = soft.C @ X
         answers = np.linalg.solve(soft.F, np.hstack([C, soft.H]))
         forces, of_rates = np.zeros((len(firm), r + B.shape[1])), np.zeros((len(firm), r))
@@ -183,17 +185,6 @@ class _HeldSystem:
             measured=np.vstack([outputs, np.hstack([forces[:, :r], of_rates])]),
             direct=np.vstack([shapes[:, r:], forces[:, r:]]),
         )
-
-
-def _check_apart(system: System, F: Array, firm: NDArray[np.bool_], s: Array) -> None:
-    """Raise SimulationError if the flexibility F of contacts that give way is singular."""
-    if not len(F):
-        return
-    scale = np.sqrt(np.maximum(np.diagonal(F), np.finfo(float).tiny))
-    if np.linalg.eigvalsh(F / np.outer(scale, scale))[0] <= REGULAR:
-        names = ", ".join(name for name, rigid in zip(system.contact_names, firm, strict=True) if not rigid)
-        where = ", ".join(f"{path} at {at:g} m" for path, at in zip(system.paths, s, strict=True))
-        raise SimulationError(f"{where}: the forces of the rows {names} are not determined there")
 
 
 #: Default number of grid points.

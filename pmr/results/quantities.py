@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.results.response import Extreme, Extremes, Response
+from pmr.results.response import Extreme, Extremes, Output, Response
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.keys import cylinder_name
 from pmr.scene.mechanism import AT_PIVOT, CYLINDER, drive_rows, rope_shares
@@ -71,8 +71,14 @@ class Columns:
     @classmethod
     def from_scene(cls, scene: Scene, response: Response) -> Columns:
         """Return the meaning of the columns of a scene's response, in the order of the columns of `values_of`."""
-        outputs = response.outputs
-        names = tuple(output.name.removeprefix(FORCE) for output in outputs)
+        return cls.of_outputs(
+            scene, [replace(output, name=output.name.removeprefix(FORCE)) for output in response.outputs]
+        )
+
+    @classmethod
+    def of_outputs(cls, scene: Scene, outputs: Sequence[Output]) -> Columns:
+        """Return the meaning of columns with the names, kinds, units and bodies of `outputs` of a scene's bodies."""
+        names = tuple(output.name for output in outputs)
         return cls(
             names,
             tuple(output.kind for output in outputs),

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.results import Energy, Response
-from pmr.results.response import Output
+from pmr.results.response import FORCES, Output
 from pmr.scene import Scene
 from pmr.scene.built import force_name
 from pmr.scene.frame import BaseMotion
@@ -25,9 +25,9 @@ from pmr.scene.keys import SLIDER
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.frame import term_signals
-from pmr.simulation.reactions import column_names, is_reaction, with_forces_on_machine, with_support_reactions
+from pmr.simulation.reactions import is_reaction, with_forces_on_machine, with_support_reactions
 from pmr.system.assembly import Assembly
-from pmr.system.body import Trajectory, force_outputs
+from pmr.system.body import Trajectory, kinds_of, names_of, units_of
 from pmr.system.contact_rows import ContactRows
 from pmr.system.contacts import qualified_name
 from pmr.system.states import SystemTrajectory
@@ -169,6 +169,16 @@ class RestRows:
     loads: Array
     parts: Array
 
+    @property
+    def arrays(self) -> tuple[Array, ...]:
+        """All four arrays."""
+        return self.coordinates, self.contacts, self.loads, self.parts
+
+    @classmethod
+    def stack(cls, rows: Sequence[RestRows]) -> RestRows:
+        """Coefficients at P postures, with an axis of P in front of each array, without `outputs`."""
+        return cls((), *map(np.array, zip(*(at.arrays for at in rows), strict=True)))
+
 
 def rest_rows(scene: Scene, assembly: Assembly, place: int, x: Array, rows: ContactRows, amplitudes: Array) -> RestRows:
     """Coefficients of the forces on supports and on the machine, in one posture of a scene made by `scene_at_rest`.
@@ -221,8 +231,11 @@ def _response_at_rest(
     trajectory = SystemTrajectory(
         t, bodies, forces, forces, loads, none, none, 0.0, np.nan, amplitudes=c if system.terms else None
     )
-    springs, names, kinds, owners = _spring_outputs(system, assembly)
+    outputs = outputs_of(system)
+    springs = [k for k, output in enumerate(outputs) if output.kind in FORCES]
     held = [k for k, contact in enumerate(system.contacts) if not is_reaction(contact)]
+    shown = [outputs[k] for k in springs]
+    shown += [Output(force_name(c.name), c.kind, c.inner.body, unit="N") for c in (system.contacts[k] for k in held)]
     y = (assembly.outputs[springs] @ q.T).T - forces @ rows.X[springs].T + loads @ assembly.direct[springs].T
     response = Response(
         t=t,
@@ -233,22 +246,17 @@ def _response_at_rest(
         residual_position=none,
         residual_velocity=none,
         seconds=0.0,
-        force_names=(*names, *(force_name(system.contact_names[k]) for k in held)),
-        kinds=(*kinds, *(system.contacts[k].kind for k in held)),
-        bodies=(*owners, *(system.contacts[k].inner.body for k in held)),
+        force_names=tuple(force.name for force in shown),
+        kinds=tuple(force.kind for force in shown),
+        bodies=tuple(force.body for force in shown),
     )
     return with_forces_on_machine(scene, with_support_reactions(response, system, trajectory))
 
 
-def _spring_outputs(
-    system: System, assembly: Assembly
-) -> tuple[NDArray[np.int64], Sequence[str], Sequence[str], Sequence[str]]:
-    """Indices of outputs that are forces of the bodies' springs, and the names, kinds and bodies of these outputs."""
-    numbers, names, kinds, owners = list[int](), list[str](), list[str](), list[str]()
-    for name, body in system.bodies.items():
-        of = column_names(body)
-        numbers += (assembly.output_slices[name].start + np.flatnonzero(force_outputs(body))).tolist()
-        names += [qualified_name(name, spring) for spring in of.forces]
-        kinds += of.kinds[1]
-        owners += [name] * len(of.forces)
-    return np.array(numbers, dtype=np.int64), names, kinds, owners
+def outputs_of(system: System) -> list[Output]:
+    """Outputs of all bodies of a system, one body after the other, each with the first word of its kind."""
+    return [
+        Output(qualified_name(name, label), kind.partition(" ")[0], name, unit=unit)
+        for name, body in system.bodies.items()
+        for label, kind, unit in zip(names_of(body), kinds_of(body), units_of(body), strict=True)
+    ]

@@ -169,7 +169,7 @@ JUST_BELOW = 1e-6
 class Place:
     """A boom in the `k`-th of `postures`, in one load case.
 
-    `amounts` holds one number for each of ``postures.parts``: the factor on the weight, the factor on the load that is
+    `amounts` holds one number for each of ``postures.loads``: the factor on the weight, the factor on the load that is
     searched for, and the scene's other loads in N or N m.
     """
 
@@ -181,7 +181,7 @@ class Place:
     @cached_property
     def equilibria(self) -> LoadedStructure:
         """Equilibria of the boom at this place as a function of the load in kg."""
-        named = dict(zip(self.postures.parts, self.amounts, strict=True))
+        named = dict(zip(self.postures.loads.names, self.amounts, strict=True))
         return LoadedStructure(self.postures.equations(self.k, named, named[HOOK]))
 
     def share(self, limit: Limit) -> Share:
@@ -252,7 +252,10 @@ def large_rotation_changes(limits: Sequence[Limit], place: Place, loads: Array, 
     u_0)`.  For a limit on overturning, :math:`P / (1 - u_0)` is replaced by `TippingMoments.overturning_load`.  How
     large rotations change the load at which stability is lost is not known.
     """
-    changes, tip = np.zeros(len(loads)), [n for n, kind in enumerate(place.postures.output_kinds) if kind == "tip"]
+    changes, tip = (
+        np.zeros(len(loads)),
+        [n for n, kind in enumerate(place.postures.output_kinds) if kind == "tip"],
+    )
     states, unloaded = place.equilibria.states(loads.tolist()), place.equilibria.states([0.0])
     for n, (limit, state) in enumerate(zip(limits, states.split([1] * len(loads)), strict=False)):
         load = float(state.load[0])

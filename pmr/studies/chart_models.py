@@ -23,9 +23,9 @@ from pmr.simulation.statics.postures import (
     DeflectionOutputs,
     PostureMatrices,
     PostureSet,
+    UnitLoads,
     acceleration_loads,
     side_positions,
-    unit_loads,
 )
 from pmr.studies import shared
 from pmr.studies.limits import STABILITY, Limit, with_fields
@@ -117,15 +117,13 @@ def richer_system(scene: Scene, system: System, positions: PostureSet, up_to: fl
 
     few = positions.select(_sample_postures(positions))
     sample, half = PostureMatrices.from_scene(scene, system, few), up_to / 2.0
-    loaded = [
-        LoadedStructure(sample.equations(k, dict.fromkeys(sample.parts, 0.0) | {WEIGHT: 1.0})) for k in range(few.count)
-    ]
+    loaded = [LoadedStructure(sample.equations(k, {WEIGHT: 1.0})) for k in range(few.count)]
     most = [min(half, equilibrium.state(0.0).form.critical / 2.0) for equilibrium in loaded]
     forces = [np.array([equilibrium.state(0.0).forces for equilibrium in loaded])]
     forces.append(np.array([equilibrium.state(load).forces for equilibrium, load in zip(loaded, most, strict=True)]))
-    weight, hook = sample.f[sample.parts.index(WEIGHT)], sample.f[sample.parts.index(HOOK)]
+    weight, hook = sample.loads.f[sample.loads.names.index(WEIGHT)], sample.loads.f[sample.loads.names.index(HOOK)]
     loads = [weight, weight + np.array(most)[:, None] * hook]
-    if sample.terms.size:
+    if sample.structure.terms.size:
         shapes = np.array([equilibrium.state(0.0).form.buckling_forces(half) for equilibrium in loaded])
         forces.append(shapes * np.abs(forces[-1]).max(axis=1, initial=0.0)[:, None])
         loads.append(np.zeros_like(weight))
@@ -145,10 +143,12 @@ def postures_with_tip_mass(scene: Scene, positions: PostureSet, mass: float) -> 
         update={"sections": (*scene.sections[:-1], last.model_copy(update={"masses": masses}))}
     )
     postures = PostureMatrices.from_scene(with_mass, shared.reduced_system(with_mass), positions)
-    loads = {name: getattr(postures, name).copy() for name in ("f", "c", "machine_parts")}
-    for load_parts in loads.values():
-        load_parts[postures.parts.index(WEIGHT)] -= mass * load_parts[postures.parts.index(HOOK)]
-    return replace(postures, **loads)
+    loads, machine = postures.loads, postures.machine
+    weight, hook = (loads.names.index(name) for name in (WEIGHT, HOOK))
+    f, c, parts = loads.f.copy(), loads.c.copy(), machine.parts.swapaxes(0, 1).copy()
+    for of_load in (f, c, parts):
+        of_load[weight] -= mass * of_load[hook]
+    return replace(postures, loads=replace(loads, f=f, c=c), machine=replace(machine, parts=parts.swapaxes(0, 1)))
 
 
 def stiffness_excess(scene: Scene, better: System, full: System, positions: PostureSet, up_to: float) -> float:
@@ -162,8 +162,8 @@ def stiffness_excess(scene: Scene, better: System, full: System, positions: Post
     few = positions.select(every[np.linspace(0, len(every) - 1, min(FULL_ORDER_POSTURES, len(every))).astype(int)])
     factors = []
     for system in (better, full):
-        assembly, x, (parts, _, c) = Assembly(system), side_positions(system, few), unit_loads(scene, system, few)
-        pressed = c[parts.index(WEIGHT)] + up_to / 2.0 * c[parts.index(HOOK)]
+        assembly, x, loads = Assembly(system), side_positions(system, few), UnitLoads.from_scene(scene, system, few)
+        pressed = loads.c[loads.names.index(WEIGHT)] + up_to / 2.0 * loads.c[loads.names.index(HOOK)]
         named = [dict(zip(system.term_names, row.tolist(), strict=True)) for row in pressed]
         factors.append([buckling_factors(assembly, at_, amounts)[0] for at_, amounts in zip(x, named, strict=True)])
     richer, exact = np.array(factors)
@@ -271,4 +271,4 @@ class ChartModels:
 
 def _read_postures(arrays: Mapping[str, NDArray[Any]], model: str) -> PostureMatrices | None:
     """Return the postures of a model from a task's arrays; None where the task has not stored any."""
-    return npz.record_from_arrays(PostureMatrices, arrays, f"{model}.") if f"{model}.K" in arrays else None
+    return npz.record_from_arrays(PostureMatrices, arrays, f"{model}.") if f"{model}.structure.K" in arrays else None

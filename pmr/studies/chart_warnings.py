@@ -59,9 +59,9 @@ def stable_equilibria(place: Place, load: float, reach: float) -> list[Equilibri
     An unstable equilibrium is left out.  `reach` in m, the length of the boom, is used in the descriptions only.
     """
     at, k = place.postures, place.k
-    where = f"at a reach of {reach:.4g} m, raised {np.rad2deg(at.luffing[k]):.4g} degrees"
-    if at.slewing[k]:
-        where += f", slewed {np.rad2deg(at.slewing[k]):.4g} degrees"
+    where = f"at a reach of {reach:.4g} m, raised {np.rad2deg(at.place.luffing[k]):.4g} degrees"
+    if at.place.slewing[k]:
+        where += f", slewed {np.rad2deg(at.place.slewing[k]):.4g} degrees"
     equilibria = [Equilibrium(place, 0.0, f"{where}, without a load")]
     if load > 0.0:
         equilibria.append(
@@ -135,7 +135,7 @@ def _response_at_equilibria(equilibria: Sequence[Equilibrium]) -> RestingRespons
         residual_position=nothing,
         residual_velocity=nothing,
         seconds=0.0,
-        output_names=tuple(at.output_names[n] for n in tip),
+        output_names=tuple(at.columns.names[n] for n in tip),
         force_names=tuple(map(force_name, at.force_names)),
         words=tuple(at_rest.description for at_rest in equilibria),
     )
@@ -166,7 +166,7 @@ def _relative_errors(
 def _values_of_kind(at: PostureMatrices, state: LoadedState, kind: str) -> list[float]:
     """Return the values of all outputs and contact forces of a kind in a state of the model `at`, sorted by name."""
     outputs, forces = _indices_of_kind(at, kind)
-    named = [(at.output_names[n], state.outputs[n]) for n in outputs]
+    named = [(at.columns.names[n], state.outputs[n]) for n in outputs]
     named += [(at.force_names[n], state.forces[n]) for n in forces]
     return [float(value) for _, value in sorted(named)]
 

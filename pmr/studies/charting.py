@@ -46,7 +46,7 @@ class Chart:
     """
 
     limits: Sequence[Limit]
-    amounts: Sequence[Sequence[float]]  # by case: the amount of each of the components `PostureMatrices.parts`
+    amounts: Sequence[Sequence[float]]  # by case: the amount of each of the components `PostureMatrices.loads`
     up_to: float  # kg, largest load that is searched
     gravity: float  # m/s^2
 
@@ -164,17 +164,17 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     """
     models = ChartModels.from_needs(needs)
     at, cases, gravity = models.reduced, arguments["cases"], arguments["gravity"]
-    amounts = [[_amount(case, part) for part in at.parts] for case in cases]
+    amounts = [[_amount(case, part) for part in at.loads.names] for case in cases]
     chart = Chart([Limit.model_validate(limit) for limit in arguments["limits"]], amounts, arguments["up_to"], gravity)
     rope = None if arguments.get("hoist") is None else Rope(*arguments["hoist"])
     first, last = arguments["rows"]
-    idle = replace(chart, amounts=[[_amount(case, part) for part in at.parts] for case in arguments["left"]])
+    idle = replace(chart, amounts=[[_amount(case, part) for part in at.loads.names] for case in arguments["left"]])
     rows = [_point_arrays(chart, models, k, rope) | {"passed": idle.passed_limits(at, k)} for k in range(first, last)]
     arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     governing = np.min(np.nan_to_num(arrays["load"], nan=np.inf), axis=1)
     finite = governing[np.isfinite(governing)]
     record = {"load.least": float(finite.min()), "load.most": float(finite.max())} if len(finite) else {}
-    tip, slewing = needs["postures"].arrays["tip"][first:last], at.slewing[first:last]
+    tip, slewing = needs["postures"].arrays["tip"][first:last], at.place.slewing[first:last]
     radius = tip[:, 0] * np.cos(slewing) + tip[:, 1] * np.sin(slewing)
     bent = npz.record_from_arrays(DeflectionOutputs, needs["postures"].arrays, "bent.")
     stops = [
@@ -189,7 +189,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     scene, contacts = shared.scene_of(arguments), CONTACTS.validate_json(str(needs["postures"].arrays["contacts"]))
     loads, cases_of_loads = np.nan_to_num(arrays["load"], nan=chart.up_to), arrays["case"]
     of_places = warnings_of_row(scene, contacts, chart.places, models, loads, cases_of_loads, first)
-    arrays |= {"place": np.column_stack([radius, tip[:, 2]]), "luffing": at.luffing[first:last]}
+    arrays |= {"place": np.column_stack([radius, tip[:, 2]]), "luffing": at.place.luffing[first:last]}
     left_out = unnamed_loads(scene, [*cases, *arguments["left"]])
     return TaskResult(record, arrays, warnings=(*of_places, *left_out, *needs["postures"].warnings))
 

@@ -89,10 +89,12 @@ class StopMotion:
         at, k = place.postures, place.k
         f = self.acceleration_loads[k].copy()
         if self.angle == "luffing":  # the load hangs: only a lift of its rope accelerates it, nothing sideways
-            x, _, z = at.tip[k]
-            lifted = float(at.up[k] @ [-z, 0.0, x])  # m by a rotation of one radian
-            f += load * lifted / place.gravity * at.f[at.parts.index(HOOK), k]
-        return DecelerationLoads(at.B @ f, -at.H[k] @ f, np.vstack([at.direct, at.machine_loads[k]]) @ f)
+            x, _, z = at.place.tip[k]
+            lifted = float(at.place.up[k] @ [-z, 0.0, x])  # m by a rotation of one radian
+            f += load * lifted / place.gravity * at.loads.f[at.loads.names.index(HOOK), k]
+        return DecelerationLoads(
+            at.structure.B @ f, -at.rows.H[k] @ f, np.vstack([at.structure.direct, at.machine.loads[k]]) @ f
+        )
 
 
 def largest_governed_rows(load: Array) -> NDArray[np.int64]:
@@ -151,7 +153,11 @@ def governing_details(
         "section": bent.names,
     }
     arrays |= {f"{of}.names": np.array(named, dtype=np.str_) for of, named in names.items()}
-    return arrays | {"kinds": np.array(at.force_kinds, dtype=np.str_), "bent.x": bent.x, "bent.section": bent.section}
+    return arrays | {
+        "kinds": np.array(at.force_kinds, dtype=np.str_),
+        "bent.x": bent.x,
+        "bent.section": bent.section,
+    }
 
 
 def _stress_columns(at: PostureMatrices) -> dict[str, dict[str, int]]:
@@ -177,7 +183,7 @@ def _place_arrays(limits: Sequence[Limit], place: Place, load: float, bent: Defl
         "bent": shape.outputs,
         "stress": np.array(stress),
         "used": np.array([*used, load / state.form.critical]),
-        "luffing": at.luffing[place.k],
+        "luffing": at.place.luffing[place.k],
     }
 
 

@@ -65,7 +65,7 @@ class Kind:
         Unit of the amount; empty for a number without a unit, or if only the user knows the unit.
     share : callable
         Called with a limit, postures, the number k of a posture and the amounts (w,) of the w components
-        ``PostureMatrices.parts``; returns the `Share`, a function from states to used shares.
+        ``PostureMatrices.loads``; returns the `Share`, a function from states to used shares.
     usual : Usual, optional
         Range in which the amount usually lies.
     names : callable, optional
@@ -98,8 +98,8 @@ def _share_of_quantity(limit: Limit, at: PostureMatrices, k: int, amounts: Seque
     Raises InputError if the limit is on the luffing cylinder and the cylinder has no lever arm to raise the boom at the
     k-th posture of `at`.
     """
-    if limit.of == "luffing" and not at.arm[k] > 0.0:
-        reason = f"at {np.rad2deg(at.luffing[k]):.4g} degrees the cylinder has an arm of {at.arm[k]:.2g} m"
+    if limit.of == "luffing" and not at.place.arm[k] > 0.0:
+        reason = f"at {np.rad2deg(at.place.luffing[k]):.4g} degrees the cylinder has an arm of {at.place.arm[k]:.2g} m"
         raise InputError("study", "luffing", None, f"angles at which it raises the boom are allowed: {reason}")
     measure, share_of_unit = limit.measure(at.columns), limit.factor / limit.allowed_amount
     return lambda states: share_of_unit * measure(np.hstack([states.outputs, states.forces]))
@@ -133,7 +133,7 @@ def _share_of_frequency(limit: Limit, at: PostureMatrices, k: int, amounts: Sequ
 def _share_of_overturning(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on overturning, about the worst edge.
 
-    The machine stands at the k-th posture of `at`; the components ``at.parts`` act by `amounts` (w,).
+    The machine stands at the k-th posture of `at`; the components ``at.loads`` act by `amounts` (w,).
     """
     tipping = limit.tipping_moments(at, k, amounts)
     return lambda states: tipping.share(states, limit.factor)
@@ -253,7 +253,7 @@ class Limit(SceneTable):
     def share(self, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
         """Return the function from states to the used shares (p,) of the limit at the k-th posture of `at`.
 
-        `amounts` (w,) are the amounts by which the w components ``at.parts`` act.  Raises InputError if the model has
+        `amounts` (w,) are the amounts by which the w components ``at.loads`` act.  Raises InputError if the model has
         none of the columns that the limit depends on.
         """
         return self.kind.share(self, at, k, amounts)
@@ -283,7 +283,7 @@ class Limit(SceneTable):
     def tipping_moments(self, at: PostureMatrices, k: int, amounts: Sequence[float]) -> TippingMoments:
         """Return the moments about the edges of the support polygon at the k-th posture of `at`.
 
-        `amounts` (w,) are the amounts by which the w components ``at.parts`` act.
+        `amounts` (w,) are the amounts by which the w components ``at.loads`` act.
         """
         return TippingMoments.compute(self.polygon, self.height, self.machine, at, k, np.asarray(amounts))
 

@@ -68,26 +68,26 @@ class TippingMoments:
         """Compute the moments at the k-th posture of `at`, about the edges between corners X, Y in m from the pivot.
 
         The pivot is `height` m above the corners; `machine` are masses below the boom; `amounts` (w,) are the amounts
-        by which the w components ``at.parts`` (weight, load, loads of the scene) act.  Raises InputError if a force or
+        by which the w components ``at.loads`` (weight, load, loads of the scene) act.  Raises InputError if a force or
         moment at the pivot is not among the outputs.
         """
-        turned = boom_rotation(at.luffing[k : k + 1], at.slewing[k : k + 1])[0]
+        turned = boom_rotation(at.place.luffing[k : k + 1], at.place.slewing[k : k + 1])[0]
         edges = _edge_rows(tuple(polygon), height)
         about = np.hstack([edges[:, :3] @ turned, edges[:, 3:] @ turned])  # rows for forces in the boom's axes
-        weight, up = amounts[at.parts.index(WEIGHT)] * at.gravity, turned @ at.up[k]
+        weight, up = amounts[at.loads.names.index(WEIGHT)] * at.gravity, turned @ at.place.up[k]
         resting = np.zeros(6)
-        c, s = np.cos(at.slewing[k]), np.sin(at.slewing[k])
+        c, s = np.cos(at.place.slewing[k]), np.sin(at.place.slewing[k])
         for part in machine:
             x, y, z = part.at
             place = np.array([c * x - s * y, s * x + c * y, z] if part.slews else part.at)
             force = -part.mass * weight * up
             resting += np.concatenate([force, np.cross(place, force)])
-        pull = amounts[at.parts.index(HOOK)] * at.hook_force(k)
+        pull = amounts[at.loads.names.index(HOOK)] * at.hook_force(k)
         moment = about[:, 3:] @ _cross_matrix(pull)
         return cls(
             machine=edges @ resting,
             boom=about @ _pivot_rows(at),
-            tip_moment=about[:, :3] @ pull + moment @ at.tip[k],
+            tip_moment=about[:, :3] @ pull + moment @ at.place.tip[k],
             tip_derivative=moment @ _tip_rows(at.output_names, at.output_kinds),
         )
 

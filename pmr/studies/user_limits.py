@@ -195,7 +195,7 @@ def amounts_of_states(
     The returned function raises InputError with `key` and `text` (the limit function's name or the expression) if the
     limit function fails or returns NaN.
     """
-    luffing, slewing = float(at.luffing[k]), float(at.slewing[k])
+    luffing, slewing = float(at.place.luffing[k]), float(at.place.slewing[k])
 
     def amount(load: float, outputs: Mapping[str, float], forces: Mapping[str, float]) -> float:
         """Return the limit function's value in one state."""
@@ -215,7 +215,10 @@ def amounts_of_states(
         """Return the limit function's values (p,) in all states."""
         outputs, forces = (
             [dict(zip(names, row, strict=True)) for row in of.tolist()]
-            for names, of in ((at.output_names, states.outputs), (at.force_names, states.forces))
+            for names, of in (
+                (at.output_names, states.outputs),
+                (at.force_names, states.forces),
+            )
         )
         return np.array(list(map(amount, states.load.tolist(), outputs, forces)))
 

@@ -12,6 +12,7 @@ which is an ordinary second-order system whose stiffness and inputs depend on s.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.system.body import SlidingBody
-from pmr.system.polynomials import evaluate, power_contributions
+from pmr.system.polynomials import power_contributions
 
 Array = NDArray[np.float64]
 #: Flexibility of a contact below this share of the largest is round-off of a rigid one.
@@ -106,36 +107,16 @@ def compliant_rows(body: SlidingBody) -> list[int]:
     return np.flatnonzero(~is_round_off(F)).tolist()
 
 
-class CompliantRows:
-    """Rows of a body that have flexibility F(s) = G(s) + 1/k, at any path coordinate s."""
+def check_determined(F: Array, names: Sequence[str], where: Callable[[int], str]) -> None:
+    """Raise a SimulationError if a flexibility F (T, m, m) in m/N of the rows `names` (m,) is singular at some time.
 
-    def __init__(self, body: SlidingBody) -> None:
-        self._body, self.numbers = body, compliant_rows(body)
-        self._round_off = np.zeros(len(self.numbers))
-        if body.flexibility is not None:
-            largest = np.abs(power_contributions(body.flexibility.rows)).max(axis=(0, 1))
-            self._round_off = 4.0 * np.finfo(float).eps * np.diag(largest)[self.numbers]
-
-    def check(self, s: Array) -> None:
-        """Raise a SimulationError if F(s) = G(s) + 1/k is singular at one of the path coordinates s (T,) in m.
-
-        F is singular if a slider is at a support, or if two sliders are at one point.
-        """
-        if not self.numbers:
-            return
-        body, which = self._body, np.ix_(self.numbers, self.numbers)
-        F = np.broadcast_to(np.diag(body.row_compliance)[which], (len(s), len(self.numbers), len(self.numbers)))
-        if body.flexibility is not None:
-            F = F + evaluate(body.flexibility.rows, s)[:, which[0], which[1]]
-        scale = np.einsum("tmm->tm", F)
-        regular = np.all(scale > self._round_off, axis=1)
-        scale = np.sqrt(np.maximum(scale, 0.0))
-        scaled = F[regular] / (scale[regular, :, None] * scale[regular, None, :])
-        regular[regular] = np.linalg.eigvalsh(scaled)[:, 0] > REGULAR
-        if not regular.all():
-            names = ", ".join(body.row_names[i] for i in self.numbers)
-            at = s[np.argmin(regular)]
-            raise SimulationError(
-                f"slider at {at:g} m: the forces of the rows {names} are not determined there (a slider on a "
-                "support, or two in one place)"
-            )
+    The forces of the rows are then not determined, as of a slider on a support, or of two sliders at one point.
+    ``where(k)`` is the beginning of the message about the time with number k.
+    """
+    if not len(names):
+        return
+    scale = np.sqrt(np.maximum(np.einsum("tmm->tm", F), np.finfo(float).tiny))
+    regular = np.linalg.eigvalsh(F / (scale[:, :, None] * scale[:, None, :]))[:, 0] > REGULAR
+    if not regular.all():
+        place = where(int(np.argmin(regular)))
+        raise SimulationError(f"{place}: the forces of the rows {', '.join(names)} are not determined there")

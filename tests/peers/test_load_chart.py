@@ -61,7 +61,7 @@ def moved(at: PostureMatrices, deck: Deck, folder: Path, points: Sequence[tuple[
     share = simpson(nodes := deck.sets["TIP"])
     found = []
     for k, (angle, most) in enumerate(points):
-        limit, place = Limit(name="tip", of="deflection", most=most), Place(at, k, [1.0] * len(at.parts), GRAVITY)
+        limit, place = Limit(name="tip", of="deflection", most=most), Place(at, k, [1.0] * len(at.loads.names), GRAVITY)
         pull = allowed_loads([limit], place, 1e6)[0] * GRAVITY
         along, across = -np.sin(angle) * pull, -np.cos(angle) * pull
         loads = [(n, d, f * w) for n, w in zip(nodes, share, strict=True) for d, f in ((1, along), (3, across))]

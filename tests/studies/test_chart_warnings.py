@@ -72,7 +72,7 @@ def test_the_bar_has_the_structural_model(chart: StudyResults, folder: Path) -> 
     at = PostureSet({"fly": np.array([EXTENSION])}, np.array([ANGLE]), np.zeros(1))
     full = shared.full_system(other)
     postures = PostureMatrices.from_scene(other, full, at)
-    place = Place(postures, 0, [float(part != "F") for part in postures.parts], 9.80665)
+    place = Place(postures, 0, [float(part != "F") for part in postures.loads.names], 9.80665)
     loads = allowed_loads([Limit.model_validate(one) for one in LIMITS], place, UP_TO)
     assert called == "coarse shell" and "structural model" not in row["not covered"]
     for n, limit in enumerate(LIMITS):
@@ -123,4 +123,4 @@ def test_without_a_richer_model_the_reason_is_said(folder: Path) -> None:
     scene = load_any(folder / "scene.toml", ["section.body.model=shell"])
     at = {"extensions": {"fly": [EXTENSION]}, "luffing": [ANGLE], "slewing": [0.0]}
     arrays = compute_richer_postures(scene_arguments(with_hook(scene)) | {"at": at}, {}).arrays
-    assert "a shell is the richest model there is" in str(arrays["reason"]) and "model.K" not in arrays
+    assert "a shell is the richest model there is" in str(arrays["reason"]) and "model.structure.K" not in arrays

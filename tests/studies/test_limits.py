@@ -82,7 +82,7 @@ def cantilever(density: float, elements: int, coordinates: int = 6) -> Scene:
 def loads(limits: list[Limit], at: PostureMatrices, k: int = 0, up_to: float = 1e6, **amounts: float) -> np.ndarray:
     """Allowed loads, in kg."""
     acting = {WEIGHT: 1.0, HOOK: 1.0} | amounts
-    return allowed_loads(limits, Place(at, k, [acting.get(part, 0.0) for part in at.parts], G), up_to)
+    return allowed_loads(limits, Place(at, k, [acting.get(part, 0.0) for part in at.loads.names], G), up_to)
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +146,7 @@ def elastica(bent: float) -> float:
 def test_large_rotations_are_within_their_part_of_the_error_bar(share: float) -> None:
     """Euler's elastica beside what is linear, of which the bar is not twice what it has to be; at no angle."""
     at = at_rest(cantilever(1e-6, 10), [0.0])
-    place, limits = Place(at, 0, [1.0] * len(at.parts), G), [Limit(name="b", of="deflection", most=share * L)]
+    place, limits = Place(at, 0, [1.0] * len(at.loads.names), G), [Limit(name="b", of="deflection", most=share * L)]
     found = allowed_loads(limits, place, 1e9)
     exact = elastica(share) * E * I / L**2 / G
     bar, _ = MARGIN * large_rotation_changes(limits, place, found, L)
@@ -158,7 +158,7 @@ def test_a_stop_of_luffing_swings_a_load_on_a_massless_boom() -> None:
     scene = cantilever(1e-6, 10)
     arrays, mass, speed = arrays_at_rest(scene, [0.0]), 2000.0, 0.05
     at = at_rest(scene, [0.0])
-    place, omega = Place(at, 0, [1.0] * len(at.parts), G), np.sqrt(3.0 * E * I / (mass * L**3))
+    place, omega = Place(at, 0, [1.0] * len(at.loads.names), G), np.sqrt(3.0 * E * I / (mass * L**3))
     limit = Limit(name="tip", of="deflection", most=1.0)
     weight = mass * G * L**3 / (3.0 * E * I)
     for share in (0.1, 0.3, 0.5, 1.7):
@@ -203,7 +203,7 @@ def test_a_stop_of_slewing_swings_the_boom_sideways_and_leaves_the_load_behind(a
     """Its own mass swings, softer where the load presses along it, and beside what the load bends down."""
     scene, speed = turning(7850.0), 0.05
     arrays, at = arrays_at_rest(scene, [angle]), at_rest(scene, [angle])
-    place = Place(at, 0, [0.0 if part == WEIGHT else 1.0 for part in at.parts], G)
+    place = Place(at, 0, [0.0 if part == WEIGHT else 1.0 for part in at.loads.names], G)
     down = berry(mass, angle)[0] if angle else mass * G * L**3 / (3.0 * E * I)
     for within in (0.01, 0.05, 0.3, 5.0):
         found = StopMotion("slewing", speed, within, arrays["turned.slewing"]).stop_figures(
@@ -252,7 +252,7 @@ def test_a_stop_that_is_simulated_moves_the_tip_as_the_chart_has_it(of: str, dir
     """
     scene, mass, speed, at = turning(7850.0, 12), 400.0, 0.05, 0.05
     arrays, here = arrays_at_rest(scene, [0.0]), at_rest(scene, [0.0])
-    place, limit = Place(here, 0, [1.0] * len(here.parts), G), Limit(name="tip", of="deflection", most=1.0)
+    place, limit = Place(here, 0, [1.0] * len(here.loads.names), G), Limit(name="tip", of="deflection", most=1.0)
     found = StopMotion(of, speed, within, arrays[f"turned.{of}"]).stop_figures(place, mass, limit)
     pull = Load(name="load", on="tip", direction="z", axes="ground", signal=Constant(amount=-mass * G))
     hung = {"masses": (PointMass(name="load", on="tip", mass=mass),)} if of == "luffing" else {"loads": (pull,)}
@@ -382,14 +382,14 @@ def test_a_field_of_walls_is_that_of_probes_at_its_points() -> None:
     at = npz.record_from_arrays(PostureMatrices, resting, "reduced.")
     field = Limit(name="a", of="field", which=("fly",), most=100e6)
     load = loads([field], at)[0]
-    state = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.parts], G).equilibria.state(load)
+    state = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.loads.names], G).equilibria.state(load)
     each = [
         von_mises_stress(state.outputs[list(one.values())], tuple(one))
         for p, one in at.columns.stress_columns().items()
         if "field of" in p
     ]
     assert len(each) == len(points) and max(each) == pytest.approx(100e6, rel=1e-6)
-    place = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.parts], G)
+    place = Place(at, 0, [1.0 if part in (WEIGHT, HOOK) else 0.0 for part in at.loads.names], G)
     arrays = governing_details(
         [field],
         [place, None],

@@ -34,7 +34,7 @@ from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState, consistent_start, dense
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
-from pmr.system.contact_rows import CompliantRows, ContactRows
+from pmr.system.contact_rows import ContactRows, check_determined, compliant_rows
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
 
@@ -61,7 +61,8 @@ class Equations:
         self.alone: SlidingBody | None = system.bodies.get(ALONE)
         if self.alone is not None:
             self.alone.ensure_whole("model")
-        self._compliant = CompliantRows(self.alone) if self.alone is not None and not self.sparse else None
+        #: numbers of the rows of a single reduced body that give way somewhere on its path
+        self._yielding = [] if self.alone is None or self.sparse else compliant_rows(self.alone)
         self._places, self._rows = b"", ContactRows(*(np.empty(0),) * 4)  # positions and rows of the last call
         self._travelling = [k for k, side in enumerate(system.sides) if side.place.path is not None]
 
@@ -91,10 +92,12 @@ class Equations:
 
         Raises SimulationError if a single body slides over a support, where its flexibility can't be inverted.
         """
-        if self._compliant is not None and self._travelling:
-            self._compliant.check(x[:, self._travelling[0]])
         if (key := x.tobytes()) != self._places:
             self._places, self._rows = key, self.assembly.contact_rows_over_time(x)
+            if self._yielding and self._travelling:
+                F = self._rows.F[:, self._yielding][:, :, self._yielding]
+                names = [self.system.contact_names[k] for k in self._yielding]
+                check_determined(F, names, lambda k: f"slider at {x[k, self._travelling[0]]:g} m")
         return self._rows
 
     def body_coordinates(self, name: str, values: Array) -> Array:

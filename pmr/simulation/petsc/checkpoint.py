@@ -31,9 +31,7 @@ Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)
 
 FORMAT = "pmr-checkpoint"
-FORMAT_VERSION = 2
-#: Version 1 has one number of parts for all steps, and path and loads at the steps only.
-READ = (1, FORMAT_VERSION)
+FORMAT_VERSION = 3
 #: Relative agreement of numbers that describe the same model, assembled on any number of ranks.
 SAME = 1e-9
 _DAMAGE = (KeyError, TypeError, ValueError, OverflowError, RecursionError)
@@ -99,7 +97,7 @@ def load(checkpoint: Checkpoint, identity: Mapping[str, object]) -> StoredSimula
     try:
         arrays = npz.read(checkpoint.file)
         header = npz.pop_header(arrays)
-        if header["format"] != FORMAT or header["version"] not in READ:
+        if (header["format"], header["version"]) != (FORMAT, FORMAT_VERSION):
             raise ValueError("another format")
         saved = StoredSimulation(int(header["step"]), float(header["seconds"]), dict(header["identity"]), arrays)
     except _DAMAGE as error:
@@ -118,12 +116,7 @@ def _differences(stored: Mapping[str, object], expected: Mapping[str, object]) -
 
 
 def _entries_agree(a: object, b: object) -> bool:
-    """Whether a stored entry of an identity agrees with the expected one, numbers to `SAME`.
-
-    A list of digests agrees with its first digest alone, too, which older files have.
-    """
-    if isinstance(b, list) and isinstance(b[0], str):
-        return bool(a in (b, b[0]))
+    """Whether a stored entry of an identity agrees with the expected one, lists of numbers to `SAME`."""
     if isinstance(b, list):
         return isinstance(a, list) and len(a) == len(b) and np.allclose(a, b, rtol=SAME, atol=0.0)
     return bool(a == b)
@@ -162,8 +155,8 @@ def identity(
     of_terms = {"terms": _digest(repr(system.term_names).encode(), at.c, *varying)} if at.c.size else {}
     return {
         **of_terms,
-        "path": [_digest(at.x), _digest(*(path.value(between) for path in excitation.paths.values()))],
-        "loads": [_digest(at.f), _digest(*(load.value(between) for load in excitation.loads.values()))],
+        "path": _digest(at.x, *(path.value(between) for path in excitation.paths.values())),
+        "loads": _digest(at.f, *(load.value(between) for load in excitation.loads.values())),
         "time grid": [stepping.end, stepping.step, stepping.rho_inf],
         "recording": _digest(repr(sorted(recording.items())).encode()),
         "initial state": _digest(start.q, start.v),
@@ -213,10 +206,8 @@ class CheckpointFile:
             save(self._checkpoint, StoredSimulation(reached.step, reached.seconds, self._identity, arrays))
         self._last = time.monotonic()
 
-    def load(self, recorder: Recorder, parts: NDArray[np.int64]) -> ReachedState | None:
+    def load(self, recorder: Recorder) -> ReachedState | None:
         """State of the last checkpoint, with the recorder filled in place; None if there is no checkpoint.
-
-        `parts` (T,) are the numbers of parts if the file holds none.
 
         Raises
         ------
@@ -229,21 +220,21 @@ class CheckpointFile:
         arrays, mine = checkpoint.arrays, self._system.local_part
         recorder.q[:], recorder.v[:] = mine(arrays["states.q"]), mine(arrays["states.v"])
         recorder.multipliers[:], recorder.peaks[:] = arrays["recorded.multipliers"], arrays["recorded.peaks"]
-        recorder.friction[:] = arrays.get("recorded.friction", recorder.friction)
-        grip = Grip(**{field.name: arrays.get(f"grip.{field.name}", np.zeros(0)) for field in fields(Grip)})
+        recorder.friction[:] = arrays["recorded.friction"]
+        grip = Grip(**{field.name: arrays[f"grip.{field.name}"] for field in fields(Grip)})
         recorder.sums[:] = arrays["sums"] if self._comm.rank == 0 else 0.0
         spread = {name: mine(arrays[name]) for name in _SPREAD}
         state = State(**spread, multipliers=arrays["multipliers"], share=arrays["share"], grip=grip)
-        return ReachedState(checkpoint.step, checkpoint.seconds, state, arrays.get("parts", parts))
+        return ReachedState(checkpoint.step, checkpoint.seconds, state, arrays["parts"])
 
 
-def _friction_arrays(system: FullSystem) -> list[Any]:
+def _friction_arrays(system: FullSystem) -> list[NDArray[np.generic]]:
     """Arrays that define the friction of a system's pads; empty without friction."""
     friction = Friction.from_contacts(system.contacts)
     return [] if friction is None else [friction.pads, friction.laws, friction.stiffness, friction.arms]
 
 
-def _digest(*parts: Any) -> str:
+def _digest(*parts: bytes | NDArray[np.generic]) -> str:
     """SHA-256 digest of bytes and arrays."""
     digest = hashlib.sha256()
     for part in parts:

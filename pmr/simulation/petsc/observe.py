@@ -99,7 +99,7 @@ class _Run:
         if checkpoint:
             run_identity = identity(self._system, self._excitation, self._at, recorder, self._initial)
             keeper = CheckpointFile(checkpoint, self._system, run_identity)
-        checkpointed = keeper.load(recorder, self._lengths.parts) if keeper else None
+        checkpointed = keeper.load(recorder) if keeper else None
         reached = checkpointed or self._starting_state()
         steps = self._steps(reached, checkpointed is not None)
         preparation, begin = time.perf_counter() - self._begin, time.perf_counter()

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,16 +18,23 @@ from pmr.scene import Scene
 from pmr.scene.built import Load
 from pmr.scene.choice import motion_directions
 from pmr.scene.frame import boom_rotation
-from pmr.scene.keys import LUFFING, qualified_name
-from pmr.scene.mechanism import drive_rows, rope_shares
+from pmr.scene.keys import LUFFING
 from pmr.scene.members import members
 from pmr.scene.signals import Constant
-from pmr.simulation.at_rest import accelerate_angle, constant_inclination, rest_rows, scene_at_rest
+from pmr.simulation.at_rest import (
+    RestRows,
+    accelerate_angle,
+    constant_inclination,
+    outputs_of,
+    rest_rows,
+    scene_at_rest,
+)
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.statics.loaded import Equations
 from pmr.system.assembly import Assembly
-from pmr.system.body import kinds_of, names_of, units_of
+from pmr.system.body import kinds_of
+from pmr.system.contact_rows import ContactRows
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -96,12 +102,8 @@ def with_hook(scene: Scene) -> Scene:
 
 
 @dataclass(frozen=True)
-class PostureMatrices:
-    """Matrices of a system in P postures, and the loads of each component: the weight, then every load by its name.
-
-    Sizes: n coordinates, i inputs, m contacts, o outputs, k terms, w components, d driven sections, r forces on
-    supports and on the machine.  A load acts by a unit: 1 N or 1 N m, or the weight of 1 kg of `HOOK`.
-    """
+class StructureMatrices:
+    """Matrices of a system that are the same in all postures, for n coordinates, i inputs, o outputs and m contacts."""
 
     M: Array  # (n, n)
     K: Array  # (n, n)
@@ -109,112 +111,146 @@ class PostureMatrices:
     outputs: Array  # (o, n): of the tip, compliant supports and probes
     direct: Array  # (o, i)
     energy: Array  # (i, i)
-    terms: Array  # (k, n, n)
+    terms: Array  # (k, n, n): stiffness of each of k terms by a unit of its amplitude
     pushes: NDArray[np.bool_]  # (m,)
     clearance: Array  # (m,) m
-    hook: NDArray[np.int64]  # numbers of inputs along which the load moves as a mass
-    hook_axes: tuple[str, ...]  # axes of the boom along which these inputs act
-    C: Array  # (P, m, n)
-    F: Array  # (P, m, m) m/N
-    H: Array  # (P, m, i)
-    X: Array  # (P, o, m)
-    f: Array  # (w, P, i): loads by a unit of each component
-    c: Array  # (w, P, k): amplitudes of the terms by a unit of each component
-    # rows of r forces on supports and on the machine (`pmr.simulation.at_rest`.RestRows): coefficients of
-    # coordinates, of contact forces, of loads and, for a unit of each component, again of coordinates
-    machine_q: Array  # (P, r, n)
-    machine_forces: Array  # (P, r, m)
-    machine_loads: Array  # (P, r, i)
-    machine_parts: Array  # (w, P, r, n)
+
+
+@dataclass(frozen=True)
+class PosturePlaces:
+    """Angles and places of a boom in P postures."""
+
     slewing: Array  # (P,) rad
     luffing: Array  # (P,) rad
     up: Array  # (P, 3): the vertical in the axes of the boom
     tip: Array  # (P, 3) m: the undeformed tip from the pivot, in the axes of the boom
     arm: Array  # (P,) m: lever arm about the pivot of the luffing cylinder; NaN where the scene has none
-    drives: Array  # (d, o + r + m): coefficients of all columns in the force that drives a section
-    drive_names: tuple[str, ...]  # (d,): names of the driven sections
-    rope_names: tuple[str, ...]  # driven sections that ropes move, or with followers that ropes move
-    parts: tuple[str, ...]  # (w,): names of the components
+
+
+@dataclass(frozen=True)
+class HookInputs:
+    """Numbers of the inputs along which the load `HOOK` moves as a mass, and the boom's axes along which they act."""
+
+    numbers: NDArray[np.int64]
+    axes: tuple[str, ...]
+
+    @classmethod
+    def from_system(cls, system: System) -> HookInputs:
+        """Inputs of the weight of `HOOK`, and of `SIDEWAYS` if that weight has none sideways."""
+        inputs = {name.rpartition(" ")[2]: k for k, name in enumerate(system.input_names) if HOOK in name}
+        for k, name in enumerate(system.input_names):
+            if SIDEWAYS in name:
+                inputs.setdefault("y", k)
+        return cls(np.array([*inputs.values()]), tuple(name[-1] for name in inputs))
+
+
+@dataclass(frozen=True)
+class UnitLoads:
+    """Loads of w components, each by a unit: the weight, then every load by its name, in P postures.
+
+    A unit is 1 N, 1 N m, or the weight of 1 kg of `HOOK`.
+    """
+
+    names: tuple[str, ...]  # (w,)
+    f: Array  # (w, P, i): loads on i inputs
+    c: Array  # (w, P, k): amplitudes of k terms
+
+    @classmethod
+    def from_scene(cls, scene: Scene, system: System, postures: PostureSet) -> UnitLoads:
+        """Loads of a scene made by `with_hook` on a system in these postures."""
+        assert scene.gravity is not None
+        names = _load_names(scene)
+        unit = dict.fromkeys(names, 1.0) | {HOOK: -scene.gravity.acceleration}
+        numbers, f, c = np.arange(postures.count, dtype=float), list[Array](), list[Array]()
+        for acting in ("", *names):
+            driven = Excitation.from_scene(_still_scene(scene, postures, {acting: unit[acting]} if acting else {}))
+            f.append(driven.forces(system.input_names, numbers))
+            c.append(driven.amplitudes(system.term_names, numbers))
+        of_load, amplitude = (np.array([signal[0], *(each - signal[0] for each in signal[1:])]) for signal in (f, c))
+        return cls((WEIGHT, *names), of_load, amplitude)
+
+
+@dataclass(frozen=True)
+class PostureMatrices:
+    """Matrices of a system in P postures, and the loads of each of w components.
+
+    Sizes: n coordinates, i inputs, m contacts, o outputs, k terms, r forces on supports and on the machine.
+    """
+
+    structure: StructureMatrices
+    rows: ContactRows  # C (P, m, n), F (P, m, m) in m/N, H (P, m, i) and X (P, o, m) of the contacts
+    machine: RestRows  # of r forces on supports and on the machine, each array with an axis of P postures in front
+    loads: UnitLoads
+    hook: HookInputs
+    place: PosturePlaces
+    columns: Columns  # of the o outputs, of the r forces on supports and on the machine, then of the m contact forces
     gravity: float  # m/s^2
-    # (o + r,): names and more of outputs, then of forces on supports and on the machine
-    output_names: tuple[str, ...]
-    output_kinds: tuple[str, ...]
-    output_units: tuple[str, ...]
-    output_bodies: tuple[str, ...]
-    force_names: tuple[str, ...]  # (m,)
-    force_kinds: tuple[str, ...]
 
     @classmethod
     def from_scene(cls, scene: Scene, system: System, postures: PostureSet) -> PostureMatrices:
         """Matrices of a scene made by `with_hook`, of its system of reduced or full bodies, in these postures."""
-        assembly = Assembly(system)
-        x = side_positions(system, postures)
-        rows, size = assembly.contact_rows_over_time(x), assembly.size
-        parts, f, c = unit_loads(scene, system, postures)
         assert scene.frame is not None and scene.gravity is not None  # as `with_hook` says
-        shown, outputs = _select_outputs(system)
-        still = scene_at_rest(
-            scene, postures.extensions, postures.luffing, postures.slewing, dict.fromkeys(_load_names(scene), 0.0)
-        )
-        machine = [rest_rows(still, assembly, k, x[k], rows.at_time(k), c[:, k]) for k in range(postures.count)]
-        outputs = [*outputs, *machine[0].outputs]
-        columns = [output.name for output in outputs] + list(system.contact_names)
-        drives = drive_rows(scene, columns)
-        used = [k for k, term in enumerate(assembly.terms) if term.stiffness is not None and np.any(c[:, :, k])]
+        assembly, x = Assembly(system), side_positions(system, postures)
+        rows, loads = assembly.contact_rows_over_time(x), UnitLoads.from_scene(scene, system, postures)
+        described, last = outputs_of(system), list(system.bodies)[-1]
+        shown = [
+            k
+            for k, output in enumerate(described)
+            if output.kind in ("probe", "support") or (output.kind, output.body) == ("tip", last)
+        ]
+        still = _still_scene(scene, postures)
+        machine = [rest_rows(still, assembly, k, x[k], rows.at_time(k), loads.c[:, k]) for k in range(postures.count)]
+        outputs = [*(described[k] for k in shown), *machine[0].outputs]
+        outputs += [Output(contact.name, contact.kind, "", unit="N") for contact in system.contacts]
+        used = [k for k, term in enumerate(assembly.terms) if term.stiffness is not None and np.any(loads.c[:, :, k])]
         terms = [assembly.terms[k].stiffness.toarray() for k in used]
-        clearance = system.clearance
+        cylinder, length = scene.frame.cylinder, postures.boom_length(scene)
         return cls(
-            M=assembly.M.toarray(),
-            K=assembly.K.toarray(),
-            B=assembly.B.toarray(),
-            outputs=assembly.outputs.toarray()[shown],
-            direct=assembly.direct[shown],
-            energy=assembly.energy,
-            terms=np.array(terms).reshape(len(used), size, size),
-            pushes=~np.isnan(clearance),
-            clearance=np.nan_to_num(clearance),
-            hook=(hook := _hook_inputs(system)),
-            hook_axes=tuple("y" if SIDEWAYS in (name := system.input_names[k]) else name[-1] for k in hook),
-            C=rows.C,
-            F=rows.F,
-            H=rows.H,
-            X=rows.X[:, shown],
-            f=f,
-            c=c[:, :, used],
-            machine_q=np.array([rows_of_place.coordinates for rows_of_place in machine]),
-            machine_forces=np.array([rows_of_place.contacts for rows_of_place in machine]),
-            machine_loads=np.array([rows_of_place.loads for rows_of_place in machine]),
-            machine_parts=np.stack([rows_of_place.parts for rows_of_place in machine], axis=1),
-            slewing=postures.slewing,
-            luffing=postures.luffing,
-            up=_vertical_directions(still, postures),
-            tip=np.array(scene.frame.tail_position) + postures.boom_length(scene)[:, None] * np.eye(3)[0],
-            arm=_lever_arms(scene, postures),
-            drives=np.array([*drives.values()]).reshape(len(drives), len(columns)),
-            drive_names=tuple(drives),
-            rope_names=tuple(rope_shares(scene)),
-            parts=parts,
+            structure=StructureMatrices(
+                M=assembly.M.toarray(),
+                K=assembly.K.toarray(),
+                B=assembly.B.toarray(),
+                outputs=assembly.outputs.toarray()[shown],
+                direct=assembly.direct[shown],
+                energy=assembly.energy,
+                terms=np.array(terms).reshape(len(used), assembly.size, assembly.size),
+                pushes=~np.isnan(system.clearance),
+                clearance=np.nan_to_num(system.clearance),
+            ),
+            rows=replace(rows, X=rows.X[:, shown]),
+            machine=RestRows.stack(machine),
+            loads=replace(loads, c=loads.c[:, :, used]),
+            hook=HookInputs.from_system(system),
+            place=PosturePlaces(
+                postures.slewing,
+                postures.luffing,
+                up=_vertical_directions(still, postures),
+                tip=np.array(scene.frame.tail_position) + length[:, None] * np.eye(3)[0],
+                arm=np.full(len(length), np.nan) if cylinder is None else cylinder.length_and_arm(postures.luffing)[1],
+            ),
+            columns=Columns.of_outputs(scene, outputs),
             gravity=scene.gravity.acceleration,
-            output_names=tuple(output.name for output in outputs),
-            output_kinds=tuple(output.kind for output in outputs),
-            output_units=tuple(output.unit for output in outputs),
-            output_bodies=tuple(output.body for output in outputs),
-            force_names=system.contact_names,
-            force_kinds=tuple(contact.kind for contact in system.contacts),
         )
 
-    @cached_property
-    def columns(self) -> Columns:
-        """Names, units and kinds of the columns of the outputs, then of the contact forces."""
-        bodies = ("",) * len(self.force_names)
-        return Columns(
-            (*self.output_names, *self.force_names),
-            (*self.output_kinds, *self.force_kinds),
-            (*self.output_units, *("N",) * len(self.force_names)),
-            (*self.output_bodies, *bodies),
-            dict(zip(self.drive_names, self.drives, strict=True)),
-            self.rope_names,
-        )
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names (o + r,) of the outputs, then of the forces on supports and on the machine."""
+        return self.columns.names[: len(self.columns.names) - len(self.structure.pushes)]
+
+    @property
+    def output_kinds(self) -> tuple[str, ...]:
+        """Kinds (o + r,) of the outputs in `output_names`."""
+        return self.columns.kinds[: len(self.output_names)]
+
+    @property
+    def force_names(self) -> tuple[str, ...]:
+        """Names (m,) of the contact forces."""
+        return self.columns.names[len(self.output_names) :]
+
+    @property
+    def force_kinds(self) -> tuple[str, ...]:
+        """Kinds (m,) of the contacts."""
+        return self.columns.kinds[len(self.output_names) :]
 
     def equations(self, k: int, amounts: Mapping[str, float], factor: float = 1.0) -> Equations:
         """Equations of the k-th posture under a fixed load and a load in kg that grows.
@@ -229,35 +265,34 @@ class PostureMatrices:
         factor : float
             Factor of the forces of 1 kg of `HOOK`, the load that grows.
         """
-        shares = np.array([0.0 if name == HOOK else amounts.get(name, 0.0) for name in self.parts])
-        hook = factor * np.array([name == HOOK for name in self.parts])
-        f, c = (np.array([shares, hook]) @ loads_of_parts[:, k] for loads_of_parts in (self.f, self.c))
-        H, hook_inputs = self.H[k], self.hook
-        gap = np.where(self.pushes, self.clearance, 0.0)
-        G = np.tensordot(c, self.terms, 1)
-        direct = np.vstack([self.direct, self.machine_loads[k]])
-        bent = np.tensordot(np.array([shares, hook]), self.machine_parts[:, k], 1)
+        shares = np.array([0.0 if name == HOOK else amounts.get(name, 0.0) for name in self.loads.names])
+        acting = np.array([shares, factor * np.array([name == HOOK for name in self.loads.names])])
+        f, c = (acting @ of_parts[:, k] for of_parts in (self.loads.f, self.loads.c))
+        on, C, F, H, hook = self.structure, self.rows.C[k], self.rows.F[k], self.rows.H[k], self.hook.numbers
+        gap, G = np.where(on.pushes, on.clearance, 0.0), np.tensordot(c, on.terms, 1)
+        direct = np.vstack([on.direct, self.machine.loads[k]])
+        bent = np.tensordot(acting, self.machine.parts[k], 1)
         return Equations(
-            M=self.M,
-            K=self.K,
+            M=on.M,
+            K=on.K,
             G=(G[0], G[1]),
-            b=(self.B @ f[0], self.B @ f[1]),
+            b=(on.B @ f[0], on.B @ f[1]),
             g=(gap - H @ f[0], -H @ f[1]),
-            C=self.C[k],
-            F=self.F[k],
-            outputs=np.vstack([self.outputs, self.machine_q[k] + bent[0]]),
-            X=np.vstack([self.X[k], -self.machine_forces[k]]),
+            C=C,
+            F=F,
+            outputs=np.vstack([on.outputs, self.machine.coordinates[k] + bent[0]]),
+            X=np.vstack([self.rows.X[k], -self.machine.contacts[k]]),
             direct=(direct @ f[0], direct @ f[1]),
-            pushes=self.pushes,
-            load_inputs=(self.B[:, hook_inputs], H[:, hook_inputs], self.energy[np.ix_(hook_inputs, hook_inputs)]),
+            pushes=on.pushes,
+            load_inputs=(on.B[:, hook], H[:, hook], on.energy[np.ix_(hook, hook)]),
             outputs_by_load=bent[1],
         )
 
     def hook_force(self, k: int) -> Array:
         """Force (3,) in N that 1 kg of the load exerts on the boom in the k-th posture, in the axes of the boom."""
         force = np.zeros(3)
-        for number, axis in zip(self.hook.tolist(), self.hook_axes, strict=True):
-            force["xyz".index(axis)] += self.f[self.parts.index(HOOK), k, number]
+        for number, axis in zip(self.hook.numbers.tolist(), self.hook.axes, strict=True):
+            force["xyz".index(axis)] += self.loads.f[self.loads.names.index(HOOK), k, number]
         return force
 
 
@@ -269,30 +304,15 @@ def side_positions(system: System, postures: PostureSet) -> Array:
     return np.ascontiguousarray(np.broadcast_to(x, (postures.count, len(system.sides))))
 
 
-def unit_loads(scene: Scene, system: System, postures: PostureSet) -> tuple[tuple[str, ...], Array, Array]:
-    """Names of the w components, their loads (w, P, i) on i inputs and amplitudes (w, P, k) of k terms, in P postures.
-
-    The first component is the weight alone; each of the others is a unit of one load alone: 1 N, 1 N m, or the weight
-    of 1 kg of `HOOK`.
-    """
-    assert scene.gravity is not None
-    names = _load_names(scene)
-    unit = dict.fromkeys(names, 1.0) | {HOOK: -scene.gravity.acceleration}
-    numbers, f, c = np.arange(postures.count, dtype=float), list[Array](), list[Array]()
-    for one_of in (None, *names):
-        loads = {name: unit[name] if name == one_of else 0.0 for name in names}
-        still = scene_at_rest(scene, postures.extensions, postures.luffing, postures.slewing, loads)
-        driven = Excitation.from_scene(still)
-        f.append(driven.forces(system.input_names, numbers))
-        c.append(driven.amplitudes(system.term_names, numbers))
-    weight = [np.zeros_like(f[0]), *[f[0]] * len(names)], [np.zeros_like(c[0]), *[c[0]] * len(names)]
-    found_f, found_c = (np.array(signal) - np.array(zero) for signal, zero in zip((f, c), weight, strict=True))
-    return (WEIGHT, *names), found_f, found_c
-
-
 def _load_names(scene: Scene) -> list[str]:
     """Names of all loads of the scene's sections, each once."""
     return list(dict.fromkeys(load.name for part in scene.sections for load in part.loads))
+
+
+def _still_scene(scene: Scene, postures: PostureSet, loads: Mapping[str, float] | None = None) -> Scene:
+    """Scene at rest in these postures under its weight and the `loads` by name; all other loads are zero."""
+    acting = dict.fromkeys(_load_names(scene), 0.0) | dict(loads or {})
+    return scene_at_rest(scene, postures.extensions, postures.luffing, postures.slewing, acting)
 
 
 def acceleration_loads(scene: Scene, system: System, postures: PostureSet, angle: str) -> Array:
@@ -300,10 +320,7 @@ def acceleration_loads(scene: Scene, system: System, postures: PostureSet, angle
 
     The scene is one that `with_hook` made.
     """
-    still = scene_at_rest(
-        scene, postures.extensions, postures.luffing, postures.slewing, dict.fromkeys(_load_names(scene), 0.0)
-    )
-    numbers = np.arange(postures.count, dtype=float)
+    still, numbers = _still_scene(scene, postures), np.arange(postures.count, dtype=float)
     f = [
         Excitation.from_scene(each).forces(system.input_names, numbers)
         for each in (still, accelerate_angle(still, angle))
@@ -311,39 +328,11 @@ def acceleration_loads(scene: Scene, system: System, postures: PostureSet, angle
     return np.asarray(f[1] - f[0])
 
 
-def _lever_arms(scene: Scene, postures: PostureSet) -> Array:
-    """Lever arms (P,) in m of the luffing cylinder about the pivot; NaN for a scene without one."""
-    assert scene.frame is not None
-    cylinder = scene.frame.cylinder
-    return np.full(postures.count, np.nan) if cylinder is None else cylinder.length_and_arm(postures.luffing)[1]
-
-
 def _vertical_directions(still: Scene, postures: PostureSet) -> Array:
     """Vertical unit vectors (P, 3) in the axes of the boom, for a scene made by `scene_at_rest`."""
     assert still.frame is not None
     numbers = np.arange(postures.count, dtype=float)
     return FrameRotation.from_signals(*still.frame.angles, numbers, still.frame.base_angles).up
-
-
-def _hook_inputs(system: System) -> NDArray[np.int64]:
-    """Indices of the inputs along which `HOOK` moves as a mass: the inputs of its weight, and of `SIDEWAYS`."""
-    named = {name.rpartition(" ")[2]: k for k, name in enumerate(system.input_names) if HOOK in name}
-    across = [k for k, name in enumerate(system.input_names) if SIDEWAYS in name]
-    return np.array([*named.values(), *(across if "y" not in named else [])])
-
-
-def _select_outputs(system: System) -> tuple[list[int], list[Output]]:
-    """Indices and descriptions of a chart's outputs: at the last body's tip, of compliant supports, and of probes."""
-    numbers, outputs, first = list[int](), list[Output](), 0
-    last = list(system.bodies)[-1]
-    for name, body in system.bodies.items():
-        for k, (kind, output, unit) in enumerate(zip(kinds_of(body), names_of(body), units_of(body), strict=True)):
-            what = kind.split(" ")[0]
-            if what in ("probe", "support") or (what == "tip" and name == last):
-                numbers.append(first + k)
-                outputs.append(Output(qualified_name(name, output), what, name, unit=unit))
-        first += len(kinds_of(body))
-    return numbers, outputs
 
 
 #: Most points along each section with outputs of the deflection.
@@ -389,12 +378,6 @@ class DeflectionOutputs:
 
     def replace_outputs(self, postures: PostureMatrices) -> PostureMatrices:
         """`postures` with displacements across the boom as their only outputs; forces on the machine are left out."""
-        none = {name: getattr(postures, name)[..., :0, :] for name in ("machine_q", "machine_forces", "machine_loads")}
-        return replace(
-            postures,
-            outputs=self.outputs,
-            direct=self.direct,
-            X=self.X,
-            machine_parts=postures.machine_parts[..., :0, :],
-            **none,
-        )
+        structure = replace(postures.structure, outputs=self.outputs, direct=self.direct)
+        machine = RestRows((), *(rows[..., :0, :] for rows in postures.machine.arrays))
+        return replace(postures, structure=structure, rows=replace(postures.rows, X=self.X), machine=machine)

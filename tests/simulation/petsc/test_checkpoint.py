@@ -22,7 +22,6 @@ from waiting import wait_until
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
-from pmr.files import npz
 from pmr.fullmodel.model import FullModel
 from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulation import TimeStepping
@@ -131,21 +130,6 @@ def test_another_simulation_does_not_go_on_from_it(model: FullModel, tmp_path: P
     ]:
         with pytest.raises(InputError, match=f"c.npz: another simulation's checkpoint: {what} differ"):
             observe(*arguments, checkpoint=checkpoint)
-
-
-def test_a_simulation_goes_on_from_a_file_of_version_1(model: FullModel, tmp_path: Path) -> None:
-    """Which had all steps in one number of parts, and path and loads at the steps."""
-    checkpoint, steps = Checkpoint(tmp_path / "c.npz", seconds=0.0), list[float]()
-    with pytest.raises(InterruptionError):
-        observe(model, driven(PATH, LOADS, STEPPING), progress=interrupt_at(0.5), checkpoint=checkpoint)
-    arrays = npz.read(checkpoint.file)
-    header = npz.pop_header(arrays)
-    identity = header["identity"] | {name: header["identity"][name][0] for name in ("path", "loads")}
-    del arrays["parts"]
-    npz.write(checkpoint.file, arrays, header | {"version": 1, "identity": identity})
-    found = observe(model, driven(PATH, LOADS, STEPPING), progress=steps.append, checkpoint=checkpoint)
-    assert len(steps) == 5
-    assert np.array_equal(found.y, observe(model, driven(PATH, LOADS, STEPPING)).y)
 
 
 @pytest.mark.parametrize("damage", [lambda data: data[: len(data) // 2], lambda data: b"", lambda data: b"x" * 100])
