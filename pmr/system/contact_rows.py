@@ -117,6 +117,7 @@ def check_determined(F: Array, names: Sequence[str], where: Callable[[int], str]
         return
     scale = np.sqrt(np.maximum(np.einsum("tmm->tm", F), np.finfo(float).tiny))
     regular = np.linalg.eigvalsh(F / (scale[:, :, None] * scale[:, None, :]))[:, 0] > REGULAR
+    regular &= ~is_round_off(F).any(axis=1)
     if not regular.all():
         place = where(int(np.argmin(regular)))
         raise SimulationError(f"{place}: the forces of the rows {', '.join(names)} are not determined there")
