@@ -29,9 +29,9 @@ from pathlib import Path
 import numpy as np
 import scipy.io
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import InputError, environment
+from pmr.files import Array
 from pmr.files.whole import replacement_file
 from pmr.results.field_series import FramedBody, NodalBody
 
@@ -68,7 +68,6 @@ def write_simscape(body: FramedBody, target: Path) -> Path:
     return target
 
 
-Array = NDArray[np.float64]
 _DIAGONAL, _FULL = 1, 3
 #: Pairs of axes, in the order of the entries of J and of the products of angular velocities in O_e.
 INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))

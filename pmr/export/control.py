@@ -19,12 +19,12 @@ from pmr.errors.environment import check_installed
 from pmr.export.fmi.variables import Identifiers
 from pmr.export.formats import Options
 from pmr.export.state_space import PLACES, StateSpace, load_with_positions, state_space
+from pmr.files import Array
 from pmr.files.whole import replacement_file
 from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
-Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 #: Relative error allowed for interpolated gains and frequencies, and most grid points used to reach it.
 CLOSE, MOST_PLACES = 0.01, 161

@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
 from pmr.errors.text import escape_controls
-from pmr.files import npz
+from pmr.files import Array, npz
 from pmr.files.whole import replacement_file
 from pmr.scene.choice import SimulatorKey, refuse_unsupported
 from pmr.scene.frame import INERTIA
@@ -31,7 +30,6 @@ from pmr.system.body import force_outputs
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
 
-Array = NDArray[np.float64]
 Arrays = dict[str, Any]
 
 

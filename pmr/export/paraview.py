@@ -15,9 +15,9 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.files import Array
 from pmr.results.field_series import Boxes, Fields, Grid, Pose
 
-Array = NDArray[np.float64]
 Named = Mapping[str, NDArray[Any]]
 
 #: Beginning of the names of the pads' files, in the same folder as the bodies'.

@@ -23,10 +23,11 @@ from pathlib import Path
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pmr.errors import InputError
 from pmr.export.formats import Options
+from pmr.files import Array, Mask
 from pmr.files.whole import replacement_file
 from pmr.scene.built import force_name
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, SLIDER
@@ -38,8 +39,6 @@ from pmr.system.reduced_model import ReducedModel
 from pmr.system.saved import read
 from pmr.system.soundness import symmetric_part
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 #: Share of their largest entry by which rigid rows may differ between grid points and still be the same.
 SAME = 1e-12
@@ -114,7 +113,7 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
     )
 
 
-def _modes(system: System, assembly: Assembly, C: Array, firm: NDArray[np.bool_], source: str) -> tuple[Array, Array]:
+def _modes(system: System, assembly: Assembly, C: Array, firm: Mask, source: str) -> tuple[Array, Array]:
     """Modes X (n, r) with X^T M X = 1 and C X = 0, and omega^2 (r,), of a system with m_r rigid contacts.
 
     C (S, m_r, n) are the rows of the rigid contacts at S grid points; the mask `firm` (m,) is true for rigid ones of
@@ -157,9 +156,7 @@ class _HeldSystem:
     direct: Array  # (q, i)
 
     @classmethod
-    def build(
-        cls, assembly: Assembly, rows: ContactRows, firm: NDArray[np.bool_], X: Array, omega2: Array, s: Array
-    ) -> _HeldSystem:
+    def build(cls, assembly: Assembly, rows: ContactRows, firm: Mask, X: Array, omega2: Array, s: Array) -> _HeldSystem:
         """System at one grid point, with its contact rows and the mask `firm` (m,) of rigid ones.
 
         X (n, r) and `omega2` (r,) are its modes; s (P,) are path coordinates, for messages.

@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, TypeVar
 from weakref import WeakKeyDictionary
 
 from pmr.errors.environment import check_current_folder, check_temporary, launched_process_count, mpi_without_launcher
+from pmr.files import Array, Indices
 
 with contextlib.suppress(ImportError):
     import dolfinx_solver  # noqa: F401  (sets up the wheel's libraries)
@@ -86,7 +87,6 @@ else:
 import numpy as np
 import scipy
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 if HAS_PETSC:
     import slepc4py
@@ -127,7 +127,6 @@ if not HAS_PETSC and launched_process_count() > 1:  # each process would act as 
         "installation", "mpi4py", None, "with petsc4py and slepc4py it is needed for more than one process"
     )
 
-Array = NDArray[np.float64]
 Compiled = TypeVar("Compiled")
 VERSION = () if _MISSING else tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 _WRAPPED = VERSION < (0, 7)  # elements before basix.ufl
@@ -169,7 +168,7 @@ def check_fenicsx(model: str) -> None:
         raise InputError("scene", "body.model", model, allowed)
 
 
-def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: NDArray[np.int64]) -> Mesh:
+def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: Indices) -> Mesh:
     """A dolfinx mesh of linear cells, distributed over `comm`; collective.
 
     Only the points and cells that rank 0 passes in are used.
@@ -195,7 +194,7 @@ def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: NDArray[np.int6
     return mesh
 
 
-def _destinations(cells: NDArray[np.int64], _: MPI.Comm, ranks: int, *_more: object) -> AdjacencyList_int32:
+def _destinations(cells: Indices, _: MPI.Comm, ranks: int, *_more: object) -> AdjacencyList_int32:
     """For each cell that this rank passes in: the rank that will own it, then the ranks that will know it as a ghost.
 
     Ranks own equal shares of the cells in the order of their lowest vertices.  As coordinates are numbered by vertices,
@@ -461,12 +460,12 @@ def cellwise(mesh: Mesh, values: Array) -> Function:
     return function
 
 
-def original_cells(mesh: Mesh) -> NDArray[np.int64]:
+def original_cells(mesh: Mesh) -> Indices:
     """Numbers, in the input of `create_mesh`, of the cells that this rank knows: its own cells, then ghosts."""
     return np.asarray(mesh.topology.original_cell_index, np.int64)
 
 
-def cell_dofs(space: FunctionSpace) -> list[NDArray[np.int64]]:
+def cell_dofs(space: FunctionSpace) -> list[Indices]:
     """Global degrees of freedom (cells, d) of each scalar component, on the cells that this rank knows."""
     index_map, block = space.dofmap.index_map, space.dofmap.index_map_bs
     tables = []
@@ -477,7 +476,7 @@ def cell_dofs(space: FunctionSpace) -> list[NDArray[np.int64]]:
     return tables
 
 
-def unrolled_cell_dofs(space: FunctionSpace) -> NDArray[np.int64]:
+def unrolled_cell_dofs(space: FunctionSpace) -> Indices:
     """Local degrees of freedom (cells, d) on the cells that this rank knows, in the order of element matrices."""
     table, block = _table(space.dofmap), space.dofmap.index_map_bs
     return (table[..., None] * block + np.arange(block)).reshape(len(table), -1)
@@ -490,7 +489,7 @@ def _scalar_parts(space: FunctionSpace) -> list[FunctionSpace]:
     return [part for i in range(space.num_sub_spaces) for part in _scalar_parts(space.sub(i))]
 
 
-def _table(dofmap: DofMap) -> NDArray[np.int64]:
+def _table(dofmap: DofMap) -> Indices:
     """Degrees of freedom (cells, d) of each cell that this rank knows; the components of a block count as one."""
     table = dofmap.list
     if VERSION < (0, 7):

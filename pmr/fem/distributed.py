@@ -11,11 +11,9 @@ import gc
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI, PETSc
-
-Array = NDArray[np.float64]
+from pmr.files import Array
 
 #: Entries within this share of the largest one count as equally large when a sign is fixed.
 SIGN_TOLERANCE = 1e-6

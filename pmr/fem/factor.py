@@ -13,17 +13,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from pmr.errors import InputError
 from pmr.errors.environment import available_memory
 from pmr.fem.compat import HAS_PETSC, MPI, PETSc
 from pmr.fem.distributed import free_objects, view
+from pmr.files import Array, Indices
 
-Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)
-Indices = NDArray[np.int64]
 
 
 #: Right-hand sides solved at once: one of them then takes a sixth of its time alone (18,000 coordinates).

@@ -13,8 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from pmr.files import Array, Indices
+
 Value = TypeVar("Value")
 #: Pairs of the local and the global number of rows, and of columns, which are the same here.
 Sizes: TypeAlias = tuple[tuple[int, int], tuple[int, int]]

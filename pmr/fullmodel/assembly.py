@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI, PETSc, assemble, cell_dofs, comm_of, compiled_form, function, original_cells
 from pmr.fem.distributed import free_dropped, free_objects, local_csr, sparse
+from pmr.files import Array, Indices
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
 from pmr.models.matrices import Matrices
 from pmr.scene import Damping
@@ -18,9 +18,6 @@ from pmr.system.body_matrices import Rayleigh
 
 if TYPE_CHECKING:
     from pmr.fem.compat import Function, FunctionSpace
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -23,10 +23,10 @@ from dataclasses import dataclass, replace
 from itertools import accumulate
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError, NotHeldError
 from pmr.fem.compat import MPI
+from pmr.files import Array
 from pmr.files.fit import UNCHECKED
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel, FullSystem
@@ -40,7 +40,6 @@ from pmr.scene.mechanism import frame_terms, stress_terms
 from pmr.scene.members import members
 from pmr.system.from_scene import contacts_of
 
-Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
 

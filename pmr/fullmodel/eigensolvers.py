@@ -17,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import HAS_PETSC, PETSc
 from pmr.fem.distributed import free_objects, gather, inner, sparse, subtract, times
 from pmr.fem.factor import cholesky, factor_of
+from pmr.files import Array, Indices
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import (
     BLOCK,
@@ -34,9 +34,6 @@ from pmr.fullmodel.modes import (
     lowest_mode_solver,
     solve_modes,
 )
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 class DependentRowsError(InputError):

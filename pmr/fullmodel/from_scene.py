@@ -10,10 +10,10 @@ from tempfile import TemporaryDirectory
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError, call_on_first_rank, environment
 from pmr.fem.compat import MPI, check_fenicsx
+from pmr.files import Array
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.probes import gauges
 from pmr.fullmodel.structure import Action, Clamp, Inertia, PadForce, Structure, Weight
@@ -39,9 +39,6 @@ from pmr.scene.mechanism import tail_outputs
 from pmr.scene.members import EXTENSION, TAIL, Member
 from pmr.scene.structures import Beam3DBody
 from pmr.system.rows import StraightRows
-
-Array = NDArray[np.float64]
-
 
 #: Models that need no FEniCSx; the modules of all others load it.
 WITHOUT_FORMS = ("matrices",)

@@ -14,15 +14,13 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.interpolate import BPoly, PPoly
 
+from pmr.files import Array
 from pmr.models import StructuralModel
 from pmr.scene.frame import LuffingCylinder
 from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.system.rows import Row
-
-Array = NDArray[np.float64]
 
 #: Intervals of a turn to begin with; error of a direction between two breaks; shortest interval, in rad.
 INTERVALS, ACCURACY, SHORTEST = 16, 1e-9, 1e-3

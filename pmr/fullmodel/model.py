@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather
+from pmr.files import Array
 from pmr.models import StructuralModel, is_assembled
 from pmr.scene.keys import ALONE, input_name
 from pmr.scene.structures import PointMass
@@ -33,8 +33,6 @@ from pmr.system.contacts import Contact, Place
 from pmr.system.rows import Row, Rows, SharedCarriers
 from pmr.system.system import BodySystem, System, consecutive, ground_contacts
 from pmr.system.terms import Term
-
-Array = NDArray[np.float64]
 
 #: Share of the largest coordinate of a centre of gravity up to which another one is round-off.
 ROUND_OFF = 1e-12

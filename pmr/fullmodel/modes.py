@@ -20,14 +20,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from pmr.errors import ConvergenceError, TooManyModesError
 from pmr.fem.compat import MPI, PETSc, SLEPc
 from pmr.fem.distributed import fix_signs, inner, subtract, times
+from pmr.files import Array
 from pmr.fullmodel.model import FullModel
 
-Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
 

@@ -21,12 +21,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc, compiled_form, constant
 from pmr.fem.distributed import free_objects, gather, times
 from pmr.fem.factor import NotDefiniteError, factor_for_columns
+from pmr.files import Array
 from pmr.fullmodel.assembly import Assembler, share
 from pmr.fullmodel.eigensolvers import DENSE_UP_TO, Elimination, EliminationOperator, eliminate, is_dense
 from pmr.fullmodel.model import FullModel
@@ -37,8 +37,6 @@ from pmr.system.rows import Row, Rows
 
 if TYPE_CHECKING:
     from pmr.fem.compat import Expr, Function, FunctionSpace
-
-Array = NDArray[np.float64]
 
 
 class SingularError(InputError):

@@ -17,17 +17,14 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files import Array, Indices
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
 from pmr.results.field_stress import StressRows
 from pmr.scene.joints import OneBody
 from pmr.scene.keys import qualified_name
 from pmr.scene.structures import Material, Probe
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 #: Units of measures.  Displacements are in mm, as errors and estimates are computed for all outputs in m.
 UNITS = {"stress": "Pa", "strain": "1", "displacement": "mm"}

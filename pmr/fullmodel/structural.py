@@ -17,11 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import columns, free_objects, sparse, times
+from pmr.files import Array, Indices
 from pmr.fullmodel.assembly import Operators, operators_of, pad_pattern, project_matrix, rayleigh, share
 from pmr.fullmodel.model import FullModel, RigidMotions, masses_of
 from pmr.fullmodel.moving import FrameAssembler
@@ -33,9 +33,6 @@ from pmr.models.matrices import Matrices
 from pmr.models.mesh_nodes import Nodes
 from pmr.system.body_matrices import CARRIED, ROTATING
 from pmr.system.rows import Rows
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 #: Nodes and their images may be apart by this share of the body's length, K and its image by this share of K x: meshes
 #: that are read have some 11 digits.

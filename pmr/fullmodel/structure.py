@@ -16,11 +16,11 @@ from functools import cache
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import free_objects
+from pmr.files import Array, Indices
 from pmr.fullmodel.moving import FrameAssembler, acceleration_field
 from pmr.fullmodel.pads import Pads
 from pmr.fullmodel.probes import Gauge
@@ -31,8 +31,6 @@ from pmr.scene.built import WEIGHT, force_name
 from pmr.scene.frame import INERTIA
 from pmr.scene.structures import PointMass, unit_vector
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 #: For a place and a direction a matrix, and the number of its row that measures the motion of the place.
 Measured = dict[tuple[str | float, str], tuple[sp.csr_matrix, int]]
 

@@ -21,12 +21,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import call_on_first_rank
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather
 from pmr.fem.factor import BLOCK, factor_for_columns
+from pmr.files import Array
 from pmr.fullmodel.pads import Pad, pad_means
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Clamp, Structure, couple
@@ -42,8 +42,6 @@ from pmr.scene.choice import motion_directions
 from pmr.scene.joints import BoomSection
 from pmr.scene.members import Member
 from pmr.scene.structures import Beam3DBody, Material, PointMass
-
-Array = NDArray[np.float64]
 
 #: Elements of the beam whose compliance is subtracted.
 ELEMENTS = 40

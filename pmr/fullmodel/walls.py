@@ -29,13 +29,11 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from pmr.files import Array
 from pmr.scene.keys import qualified_name
 from pmr.system.rows import Row
-
-Array = NDArray[np.float64]
 
 #: Eigenvalues below this share of the largest one count as zero in a root: two pads at one point then count as one.
 SAME = 1e-9

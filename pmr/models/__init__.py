@@ -9,11 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TypeGuard
 
-import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI
+from pmr.files import Array, Indices
 from pmr.files.rigid import DIRECTIONS, rigid_motions
 from pmr.models.trace import Strip, Window
 from pmr.results.field_series import Grid
@@ -22,9 +21,6 @@ from pmr.results.field_stress import ForceRows, StressRows
 if TYPE_CHECKING:
     from pmr.fem.compat import Expr, Form, Function, FunctionSpace, Mesh
 
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 __all__ = ["DIRECTIONS", "rigid_motions"]
 

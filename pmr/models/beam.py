@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 import ufl
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, cellwise, constant, create_mesh
+from pmr.files import Array, Indices
 from pmr.models import DIRECTIONS, Cut, Line, UnitState, rigid_motions
 from pmr.models.meshed import CellValues, cell_values
 from pmr.models.sections_along import SectionsAlong
@@ -35,9 +35,6 @@ from pmr.scene.structures import Beam3DBody, Profile
 if TYPE_CHECKING:
     from pmr.fem.compat import Expr, Function, FunctionSpace, Mesh
 
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 #: Positions of named places as shares of the length.
 ENDS = {"tail": 0.0, "tip": 1.0}

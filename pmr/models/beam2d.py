@@ -25,10 +25,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 import ufl
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import hermite_space
+from pmr.files import Array, Indices
 from pmr.models import Forms, UnitState, ufl_product
 from pmr.models.beam import Beam, measure
 from pmr.models.sections_along import (
@@ -47,10 +47,6 @@ from pmr.scene.structures import Beam3DBody, Profile
 
 if TYPE_CHECKING:
     from pmr.fem.compat import Expr, Form, FunctionSpace, Mesh
-
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

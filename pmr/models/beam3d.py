@@ -36,9 +36,9 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import ufl
-from numpy.typing import NDArray
 
 from pmr.fem.compat import cellwise, hermite_space
+from pmr.files import Array, Indices
 from pmr.models import DIRECTIONS, Forms, UnitState, ufl_product
 from pmr.models.beam import Beam, measure
 from pmr.models.profile_section import RingMasses, ring_masses
@@ -61,8 +61,6 @@ if TYPE_CHECKING:
     from pmr.fem.compat import Expr, Form, FunctionSpace, Mesh
 
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Motion: TypeAlias = "tuple[Expr | None, ...]"  # displacements along x, y and z in UFL; None: no inertia
 
 

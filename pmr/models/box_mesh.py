@@ -23,12 +23,11 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files import Array, Mask
 from pmr.models.mesh_drawing import Drawing, Entity
 
-Array = NDArray[np.float64]
 Pair = tuple[float, float]
 #: Suffix of the group names of walls that are not parallel to the axis.
 TAPERED = " tapered"
@@ -145,7 +144,7 @@ def taper_points(points: Array, sides: Sequence[Side], parts: Sequence[BoxStretc
     return tapered_points
 
 
-Places = tuple[Array, Array, NDArray[np.bool_]]
+Places = tuple[Array, Array, Mask]
 
 
 def _in_side(p: Array, sides: Sequence[Side], k: int, depth: float) -> Places:

@@ -9,18 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
 from pmr.errors import InputError
+from pmr.files import Array, Indices
 from pmr.files.matrices import GivenMatrices
 from pmr.files.rigid import elastic_energies
 from pmr.models import DIRECTIONS, rigid_motions
 from pmr.models.meshed import TracedModel
 from pmr.models.trace import Extent, Strip, Trace, Window, orient_outward
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 #: A face's nodes lie in a plane within this share of the face's extent.
 FLAT = 1e-3

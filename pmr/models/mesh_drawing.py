@@ -11,14 +11,12 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.errors.environment import import_package
+from pmr.files import Array, Indices
 from pmr.models.named_mesh import read_mesh_file
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Entity = tuple[int, int]  # dimension and tag
 
 #: gmsh's element types: meshio's name and number of vertices.

@@ -11,12 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.fem.compat import cell_topology
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from pmr.files import Array, Indices
 
 
 def codes(entities: Indices, points: int) -> Indices:
@@ -40,7 +37,7 @@ class Nodes:
     first: Mapping[int, Indices]  # (e,): by dimension, first coordinate of each entity's node
     in_cell: Mapping[int, Indices]  # (C, k): by dimension, each cell's entities in the order of the reference cell
     points: Array  # (n, 3) m: position of each coordinate's node
-    component: NDArray[np.int64]  # (n,): 0, 1, 2 for displacements along x, y, z; 3, 4, 5 for rotations
+    component: Indices  # (n,): 0, 1, 2 for displacements along x, y, z; 3, 4, 5 for rotations
 
     @property
     def size(self) -> int:

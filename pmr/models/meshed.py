@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, cell_dofs, original_cells, tabulate, tabulation_space, unrolled_cell_dofs
+from pmr.files import Array, Indices
 from pmr.models import DIRECTIONS, StructuralModel, is_assembled, rigid_motions
 from pmr.models.mesh_nodes import Nodes, number_nodes
 from pmr.models.named_mesh import CELLS_OF_KIND, NamedMesh
@@ -38,9 +38,6 @@ from pmr.scene.structures import Material
 if TYPE_CHECKING:
     from pmr.fem.compat import Expr, FunctionSpace, Mesh
 
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 #: Faces of a wall on which stresses are evaluated.
 FACES = ("outer", "middle", "inner")

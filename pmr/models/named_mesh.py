@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name
 from pmr.fem.compat import MPI, cell_topology, create_mesh
+from pmr.files import Array, Indices
 from pmr.files.decks import KINDS, Deck, read_deck
 from pmr.models.mesh_nodes import codes
 
@@ -30,9 +30,6 @@ if TYPE_CHECKING:
 
     from pmr.fem.compat import Mesh
 
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 #: Dimension of cells, by their kind in meshio's words.
 DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}

@@ -41,16 +41,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files import Array
 from pmr.models.box_mesh import shifted_ends
 from pmr.scene.box import Box
 from pmr.scene.profile import BoxProfile, Side
 from pmr.scene.structures import BeamSection
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 
 #: Gauss' points and weights on (0, 1): exact for straight plates, and to round-off for arcs.
 _X, _W = np.polynomial.legendre.leggauss(16)

@@ -30,8 +30,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from pmr.files import Array, Indices
 from pmr.models.profile_section import MidLine, section_of
 from pmr.results.field_stress import FIBRE, FORCES, ForceRows, StressRows
 from pmr.scene.box import Box, Stretch
@@ -40,10 +40,6 @@ from pmr.scene.structures import Beam3DBody, BeamSection
 
 if TYPE_CHECKING:
     from pmr.fem.compat import Expr
-
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -44,9 +44,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import ufl
-from numpy.typing import NDArray
 
 from pmr.fem.compat import cellwise, constant, rule_points, shell_space
+from pmr.files import Array
 from pmr.models import Forms, UnitState
 from pmr.models.box_mesh import TAPERED, BoxBoom, BoxStretch
 from pmr.models.meshed import (
@@ -70,8 +70,6 @@ from pmr.scene.structures import Material, Plate, ShellBody
 if TYPE_CHECKING:
     from pmr.fem.compat import Expr, Form, Function, FunctionSpace, Mesh
 
-
-Array = NDArray[np.float64]
 
 KINDS = ("triangle",)
 #: Smallest cosine between a triangle's normal and the body's axis at which the triangle counts as across the axis.

@@ -31,9 +31,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import ufl
-from numpy.typing import NDArray
 
 from pmr.fem.compat import cell_topology, cellwise, lagrange_rule, lagrange_space, rule_points
+from pmr.files import Array, Indices
 from pmr.models import Forms, UnitState
 from pmr.models.mesh_nodes import codes
 from pmr.models.meshed import (
@@ -54,9 +54,6 @@ from pmr.scene.structures import SolidBody
 if TYPE_CHECKING:
     from pmr.fem.compat import Expr, Form, FunctionSpace, Mesh
 
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 KINDS = ("tetrahedron", "hexahedron")
 #: Degree of the quadrature rule with two points in each direction of a hexahedron, or four in a tetrahedron.

@@ -24,15 +24,12 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import cell_topology, lagrange_rule
+from pmr.files import Array, Indices
 from pmr.models.mesh_nodes import Nodes
 from pmr.models.named_mesh import Group, NamedMesh
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 ENTITY_KINDS = {(0, 1): "point", (1, 2): "interval", (2, 3): "triangle", (2, 4): "quadrilateral",
                 (3, 4): "tetrahedron", (3, 8): "hexahedron"}  # fmt: skip

@@ -32,12 +32,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import fix_signs, gather, inner, local_csr, subtract, tall, times
+from pmr.files import Array
 from pmr.fullmodel.eigensolvers import is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.snapshots import Snapshots
@@ -46,7 +46,6 @@ from pmr.system.polynomials import stack_tables
 from pmr.system.reduced_model import ReducedModel, satisfied_rows
 from pmr.system.soundness import symmetric_part
 
-Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
 

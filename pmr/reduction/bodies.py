@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.fem.distributed import free_dropped, inner, tall, times
+from pmr.files import Array
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import Basis, modal_basis
@@ -55,8 +55,6 @@ from pmr.system.reduced_model import ReducedModel, SectionOf
 from pmr.system.soundness import symmetric_part
 from pmr.system.states import BodyStates
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 #: Energy of the response to a force at a port, over the largest such energy, up to which a support holds the port.
 HELD = 1e-12

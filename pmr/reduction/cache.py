@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError, NotHeldError, environment
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import tall
-from pmr.files import npz
+from pmr.files import Array, npz
 from pmr.files.whole import NotWrittenError
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import Basis
@@ -33,7 +33,6 @@ from pmr.system.attachment import simulated_model
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
-Array = NDArray[np.float64]
 Content = TypeVar("Content")
 _log = logging.getLogger(__name__)
 

@@ -31,10 +31,10 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.fem.distributed import inner, local_csr, subtract, times
+from pmr.files import Array, Mask
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import BLOCK, Eigenpairs, largest_eigenpairs
 from pmr.fullmodel.moving import StaticSolver, static_solver
@@ -42,8 +42,6 @@ from pmr.system.body_matrices import Reactions
 from pmr.system.polynomials import stack_tables
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Row, Rows, fixed_row, sparse_row
-
-Array = NDArray[np.float64]
 
 
 class FreeBody:
@@ -71,7 +69,7 @@ class FreeBody:
         """Product M Z (n_local, c) of the mass matrix and the rigid-body modes: this rank's part of the coordinates."""
         return times(self.model.M, self.Z)
 
-    def are_rigid(self, local: Array) -> NDArray[np.bool_]:
+    def are_rigid(self, local: Array) -> Mask:
         """Which (k,) of k vectors are combinations of the rigid-body modes; collective.
 
         `local` (n_local, k) is this rank's part of the vectors.

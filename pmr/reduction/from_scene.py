@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Any, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError, environment
 from pmr.fem.compat import versions
 from pmr.fem.distributed import inner, tall, times
-from pmr.files import npz
+from pmr.files import Array, npz
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import Basis, modal_basis, pod, reduced_model, with_held_coordinates, with_rigid_modes
 from pmr.reduction.cache import ReducedBody
@@ -29,7 +28,6 @@ from pmr.scene.run_settings import OwnBasis
 from pmr.system.attachment import QUASI_STATIC
 from pmr.system.reduced_model import ReducedModel
 
-Array = NDArray[np.float64]
 #: Vectors (n, k) on the n coordinates of a full model, or a function of the model that returns this rank's part of
 #: them.
 Vectors: TypeAlias = Array | Callable[[FullModel], Array]

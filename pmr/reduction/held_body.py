@@ -20,11 +20,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather, sparse, times
+from pmr.files import Array, Indices
 from pmr.fullmodel.assembly import operators_of
 from pmr.fullmodel.build import AssembledBody, build
 from pmr.fullmodel.eigensolvers import eigensolver
@@ -38,9 +38,6 @@ from pmr.results.field_series import FramedBody, Frames, NodalBody, Places
 from pmr.scene import Scene
 from pmr.system.rows import Row, Rows, fixed_row
 from pmr.system.soundness import symmetric_part
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 def held_body(scene: Scene, s: float, count: int) -> NodalBody:

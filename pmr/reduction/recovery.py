@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
+from pmr.files import Array, Indices
 from pmr.fullmodel.assembly import share
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel
@@ -52,9 +53,6 @@ from pmr.scene import Scene
 from pmr.scene.members import TAIL
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import BodyStates
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 #: Number of states that are recovered at once: a few times as many vectors of full length are in memory.
 BLOCK = 64
@@ -352,7 +350,7 @@ class RecoveredBody:
         return [("reduced", self.reduced), *([("full", self.full)] if self.full is not None else [])]
 
 
-def recovered_steps(scene: Scene) -> NDArray[np.int64]:
+def recovered_steps(scene: Scene) -> Indices:
     """Numbers (S,) of the steps whose states are recovered; empty if the scene does not ask for recovery."""
     if scene.recovery is None:
         return np.empty(0, np.int64)

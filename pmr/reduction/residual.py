@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import free_dropped, inner, local_csr, times
+from pmr.files import Array
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import RANK_CHECKS, Basis, galerkin, without_rows
 from pmr.reduction.free_body import FreeBody
@@ -32,8 +32,6 @@ from pmr.system.polynomials import add_tables, multiply_tables
 from pmr.system.reduced_model import ReducedModel, satisfied_rows
 from pmr.system.rows import Rows, SharedCarriers
 from pmr.system.truncation import is_modal, truncate, with_tables
-
-Array = NDArray[np.float64]
 
 #: Largest coefficient of a fixed row on a basis that satisfies this row, over the largest coefficient of all rows.
 SATISFIED = 1e-6

@@ -33,11 +33,11 @@ from typing import TypeAlias
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import InputError, environment
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, inner, local_csr, sparse, subtract, times
+from pmr.files import Array, Indices
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structural import MirroredLoads, images_of
 from pmr.reduction.free_body import FreeBody, fixed_rows
@@ -45,8 +45,6 @@ from pmr.system.carriers import CarrierFlexibility, Flexibility
 from pmr.system.polynomials import transpose
 from pmr.system.rows import RowPolynomials, SharedCarriers
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 _log = logging.getLogger(__name__)
 
 

@@ -26,10 +26,10 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
 
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
+from pmr.files import Array
 from pmr.fullmodel.assembly import operators_of
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel
@@ -41,8 +41,6 @@ from pmr.models import Cut
 from pmr.results.field_stress import ForceRows
 from pmr.system.rows import Row
 from pmr.system.states import BodyStates
-
-Array = NDArray[np.float64]
 
 #: Number of pieces in each element of length h: the moment at a point force P is exact to P h / (4 PIECES).
 PIECES = 4

@@ -19,11 +19,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import ConvergenceError, InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import inner, local_csr, tall, times
+from pmr.files import Array, Indices, Mask
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, DependentRowsError, eigensolver, is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes, finish_modes
@@ -31,9 +31,6 @@ from pmr.reduction.free_body import FreeBody, fixed_rows
 from pmr.scene import Scene
 from pmr.system.polynomials import power_contributions
 from pmr.system.rows import Rows
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -58,7 +55,7 @@ class Snapshots:
         return cls(tall(local, model.M), omega, s, residuals, source)
 
 
-def node_set(nodes: int, snapshots: int) -> NDArray[np.int64]:
+def node_set(nodes: int, snapshots: int) -> Indices:
     """Node numbers, counted from 1, at which the paper (module docstring) holds the slider; never the first node.
 
     For one snapshot it is node floor(nodes / 2); for more, they are nodes floor(2 + (nodes - 2) k / (snapshots - 1))
@@ -257,9 +254,7 @@ def _remove_rigid_modes(fixed_model: FullModel, Z: Array, modes: Modes) -> Modes
     )
 
 
-def _bent_modes(
-    model: FullModel, stress: Sequence[PETSc.Mat], modes: Modes, numbers: NDArray[np.int64]
-) -> NDArray[np.bool_]:
+def _bent_modes(model: FullModel, stress: Sequence[PETSc.Mat], modes: Modes, numbers: Indices) -> Mask:
     """Which of the modes with these `numbers` are bent by axial forces, whose geometric stiffnesses are `stress`.
 
     The measure of mode k is the sum of (phi_k^T G phi_j)^2 / omega_k^2 over the matrices G in `stress` and all modes j

@@ -14,8 +14,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from pmr.files import Array
 from pmr.results import Energy, Response
 from pmr.results.response import FORCES, Output
 from pmr.scene import Scene
@@ -33,7 +34,6 @@ from pmr.system.contacts import qualified_name
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 
-Array = NDArray[np.float64]
 #: Number of angles among which the steepest angle is searched.
 ANGLES = 1001
 

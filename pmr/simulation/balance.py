@@ -25,12 +25,10 @@ from collections.abc import Iterator
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import GrowthError
+from pmr.files import Array
 from pmr.system.body import SlidingBody, Trajectory
-
-Array = NDArray[np.float64]
 
 #: Surplus over the largest energy from which on a motion is not compared with others.  Sound motions that
 #: their steps resolve stay below 0.03; the share follows the error of the velocities, which grow first.

@@ -18,17 +18,15 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
 
 from pmr.errors.text import two_digits, two_digits_below
+from pmr.files import Array, Indices
 from pmr.kernel.laws import SchemeFactors
 from pmr.simulation import contact_step
 from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 #: h omega of a part at which a peak force is right to some per cent, and an impact keeps 99.9 % of its energy (mean).
 RESOLVED = 0.05
@@ -104,7 +102,7 @@ def part_counts(omega: float, stepping: TimeStepping) -> tuple[int, ...]:
     return tuple(2**k for k in range((count_parts(omega, stepping) - 1).bit_length() + 1))
 
 
-def with_schedule(stepping: TimeStepping, parts_of_steps: NDArray[np.int64] | None, omega: float) -> TimeStepping:
+def with_schedule(stepping: TimeStepping, parts_of_steps: Indices | None, omega: float) -> TimeStepping:
     """Time grid whose steps have the numbers of parts `parts_of_steps` (T + 1,) of another simulation.
 
     The first number, of t = 0, is ignored.  If the numbers are None, every step has the number of parts that `omega` in
@@ -149,9 +147,6 @@ def warnings(omega: float, stepping: TimeStepping) -> list[str]:
         f"{RESOLVED:g} resolves an impact: peak forces are too small and rebounds lose energy; "
         f"time.step = {two_digits_below(enough)} s, or less stiffness, is enough"
     ]
-
-
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

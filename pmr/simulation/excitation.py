@@ -8,9 +8,9 @@ from functools import cached_property
 from typing import Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError
+from pmr.files import Array
 from pmr.scene import Scene
 from pmr.scene.choice import is_accelerated
 from pmr.scene.keys import SLIDER as SLIDER
@@ -23,7 +23,6 @@ from pmr.simulation.frame_motion import Acceleration, computed_inputs
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import Body, BodySystem
 
-Array = NDArray[np.float64]
 Load = TypeVar("Load")
 
 

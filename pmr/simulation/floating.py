@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files import Array
 from pmr.simulation.frame_motion import skew
 
-Array = NDArray[np.float64]
 _E = np.eye(3)
 #: Levi-Civita's symbol.
 CROSS = np.array([[np.cross(_E[l], _E[j]) for j in range(3)] for l in range(3)]).transpose(2, 0, 1)

@@ -23,8 +23,9 @@ from functools import lru_cache
 from typing import Any, Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from pmr.files import Array
 from pmr.scene import Scene
 from pmr.scene.built import Load
 from pmr.scene.choice import inertia_fields, input_directions
@@ -46,7 +47,6 @@ from pmr.simulation.frame_motion import (
     rotation_products,
 )
 
-Array = NDArray[np.float64]
 #: Number of samples among which the smallest and largest amplitudes are searched.
 SAMPLES = 10_001
 

@@ -19,9 +19,10 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
+from pmr.files import Array
 from pmr.scene import Scene
 from pmr.scene.frame import DIRECTIONS, BaseMotion, boom_rotation
 from pmr.scene.signals import SignalBase
@@ -79,7 +80,6 @@ class Acceleration(Derived):
         return tuple(replace(strand, spread=self.step) for path in self.paths for strand in path.strands)
 
 
-Array = NDArray[np.float64]
 #: An angle in rad, its rate and its second rate, (T,) each.
 Angle = tuple[Array, Array, Array]
 

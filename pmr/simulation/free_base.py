@@ -43,9 +43,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files import Array, Mask
 from pmr.scene import Scene
 from pmr.scene.choice import motion_directions
 from pmr.scene.frame import INERTIA
@@ -69,8 +69,6 @@ from pmr.system.changing_rows import ChangingRows
 from pmr.system.contact_rows import ContactRows
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 
 def with_all_inertia(system: System) -> System:
@@ -243,7 +241,7 @@ class EliminatedContacts:
     The mask `gives` (m,) selects these contacts; it is false for rigid contacts and for pads that only push.
     """
 
-    def __init__(self, boom: FreeBase, assembly: Assembly, along: ChangingRows, gives: NDArray[np.bool_]) -> None:
+    def __init__(self, boom: FreeBase, assembly: Assembly, along: ChangingRows, gives: Mask) -> None:
         self._boom, self._along, self._gives = boom, along, gives
         self._B, self._E = assembly.B.toarray(), assembly.energy
         self._stored, self._moments = dict[bytes, InputResponse](), (b"", boom.boom.moments)

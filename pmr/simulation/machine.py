@@ -17,9 +17,9 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
+from pmr.files import Array
 from pmr.kernel.further import AXES
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.machine import Machine, MachineSimulation
@@ -39,8 +39,6 @@ from pmr.simulation.start import InitialState
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 
 def machine_of(scene: Scene, system: System, frame: MovingFrame, excitation: Excitation, modes: Array) -> Machine:

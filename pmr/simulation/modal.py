@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
 from pmr.errors import InputError
+from pmr.files import Array
 from pmr.simulation.start import InitialState, dense
 from pmr.system.body import SlidingBody, Trajectory, projected
 from pmr.system.body_matrices import Rayleigh, Reactions
@@ -64,8 +65,6 @@ def _split(A: Long, bits: int, axis: int) -> tuple[Array, Array]:
     high = (plain + rounds) - rounds
     return high, (A - high).astype(float)
 
-
-Array = NDArray[np.float64]
 
 #: Coordinates up to which a body is diagonalised densely.
 LARGEST = 3000

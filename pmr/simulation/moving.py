@@ -15,11 +15,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import TypeAdapter
 
 from pmr.errors import InputError
 from pmr.errors.text import escape_controls
+from pmr.files import Array, Indices
 from pmr.kernel.further import ANGLES, AXES
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
@@ -148,9 +149,6 @@ def _names_a_file(data: object) -> bool:
         return "file" in data or any(map(_names_a_file, data.values()))
     return isinstance(data, list) and any(map(_names_a_file, data))
 
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 GRAVITY = "gravity"
 #: Angles that a frame and its base may have.

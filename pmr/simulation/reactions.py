@@ -18,8 +18,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files import Array
 from pmr.results import Response
 from pmr.results.response import Output
 from pmr.scene import Scene
@@ -53,7 +53,6 @@ from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 
-Array = NDArray[np.float64]
 Supports = Sequence[tuple[str, str]]  # names and units of rigid supports
 
 

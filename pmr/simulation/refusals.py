@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files import Array, Mask
 from pmr.scene.choice import SimulatorNeeds
 from pmr.system.body import Body
 from pmr.system.contacts import Contact, Friction, friction_joints
 from pmr.system.definite import dependence_of_rows
 from pmr.system.system import BodySystem
 
-Array = NDArray[np.float64]
 #: Most names in a message, which gives the number of all further ones.
 MOST_NAMES = 3
 
@@ -26,7 +25,7 @@ def describe_dependence(C: Array, names: Sequence[str]) -> str:
     return f"the rows {', '.join(involved)} depend on each other"
 
 
-def describe_unsettled(names: Sequence[str], pushes: NDArray[np.bool_]) -> str:
+def describe_unsettled(names: Sequence[str], pushes: Mask) -> str:
     """Text that names the contacts that only push, which did not settle as open or closed within the kernel's limit.
 
     `names` are the names of all m contacts, and the mask `pushes` (m,) is true for those that only push.
@@ -46,7 +45,7 @@ def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact], 
     )
 
 
-def needs_of(system: BodySystem[Body], rigid: NDArray[np.bool_], x: Array, rho_inf: float) -> SimulatorNeeds:
+def needs_of(system: BodySystem[Body], rigid: Mask, x: Array, rho_inf: float) -> SimulatorNeeds:
     """Properties of a system that a simulator has to support: contacts that push, are rigid, give way, move or rub.
 
     Parameters
@@ -64,7 +63,7 @@ def needs_of(system: BodySystem[Body], rigid: NDArray[np.bool_], x: Array, rho_i
 
     rubs = Friction.from_contacts(system.contacts)
 
-    def names(which: NDArray[np.bool_]) -> tuple[str, ...]:
+    def names(which: Mask) -> tuple[str, ...]:
         """Names of the contacts of a mask (m,)."""
         return tuple(name for name, chosen in zip(system.contact_names, which, strict=True) if chosen)
 

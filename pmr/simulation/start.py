@@ -26,15 +26,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pmr.errors import InputError
+from pmr.files import Array
 from pmr.kernel.laws import JointCylinder, slide_pads
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Friction
-
-Array = NDArray[np.float64]
 
 #: Violation of a row that is round-off, over the sum of absolute values of the row times the largest coordinate.
 ROW_TOLERANCE = 1e-8

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.errors.text import two_digits, two_digits_below
+from pmr.files import Array, Indices
 from pmr.scene.signals import SignalBase, Table
 from pmr.system.states import SystemTrajectory
 
-Array = NDArray[np.float64]
 #: Function that is called with the share of the time span, 0 to 1, that is done.
 Progress = Callable[[float], None]
 
@@ -166,9 +166,6 @@ def _overshoot(signal: SignalBase, stepping: TimeStepping) -> tuple[float, float
     beyond = np.maximum(at_breaks - around.max(axis=0), around.min(axis=0) - at_breaks).max(axis=0)
     worst = int(np.argmax(beyond))
     return float(max(beyond[worst], 0.0) / (high - low)), float(breaks[worst])
-
-
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

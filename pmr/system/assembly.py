@@ -11,6 +11,7 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.files import Array, Indices
 from pmr.system.body import SlidingBody
 from pmr.system.contact_rows import ContactRows, add_springs, clear_rows, free_motions, is_round_off
 from pmr.system.contacts import Place
@@ -19,7 +20,6 @@ from pmr.system.polynomials import evaluate
 from pmr.system.system import System, consecutive
 from pmr.system.terms import Term, add_terms
 
-Array = NDArray[np.float64]
 #: Shift in (rad/s)^2: `Assembly.modes` adds this many times M to K, which is singular if nothing holds a body.
 SHIFT = 1.0
 
@@ -81,7 +81,7 @@ class Assembly:
         """Outputs (o, n) of unit coordinates, O."""
         return self._blocks(lambda body, free: body.outputs[:, free])
 
-    def _blocks(self, block_of: Callable[[SlidingBody, NDArray[np.int64]], sp.csr_matrix | Array]) -> sp.csr_matrix:
+    def _blocks(self, block_of: Callable[[SlidingBody, Indices], sp.csr_matrix | Array]) -> sp.csr_matrix:
         """Sparse block-diagonal matrix whose block for each body is ``block_of(body, numbers of free coordinates)``."""
         bodies = zip(self.system.bodies.values(), self.free_coordinates.values(), strict=True)
         blocks = [block_of(body, free) for body, free in bodies]
@@ -92,7 +92,7 @@ class Assembly:
     @cached_property
     def terms(self) -> list[Term]:
         """Terms of the system on the same n coordinates, sparse."""
-        numbers = dict[str, NDArray[np.int64]]()
+        numbers = dict[str, Indices]()
         for name, body in self.system.bodies.items():
             numbers[name] = np.full(body.size, -1, np.int64)
             numbers[name][self.free_coordinates[name]] = np.arange(self.size)[self.coordinate_slices[name]]

@@ -43,16 +43,14 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from pmr.files import Array
 from pmr.system.body_matrices import Reactions
 from pmr.system.carriers import CarrierFlexibility, CylinderResponses, EnrichmentModes
 from pmr.system.polynomials import stack_tables
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.soundness import pivoted_cholesky, symmetric_part
 from pmr.system.truncation import extend, with_tables
-
-Array = NDArray[np.float64]
 
 #: Share of the inertia of all responses that may be left out, and largest number of attachment modes.
 LEFT_OUT, MOST = 1e-8, 128

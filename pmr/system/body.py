@@ -18,9 +18,9 @@ from typing import Protocol, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
+from pmr.files import Array, Indices, Mask
 from pmr.results.response import FORCES
 from pmr.system.body_matrices import Rayleigh, Reactions
 from pmr.system.carriers import CarrierRows
@@ -28,8 +28,6 @@ from pmr.system.polynomials import stack_tables, transpose
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Row, Rows
 from pmr.system.soundness import symmetric_part
-
-Array = NDArray[np.float64]
 
 
 class BodyWithOutputs(Protocol):
@@ -132,22 +130,22 @@ def _kind_of_earlier_version(name: str, unit: str) -> str:
     return f"beam {start}" if at else f"tip {name.rpartition(' ')[2]}".strip()
 
 
-def _has_kind(body: BodyWithOutputs, *kinds: str) -> NDArray[np.bool_]:
+def _has_kind(body: BodyWithOutputs, *kinds: str) -> Mask:
     """Which of the outputs (o,) are of one of these kinds."""
     return np.array([kind.split(" ")[0] in kinds for kind in kinds_of(body)], dtype=bool)
 
 
-def force_outputs(body: BodyWithOutputs) -> NDArray[np.bool_]:
+def force_outputs(body: BodyWithOutputs) -> Mask:
     """Which of the outputs (o,) are forces of pads and of supports with a stiffness."""
     return _has_kind(body, *FORCES)
 
 
-def length_outputs(body: BodyWithOutputs) -> NDArray[np.bool_]:
+def length_outputs(body: BodyWithOutputs) -> Mask:
     """Which of the outputs (o,) are displacements of the beam or of its tip."""
     return _has_kind(body, "beam", "tip")
 
 
-def other_outputs(body: BodyWithOutputs) -> NDArray[np.bool_]:
+def other_outputs(body: BodyWithOutputs) -> Mask:
     """Which of the outputs (o,) are rotations or probes: neither forces nor displacements of the beam or its tip."""
     return np.asarray(~(length_outputs(body) | force_outputs(body)))
 
@@ -253,7 +251,7 @@ class FullBody(RowProperties):
         return int(self.M.shape[0])
 
     @property
-    def quasi_static(self) -> NDArray[np.int64]:
+    def quasi_static(self) -> Indices:
         """Numbers of coordinates without inertia: an empty array."""
         return np.zeros(0, np.int64)
 

@@ -21,9 +21,9 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
+from pmr.files import Array
 from pmr.system.polynomials import select_columns
 
 
@@ -46,8 +46,6 @@ class Rayleigh:
         """Modal damping phi^T D phi = 2 zeta omega (k,) in 1/s of M-orthonormal modes with `omega2` = omega^2 (k,)."""
         return self.alpha + self.beta * omega2
 
-
-Array = NDArray[np.float64]
 
 _E, _AXES = np.eye(3), "xyz"
 #: Antisymmetric S with S u = e_k x u for displacements u, of the matrix T_k = int rho v . S u (test function v): an

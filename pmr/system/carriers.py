@@ -31,9 +31,9 @@ from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
+from pmr.files import Array, Indices
 from pmr.system.polynomials import apply_table, join_columns, select_columns, select_rows, transpose
 from pmr.system.rows import Row, RowPolynomials
 from pmr.system.soundness import symmetric_part
@@ -105,10 +105,6 @@ class EnrichmentModes:
     def count(self) -> int:
         """Number of modes c."""
         return len(self.stiffness)
-
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

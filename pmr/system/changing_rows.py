@@ -21,12 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files import Array, Indices
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows, clear_rows, is_round_off
 from pmr.system.system import Side
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Number = TypeVar("Number", bound=np.generic)
 
 

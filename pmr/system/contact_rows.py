@@ -19,18 +19,17 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
+from pmr.files import Array, Mask
 from pmr.system.body import SlidingBody
 from pmr.system.polynomials import power_contributions
 
-Array = NDArray[np.float64]
 #: Flexibility of a contact below this share of the largest is round-off of a rigid one.
 ROUND_OFF = 1e-14
 
 
-def is_round_off(F: Array, largest: float = 0.0) -> NDArray[np.bool_]:
+def is_round_off(F: Array, largest: float = 0.0) -> Mask:
     """Which contacts (..., m) with the flexibility F (..., m, m) in m/N are rigid: their flexibility is round-off.
 
     Their diagonal entry of F is at most `ROUND_OFF` times the largest entry, or times `largest` if that is more.
@@ -41,7 +40,7 @@ def is_round_off(F: Array, largest: float = 0.0) -> NDArray[np.bool_]:
     return np.asarray(diagonal <= ROUND_OFF * most)
 
 
-def clear_rows(F: Array, mask: NDArray[np.bool_]) -> None:
+def clear_rows(F: Array, mask: Mask) -> None:
     """Set to zero, in place, the rows and columns of F (..., m, m) that belong to the contacts in a `mask` (..., m)."""
     F[np.broadcast_to(mask[..., :, None] | mask[..., None, :], F.shape)] = 0.0
 
@@ -59,7 +58,7 @@ class ContactRows:
         """Rows of the contacts at the time with number k; only for rows at T times."""
         return ContactRows(self.C[k], self.F[k], self.H[k], self.X[k])
 
-    def select(self, mask: NDArray[np.bool_]) -> ContactRows:
+    def select(self, mask: Mask) -> ContactRows:
         """Rows of those contacts alone that are in a `mask` (m,)."""
         F = self.F[..., mask, :][..., mask]
         return ContactRows(self.C[..., mask, :], F, self.H[..., mask, :], self.X[..., mask])
@@ -79,7 +78,7 @@ class ContactRows:
         return np.asarray(np.linalg.solve(self.F, np.hstack([self.C, self.H])))
 
     @property
-    def rigid(self) -> NDArray[np.bool_]:
+    def rigid(self) -> Mask:
         """Which contacts (m,), or (T, m) at T times, are rigid: their flexibility F is zero or round-off."""
         return is_round_off(self.F)
 

@@ -48,17 +48,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pmr.errors import InputError
+from pmr.files import Array, Indices, Mask
 from pmr.scene.joints import SHEAR_STIFFNESS, STRIBECK_SPEED
 from pmr.scene.keys import ALONE as ALONE
 from pmr.scene.keys import SLIDER as SLIDER
 from pmr.scene.keys import cylinder_name
 from pmr.scene.keys import input_name as input_name
 from pmr.scene.keys import qualified_name as qualified_name
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -247,7 +246,7 @@ class Compliance:
         return cls(S.T @ (compliances[:, None] * S), paths, slopes)
 
     @property
-    def rigid(self) -> NDArray[np.bool_]:
+    def rigid(self) -> Mask:
         """Which contacts (m,) have no compliance of their own while all paths are at 0."""
         return np.diagonal(self.constant) == 0.0
 
@@ -267,9 +266,6 @@ class Compliance:
         """
         mean = (forces[1:] + forces[:-1]) / 2.0
         return np.asarray(-np.einsum("tm,qmn,tn,tq->t", mean, self.slopes, mean, np.diff(s, axis=0)) / 2.0)
-
-
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from pmr.files import Array
 from pmr.system.soundness import pivoted_cholesky
-
-Array = NDArray[np.float64]
 
 #: Norm of A - L L^T, over the norm of A, up to which the difference is round-off.
 ROUND_OFF = 1e-9

@@ -24,8 +24,8 @@ from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from pmr.files import Array, Indices
 from pmr.scene import Scene
 from pmr.scene.built import force_name
 from pmr.scene.choice import has_driven_tail, motion_directions, pad_faces
@@ -202,9 +202,6 @@ def _first_break(body: Body, row: str) -> float:
     assert body.carriers is not None
     return float(body.carriers.row(body.row_names.index(row), row).breaks[0])
 
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 #: Singular value of a ring's rows, over the largest one, up to which it is round-off of modes and flexibility.
 DEPENDENT = 1e-10

@@ -10,13 +10,12 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, PPoly
 
 from pmr.errors import BEYOND_ENDS
+from pmr.files import Array, Indices
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 #: Most products of powers and entries of x that `_sum_powers` forms at once.
 AT_ONCE = 2**18
 
@@ -220,7 +219,7 @@ def refine_table(table: PPoly, breaks: Array, degree: int | None = None) -> PPol
     return PPoly(np.concatenate([np.zeros((missing, *c.shape[1:])), c]), breaks)
 
 
-def interval_around(fine: Array, coarse: Array) -> NDArray[np.int64]:
+def interval_around(fine: Array, coarse: Array) -> Indices:
     """Number (k,) of the interval of `coarse` breaks (j + 1,) that contains each interval of `fine` breaks (k + 1,)."""
     middle = (fine[1:] + fine[:-1]) / 2.0
     return np.clip(np.searchsorted(coarse, middle, side="right") - 1, 0, len(coarse) - 2)

@@ -26,7 +26,7 @@ from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
 from pmr.errors.text import missing_file_reason
-from pmr.files import npz
+from pmr.files import Array, Indices
 from pmr.system import stored
 from pmr.system.body_matrices import CONSTANT, LINEAR, Rayleigh, Reactions
 from pmr.system.carriers import CarrierRows, EnrichmentModes, Flexibility
@@ -40,7 +40,6 @@ from pmr.system.polynomials import (
 )
 from pmr.system.soundness import describe_asymmetry, describe_misfit, describe_misshapen, describe_names
 
-Array = NDArray[np.float64]
 FORMAT = "pmr-reduced-model"
 FORMAT_VERSION = 6
 #: Errors that NumPy and this module raise for files with wrong content.
@@ -141,7 +140,7 @@ class ReducedModel:
     output_kinds: tuple[str, ...] = ()
     matrices: Mapping[str, Array] = field(default_factory=dict)
     rigid_work: Array | None = None
-    quasi_static: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    quasi_static: Indices = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @property
     def size(self) -> int:

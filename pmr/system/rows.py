@@ -33,13 +33,11 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
+from pmr.files import Array, Indices
 from pmr.system.polynomials import clip_to_domain, common_breaks, interval_around, refine_table, same_degree
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

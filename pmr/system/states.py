@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.files import Array, Indices
 from pmr.system.body import Body, Trajectory
 from pmr.system.contacts import Friction
 from pmr.system.system import BodySystem, System
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,7 @@ class SystemTrajectory:
     work: Array
     seconds: float  # wall time of the solver alone
     surplus: float  # energy that no work explains, over the largest energy (`pmr.simulation.balance`)
-    parts: NDArray[np.int64] | None = None  # (T,): substeps of each step (`pmr.simulation.contact_step`)
+    parts: Indices | None = None  # (T,): substeps of each step (`pmr.simulation.contact_step`)
     # (T, m) N s: impulse in the step that ends at t, with generalized-alpha's weights; None if no contact only pushes
     impulses: Array | None = None
     amplitudes: Array | None = None  # c (T, k) of the k terms; None without terms
@@ -59,7 +57,7 @@ class SystemTrajectory:
         bodies = {name: replace(trajectory, **change_arrays(trajectory)) for name, trajectory in self.bodies.items()}
         return replace(self, bodies=bodies, **change_arrays(self))
 
-    def select(self, steps: NDArray[np.int64] | slice) -> SystemTrajectory:
+    def select(self, steps: Indices | slice) -> SystemTrajectory:
         """Return the trajectory at the steps with these numbers (S,) or in this slice.
 
         `parts` and `impulses` become None: they belong to the steps between successive times.

@@ -17,11 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.files import npz
+from pmr.files import Array, npz
 from pmr.system.carriers import CarrierRows
 from pmr.system.soundness import describe_misfit
 
-Array = NDArray[np.float64]
 #: Prefix of arrays that may be written as triangles, and smallest size of such matrices.
 TRIANGLES, LEAST = "carriers.", 8
 _SIGNS = {"triangle": 1.0, "antitriangle": -1.0}

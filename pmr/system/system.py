@@ -19,9 +19,10 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pmr.errors import BEYOND_ENDS, InputError
+from pmr.files import Array
 from pmr.system import saved
 from pmr.system.body import Body, SlidingBody, names_of, units_of
 from pmr.system.contacts import (
@@ -38,8 +39,6 @@ from pmr.system.contacts import (
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Row
 from pmr.system.terms import Term, term_error
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

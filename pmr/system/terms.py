@@ -20,16 +20,14 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files import Array, Indices
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.scene.mechanism import FrameTerm, frame_terms, tail_outputs
 from pmr.scene.members import member_at
 from pmr.system.body import SlidingBody
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,7 @@ class Term:
         projected: dict[str, Any] = {key: (V.T @ (sp.csr_matrix(A) @ V)).toarray() for key, A in self.matrices.items()}
         return replace(self, **projected, supports={})
 
-    def scatter(self, numbers: Mapping[str, Sequence[int] | NDArray[np.int64]], size: int) -> Term:
+    def scatter(self, numbers: Mapping[str, Sequence[int] | Indices], size: int) -> Term:
         """Return the term with sparse matrices on the `size` coordinates of a system, without its work on supports.
 
         `numbers` maps a body's name to the system's number of each of the body's coordinates; coordinates with a

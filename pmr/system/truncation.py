@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files import Array
 from pmr.system.carriers import CarrierRows, EnrichmentModes, Flexibility
 from pmr.system.polynomials import (
     add_tables,
@@ -25,8 +25,6 @@ from pmr.system.polynomials import (
     transpose,
 )
 from pmr.system.reduced_model import ReducedModel
-
-Array = NDArray[np.float64]
 
 #: Largest entry that couples two modes, relative to their diagonal entries, in a modal form.
 MODAL = 1e-6

@@ -41,9 +41,9 @@ from exudyn.itemInterface import (
     ObjectJointSliding2D,
     ObjectMassPoint2D,
 )
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files import Array, Indices
 from pmr.results import Energy
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.items import add_pre_step_function
@@ -81,11 +81,11 @@ class Cable:
         """Length in m of each element."""
         return self.length / self.elements
 
-    def left_elements(self, x: Array) -> NDArray[np.int64]:
+    def left_elements(self, x: Array) -> Indices:
         """Numbers (o,) of the elements with the material points x (o,) in m; at a node, of the element on the left."""
         return np.clip(np.ceil(x / self.element_length - _ON_NODE).astype(int) - 1, 0, self.elements - 1)
 
-    def right_elements(self, x: Array) -> NDArray[np.int64]:
+    def right_elements(self, x: Array) -> Indices:
         """Numbers (o,) of the elements with the material points x (o,) in m; at a node, of the element on the right."""
         return np.clip(np.floor(x / self.element_length + _ON_NODE).astype(int), 0, self.elements - 1)
 
@@ -107,7 +107,7 @@ def curvature(cable: Cable, q: Array, x: Array) -> Array:
     return (left + right) / 2.0
 
 
-def _curvature(cable: Cable, q: Array, x: Array, elements: NDArray[np.int64]) -> Array:
+def _curvature(cable: Cable, q: Array, x: Array, elements: Indices) -> Array:
     """Material curvature (T, o) in 1/m at the points x (o,) in m, by the shapes of the `elements` (o,)."""
     slope = np.array([1.0, 0.0]) + _apply(_interpolation(cable, x, elements, derivative=1), q)
     bend = _apply(_interpolation(cable, x, elements, derivative=2), q)
@@ -115,7 +115,7 @@ def _curvature(cable: Cable, q: Array, x: Array, elements: NDArray[np.int64]) ->
     return np.asarray(cross / np.sum(slope**2, axis=-1))
 
 
-def _interpolation(cable: Cable, x: Array, elements: NDArray[np.int64], derivative: int) -> Array:
+def _interpolation(cable: Cable, x: Array, elements: Indices, derivative: int) -> Array:
     """Matrix (o, 2 N) from values and slopes at N nodes to a derivative of order `derivative` at points x (o,)."""
     h = cable.element_length
     matrix = np.zeros((len(x), 2 * (cable.elements + 1)))
@@ -132,7 +132,6 @@ def _apply(matrix: Array, q: Array) -> Array:
 
 
 __all__ = ["Cable", "CableMotion", "energy", "simulate"]
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

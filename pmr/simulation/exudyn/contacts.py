@@ -19,17 +19,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
+from pmr.files import Array
 from pmr.kernel.laws import ContactError, solve_contact
 from pmr.simulation.balance import half_form, row_products, step_means
 from pmr.simulation.exudyn.equations import ENTRIES_AHEAD, Equations, Inputs
 from pmr.simulation.start import Grip, slide
 from pmr.system.contact_rows import ContactRows
 from pmr.system.contacts import Friction
-
-Array = NDArray[np.float64]
 
 
 class Contacts:

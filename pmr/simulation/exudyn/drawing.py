@@ -15,9 +15,9 @@ import exudyn as exu
 import numpy as np
 from exudyn import graphics
 from exudyn.itemInterface import ObjectGround, SensorUserFunction, VObjectGround
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files import Array, Indices
 from pmr.scene import Scene
 from pmr.scene.members import member_at
 from pmr.simulation.exudyn.contacts import Contacts
@@ -102,8 +102,6 @@ def add_sensors(mbs: exu.MainSystem, items: SystemItems) -> SystemSensors:
     return SystemSensors(added[0], equations.system.output_names, added[1], equations.system.contact_names)
 
 
-Array = NDArray[np.float64]
-
 #: Width in m with which a section without a known profile is drawn.
 THIN = 0.02
 #: RGBA of the sections; repeated if there are more.
@@ -115,7 +113,7 @@ class Tube:
     """A section as drawn, in coordinates from its tail, at k points along it."""
 
     x: Array  # (k,) m: points at which it is observed
-    across: dict[int, NDArray[np.int64]]  # indices of outputs (k,) along y (key 1) and z (key 2), if any
+    across: dict[int, Indices]  # indices of outputs (k,) along y (key 1) and z (key 2), if any
     outline: Array  # (k, c, 2) m: y and z of the profile's c corners at these points
 
 

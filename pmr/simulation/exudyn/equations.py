@@ -21,9 +21,9 @@ from typing import Any, TypeAlias
 import exudyn as exu
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files import Array
 from pmr.scene import Scene
 from pmr.scene.choice import SimulatorNeeds
 from pmr.scene.signals import SignalBase
@@ -37,8 +37,6 @@ from pmr.system.body import SlidingBody
 from pmr.system.contact_rows import ContactRows, check_determined, compliant_rows
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 
 class Equations:

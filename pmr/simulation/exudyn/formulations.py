@@ -18,15 +18,14 @@ import exudyn as exu
 import numpy as np
 import scipy.sparse as sp
 from exudyn.itemInterface import MarkerNodeCoordinates, ObjectGenericODE2
-from numpy.typing import NDArray
 
+from pmr.files import Array
 from pmr.simulation.exudyn.contacts import Contacts, Pads, Rows
 from pmr.simulation.exudyn.equations import Equations, Inputs
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, add_coordinates, with_contacts
 from pmr.simulation.start import InitialState
 from pmr.system.contacts import Friction
 
-Array = NDArray[np.float64]
 Start = Mapping[str, InitialState]
 
 #: How Exudyn gets the contacts and loads of a system.

@@ -45,9 +45,9 @@ from exudyn.rigidBodyUtilities import (
     RotXYZ2GLocal_t,
     RotXYZ2RotationMatrix,
 )
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files import Array
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.scene.keys import LUFFING, input_name
@@ -140,8 +140,6 @@ class ExtendingBoom:
         derivative[:, len(q) + numbers] = (near.slopes.C[numbers][:, self.rigid] @ q).T
         return derivative
 
-
-Array = NDArray[np.float64]
 
 NOTHING = np.zeros(0)
 

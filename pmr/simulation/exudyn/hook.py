@@ -32,15 +32,13 @@ from exudyn.itemInterface import (
     ObjectGenericODE2,
     ObjectMassPoint,
 )
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files import Array
 from pmr.simulation.exudyn.free_base import Base
 from pmr.simulation.exudyn.items import SystemItems, add_coordinates
 from pmr.simulation.frame_motion import skew
 from pmr.simulation.start import InitialState
-
-Array = NDArray[np.float64]
 
 #: Share of the largest flexibility below which a flexibility is zero; least value in m/N of the largest flexibility.
 ROUND_OFF, TINY = 1e-9, 1e-20

@@ -39,14 +39,12 @@ from exudyn.itemInterface import (
     ObjectConnectorCoordinateVector,
     ObjectGenericODE2,
 )
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files import Array, Indices
 from pmr.simulation.exudyn.equations import Equations, Inputs
 from pmr.simulation.start import InitialState
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 PreStep = Callable[[exu.MainSystem, float], bool]
 
 

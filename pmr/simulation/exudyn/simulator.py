@@ -14,9 +14,9 @@ from dataclasses import replace
 
 import exudyn as exu
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files import Array
 from pmr.scene.choice import refuse_unsupported
 from pmr.simulation import balance
 from pmr.simulation.contact_step import StepParts, contact_frequency, with_schedule
@@ -157,9 +157,6 @@ def simulate_system(
     the compiled one in the limit of small steps.
     """
     return SystemRun(system, excitation, initial or {}, formulation).trajectory(progress)
-
-
-Array = NDArray[np.float64]
 
 
 def step_lengths(system: System, excitation: Excitation, initial: Mapping[str, InitialState]) -> StepParts:

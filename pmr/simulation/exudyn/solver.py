@@ -12,14 +12,13 @@ from io import StringIO
 import exudyn as exu
 import numpy as np
 from exudyn.itemInterface import SensorNode, SensorObject
-from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
+from pmr.files import Array
 from pmr.simulation.contact_step import StepParts
 from pmr.simulation.exudyn.items import add_pre_step_function
 from pmr.simulation.stepping import Progress, TimeStepping
 
-Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)
 
 _NO_CONVERGENCE = (

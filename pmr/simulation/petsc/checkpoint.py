@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError, call_on_first_rank
 from pmr.fem.factor import product
-from pmr.files import npz
+from pmr.files import Array, Indices
 from pmr.files.whole import NotWrittenError
 from pmr.fullmodel.model import FullSystem
 from pmr.simulation.excitation import Excitation
@@ -27,7 +27,6 @@ from pmr.simulation.petsc.start import SampledExcitation, State, stacked_start
 from pmr.simulation.start import Grip, InitialState
 from pmr.system.contacts import Friction
 
-Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)
 
 FORMAT = "pmr-checkpoint"
@@ -177,7 +176,7 @@ class ReachedState:
     step: int
     seconds: float
     state: State
-    parts: NDArray[np.int64]
+    parts: Indices
 
 
 class CheckpointFile:

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import SimulationError, call_on_first_rank
 from pmr.fem.compat import MPI
 from pmr.fem.factor import BLOCK, MatrixFactor
+from pmr.files import Array, Mask
 from pmr.fullmodel.model import FullSystem
 from pmr.kernel.laws import ContactError, SchemeFactors, solve_contact
 from pmr.simulation.petsc.rows import (
@@ -75,7 +75,7 @@ class ContactState:
         Raises ContactError if contacts depend on each other, or if it can't be settled which contacts are closed.
         """
 
-        def solution() -> tuple[Array, NDArray[np.bool_]]:
+        def solution() -> tuple[Array, Mask]:
             """Multipliers and mask of closed contacts."""
             return solve_contact(matrix, motion - self._clearance, self.pushes, self._closed)
 
@@ -105,8 +105,6 @@ class ContactState:
         self.share = np.where(self.pushes, share, 0.0)
         self._force = np.where(self.pushes, multipliers, 0.0)
 
-
-Array = NDArray[np.float64]
 
 #: Bytes that a rank may use for S^{-1} E, which saves the second solve of a step; enough for 560 carriers of pads at up
 #: to 240,000 coordinates on a rank.

@@ -32,12 +32,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
 from pmr.fem.factor import MatrixFactor, factor_for_steps
+from pmr.files import Array
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.kernel.laws import SchemeFactors
 from pmr.simulation import contact_step
@@ -47,8 +47,6 @@ from pmr.simulation.petsc.recorder import Recorder
 from pmr.simulation.petsc.rows import BlockFactor, PathCompliance, PathRows, effective_matrix
 from pmr.simulation.petsc.start import SampledExcitation, State, Terms
 from pmr.system.body_matrices import Rayleigh
-
-Array = NDArray[np.float64]
 
 
 class Integrator:

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.fem.factor import factor_of
@@ -26,8 +25,6 @@ from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
 from pmr.system.contacts import friction_joints
-
-Array = NDArray[np.float64]
 
 #: How many times progress is reported.
 REPORTS = 1000

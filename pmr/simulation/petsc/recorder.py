@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import local_csr, without_zeros
+from pmr.files import Array
 from pmr.fullmodel.model import FullSystem
 from pmr.results import Energy
 from pmr.simulation import balance
@@ -22,8 +22,6 @@ from pmr.simulation.petsc.rows import PathRows
 from pmr.simulation.petsc.start import SampledExcitation, State, Terms
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.contacts import Friction
-
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -107,9 +105,6 @@ class History:
     preparation: float
     surplus: float = np.nan
     friction: Array | None = None
-
-
-Array = NDArray[np.float64]
 
 
 class Recorder:

@@ -20,11 +20,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import without_zeros
 from pmr.fem.factor import MatrixFactor
+from pmr.files import Array, Indices
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.system.system import consecutive
 
@@ -70,10 +70,6 @@ def effective_matrix(model: FullModel, v_gain: float, q_gain: float) -> PETSc.Ma
     for factor, A in ((v_gain, model.D), (1.0, model.M)):
         S.axpy(factor, A, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     return without_zeros(S)
-
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 class Course:

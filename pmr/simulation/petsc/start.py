@@ -27,12 +27,12 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import SimulationError, call_on_first_rank
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import local_csr
 from pmr.fem.factor import product
+from pmr.files import Array
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.kernel.laws import FixedPoint, solve_contact
 from pmr.simulation.excitation import Excitation
@@ -50,7 +50,6 @@ from pmr.simulation.start import (
 )
 from pmr.system.contacts import Friction
 
-Array = NDArray[np.float64]
 Product = Callable[[Array], Array]
 
 #: Change of forces that counts as zero, and change accepted after the last iteration, over the largest force so far.

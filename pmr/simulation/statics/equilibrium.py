@@ -40,18 +40,15 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from pmr.errors import InputError
+from pmr.files import Array, Mask
 from pmr.kernel.laws import ContactSearch
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows
 from pmr.system.definite import is_definite
 from pmr.system.terms import add_terms
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Share of the lowest omega^2 with which M holds otherwise free bodies; relative change of q that this may cause.
 ALMOST_FREE, UNCHANGED = 1e-8, 1e-3

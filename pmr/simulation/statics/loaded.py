@@ -28,14 +28,11 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from pmr.files import Array, Mask
 from pmr.kernel.laws import ContactSearch
 from pmr.simulation.statics.equilibrium import border_matrix
 from pmr.system.definite import FreeMotions, cholesky_root, first_singular
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Share of the largest eigenvalue of the geometric stiffness below which an eigenvalue is round-off; share of the
 #: contacts' largest flexibility below which the flexibility at the load's own position is round-off.

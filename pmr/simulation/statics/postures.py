@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files import Array, Indices, Mask
 from pmr.results.quantities import Columns
 from pmr.results.response import Output
 from pmr.scene import Scene
@@ -36,8 +36,6 @@ from pmr.system.assembly import Assembly
 from pmr.system.body import kinds_of
 from pmr.system.contact_rows import ContactRows
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 #: Names of components of the loads: the load of a chart, with the unit 1 kg, and the boom's weight.
 HOOK, WEIGHT = "load of the chart", "weight"
@@ -64,7 +62,7 @@ class PostureSet:
         """Number P of postures."""
         return len(self.luffing)
 
-    def select(self, numbers: NDArray[np.int64]) -> PostureSet:
+    def select(self, numbers: Indices) -> PostureSet:
         """Postures selected by their numbers."""
         extensions = {name: values[numbers] for name, values in self.extensions.items()}
         return PostureSet(extensions, self.luffing[numbers], self.slewing[numbers])
@@ -112,7 +110,7 @@ class StructureMatrices:
     direct: Array  # (o, i)
     energy: Array  # (i, i)
     terms: Array  # (k, n, n): stiffness of each of k terms by a unit of its amplitude
-    pushes: NDArray[np.bool_]  # (m,)
+    pushes: Mask  # (m,)
     clearance: Array  # (m,) m
 
 
@@ -131,7 +129,7 @@ class PosturePlaces:
 class HookInputs:
     """Numbers of the inputs along which the load `HOOK` moves as a mass, and the boom's axes along which they act."""
 
-    numbers: NDArray[np.int64]
+    numbers: Indices
     axes: tuple[str, ...]
 
     @classmethod
@@ -350,7 +348,7 @@ class DeflectionOutputs:
     direct: Array  # (b, i)
     X: Array  # (P, b, m)
     x: Array  # (b,) m, distance from the section's tail
-    section: NDArray[np.int64]  # (b,): number of the section; the base is 0
+    section: Indices  # (b,): number of the section; the base is 0
     direction: tuple[str, ...]  # (b,): ``y`` or ``z`` of the boom
     names: tuple[str, ...]  # of the sections
 

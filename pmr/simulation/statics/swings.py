@@ -31,12 +31,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from pmr.files import Array
 from pmr.simulation.statics.equilibrium import border_matrix
 from pmr.simulation.statics.loaded import Form
-
-Array = NDArray[np.float64]
 
 #: Number of periods of the lowest frequency after the load leaves the ground, and number of times in these.
 PERIODS, SAMPLES = 2.0, 4000
