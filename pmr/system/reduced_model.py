@@ -26,7 +26,7 @@ from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
 from pmr.errors.text import missing_file_reason
-from pmr.files import Array, Indices
+from pmr.files import Array, Indices, npz
 from pmr.system import stored
 from pmr.system.body_matrices import CONSTANT, LINEAR, Rayleigh, Reactions
 from pmr.system.carriers import CarrierRows, EnrichmentModes, Flexibility
