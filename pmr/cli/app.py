@@ -22,6 +22,7 @@ from pmr.cli.console import (
 from pmr.cli.export import export, flexible, matrices, simulate
 from pmr.cli.info import info
 from pmr.cli.new import compile_, new, schema
+from pmr.cli.observe import observe
 from pmr.cli.run import run
 from pmr.cli.study import chart, study
 from pmr.errors import ConvergenceError, InputError, SimulationError, environment
@@ -70,7 +71,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (new, run, study, chart, simulate, export, flexible, matrices, info, schema):
+for command in (new, run, study, chart, simulate, observe, export, flexible, matrices, info, schema):
     app.command()(command)
 app.command("compile")(compile_)
 

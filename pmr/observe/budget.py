@@ -14,10 +14,14 @@ PARTS: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 
-def output_errors(summary: Mapping[str, Any], motion: LinearMotion) -> dict[str, dict[str, float]]:
+def output_errors(
+    summary: Mapping[str, Any], motion: LinearMotion, run_step: float | None = None
+) -> dict[str, dict[str, float]]:
     """Errors of outputs of a linear model, as fractions of their RMS, by the part of the budget and the output's name.
 
-    `summary` is the content of a run's ``summary.json``.  An output that a part does not cover is missing in that part;
+    `summary` is the content of a run's ``summary.json``, whose time step was `run_step` s: with another step the model
+    has an error of the step as the squares of the steps, since the scheme is of second order.  An output that a part
+    does not cover is missing in that part;
     accelerations and velocities have the errors of velocities, or of displacements where the part does not cover them.
     """
     errors = dict[str, dict[str, float]]()
@@ -28,7 +32,8 @@ def output_errors(summary: Mapping[str, Any], motion: LinearMotion) -> dict[str,
         if not isinstance(table, Mapping):
             continue
         of_part = {name: _error_of(table, name, kind) for name, kind in zip(motion.outputs, motion.kinds, strict=True)}
-        errors[part] = {name: error for name, error in of_part.items() if error is not None}
+        factor = (motion.step / run_step) ** 2 if part == "step" and run_step else 1.0
+        errors[part] = {name: factor * error for name, error in of_part.items() if error is not None}
     return {part: of_part for part, of_part in errors.items() if of_part}
 
 

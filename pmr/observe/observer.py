@@ -6,8 +6,9 @@ and gain of sensors, and errors of the model in measured outputs.  Loads and err
 .. math::
     f_{k+1} = e^{-h/\tau} f_k + w_k, \qquad \mathrm{var}(w_k) = \sigma^2 (1 - e^{-2h/\tau})
 
-A payload m beside that of the reference motion acts as the load :math:`-m (g + a)`, in which a is the measured
-acceleration of the place that carries it, so that the model stays linear.  (Simon, *Optimal State Estimation*, 2006,
+A payload m beside that of the reference motion acts as the load :math:`-m (g + a)`, in which a is the expected
+acceleration of the place that carries it, so that the model stays linear.  The measured one would not do: its noise is
+that of the innovation, too, and their product a bias.  (Simon, *Optimal State Estimation*, 2006,
 section 5.1; Lourens and others, *An augmented Kalman filter for force identification*, 2012.)
 """
 
@@ -57,7 +58,7 @@ class Payload:
     """Mass beside that of the reference motion, which hangs at the place of a load along z."""
 
     input: str  # name of the load, upwards, at the place that carries the payload
-    acceleration: str  # sensor's output: acceleration of that place upwards
+    acceleration: str  # output: acceleration of that place upwards
     deviation: float  # kg: standard deviation at the start
     wander: float = 0.0  # kg/s^(1/2): of its random walk
     gravity: float = 9.80665  # m/s^2
@@ -162,9 +163,7 @@ class Observer:
                 raise InputError("observe", f"loads.{load.input}", None, "a deviation and a time above 0 are allowed")
         if self.payload is not None:
             self.model.input_number(self.payload.input)
-            if self.payload.acceleration not in [sensor.output for sensor in self.sensors]:
-                allowed = "the acceleration of the place that carries it has to be among the sensors"
-                raise InputError("observe", "payload.acceleration", self.payload.acceleration, allowed)
+            self.model.output_number(self.payload.acceleration)
         for parameter in self.parameters:
             if parameter.sensitivity.shape != self.model.reference.shape:
                 allowed = f"a sensitivity {self.model.reference.shape} is allowed"
@@ -291,14 +290,14 @@ class _Filter:
         """Correct the state by measurements (p,) at step k; return innovations (p,) over their standard deviations."""
         observer, model = self.observer, self.observer.model
         n, rows, payload = self.n, self.rows, observer.payload
-        if payload is not None:
-            number = [sensor.output for sensor in observer.sensors].index(payload.acceleration)
-            if np.isfinite(measured[number]):
-                self.lift = -(payload.gravity + measured[number])
         rows[:, :n] = model.C[k]
         rows[:, n : self.of_payload.stop] = self._load_rows(model.D[k])
         for j, parameter in enumerate(observer.parameters):
             rows[:, self.of_parameters.start + j] = parameter.sensitivity[k]
+        if payload is not None:
+            number = model.output_number(payload.acceleration)
+            self.lift = -(payload.gravity + float(model.reference[k, number] + rows[number] @ self.x))
+            rows[:, n : self.of_payload.stop] = self._load_rows(model.D[k])
         predicted = model.reference[k] + rows @ self.x
         H = rows[self.number].copy()
         H[self.biased, range(self.of_bias.start, self.of_bias.stop)] = 1.0

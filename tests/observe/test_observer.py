@@ -7,58 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.linalg import expm
+from oscillator import OUTPUTS, H, history, measured, oscillator, weight
 
 from pmr.errors import InputError
 from pmr.observe.budget import output_errors
-from pmr.observe.linear import LinearMotion
 from pmr.observe.observer import Observer, Parameter, Payload, Sensor, UnknownLoad
 
 Array = NDArray[np.float64]
-H, OMEGA, G = 0.01, 6.0, 9.81
-OUTPUTS = ("acceleration of tip", "tip", "force")
-
-
-def oscillator(steps: int) -> LinearMotion:
-    """Mass of 100 kg on a spring and a damper, with the states z, v and one that is not used; a load pushes it."""
-    A = np.array([[0.0, 1.0], [-(OMEGA**2), -0.3]])
-    whole = expm(np.block([[A, np.array([[0.0], [0.01]])], [np.zeros((1, 3))]]) * H)
-    F, B = np.zeros((3, 3)), np.zeros((3, 1))
-    F[:2, :2], B[:2] = whole[:2, :2], whole[:2, 2:]
-    C = np.array([[*A[1], 0.0], [1.0, 0.0, 0.0], [-3600.0, 0.0, 0.0]])
-    D = np.array([[0.01], [0.0], [0.0]])
-    t = H * np.arange(1, steps + 1)
-    F, B, C, D = (np.broadcast_to(matrix, (steps, *matrix.shape)) for matrix in (F, B, C, D))
-    start = np.linalg.lstsq(np.eye(3) - F[0], B[0], rcond=None)[0]
-    units, kinds = ("m/s^2", "m", "N"), ("", "tip", "support")
-    return LinearMotion(t, OUTPUTS, units, kinds, ("push",), np.zeros((steps, 3)), F, B, C, D, start)
-
-
-def history(model: LinearMotion, f: Array) -> Array:
-    """Outputs (T, q) under loads f (T,), from equilibrium with the first of them."""
-    x, y = model.start[:, 0] * f[0], np.zeros(model.reference.shape)
-    for k in range(len(f)):
-        y[k] = model.C[k] @ x + model.D[k, :, 0] * f[k]
-        x = model.A[k] @ x + model.B[k, :, 0] * f[k]
-    return y
-
-
-def weight(model: LinearMotion, mass: float, rng: np.random.Generator, pushed: float = 0.0) -> Array:
-    """Outputs (T, q) of a payload of `mass` kg that hangs at the tip, while random forces of `pushed` N move it."""
-    x, y, f = model.start[:, 0] * -G * mass, np.zeros(model.reference.shape), 0.0
-    for k in range(len(y)):
-        f = 0.9 * f + pushed * np.sqrt(1.0 - 0.81) * rng.standard_normal()
-        load = (f - mass * (G + model.C[k, 0] @ x)) / (1.0 + mass * model.D[k, 0, 0])
-        y[k] = model.C[k] @ x + model.D[k, :, 0] * load
-        x = model.A[k] @ x + model.B[k, :, 0] * load
-    return y
-
-
-def measured(
-    model: LinearMotion, y: Array, noise: Array, rng: np.random.Generator, names: tuple[str, ...] = OUTPUTS
-) -> dict[str, tuple[Array, Array]]:
-    values = y + noise * rng.standard_normal(y.shape)
-    return {name: (model.t, values[:, model.output_number(name)]) for name in names}
 
 
 def test_estimates_are_least_squares_over_the_whole_motion() -> None:
@@ -178,7 +133,7 @@ def test_what_the_model_lacks_is_refused() -> None:
         {"sensors": [Sensor(OUTPUTS[1], 0.0)]},
         {"sensors": [sensor], "loads": [UnknownLoad("nothing", 1.0, 1.0)]},
         {"sensors": [sensor], "loads": [UnknownLoad("push", 1.0, 0.0)]},
-        {"sensors": [sensor], "payload": Payload("push", OUTPUTS[0], 1.0)},
+        {"sensors": [sensor], "payload": Payload("push", "nothing", 1.0)},
         {"sensors": [sensor], "parameters": [Parameter("E", np.zeros((2, 2)))]},
     ]
     for arguments in wrong:

@@ -1,0 +1,59 @@
+"""The command `pmr observe`: estimates from measurements, by a saved system."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from pmr.cli.console import Folder, Overrides, out, print_sentences, print_text, scene_file
+from pmr.cli.export import Model
+from pmr.errors.text import escape_controls
+from pmr.files.whole import finish_swap
+
+
+def observe(
+    model: Model,
+    scene: Annotated[Path, typer.Option("--scene", metavar="SCENE", help="Scene with the path, loads and time steps.")],
+    measured: Annotated[Path, typer.Option("--measured", metavar="FILE", help="Measurements over time, as CSV.")],
+    observer: Annotated[Path, typer.Option("--observer", metavar="FILE", help="Sensors and unknowns, as TOML.")],
+    out_dir: Folder = None,
+    overrides: Overrides = None,
+    leave_out: Annotated[bool, typer.Option("--leave-out", help="Estimate without each sensor, too.")] = False,
+) -> None:
+    """Estimate payload, loads and outputs from measurements; FEniCSx is not needed.
+
+    The first column of the measurements is `t` in s, the others have the names of the sensors' outputs.  DIR then has
+    estimates.csv and observe.json.
+
+    For example:
+
+        pmr observe reports/boom_three/system.npz --scene boom_three --measured day.csv --observer sensors.toml
+    """
+    from pmr.observe.measured import Observation, ObserverFile, read_measurements
+    from pmr.scene import load_any
+    from pmr.system.system import System
+
+    finish_swap(model.parent)
+    wanted, data, system = ObserverFile.read(observer), read_measurements(measured), System.load(model)
+    file, budget = scene_file(scene), model.parent / "summary.json"
+    summary: Any = json.loads(budget.read_text(encoding="utf-8")) if budget.is_file() else {}
+    estimator = wanted.observer(load_any(file, overrides or ()), system, summary)
+    found = Observation.compute(estimator, data, leave_out)
+    files, figures = found.write(out_dir or Path("reports", scene.stem)), found.summary()
+    table = Table("estimate at the end", "value", "standard deviation", title_justify="left")
+    units = dict(zip(found.observer.model.outputs, found.observer.model.units, strict=True))
+    for name, last in figures["last"].items():
+        table.add_row(escape_controls(name), f"{last['mean']:.5g} {units.get(name, '')}", f"{last['deviation']:.3g}")
+    out.print(table)
+    for name, ratio in figures["observability"].items():
+        if ratio > 0.5:
+            share = f"{100.0 * ratio:.0f} % of its width at the start"
+            print_sentences(out, f"warning: these sensors hardly tell {name}: its band has {share} in the end")
+    for name, t in figures["first_alarm"].items():
+        print_sentences(out, f"warning: {name} disagrees with the model or is stuck from {t:.3g} s on")
+    for path in files:
+        print_text(out, str(path))

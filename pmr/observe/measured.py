@@ -1,0 +1,174 @@
+"""An observer from a file, measurements from a table in CSV, and what is written of the estimates."""
+
+from __future__ import annotations
+
+import csv
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pydantic
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.errors.text import missing_file_reason
+from pmr.files.whole import replacement_file
+from pmr.observe.budget import output_errors
+from pmr.observe.linear import linearize
+from pmr.observe.observer import Estimates, Observer, Payload, Sensor, UnknownLoad
+from pmr.scene.scene import Scene
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+TIME = "t"
+
+
+@dataclass(frozen=True)
+class ObserverFile:
+    """Content of a file that describes an observer: what is estimated, sensors, and what is not known."""
+
+    __pydantic_config__ = pydantic.ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    estimate: tuple[str, ...]  # outputs, or keys of the table of quantities
+    sensors: tuple[Sensor, ...]
+    loads: tuple[UnknownLoad, ...] = ()
+    payload: Payload | None = None
+    step: float | None = None  # s; by default that of the scene
+    error_time: float = 0.5  # s
+
+    @classmethod
+    def read(cls, file: Path) -> ObserverFile:
+        """Read a TOML file; an InputError is raised that names the key with a wrong value."""
+        try:
+            content = tomllib.loads(file.read_text(encoding="utf-8"))
+            return pydantic.TypeAdapter(cls).validate_python(content)
+        except OSError:
+            raise InputError(str(file), "", None, missing_file_reason(file)) from None
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise InputError(str(file), "", None, f"TOML is allowed: {error}") from None
+        except pydantic.ValidationError as error:
+            first = error.errors()[0]
+            value = None if first["type"] == "missing" else first["input"]
+            raise InputError(str(file), ".".join(map(str, first["loc"])), value, first["msg"].lower()) from None
+
+    def observer(self, scene: Scene, system: System, summary: Mapping[str, Any]) -> Observer:
+        """Observer of a system along the paths of a scene, with the error budget of a run's `summary`."""
+        inputs = [load.input for load in self.loads] + ([] if self.payload is None else [self.payload.input])
+        outputs = [*self.estimate, *(sensor.output for sensor in self.sensors)]
+        model = linearize(scene, system, outputs, tuple(dict.fromkeys(inputs)), self.step)
+        errors = output_errors(summary, model, scene.time.step)
+        return Observer(model, self.sensors, self.loads, self.payload, (), errors, self.error_time)
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Estimates from measurements, and what each sensor contributes to them."""
+
+    observer: Observer
+    estimates: Estimates
+    measured: Array  # (T, p): at the steps of the model
+    observability: Mapping[str, float]
+    without: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    @classmethod
+    def compute(cls, observer: Observer, measured: Mapping[str, tuple[Array, Array]], leave_out: bool) -> Observation:
+        """Estimate; with `leave_out` once more without each sensor.
+
+        `without` has, by the sensor that is left out, the mean standard deviation of each estimate over that with all.
+        """
+        estimates, without = observer.run(measured), dict[str, dict[str, float]]()
+        names = (*estimates.unknowns, *estimates.outputs)
+        for sensor in observer.sensors if leave_out and len(observer.sensors) > 1 else ():
+            others = [each for each in observer.sensors if each is not sensor]
+            used = {name: values for name, values in measured.items() if name != sensor.output}
+            fewer = replace(observer, sensors=others).run(used)
+            without[sensor.output] = {
+                name: float(np.mean(fewer.of(name)[1])) / max(float(np.mean(estimates.of(name)[1])), 1e-300)
+                for name in names
+                if name in (*fewer.unknowns, *fewer.outputs)
+            }
+        return cls(observer, estimates, observer.grid(measured), observer.observability(), without)
+
+    def summary(self) -> dict[str, Any]:
+        """Figures for ``observe.json``: last estimates, observability, whiteness, alarms, budget, sensors left out."""
+        estimates, t = self.estimates, self.estimates.t
+        names = (*estimates.unknowns, *estimates.outputs)
+        last = {name: tuple(float(values[-1]) for values in estimates.of(name)) for name in names}
+        alarms = {
+            name: float(t[np.argmax(alarm)])
+            for name, alarm in zip(estimates.sensors, estimates.alarms.T, strict=True)
+            if alarm.any()
+        }
+        return {
+            "last": {name: {"mean": mean, "deviation": deviation} for name, (mean, deviation) in last.items()},
+            "observability": dict(self.observability),
+            "whiteness": {name: p if np.isfinite(p) else None for name, p in estimates.whiteness().items()},
+            "first_alarm": alarms,
+            "errors_of_model": {part: dict(of) for part, of in self.observer.errors.items()},
+            "not_covered": sorted({name for name in estimates.outputs if not self._is_covered(name)}),
+            "without_sensor": {name: dict(ratios) for name, ratios in self.without.items()},
+        }
+
+    def _is_covered(self, name: str) -> bool:
+        """Whether a part of the error budget has an output."""
+        return any(name in of_part for of_part in self.observer.errors.values())
+
+    def write(self, folder: Path) -> list[Path]:
+        """Write ``estimates.csv``, with means and standard deviations over time, and ``observe.json``."""
+        folder.mkdir(parents=True, exist_ok=True)
+        estimates = self.estimates
+        names, units = (
+            (*estimates.unknowns, *estimates.outputs),
+            dict(zip(self.observer.model.outputs, self.observer.model.units, strict=True)),
+        )
+        header, columns = [f"{TIME} [s]"], [estimates.t]
+        for name in names:
+            unit = f" [{units[name]}]" if name in units else ""
+            header += [f"{name}{unit}", f"standard deviation of {name}{unit}"]
+            columns += estimates.of(name)
+        for k, name in enumerate(estimates.sensors):
+            header += [f"measured {name}", f"innovation of {name}"]
+            columns += [self.measured[:, k], estimates.innovations[:, k]]
+        table, figures = folder / "estimates.csv", folder / "observe.json"
+        with replacement_file(table) as part, part.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream)
+            writer.writerow(header)
+            for row in np.column_stack(columns).tolist():
+                writer.writerow([f"{value:.9g}" if np.isfinite(value) else "" for value in row])
+        with replacement_file(figures) as part:
+            part.write_text(json.dumps(self.summary(), indent=2), encoding="utf-8")
+        return [table, figures]
+
+
+def read_measurements(file: Path) -> dict[str, tuple[Array, Array]]:
+    """Times (n,) in s and values (n,) of each column of a CSV table, by its name; the first column is ``t``.
+
+    Units in brackets behind a name are left out.  Empty cells are not measured.  Raises InputError, with the line, for
+    a cell that is no number, a table without times, or times that do not grow.
+    """
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as stream:
+            rows = [row for row in csv.reader(stream) if row]
+    except (OSError, UnicodeDecodeError, csv.Error):
+        raise InputError(str(file), "", None, missing_file_reason(file)) from None
+    names = [name.partition(" [")[0].strip() for name in rows[0]] if rows else []
+    if not names or names[0] != TIME or len(rows) < 3 or len(set(names)) < len(names):
+        allowed = f"a first column {TIME}, then columns by the sensors' outputs, each once, and two lines or more"
+        raise InputError(str(file), "columns", names, f"{allowed} are allowed")
+    values = np.full((len(rows) - 1, len(names)), np.nan)
+    for line, row in enumerate(rows[1:], 2):
+        if len(row) != len(names):
+            raise InputError(str(file), f"line {line}", len(row), f"{len(names)} cells are allowed")
+        for k, cell in enumerate(row):
+            try:
+                values[line - 2, k] = float(cell) if cell.strip() else np.nan
+            except ValueError:
+                raise InputError(str(file), f"line {line}, {names[k]}", cell, "a number is allowed") from None
+    t = values[:, 0]
+    if not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0.0):
+        raise InputError(str(file), TIME, None, "times that grow from line to line are allowed")
+    return {name: (t, column) for name, column in zip(names[1:], values.T[1:], strict=True)}

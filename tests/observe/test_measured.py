@@ -1,0 +1,147 @@
+"""Observers and measurements in files, and the command that joins them."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oscillator import OUTPUTS, H, history, measured, oscillator
+from processes import called
+
+import pmr
+from pmr.errors import InputError
+from pmr.observe.budget import output_errors
+from pmr.observe.measured import Observation, ObserverFile, read_measurements
+from pmr.observe.observer import Observer, Sensor, UnknownLoad
+
+FILE = """
+estimate = ["tip"]
+step = 2e-3
+
+[[sensors]]
+output = "acceleration of fly: tip z"
+noise = 0.02
+
+[[sensors]]
+output = "base: force of cylinder"
+noise = 200.0
+
+[payload]
+input = "fly.tip force"
+acceleration = "acceleration of fly: tip z"
+deviation = 100.0
+"""
+PADS = "[{at=0.15,stiffness=1e8,unilateral=false,faces={bottom=[0.0],top=[0.0]}}]"
+BOOM = [
+    "section.mesh.elements=8", "section.reduction.coordinates=3", "section.reduction.estimate=false",
+    f"section.joint.tail={PADS}", f"section.joint.mouth={PADS}", "start='equilibrium'", "time.end=0.1",
+    "time.rho_inf=0.9",
+    "sections.base.supports=[{kind='pinned'},{name='cylinder',on=1.5,directions=['z'],stiffness=5e7}]",
+    "section.joint.extension={kind='smooth_ramp',times=[0.0,0.1],values=[0.8,0.9]}",
+    "sections.fly.loads=[{name='tip force',on='tip',direction='z',signal=0.0}]",
+]  # fmt: skip
+
+
+def test_a_table_of_measurements_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "day.csv"
+    file.write_text('t [s],a [m/s^2],"force, of b [N]"\n0.1,1,\n0.2,2.5,-3\n')
+    data = read_measurements(file)
+    assert list(data) == ["a", "force, of b"]
+    np.testing.assert_array_equal(data["a"][0], [0.1, 0.2])
+    np.testing.assert_array_equal(data["force, of b"][1], [np.nan, -3.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("", "columns"),
+        ("a,b\n1,2\n2,3\n", "columns"),
+        ("t,a,a\n1,2,3\n2,3,4\n", "columns"),
+        ("t,a\n1,2\n2,x\n", "line 3, a"),
+        ("t,a\n1,2\n2\n", "line 3"),
+        ("t,a\n2,2\n1,3\n", "t"),
+        ("t,a\nnan,2\n1,3\n", "t"),
+    ],
+)
+def test_a_table_that_is_none_is_refused(tmp_path: Path, text: str, named: str) -> None:
+    file = tmp_path / "day.csv"
+    file.write_text(text)
+    with pytest.raises(InputError) as refused:
+        read_measurements(file)
+    assert refused.value.key == named and "day.csv" in str(refused.value)
+    with pytest.raises(InputError):
+        read_measurements(tmp_path / "none.csv")
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (("noise = 0.02", "noise = 'much'"), "sensors.0.noise"),
+        (("noise = 0.02", "nois = 0.02"), "sensors.0"),
+        (("deviation = 100.0", "deviation = nan"), "payload.deviation"),
+        (('estimate = ["tip"]', ""), "estimate"),
+        (("[payload]", "[payload"), ""),
+    ],
+)
+def test_an_observer_that_is_none_is_refused(tmp_path: Path, change: tuple[str, str], named: str) -> None:
+    file = tmp_path / "sensors.toml"
+    file.write_text(FILE)
+    assert ObserverFile.read(file).step == 2e-3
+    file.write_text(FILE.replace(*change))
+    with pytest.raises(InputError) as refused:
+        ObserverFile.read(file)
+    assert str(refused.value.key).startswith(named) and "sensors.toml" in str(refused.value)
+
+
+def test_a_longer_step_has_a_larger_error() -> None:
+    model, summary = oscillator(5), {"step": {"tip": 1e-5}}
+    assert output_errors(summary, model, H / 4.0)["step"]["tip"] == pytest.approx(1.6e-4)
+
+
+def test_it_is_written_which_sensor_matters(tmp_path: Path) -> None:
+    model, rng = oscillator(150), np.random.default_rng(1)
+    y = history(model, 60.0 * rng.standard_normal(150))
+    sensors = [Sensor(OUTPUTS[0], 0.05), Sensor(OUTPUTS[1], 1e-5), Sensor(OUTPUTS[2], 500.0)]
+    data = measured(model, y, np.array([0.05, 1e-5, 500.0]), rng)
+    observation = Observation.compute(Observer(model, sensors, [UnknownLoad("push", 60.0, 1e-3)]), data, leave_out=True)
+    table, figures = observation.write(tmp_path)
+    summary = json.loads(figures.read_text())
+    without = summary["without_sensor"]
+    assert without[OUTPUTS[1]]["tip"] > 5.0 > 1.2 > without[OUTPUTS[2]]["tip"] >= 1.0
+    assert summary["not_covered"] == sorted(OUTPUTS) and summary["observability"]["push"] < 1.0
+    with table.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 150 and float(rows[-1]["tip [m]"]) == pytest.approx(summary["last"]["tip"]["mean"], rel=1e-6)
+    assert float(rows[9][f"measured {OUTPUTS[1]}"]) == pytest.approx(data[OUTPUTS[1]][1][9], rel=1e-6)
+
+
+@pytest.mark.slow
+def test_the_command_estimates_a_payload(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Measured is the motion of a boom with 60 kg more, marched by itself."""
+    heavy = pmr.load_scene("boom_three", [*BOOM, "sections.fly.masses=[{name='payload',on='tip',mass=310.0}]"])
+    response = pmr.simulate(heavy, pmr.reduce(heavy).reduced)
+    names = [each.name for each in response.outputs]
+    tip, force = (response.column(names.index(name)) for name in ("fly: tip z", "base: force of cylinder"))
+    acceleration = np.gradient(np.gradient(tip, response.t), response.t)
+    with (tmp_path / "day.csv").open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(["t", "acceleration of fly: tip z", "base: force of cylinder"])
+        writer.writerows(np.column_stack([response.t, acceleration, force])[3:-3].tolist())
+    (tmp_path / "sensors.toml").write_text(FILE)
+    pmr.reduce(pmr.load_scene("boom_three", BOOM)).system.save(tmp_path / "system.npz")
+    files = ["--measured", str(tmp_path / "day.csv"), "--observer", str(tmp_path / "sensors.toml")]
+    files += ["--out", str(tmp_path / "out"), "--scene", "boom_three"]
+    changes = [part for change in BOOM for part in ("--set", change)]
+    done = called(monkeypatch, capsys, "observe", str(tmp_path / "system.npz"), *files, *changes)
+    assert done.returncode == 0, done.stderr
+    last = json.loads((tmp_path / "out" / "observe.json").read_text())["last"]
+    assert abs(last["payload"]["mean"] - 60.0) < 0.5 and last["payload"]["deviation"] < 5.0
+    assert abs(last["fly: tip z"]["mean"] / tip[-1] - 1.0) < 1e-3
+    (tmp_path / "sensors.toml").write_text(FILE.replace("fly: tip z", "fly: tip x"))
+    refused = called(monkeypatch, capsys, "observe", str(tmp_path / "system.npz"), *files, *changes)
+    assert refused.returncode == 2 and "fly: tip x" in refused.stderr
