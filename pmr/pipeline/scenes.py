@@ -203,9 +203,8 @@ def _outcome(
         by_frequency,
         tip_error,
     )
-    made_from = bodies.written_scene.provenance | {"versions": result.summary["versions"]}
-    recorded = replace(system, provenance=made_from) if system.terms or ALONE not in built else system
-    return Outcome(result, recorded, len(grave_warnings(parts)))
+    made_from = system.provenance | {"versions": result.summary["versions"]}
+    return Outcome(result, replace(system, provenance=made_from) if system.provenance else system, len(grave_warnings(parts)))
 
 
 def _measure(bodies: Bodies, motions: Motions, budget: Mapping[str, Any], measures: Path | None) -> Mapping[str, Any]:

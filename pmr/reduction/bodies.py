@@ -158,10 +158,7 @@ class Reduction:
     @cached_property
     def system(self) -> System:
         """System of the reduced bodies, for `pmr.simulate(scene, ...)` and for saving to a file."""
-        joined_system = join_bodies(self.scene, self.bodies)
-        return (
-            joined_system if ALONE in joined_system.bodies else replace(joined_system, provenance=self.scene.provenance)
-        )
+        return join_bodies(self.scene, self.bodies)
 
 
 def with_stress_flags(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[str, ReducedBody]:
@@ -170,13 +167,18 @@ def with_stress_flags(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[s
 
 
 def join_bodies(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
-    """System of a scene's bodies as simulations take it; its `on_modes` has the bodies without cylinder modes."""
+    """System of a scene's bodies as simulations take it; its `on_modes` has the bodies without cylinder modes.
+
+    Its provenance is that of the scene unless a single body's own tells all, so that a frame moves it within the
+    kernel, in the run as after it was saved and loaded.
+    """
     bodies = with_stress_flags(scene, bodies)
     joined_system = system_of(scene, {name: body.model for name, body in bodies.items()})
     on_modes = {
         name: body.modal for name, body in bodies.items() if body.modal is not body.model and body.has_error_estimate
     }
-    return replace(joined_system, on_modes=on_modes)
+    of_scene = scene.provenance if joined_system.terms or ALONE not in joined_system.bodies else {}
+    return replace(joined_system, on_modes=on_modes, provenance=of_scene)
 
 
 def reduce_bodies(

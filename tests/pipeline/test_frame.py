@@ -238,3 +238,13 @@ def test_full_order_of_second_order_is_the_same_by_both_simulators(file: Path, m
             tips.append(found.of("tip", body="fly"))
     if tips:
         np.testing.assert_allclose(tips[1], tips[0], atol=1e-8 * np.abs(tips[0]).max())
+
+
+def test_a_run_in_a_frame_moves_it_as_a_saved_system_does() -> None:
+    """The kernel follows the frame itself in both: not a bit differs."""
+    scene = scenes.load_any(WORKFLOWS / "boom_three.toml", (*SHORT, PIVOT, RAISED, "frame.second_order=true"))
+    outcome = pmr.run(scene)
+    assert outcome is not None
+    again, response = pmr.simulate(scene, outcome.system), outcome.result.responses["reduced"]
+    assert np.array_equal(again.displacement, response.displacement)
+    assert np.array_equal(again.slider_force, response.slider_force)
