@@ -96,7 +96,9 @@ def _cylinder_rows(scene: Scene, system: System, response: Response) -> Iterator
         if (body := driven.get(force)) is not None:
             row = {
                 "name": cylinder_name(body),
-                **Extremes.from_history(response.force(force, 0), response.t, along).summary(),
+                **Extremes.from_history(
+                    response.clear_round_off(response.force(force, 0)), response.t, along
+                ).summary(),
             }
             if friction_name(body) in response.other_names:
                 row |= _friction_figures(scene, system, response, body)
@@ -331,10 +333,10 @@ def ropes_part(scene: Scene, response: Response) -> SummaryPart:
     if len(scene.sections) < 2:
         return SummaryPart()
     along, rows, slack = scene.path_positions(response.t), list[Mapping[str, Any]](), list[str]()
-    round_off = response.force_floor
     for name, force in rope_forces(scene, response).items():
         number = scene.names.index(name)
         follows = scene.joint(number).follows
+        force = response.clear_round_off(force)
         extremes = Extremes.from_history(force, response.t, along)
         row: dict[str, Any] = {"name": name, "follows": follows, "force": extremes.summary()}
         if follows is None:
@@ -344,7 +346,7 @@ def ropes_part(scene: Scene, response: Response) -> SummaryPart:
             length = longest_rope(scene, number)
             row |= {"length": length, "stiffness": rope.strands * rope.EA / length}
         rows.append(row)
-        if (rope or follows) and -extremes.least > max(PULLED * extremes.most, round_off):
+        if (rope or follows) and -extremes.least > PULLED * max(extremes.most, 0.0):
             most = f"{with_unit(-extremes.least, 'N')} {response.when(extremes.t_least)}"
             slack.append(
                 f"the rope of {name} would have to push with up to {most}: the model holds both ways, as with a second "

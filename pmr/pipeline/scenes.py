@@ -204,7 +204,9 @@ def _outcome(
         tip_error,
     )
     made_from = system.provenance | {"versions": result.summary["versions"]}
-    return Outcome(result, replace(system, provenance=made_from) if system.provenance else system, len(grave_warnings(parts)))
+    return Outcome(
+        result, replace(system, provenance=made_from) if system.provenance else system, len(grave_warnings(parts))
+    )
 
 
 def _measure(bodies: Bodies, motions: Motions, budget: Mapping[str, Any], measures: Path | None) -> Mapping[str, Any]:

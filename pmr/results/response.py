@@ -153,8 +153,15 @@ class Response:
 
     @property
     def force_floor(self) -> float:
-        """Force in N up to which a force may be mere round-off."""
-        return max(self.force_round_off, ROUND_OFF * float(np.abs(self.slider_force).max(initial=0.0)))
+        """Force in N up to which a force may be mere round-off: a billionth of the largest of contacts and supports."""
+        reactions = [k for k, unit in enumerate(self.other_units) if unit == "N"]
+        others = np.empty((0, 0)) if self.others is None else self.others[:, reactions]
+        largest = max(float(np.abs(forces).max(initial=0.0)) for forces in (self.slider_force, others))
+        return max(self.force_round_off, ROUND_OFF * largest)
+
+    def clear_round_off(self, force: Array) -> Array:
+        """Return the history `force` (T,) in N, or zeros (T,) if it is round-off at all times (`force_floor`)."""
+        return force if np.abs(force).max(initial=0.0) > self.force_floor else np.zeros_like(force)
 
     def of(self, kind: str, body: str | None = None, direction: str | None = None) -> Array:
         """Return the histories (T, k) of the k columns of one kind.

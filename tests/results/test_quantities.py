@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -95,4 +96,9 @@ def test_a_value_in_a_sentence_has_three_digits_and_a_prefix(value: float, unit:
 
 
 def test_forces_below_a_billionth_of_the_largest_are_round_off() -> None:
+    """The largest of contacts and supports: a level boom's cylinder has round-off of what its base carries."""
     assert response().force_floor == pytest.approx(8e-9, rel=1e-12)
+    held = replace(response(), others=np.array([[0.0], [4e4], [1.0]]))
+    assert held.force_floor == pytest.approx(4e-5, rel=1e-12)
+    assert held.clear_round_off(np.array([0.0, 3.36e-5, 0.0])).tolist() == [0.0] * 3
+    assert held.clear_round_off(np.array([0.0, 4.1e-5, 0.0])).tolist() == [0.0, 4.1e-5, 0.0]
