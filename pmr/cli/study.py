@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from pmr.studies.files import Project
 
 LOGGED_EVERY = 30.0  # s between two lines of progress if there is no terminal
-SHOWN_FAILURES, SHOWN_RUNS = 10, 20
+SHOWN_FAILURES, SHOWN_KEYS, SHOWN_RUNS = 10, 5, 20
 COLUMN = 14  # number of letters that a column of the table takes
 
 
@@ -199,18 +199,18 @@ def _print_results(project: Project, outcome: Outcome) -> None:
 
 
 def _print_failures(outcome: Outcome) -> None:
-    """Print the reasons of the first `SHOWN_FAILURES` runs that failed or are missing."""
-    wrong = [
-        f"{record.status}: {f'{name}/' if name else ''}{record.key}: {record.reason}"
-        for name, results in outcome.results.items()
-        for record in results.runs
-        if record.status != "done"
-    ]
-    for line in wrong[:SHOWN_FAILURES]:
-        print_text(err, line)
-    if len(wrong) > SHOWN_FAILURES:
-        print_text(err, f"and {len(wrong) - SHOWN_FAILURES} more")
-    if wrong:
+    """Print the first `SHOWN_FAILURES` reasons why runs failed or are missing, each with these runs."""
+    runs = dict[tuple[str, str], list[str]]()
+    for name, results in outcome.results.items():
+        for record in results.runs:
+            if record.status != "done":
+                runs.setdefault((record.status, record.reason), []).append(f"{name}/{record.key}".lstrip("/"))
+    for (status, reason), keys in list(runs.items())[:SHOWN_FAILURES]:
+        more = f" and {len(keys) - SHOWN_KEYS} more" if len(keys) > SHOWN_KEYS else ""
+        print_text(err, f"{status}: {', '.join(keys[:SHOWN_KEYS])}{more}: {reason}")
+    if len(runs) > SHOWN_FAILURES:
+        print_text(err, f"and {len(runs) - SHOWN_FAILURES} more reasons")
+    if runs:
         print_text(err, "these are in no table; the same command computes them again")
 
 

@@ -1,17 +1,21 @@
 """Nodes, elements and sets of an input deck of Abaqus or CalculiX; content that can't be read is refused with its line.
 
-A deck is a sequence of cards.  A card is a line with a star, a keyword and options, followed by lines of data.
-`READERS` has a function for each keyword that is read, and `REFUSED` has the reasons why some others are refused.  All
-further keywords do not concern nodes and elements and are ignored.
+Cards belong to the whole, to a part or to an instance of a part, each a `Deck` with numbers of its own.  An instance is
+moved to its place and joined with the whole.  `READERS` has a function for each keyword that is read, and `REFUSED` has
+the reasons why some others are refused.  All further keywords do not concern nodes and elements and are ignored.
+
+The readers of others do not serve: meshio's and ccxmeshreader's know no files that are included and no instances, and
+drop node sets; that of pyFormex has another licence; abaqus-parse writes decks and reads results.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pmr.errors import InputError
+from pmr.files.cards import Card, DataLine, Place, read_cards
+from pmr.files.deck_axes import Axes, move_instance, read_axes, rectangular
 
 #: For each type of linear element, the kind of its cells in meshio's words; then the number of corners of each kind.
 KINDS: Mapping[str, str] = {
@@ -26,55 +30,171 @@ CORNERS: Mapping[str, int] = {"line": 2, "triangle": 3, "quad": 4, "tetra": 4, "
 
 #: Numbers of nodes and elements have to have fewer digits than this.
 MOST_DIGITS = 18
-
-
-@dataclass(frozen=True)
-class DataLine:
-    """A line of data: its number in the file, from 1, and its fields."""
-
-    number: int  # number of the line in the file, from 1
-    fields: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Card:
-    """A card: number of its line, keyword and names of options in capital letters, and data lines."""
-
-    number: int
-    keyword: str
-    options: Mapping[str, str]
-    lines: tuple[DataLine, ...]
+#: Largest number of nodes of several instances together.
+MOST_NODES = 500_000
 
 
 @dataclass(frozen=True)
 class Elements:
     """Elements of one card: their type, and three entries for each element.
 
-    These are its number, its line in the file and the numbers of its nodes.
+    These are its number, its line and the numbers of its nodes.
     """
 
     type: str
     numbers: list[int]
-    lines: list[int]
+    lines: list[Place]
     nodes: list[list[int]]
+
+    def renumbered(self, nodes: Mapping[int, int], elements: Mapping[int, int]) -> Elements:
+        """Return these elements with the numbers that `nodes` and `elements` have for theirs."""
+        numbers = [elements[number] for number in self.numbers]
+        return Elements(self.type, numbers, self.lines, [[nodes[node] for node in of] for of in self.nodes])
 
 
 @dataclass
 class Deck:
-    """Content of a deck; the names of sets are in small letters, and sets contain only nodes or elements that exist."""
+    """Content of a deck, a part or an instance.
 
-    source: str
+    The names of sets are in small letters, and sets contain only nodes or elements that exist.  In the whole, sets of a
+    part are joined over its instances, and if there are several the set of each is ``instance.set``.
+    """
+
+    source: str = ""
     nodes: dict[int, tuple[float, float, float]] = field(default_factory=dict)  # m, by number, in the file's order
     elements: list[Elements] = field(default_factory=list)
     element_numbers: set[int] = field(default_factory=set)
     node_sets: dict[str, set[int]] = field(default_factory=dict)
     element_sets: dict[str, set[int]] = field(default_factory=dict)
     set_spellings: dict[str, str] = field(default_factory=dict)  # names of sets as first written
-    constraints: list[tuple[int, str]] = field(default_factory=list)  # line, keyword of cards in `CONSTRAINTS`
+    constraints: list[tuple[Place, str]] = field(default_factory=list)  # place, keyword of cards in `CONSTRAINTS`
+    axes: Axes | None = None  # of the coordinates of nodes that follow; None for those of the whole
+    sets: list[Card] = field(default_factory=list)  # cards of sets, read last as members may stand anywhere
+    renumbered: Place | None = None  # the first instance whose nodes have other numbers than in its part
 
-    def line_error(self, line: int, why: str) -> InputError:
-        """Return an error for the line number `line` of the file."""
-        return InputError(self.source, f"line {line}", None, why)
+    def copy(self) -> Deck:
+        """Return a deck to which nodes, elements and sets can be added without a change of this one."""
+        return Deck(
+            nodes=dict(self.nodes),
+            elements=list(self.elements),
+            element_numbers=set(self.element_numbers),
+            node_sets={name: set(members) for name, members in self.node_sets.items()},
+            element_sets={name: set(members) for name, members in self.element_sets.items()},
+            set_spellings=dict(self.set_spellings),
+            sets=list(self.sets),
+        )
+
+
+@dataclass(frozen=True)
+class _Numbers:
+    """Numbers in the whole of the nodes and elements of an instance, by their numbers in it."""
+
+    nodes: Mapping[int, int]
+    elements: Mapping[int, int]
+
+    @classmethod
+    def of(cls, deck: Deck) -> _Numbers:
+        """Return the numbers of a deck that is not joined with others."""
+        return cls({number: number for number in deck.nodes}, {number: number for number in deck.element_numbers})
+
+    def of_kind(self, of_nodes: bool) -> Mapping[int, int]:
+        """Return the numbers of nodes, or those of elements."""
+        return self.nodes if of_nodes else self.elements
+
+
+@dataclass
+class _Assembly:
+    """Parts and instances of a deck, what stands outside of them, and the whole that they are joined to."""
+
+    source: str
+    outside: Deck
+    whole: Deck
+    parts: dict[str, Deck] = field(default_factory=dict)
+    instances: dict[str, _Numbers] = field(default_factory=dict)  # by name; "" for what stands outside
+    open: tuple[Card, Deck] | None = None  # an instance that is being read, and its content
+    last: tuple[int, int] = (0, 0)  # largest numbers of nodes and elements of the whole
+
+    def begin_part(self, card: Card) -> Deck:
+        """Return the empty deck of a part."""
+        name = card.options.get("NAME", "").lower()
+        if name in self.parts:
+            raise card.place.error(f"a second part {name} is not read; each name once is allowed")
+        return self.parts.setdefault(name, Deck())
+
+    def begin_instance(self, card: Card) -> Deck:
+        """Return the content of an instance: a copy of its part, to which cards within the instance are added."""
+        card.allow_options("NAME PART")
+        name, part = (card.options.get(key, "").lower() for key in ("NAME", "PART"))
+        if not name or name in self.instances:
+            raise card.place.error(f"instance {name} is not read; each name once is allowed")
+        if part and part not in self.parts:
+            raise card.place.error(f"PART={part} is no part that stands further up")
+        content = self.parts[part].copy() if part else Deck()
+        if self.instances and len(self.whole.nodes) + len(content.nodes) > MOST_NODES:
+            raise card.place.error(f"instances that have {MOST_NODES} nodes together are allowed")
+        self.open = card, content
+        return content
+
+    def end_instance(self) -> None:
+        """Move the instance that is open to its place and join it with the whole."""
+        if self.open is None:
+            return
+        (card, content), self.open = self.open, None
+        for number, place in zip(content.nodes, move_instance(card, [*content.nodes.values()]), strict=True):
+            content.nodes[number] = place
+        _read_sets(content, {"": _Numbers.of(content)})
+        self._join(card.options["NAME"], content, card.place)
+
+    def end(self) -> Deck:
+        """Return the whole; parts of a deck without instances are in place."""
+        self.end_instance()
+        if not self.instances:
+            for name, part in self.parts.items():
+                self.open = Card(Place(self.source, 1), "INSTANCE", {"NAME": name}, ()), part
+                self.end_instance()
+        self._join("", self.outside, Place(self.source, 1))
+        self.whole.sets = self.outside.sets
+        _read_sets(self.whole, self.instances)
+        if len(self.instances) == 2:  # the sets of the only instance are those of the whole
+            for sets in (self.whole.node_sets, self.whole.element_sets):
+                for name in [f"{instance}.{of}" for instance in self.instances if instance for of in sets]:
+                    sets.pop(name, None)
+        return self.whole
+
+    def _join(self, name: str, content: Deck, place: Place) -> None:
+        """Add nodes, elements and sets of the instance `name` to the whole.
+
+        Nodes and elements keep their numbers unless the whole has one of them already; `place` is that of the instance.
+        """
+        whole, numbers = self.whole, _Numbers.of(content)
+        if not whole.nodes.keys().isdisjoint(numbers.nodes):
+            whole.renumbered = whole.renumbered or place
+            numbers = replace(numbers, nodes={own: self.last[0] + k for k, own in enumerate(numbers.nodes, 1)})
+        if not whole.element_numbers.isdisjoint(numbers.elements):
+            numbers = replace(numbers, elements={own: self.last[1] + k for k, own in enumerate(numbers.elements, 1)})
+        self.last = (
+            max(self.last[0], max(numbers.nodes.values(), default=0)),
+            max(self.last[1], max(numbers.elements.values(), default=0)),
+        )
+        whole.nodes |= {numbers.nodes[number]: point for number, point in content.nodes.items()}
+        whole.element_numbers |= set(numbers.elements.values())
+        for block in content.elements:
+            for line, number, of in zip(block.lines, block.numbers, block.nodes, strict=True):
+                if missing := [node for node in of if node not in numbers.nodes]:
+                    raise line.error(f"element {number} has node {missing[0]}, which is not in the file")
+            whole.elements.append(block.renumbered(numbers.nodes, numbers.elements))
+        for ours, theirs, new in (
+            (whole.node_sets, content.node_sets, numbers.nodes),
+            (whole.element_sets, content.element_sets, numbers.elements),
+        ):
+            for set_name, members in theirs.items():
+                there = {new[number] for number in members}
+                for key in {set_name, f"{name.lower()}.{set_name}" if name else set_name}:
+                    ours.setdefault(key, set()).update(there)
+        for set_name, spelling in content.set_spellings.items():
+            whole.set_spellings.setdefault(set_name, spelling)
+            whole.set_spellings.setdefault(f"{name.lower()}.{set_name}", f"{name}.{spelling}")
+        self.instances[name.lower()] = numbers
 
 
 def read_deck(path: Path) -> Deck:
@@ -82,84 +202,33 @@ def read_deck(path: Path) -> Deck:
 
     Raises InputError with file and line if a card can't be read, or if it has content that pmr does not support.
     """
-    deck, parts = Deck(str(path)), _PartInstances()
-    sets = list[Card]()
-    for card in _cards(deck, path.read_text(encoding="utf-8", errors="replace")):
+    assembly = _Assembly(str(path), Deck(), Deck(str(path)))
+    deck = assembly.outside
+    for card in read_cards(path):
         if card.keyword in REFUSED:
-            raise deck.line_error(card.number, f"*{card.keyword} is not read; {REFUSED[card.keyword]}")
-        parts.check_instance(deck, card)
+            raise card.place.error(f"*{card.keyword} is not read; {REFUSED[card.keyword]}")
         if card.keyword in CONSTRAINTS:
-            deck.constraints.append((card.number, card.keyword))
-        if card.keyword in ("NSET", "ELSET"):
-            sets.append(card)
+            assembly.whole.constraints.append((card.place, card.keyword))
+        if card.keyword in ("PART", "INSTANCE", "END PART", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY"):
+            assembly.end_instance()
+            begin = {"PART": assembly.begin_part, "INSTANCE": assembly.begin_instance}.get(card.keyword)
+            deck = assembly.outside if begin is None else begin(card)
+        elif card.keyword in ("NSET", "ELSET"):
+            deck.sets.append(card)
         elif card.keyword in READERS:
             READERS[card.keyword](deck, card)
-    for card in sets:  # sets are read last, as nodes and elements may stand anywhere in the file
-        _read_set(deck, card)
-    return deck
+    return assembly.end()
 
 
-def _cards(deck: Deck, text: str) -> Iterator[Card]:
-    """Yield the cards in the text of a deck; lines before the first card are ignored."""
-    card: tuple[int, str] | None = None
-    data = list[DataLine]()
-    for number, line in enumerate(text.splitlines(), 1):
-        line = line.strip()
-        if line.startswith("**") or not line:
-            continue
-        if card and not data and card[1].endswith(","):  # the keyword line goes on
-            card = card[0], card[1] + line
-        elif not line.startswith("*"):
-            data.append(DataLine(number, tuple(part.strip() for part in line.split(","))))
-        else:
-            if card:
-                yield _card(*card, data)
-            card, data = (number, line), []
-    if card:
-        yield _card(*card, data)
-
-
-def _card(number: int, head: str, data: Sequence[DataLine]) -> Card:
-    """Return the card of line `number`, made of its head line `head` and its data lines."""
-    keyword, *parts = (part.strip() for part in head[1:].split(","))
-    options = {name.strip().upper(): value.strip().strip('"') for name, _, value in (o.partition("=") for o in parts)}
-    return Card(number, " ".join(keyword.upper().split()), options, tuple(data))
-
-
-class _PartInstances:
-    """Instances of parts seen so far.
-
-    Each part may have one instance that is not moved; a second instance would have nodes and elements of the same
-    numbers.
-    """
-
-    def __init__(self) -> None:
-        self._instances = dict[str, int]()
-
-    def check_instance(self, deck: Deck, card: Card) -> None:
-        """Raise InputError if a card is an instance that is moved, or the second instance of its part."""
-        if card.keyword != "INSTANCE":
-            return
-        part = card.options.get("PART", card.options.get("NAME", "")).lower()
-        if any(field.strip("0.+-") for line in card.lines for field in line.fields):
-            raise deck.line_error(
-                card.lines[0].number,
-                "the translation or rotation of an instance is not read; nodes in their places are allowed",
-            )
-        if part in self._instances:
-            raise deck.line_error(
-                card.number,
-                f"a second instance of part {part}, after that in line {self._instances[part]}, is not read",
-            )
-        self._instances[part] = card.number
+def _read_system(deck: Deck, card: Card) -> None:
+    """Set the axes in which the coordinates of the nodes that follow are given."""
+    card.allow_options("")
+    deck.axes = read_axes(card)
 
 
 def _read_nodes(deck: Deck, card: Card) -> None:
     """Add the nodes on a card to the deck."""
-    if card.options.get("SYSTEM", "R").upper() != "R":
-        allowed = "nodes in rectangular coordinates are allowed"
-        raise deck.line_error(card.number, f"SYSTEM={card.options['SYSTEM']} is not read; {allowed}")
-    _refuse_options(deck, card, {"NSET", "SYSTEM"})
+    card.allow_options("NSET SYSTEM INPUT")
     numbers = list[int]()
     for line in card.lines:
         number, *place = (field for field in line.fields)
@@ -167,15 +236,14 @@ def _read_nodes(deck: Deck, card: Card) -> None:
             place.pop()
         if len(place) > 3 and any(place[3:]):
             place = place[:3]  # the numbers that follow are normals of shells
-        node = _whole_number(deck, line, number, "the whole number of a node")
+        node = _whole_number(line, number, "the whole number of a node")
         if node in deck.nodes:
-            raise deck.line_error(
-                line.number, f"node {node} is there a second time; one part is allowed, each number once"
-            )
+            raise line.place.error(f"node {node} is there a second time; each number once is allowed")
         try:
-            x, y, z = (float(field or "0") for field in [*place, "0", "0", "0"][:3])
+            given = [float(field.upper().replace("D", "E") or "0") for field in [*place, "0", "0", "0"][:3]]
         except ValueError:
-            raise deck.line_error(line.number, f"coordinates of node {node} that are numbers are allowed") from None
+            raise line.place.error(f"coordinates of node {node} that are numbers are allowed") from None
+        x, y, z = rectangular(card, deck.axes, given)
         deck.nodes[node] = (x, y, z)
         numbers.append(node)
     if "NSET" in card.options:
@@ -184,75 +252,87 @@ def _read_nodes(deck: Deck, card: Card) -> None:
 
 def _read_elements(deck: Deck, card: Card) -> None:
     """Add the elements on a card to the deck."""
-    _refuse_options(deck, card, {"TYPE", "ELSET"})
+    card.allow_options("TYPE ELSET INPUT")
     block = Elements(card.options.get("TYPE", "").upper(), [], [], [])
-    count, parts, begun = CORNERS.get(KINDS.get(block.type, "")), list[int](), 0
+    count, parts, begun = CORNERS.get(KINDS.get(block.type, "")), list[int](), card.place
     for line in card.lines:
-        begun = begun if parts else line.number
-        parts.extend(_whole_number(deck, line, field, "a whole number") for field in line.fields if field)
+        begun = begun if parts else line.place
+        parts.extend(_whole_number(line, field, "a whole number") for field in line.fields if field)
         if len(parts) < 1 + count if count else not line.fields[-1]:
             continue  # the element goes on in the next line
         if parts[0] in deck.element_numbers:
-            raise deck.line_error(
-                begun, f"element {parts[0]} is there a second time; one part is allowed, each number once"
-            )
+            raise begun.error(f"element {parts[0]} is there a second time; each number once is allowed")
         deck.element_numbers.add(parts[0])
         if count and len(parts) != 1 + count:
-            raise deck.line_error(begun, f"the number of an element and {count} nodes are allowed for {block.type}")
+            raise begun.error(f"the number of an element and {count} nodes are allowed for {block.type}")
         block.numbers.append(parts[0])
         block.lines.append(begun)
         block.nodes.append(parts[1:])
         parts = []
     if parts:
-        raise deck.line_error(begun, f"element {parts[0]} of type {block.type} has too few nodes")
+        raise begun.error(f"element {parts[0]} of type {block.type} has too few nodes")
     deck.elements.append(block)
     if "ELSET" in card.options:
         _set_by_name(deck, deck.element_sets, card, "ELSET").update(block.numbers)
 
 
-def _read_set(deck: Deck, card: Card) -> None:
+def _read_sets(deck: Deck, instances: Mapping[str, _Numbers]) -> None:
+    """Add the members of all cards of sets, in their order; `instances` has the numbers of instances, by name."""
+    for card in deck.sets:
+        _read_set(deck, card, instances)
+
+
+def _read_set(deck: Deck, card: Card, instances: Mapping[str, _Numbers]) -> None:
     """Add the members of a set's card to the deck.
 
     The card lists them as numbers, as names of other sets, as a range (first, last, step), or as a set of elements
-    whose nodes are the members.
+    whose nodes are the members.  ``instance.number``, or the option INSTANCE, names those of an instance.
     """
-    of_nodes = card.keyword == "NSET"
-    _refuse_options(deck, card, {"NSET", "ELSET", "GENERATE", "UNSORTED", "INTERNAL", "INSTANCE"})
-    sets = deck.node_sets if of_nodes else deck.element_sets
-    existing = deck.nodes.keys() if of_nodes else deck.element_numbers
+    of_nodes, instance = card.keyword == "NSET", card.options.get("INSTANCE", "").lower()
+    card.allow_options("NSET ELSET GENERATE UNSORTED INTERNAL INSTANCE INPUT")
     if card.keyword not in card.options:
-        raise deck.line_error(card.number, f"*{card.keyword} with {card.keyword}=NAME is allowed")
+        raise card.place.error(f"*{card.keyword} with {card.keyword}=NAME is allowed")
+    if instance not in instances:
+        raise card.place.error(f"INSTANCE={card.options['INSTANCE']} is no instance of a part")
+    sets, numbers = deck.node_sets if of_nodes else deck.element_sets, instances[instance].of_kind(of_nodes)
     members = _set_by_name(deck, sets, card, card.keyword)
     if of_nodes and "ELSET" in card.options:
-        members.update(_element_set_nodes(deck, card))
+        members.update(_element_set_nodes(deck, card, instance))
     for line in card.lines:
         fields = [field for field in line.fields if field]
         if "GENERATE" in card.options:
-            numbers = [_whole_number(deck, line, field, "first, last and step") for field in fields]
-            if len(numbers) not in (2, 3) or numbers[2:] == [0]:
-                raise deck.line_error(line.number, "first, last and step as whole numbers are allowed")
-            first, last, step = [*numbers, 1][:3]
-            steps = range(first, last + 1, step)
-            _check_existing(deck, line, card, existing, [*steps[:1], *steps[-1:]])
-            members.update(number for number in existing if number in steps)
+            members.update(_read_range(line, card, fields, numbers))
             continue
         for name in fields:
-            if _is_label_number(name):
-                _check_existing(deck, line, card, existing, [int(name)])
-                members.add(int(name))
-            elif name.lower() in sets:
-                members.update(sets[name.lower()])
+            within, _, text = name.lower().rpartition(".")
+            if instance or within not in instances:
+                within, text = instance, name.lower()
+            if _is_label_number(text):
+                there = instances[within].of_kind(of_nodes)
+                _check_existing(line, card, there, [int(text)])
+                members.add(there[int(text)])
+            elif (key := f"{within}.{text}" if within else text) in sets:
+                members.update(sets[key])
             else:
-                raise deck.line_error(line.number, f"{name!r} is neither a number nor a set that stands further up")
+                raise line.place.error(f"{name!r} is neither a number nor a set that stands further up")
 
 
-def _element_set_nodes(deck: Deck, card: Card) -> set[int]:
-    """Return the nodes of all elements in the element set that the card names."""
-    name = card.options["ELSET"].lower()
+def _read_range(line: DataLine, card: Card, fields: list[str], numbers: Mapping[int, int]) -> list[int]:
+    """Return those of `numbers` that are in the range of a line of a set's card: first, last and step."""
+    bounds = [_whole_number(line, field, "first, last and step") for field in fields]
+    if len(bounds) not in (2, 3) or bounds[2:] == [0]:
+        raise line.place.error("first, last and step as whole numbers are allowed")
+    first, last, step = [*bounds, 1][:3]
+    steps = range(first, last + 1, step)
+    _check_existing(line, card, numbers, [*steps[:1], *steps[-1:]])
+    return [number for own, number in numbers.items() if own in steps]
+
+
+def _element_set_nodes(deck: Deck, card: Card, instance: str) -> set[int]:
+    """Return the nodes of all elements in the element set that the card names, of an instance if one is named."""
+    name = f"{instance}." * bool(instance) + card.options["ELSET"].lower()
     if name not in deck.element_sets:
-        raise deck.line_error(
-            card.number, f"ELSET={card.options['ELSET']} is no set of elements that stands further up"
-        )
+        raise card.place.error(f"ELSET={card.options['ELSET']} is no set of elements that stands further up")
     inside = deck.element_sets[name]
     return {
         node
@@ -263,12 +343,12 @@ def _element_set_nodes(deck: Deck, card: Card) -> set[int]:
     }
 
 
-def _check_existing(deck: Deck, line: DataLine, card: Card, existing: Set[int], numbers: list[int]) -> None:
+def _check_existing(line: DataLine, card: Card, existing: Mapping[int, int], numbers: list[int]) -> None:
     """Raise InputError for the first of `numbers` that is not in `existing`, the numbers of all nodes or elements."""
     missing = next((number for number in numbers if number not in existing), None)
     if missing is not None:
         what = "node" if card.keyword == "NSET" else "element"
-        raise deck.line_error(line.number, f"{what} {missing} of set {card.options[card.keyword]} is not in the file")
+        raise line.place.error(f"{what} {missing} of set {card.options[card.keyword]} is not in the file")
 
 
 def _set_by_name(deck: Deck, sets: dict[str, set[int]], card: Card, option: str) -> set[int]:
@@ -281,13 +361,13 @@ def _set_by_name(deck: Deck, sets: dict[str, set[int]], card: Card, option: str)
     return sets.setdefault(name.lower(), set())
 
 
-def _whole_number(deck: Deck, line: DataLine, text: str, what: str) -> int:
+def _whole_number(line: DataLine, text: str, what: str) -> int:
     """Return a text as a whole number.
 
     Raises InputError if the text is none; `what` is the description of what is allowed.
     """
     if not _is_label_number(text):
-        raise deck.line_error(line.number, f"{what} is allowed, not {text!r}")
+        raise line.place.error(f"{what} is allowed, not {text!r}")
     return int(text)
 
 
@@ -296,19 +376,14 @@ def _is_label_number(text: str) -> bool:
     return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS
 
 
-def _refuse_options(deck: Deck, card: Card, allowed: set[str]) -> None:
-    """Raise InputError for the first option of a card that is not among the `allowed` ones."""
-    for name in card.options:
-        if name and name not in allowed:
-            raise deck.line_error(card.number, f"the option {name} of *{card.keyword} is not read")
-
-
-READERS: Mapping[str, Callable[[Deck, Card], None]] = {"NODE": _read_nodes, "ELEMENT": _read_elements}
+READERS: Mapping[str, Callable[[Deck, Card], None]] = {
+    "NODE": _read_nodes,
+    "ELEMENT": _read_elements,
+    "SYSTEM": _read_system,
+}
 
 _IN_PLACE = "nodes and elements in the file itself, one by one, are allowed"
 REFUSED: Mapping[str, str] = {
-    "INCLUDE": "the lines of that file in its place are allowed",
-    "SYSTEM": "nodes in the axes of the whole are allowed",
     **dict.fromkeys(("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SUBSTRUCTURE PATH"), _IN_PLACE),
 }
 #: Keyword that gives nodes their own axes.  Then keywords by which coordinates of some nodes depend on coordinates of

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.errors.text import missing_file_reason
 from pmr.files import labelled
+from pmr.files.cards import Place
 from pmr.files.decks import MOST_DIGITS, TURNED, read_deck
 from pmr.files.labelled import UnreadableError
 from pmr.files.matrices import GivenMatrices
@@ -76,7 +77,7 @@ class _Nodes:
     numbers: Indices
     points: Array
     groups: dict[str, Indices]  # numbers of the nodes in each group, by its name
-    constraints: Sequence[tuple[int, str]] = ()  # line and keyword of each card that constrains coordinates
+    constraints: Sequence[tuple[Place, str]] = ()  # place and keyword of each card that constrains coordinates
 
 
 def read_foreign(files: ForeignFiles) -> GivenMatrices:
@@ -102,7 +103,7 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     wrong = pairs[(pairs[:, 1] < 1) | (pairs[:, 1] > len(DIRECTIONS)), 1]
     if wrong.size:
         raise InputError(str(files.dofs), "direction", int(wrong[0]), f"1 to {len(DIRECTIONS)} is allowed")
-    _check_constraints(str(files.nodes), nodes, pairs)
+    _check_constraints(nodes, pairs)
     return GivenMatrices(
         M,
         K,
@@ -114,26 +115,26 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     )
 
 
-def _check_constraints(source: str, nodes: _Nodes, pairs: Indices) -> None:
+def _check_constraints(nodes: _Nodes, pairs: Indices) -> None:
     """Raise InputError for nodes with their own axes, and for cards that constrain coordinates.
 
     Such cards are refused only if some displacements have no row in the matrices.  `pairs` (n, 2) are the node and the
     direction (from 1) of each row.
     """
     missing = 3 * len(nodes.numbers) - int(np.isin(pairs[:, 1], (1, 2, 3)).sum())
-    for line, keyword in nodes.constraints:
+    for place, keyword in nodes.constraints:
         if keyword == TURNED:
             allowed = (
                 "rows along the axes of the whole are allowed: *TRANSFORM gives nodes axes of their own; matrices "
                 "written without it are allowed"
             )
-            raise InputError(source, f"line {line}", None, allowed)
+            raise place.error(allowed)
         if missing > 0:
             allowed = (
                 f"a model is allowed in which *{keyword} ties no coordinates to others: {missing} displacements have "
                 "no row in the matrices, which pmr takes as fixed"
             )
-            raise InputError(source, f"line {line}", None, allowed)
+            raise place.error(allowed)
 
 
 def _read_by_suffix(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
@@ -236,6 +237,11 @@ def _read_csv_nodes(path: Path) -> _Nodes:
 def _read_deck_nodes(path: Path) -> _Nodes:
     """Read nodes, sets and constraint cards from an input deck of Abaqus or CalculiX."""
     deck = read_deck(path)
+    if deck.renumbered is not None:
+        allowed = (
+            "matrices name nodes by their numbers: instances whose nodes have numbers that no other has are allowed"
+        )
+        raise deck.renumbered.error(allowed)
     sets = {name: [*members] for name, members in deck.node_sets.items()}
     return replace(_make_nodes(list(deck.nodes), [*deck.nodes.values()], sets), constraints=deck.constraints)
 

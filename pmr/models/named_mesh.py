@@ -73,14 +73,10 @@ def read_mesh_file(file: Path) -> MeshFile:
 
 
 def _deck_content(deck: Deck) -> MeshFile:
-    """Points, cells and groups of a deck; raises an `InputError` for missing nodes or cells that are not linear."""
+    """Points, cells and groups of a deck; raises an `InputError` for cells that are not linear."""
     place = {number: k for k, number in enumerate(deck.nodes)}
     blocks = list[Cells]()
     for block in deck.elements:
-        for line, number, nodes in zip(block.lines, block.numbers, block.nodes, strict=True):
-            missing = next((node for node in nodes if node not in place), None)
-            if missing is not None:
-                raise deck.line_error(line, f"element {number} has node {missing}, which is not in the file")
         kind = KINDS.get(block.type)
         if kind is None:
             raise InputError(deck.source, "", None, f"cells of type {block.type}; linear cells are allowed")

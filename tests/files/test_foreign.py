@@ -215,6 +215,13 @@ BAD: list[tuple[Callable[[ForeignFiles], ForeignFiles], str]] = [
         "job.inp: line 14: rows along the axes of the whole are allowed: *TRANSFORM",
     ),
     (
+        changed(
+            "nodes",
+            "*STEP->*PART, NAME=p\n*NODE\n99, 9, 9, 9\n*END PART\n*INSTANCE, NAME=a, PART=p\n*INSTANCE, NAME=b, PART=p",
+        ),
+        "job.inp: line 19: matrices name nodes by their numbers: instances whose nodes have numbers that no other has",
+    ),
+    (
         changed("nodes", "*STEP->*EQUATION\n2\n12, 3, 1.0, 7, 3, -1.0\n*STEP"),
         "job.inp: line 14: a model is allowed in which *EQUATION ties no coordinates to others: 1 displacements",
     ),

@@ -48,17 +48,32 @@ def test_a_deck_is_read_as_cells_and_groups(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("*NODE", "*INCLUDE, INPUT=a.inp\n*NODE", "line 1: *INCLUDE is not read"),
+        ("*NODE", "*INCLUDE, INPUT=a.inp\n*NODE", "line 1: INPUT=a.inp: no such file"),
         ("1, 1, 2, 3", "1, 1, 2, 9", "line 7: element 1 has node 9, which is not in the file"),
         ("*ELSET", "*NODE\n1, 5., 0., 0.\n*ELSET", "line 13: node 1 is there a second time"),
         ("TYPE=T3D2", "TYPE=T3D3", "cells of type T3D3; linear cells are allowed"),
-        ("*NODE", "*NODE, SYSTEM=C", "line 1: SYSTEM=C is not read"),
+        ("*NODE", "*NODE, SYSTEM=S", "line 1: SYSTEM=S is not read"),
     ],
 )
 def test_a_deck_that_is_not_read_is_refused_by_its_line(old: str, new: str, says: str, tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         read_mesh(written(tmp_path, DECK.replace(old, new, 1)), ("triangle",))
     assert f"plate.inp: {says}" in str(caught.value) and len(str(caught.value).splitlines()) == 1
+
+
+def test_a_mesh_of_instances_is_that_of_one_deck(tmp_path: Path) -> None:
+    """The plate, and the same as a part in a file of its own, written turned about x and moved, and put back."""
+    whole = read_mesh_file(written(tmp_path, DECK))
+    turned = DECK
+    for k, (x, y) in enumerate([(0, 0), (1, 0), (1, 1), (0, 1)], 1):  # (x, y, 0) was at (x - 2, 0, y)
+        turned = turned.replace(f"{k}, {x}., {y}., 0.", f"{k}, {x - 2}., 0., {y}.")
+    written(tmp_path, f"*PART, NAME=plate\n{turned}*END PART\n", "part.inc")
+    placed = "*INSTANCE, NAME=p, PART=plate\n2., 0., 0.\n0., 0., 0., 1., 0., 0., -90.\n*END INSTANCE\n"
+    split = read_mesh_file(written(tmp_path, f"*INCLUDE, INPUT=part.inc\n{placed}", "assembly.inp"))
+    assert split.points == pytest.approx(whole.points, abs=1e-15)
+    assert [block.corners.tolist() for block in split.blocks] == [block.corners.tolist() for block in whole.blocks]
+    groups = [{name: [part.tolist() for part in parts] for name, parts in one.groups.items()} for one in (split, whole)]
+    assert groups[0] == groups[1]
 
 
 @pytest.mark.parametrize("corner", [7, -1])

@@ -94,4 +94,7 @@ def test_a_python_run_measures_nothing_unasked() -> None:
 def test_cells_that_are_long_beside_pads_are_warned_of(changes: list[str], said: str) -> None:
     found = mesh.mesh_warnings(pmr.load_scene(WORKFLOWS / "boom_shell.toml", changes))
     assert len(found) == bool(said) and said in "".join(found)
+    shell = pmr.load_scene(WORKFLOWS / "boom_shell.toml", changes)
+    budget = mesh.mesh_budget(shell, lambda make, called: {"beam": 0.1, "frequency": 0.013})["mesh"]
+    assert budget.keys() == ({"beam"} if said else {"beam", "frequency"})
     assert mesh.mesh_warnings(scene()) == []  # walls of these don't give way
