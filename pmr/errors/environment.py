@@ -341,6 +341,16 @@ def code_digest(files: Mapping[str, str], leave_out: Sequence[str] = ()) -> str:
     return digest.hexdigest()[:16]
 
 
+#: Parts of the package whose code changes no full or reduced model.
+NOT_COMPUTING = ("report/", "studies/", "cli/", "export/", "simulation/", "compare/")
+
+
+@cache
+def computing_digest() -> str:
+    """Return a digest of all code that full and reduced models are computed by: pmr's, numerical packages, plug-ins."""
+    return code_digest(source_texts(), NOT_COMPUTING)
+
+
 @cache
 def _version(package: str) -> str:
     """Return the version of an installed package, or the text "not installed"."""

@@ -185,7 +185,9 @@ def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: Indices) -> Mes
     x = np.ascontiguousarray(points, float) if first else np.empty((0, d))
     mine = np.ascontiguousarray(cells if first else cells[:0], np.int64)
     if VERSION < (0, 7):
-        vertices = ufl.VectorElement("Lagrange", ufl.Cell(cell, geometric_dimension=d), 1)
+        # with the variant that FFCx sets while it compiles, so that a form has one signature before and after that
+        plain = ufl.FiniteElement("Lagrange", ufl.Cell(cell, geometric_dimension=d), 1, variant="equispaced")
+        vertices = ufl.VectorElement(plain, dim=d)
     else:
         vertices = basix.ufl.element("Lagrange", cell, 1, shape=(d,))
     described = (x, ufl.Mesh(vertices)) if VERSION < (0, 10) else (vertices, x)

@@ -28,6 +28,7 @@ A field that is not in a file gets its default value, so files of earlier versio
 from __future__ import annotations
 
 import json
+import logging
 import math
 import os
 import struct
@@ -48,6 +49,7 @@ from pmr.files import npz
 from pmr.files.whole import replacement_file
 
 T = TypeVar("T")
+_log = logging.getLogger(__name__)
 
 
 def json_text(data: Any, indent: int | None = None) -> str:
@@ -133,6 +135,32 @@ def write(
                 info.compress_type = zipfile.ZIP_DEFLATED
             with archive.open(info, "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(values), allow_pickle=False)
+
+
+#: Header of a file that stores computed arrays for later runs.
+STORED = {"format": "pmr-cache"}
+
+
+def read_stored(file: Path) -> dict[str, NDArray[Any]] | None:
+    """Read the arrays that `store` wrote; return None without such a file, or after a warning if it is damaged."""
+    if not file.is_file():
+        return None
+    try:
+        arrays = read(file)
+        if pop_header(arrays) != STORED:
+            raise DamagedError("another format")
+    except DamagedError as error:
+        _log.warning("%s is made again: %s", file, error)
+        return None
+    return arrays
+
+
+def store(file: Path, arrays: Mapping[str, ArrayLike]) -> None:
+    """Write computed arrays by name to an npz file, from which later runs read them by `read_stored`.
+
+    Raises NotWrittenError if there is no room for the file.
+    """
+    write(file, arrays, STORED)
 
 
 def _is_worth_compressing(array: NDArray[Any]) -> bool:

@@ -12,7 +12,9 @@ It is computed for pads of one ring and of several, and for the mean motion of a
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -22,11 +24,12 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
-from pmr.errors import call_on_first_rank
+from pmr.errors import call_on_first_rank, environment
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather
 from pmr.fem.factor import BLOCK, factor_for_columns
-from pmr.files import Array
+from pmr.files import Array, npz
+from pmr.files.whole import NotWrittenError, user_cache_folder
 from pmr.fullmodel.pads import Pad, pad_means
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Clamp, Structure, couple
@@ -87,11 +90,31 @@ def wall_compliance(
 ) -> tuple[Array, list[SlidingCompliance]]:
     """Compute the walls' compliance (m, m) for m fixed pads and ends, and for rings of sliding pads; not collective.
 
-    `standing` are the fixed pads, and `ends` are pairs such as ``("tip", "y")``.  Results are cached: bodies with equal
-    sections, and the check of a model before it is chosen, take the same results.
+    `standing` are the fixed pads, and `ends` are pairs such as ``("tip", "y")``.  Bodies with equal sections share the
+    results, and so do later runs, by a file in the user's cache folder.
 
     Raises an `InputError` if a pad leaves its face.
     """
+    request = repr((body, standing, ends, rings, environment.computing_digest()))
+    folder, name = user_cache_folder(), hashlib.blake2b(request.encode(), digest_size=12).hexdigest()
+    file = None if folder is None else folder / f"walls-{name}.npz"
+    if file is not None and (stored := npz.read_stored(file)) is not None:
+        numbers = range(len(rings))
+        return stored["standing"], [npz.record_from_arrays(SlidingCompliance, stored, f"{i}.") for i in numbers]
+    C, sliding = _compute_compliance(body, standing, ends, rings)
+    if file is not None:
+        by_name = {"standing": C}
+        for i, ring in enumerate(sliding):
+            by_name |= npz.record_arrays(ring, f"{i}.")
+        with suppress(NotWrittenError):  # a disk without room stores nothing
+            npz.store(file, by_name)
+    return C, sliding
+
+
+def _compute_compliance(
+    body: PlateBody, standing: tuple[Pad, ...], ends: tuple[tuple[str, str], ...], rings: tuple[Ring, ...]
+) -> tuple[Array, list[SlidingCompliance]]:
+    """Solve on the shell and the beam of a body for the compliance that `wall_compliance` returns."""
     box = body.box
     line = Beam3DBody(length=box.length, profile=body.profile, material=body.material, shear=True, elements=ELEMENTS)
     sigma = (HELD * box_beam(line, body.profile).reference_frequency) ** 2

@@ -11,7 +11,7 @@ import hashlib
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -84,9 +84,7 @@ def model_digest(model: FullModel) -> str:
         for part in (model.rigid.coordinates, model.rigid.held_measures, model.output_positions):
             digest.update(part.tobytes())
     names = (model.input_names, model.output_names, model.output_units, tuple(model.matrices))
-    digest.update(
-        repr((names, model.rayleigh, model.reference_frequency, _code(), environment.plugins_digest())).encode()
-    )
+    digest.update(repr((names, model.rayleigh, model.reference_frequency, environment.computing_digest())).encode())
     return hashlib.blake2b(repr(model.comm.allgather(digest.hexdigest())).encode(), digest_size=16).hexdigest()
 
 
@@ -103,19 +101,6 @@ def structure_text(scene: Scene) -> str:
 def _csr(A: sp.csr_matrix) -> tuple[NDArray[Any], ...]:
     """Row pointers, column numbers and entries of a sparse matrix, with 64-bit integers."""
     return A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data
-
-
-@cache
-def _code() -> str:
-    """Digest of the package's code, without the modules `NOT_COMPUTING`."""
-    return environment.code_digest(environment.source_texts(), NOT_COMPUTING)
-
-
-#: Parts of the package whose code does not change any reduced model.
-NOT_COMPUTING = ("report/", "studies/", "cli/", "export/", "simulation/", "compare/")
-
-
-FORMAT = "pmr-cache"
 
 
 @dataclass(frozen=True)
@@ -236,14 +221,7 @@ class Cache:
 
     def _read(self, file: Path) -> dict[str, NDArray[Any]] | None:
         """Arrays of a file by name, on every rank; None if there is no such file or it is damaged.  Collective."""
-        arrays = None
-        if self.model.comm.rank == 0 and file.is_file():
-            try:
-                arrays = npz.read(file)
-                if npz.pop_header(arrays) != {"format": FORMAT}:
-                    raise npz.DamagedError("another format")
-            except npz.DamagedError as error:
-                _log.warning("%s is made again: %s", file, error)
+        arrays = npz.read_stored(file) if self.model.comm.rank == 0 else None
         result: dict[str, NDArray[Any]] | None = self.model.comm.bcast(arrays)
         return result
 
@@ -259,7 +237,7 @@ class Cache:
         try:
             if model is not None:
                 model.save(_model_file(file))  # written first: `file` itself shows that both are complete
-            npz.write(file, dict(arrays), {"format": FORMAT})
+            npz.store(file, arrays)
         except NotWrittenError as error:
             _log.warning("not kept: %s", error)
 

@@ -194,6 +194,29 @@ def test_the_shells_compliance_is_symmetric_definite_and_a_mirror_image_of_itsel
 
 
 @pytest.mark.slow
+def test_a_later_run_reads_the_compliance_that_an_earlier_one_has_computed(tmp_path, monkeypatch) -> None:
+    """Both give the same numbers; a damaged file is made again."""
+    monkeypatch.setenv("PMR_CACHE", str(tmp_path))
+    ring = Ring(tuple(replace(pad, at=0.6) for pad in PRESSED[:2]), 0.3)
+
+    def compute() -> tuple:
+        """Compute as a new process does, which has nothing in its memory."""
+        wall_compliance.cache_clear()
+        C, (sliding,) = found(0.0085, PRESSED[:2], (ring,))
+        return C, sliding.u, sliding.sliding, sliding.standing
+
+    first = compute()
+    (file,) = tmp_path.glob("*.npz")
+    written = file.stat().st_mtime_ns
+    with monkeypatch.context() as without_shell:
+        without_shell.setattr("pmr.fullmodel.wall_compliance.write_shell", None)
+        again = compute()
+    assert file.stat().st_mtime_ns == written and all(map(np.array_equal, first, again))
+    file.write_bytes(b"damaged")
+    assert all(map(np.array_equal, first, compute()))
+
+
+@pytest.mark.slow
 def test_a_free_end_is_softer_than_the_middle_and_one_that_is_clamped_stiffer() -> None:
     """Under a pad in the middle of a face."""
     ring, found_at = Ring(tuple(replace(pad, at=0.15) for pad in PRESSED), 1.05), {}
