@@ -2,7 +2,7 @@
 
     [body]
     model = "shell"
-    thickness = 0.006       # the wall's
+    thickness = 0.008       # the wall's
 
     [mesh]
     file = "section.msh"
