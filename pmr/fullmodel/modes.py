@@ -166,6 +166,17 @@ class Modes:
     omega: Array
     phi: Array
     residuals: Array
+    is_cut: bool = False  # whether the first mode that is left out has the frequency of the last one
+
+    def warn_if_cut(self, s: float) -> None:
+        """Log a warning if the number of modes separates two of one frequency, at the path coordinate s in m."""
+        if self.is_cut:
+            logger.warning(
+                "s = %g m: mode %d and the next one have the same frequency; the snapshot holds one of the two. "
+                "Ask for one mode more or fewer",
+                s,
+                len(self.omega),
+            )
 
 
 def lowest_mode_solver(K: PETSc.Mat, M: PETSc.Mat, sigma: float, count: int) -> SLEPc.EPS:
@@ -235,22 +246,15 @@ def finish_modes(model: FullModel, s: float, omega2: Array, phi: Array, cut: boo
     omega2, phi : (k,) and (n_local, k) arrays
         Squared circular frequencies, and this rank's rows of the k modes.
     cut : bool
-        True if the first mode that is left out has the frequency of the last mode in `phi`: a warning is then logged.
+        Whether the first mode that is left out has the frequency of the last mode in `phi`.
     """
-    if cut:
-        logger.warning(
-            "s = %g m: mode %d and the next one have the same frequency; the snapshot holds one of the two. "
-            "Ask for one mode more or fewer",
-            s,
-            len(omega2),
-        )
     comm = model.comm
     if phi.shape[1] == 0:
-        return Modes(omega2, phi, omega2)
+        return Modes(omega2, phi, omega2, cut)
     # Cholesky instead of norms alone: an iterative solver leaves the modes orthogonal to its tolerance only.
     L = np.linalg.cholesky(inner(phi, times(model.M, phi), comm))
     phi = fix_signs(scipy.linalg.solve_triangular(L, phi.T, lower=True).T, comm)
-    return Modes(np.sqrt(np.maximum(omega2, 0.0)), phi, _residuals(model, s, omega2, phi))
+    return Modes(np.sqrt(np.maximum(omega2, 0.0)), phi, _residuals(model, s, omega2, phi), cut)
 
 
 def _residuals(model: FullModel, s: float, omega2: Array, phi: Array) -> Array:

@@ -57,6 +57,7 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
     model, T = structure.model, couple(structure).T
     order = nodes_of(model).ravel()
     modes = eigensolver(full, scene.reduction.solver).lowest(s, count)
+    modes.warn_if_cut(s)
     q = np.asarray(T @ modes.phi)
     operators = operators_of(model, MPI.COMM_SELF)
     M, K = gather(operators.M), gather(operators.K)
@@ -189,7 +190,9 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
     Psi = _static_response(held, G, solver)
     frames = [fixed_row(f"frame {k // 6} {DIRECTIONS[k % 6]}", G[k], held.full.rows.domain) for k in range(G.shape[0])]
     still = replace(held.full, rows=Rows((*held.rows, *frames), held.full.size))
-    Phi = eigensolver(still, solver).lowest(s, count).phi
+    modes = eigensolver(still, solver).lowest(s, count)
+    modes.warn_if_cut(s)
+    Phi = modes.phi
     w = np.hstack([-Psi @ (measured @ R), Psi, Phi])
     with_rigid, of_model = w.copy(), coupling.T @ w
     with_rigid[:, :6] += coupling.rigid

@@ -107,6 +107,7 @@ def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
             modes.append(solver.lowest(float(s), scene.reduction.modes))
         except DependentRowsError as error:
             raise InputError("scene", "reduction.positions", float(s), error.allowed) from None
+        modes[-1].warn_if_cut(float(s))
     return Snapshots.from_local(
         np.concatenate([m.phi for m in modes], axis=1),
         model,
