@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from math import floor, isfinite, log10
 from os.path import isdir
@@ -60,6 +60,18 @@ def similar_name_hint(name: object, names: Iterable[str]) -> str:
     """
     close = get_close_matches(str(name), list(names), n=1)
     return f"did you mean {close[0]!r}? " if close else ""
+
+
+def overview(head: str, **names: Sequence[str]) -> str:
+    """Return a text for a ``repr``: the line `head`, then a line for each list of names with its length.
+
+    Of more than three names the first two and the last one are shown.
+    """
+    lines = [head]
+    for what, listed in names.items():
+        shown = [*listed[:2], "...", listed[-1]] if len(listed) > 3 else listed
+        lines.append(f"  {what} ({len(listed)}): {', '.join(shown)}".rstrip(": "))
+    return "\n".join(lines)
 
 
 def two_digits(value: float) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors.text import overview
 from pmr.scene import Scene
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.choice import pad_faces, transverse_axes
@@ -139,6 +140,10 @@ class Response:
     other_units: tuple[str, ...] = ()
     kinds: tuple[str, ...] = ()
     bodies: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        head = f"Response at {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s"
+        return overview(head, displacements=self.output_names, forces=self.force_names)
 
     @property
     def outputs(self) -> tuple[Output, ...]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors.text import non_finite_remarks
+from pmr.errors.text import non_finite_remarks, overview
 from pmr.files import npz
 from pmr.files.whole import finish_swap
 from pmr.results.field_series import Fields, Pose
@@ -211,6 +211,10 @@ class RunResult:
     reach: Array | None = None  # (T,) m, distance of a boom's tip from the base's tail; None for a body alone
     frequency_response: FrequencyResponse | None = None
     tip_error: Array | None = None  # (T, d) m, estimated error of the tip's displacement in d directions
+
+    def __repr__(self) -> str:
+        head = f"RunResult of {self.scene.title!r}, warnings: {len(self.summary.get('warnings', ()))}"
+        return overview(head, responses=[*self.responses], bodies=[name or "body" for name in self.bodies])
 
     @property
     def body(self) -> BodyResult:

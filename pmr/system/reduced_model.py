@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
-from pmr.errors.text import missing_file_reason
+from pmr.errors.text import missing_file_reason, overview
 from pmr.files import Array, Indices, npz
 from pmr.system import stored
 from pmr.system.body_matrices import CONSTANT, LINEAR, Rayleigh, Reactions
@@ -142,6 +142,11 @@ class ReducedModel:
     rigid_work: Array | None = None
     quasi_static: Indices = field(default_factory=lambda: np.zeros(0, np.int64))
 
+    def __repr__(self) -> str:
+        low, high = self.domain
+        head = f"ReducedModel with {self.size} coordinates, s from {low:g} to {high:g} m"
+        return overview(head, inputs=self.input_names, outputs=self.output_names)
+
     @property
     def size(self) -> int:
         """Number of generalised coordinates r."""
@@ -171,10 +176,7 @@ class ReducedModel:
     def C(self, s: ArrayLike, derivative: int = 0) -> Array:
         """Rows C(s) (m, r) at s in m, or (T, m, r) at s (T,); with a `derivative`, their derivative of that order by s.
 
-        Raises
-        ------
-        ValueError
-            If s lies outside `domain`.
+        Raises ValueError if s lies outside `domain`.
         """
         return evaluate(self.rows, s, derivative, label=", ".join(self.row_names))
 

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pmr.errors import BEYOND_ENDS, InputError
+from pmr.errors.text import overview
 from pmr.files import Array
 from pmr.system import saved
 from pmr.system.body import Body, SlidingBody, names_of, units_of
@@ -269,6 +270,10 @@ class System(BodySystem[SlidingBody]):
     # by name: models of bodies before cylinder modes and modes without inertia were added; they serve to estimate
     # errors
     on_modes: Mapping[str, ReducedModel] = field(default_factory=dict, repr=False, kw_only=True)
+
+    def __repr__(self) -> str:
+        sizes = [f"{name or 'body'} ({body.size} coordinates)" for name, body in self.bodies.items()]
+        return overview("System", bodies=sizes, contacts=self.contact_names)
 
     @cached_property
     def largest_flexibility(self) -> float:

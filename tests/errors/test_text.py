@@ -10,7 +10,7 @@ from rich.console import Console
 
 from pmr.cli import console
 from pmr.errors import InputError
-from pmr.errors.text import escape_controls, warning_kind
+from pmr.errors.text import escape_controls, overview, warning_kind
 
 PLAIN = ["[/red]", "[bold]x", "root:x:0", ":smile:", "$x^2$", "\\frac", "<b>&amp;", "ä ß 漢 שלום 😀 F²", "{0} %s", "_F"]
 STEERING = {
@@ -81,3 +81,13 @@ KINDS = {
 @pytest.mark.parametrize("warning", KINDS)
 def test_a_kind_of_warning_is_the_same_whatever_its_numbers(warning: str) -> None:
     assert warning_kind(warning) == KINDS[warning]
+
+
+def test_an_overview_shows_the_first_names_and_the_last_one() -> None:
+    shown = overview("Response at 3 times", forces=["a", "b", "c", "d"], outputs=["tip z"], others=[])
+    assert shown.splitlines() == [
+        "Response at 3 times",
+        "  forces (4): a, b, ..., d",
+        "  outputs (1): tip z",
+        "  others (0)",
+    ]
