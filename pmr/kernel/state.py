@@ -449,4 +449,7 @@ class BoundStep:
         else:
             self.step = partial(lib.pmr_step, handle, motions, ffi.NULL)
         self.step_by_rates = partial(lib.pmr_step, handle, motions, pointer(self.rates))
-        self.observe = partial(lib.pmr_observe, handle, count, integer_pointer(self._numbers), pointer(self.values))
+        if numbers == [*range(kernel.outputs)]:
+            self.observe = partial(lib.pmr_outputs, handle, pointer(self.values), ffi.NULL)
+        else:
+            self.observe = partial(lib.pmr_observe, handle, count, integer_pointer(self._numbers), pointer(self.values))

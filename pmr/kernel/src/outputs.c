@@ -73,7 +73,7 @@ static void outputs(pmr_state *st, double *y_out, double *forces)
     if (forces) forces_of(st, st->lambda, st->friction, forces);
     if (!y_out) return;
     find_outputs(st, y->observed, 0, y->op, st->z, st->u + y->paths, NULL, NULL, st->values);
-    copy(y_out, st->values, y->outputs);
+    memcpy(y_out, st->values, y->outputs * sizeof(double));
 }
 
 /* reactions += what rates v and terms with these amplitudes and x = (z, v) add to them. */

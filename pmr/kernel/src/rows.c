@@ -224,10 +224,10 @@ static void place_blocks(pmr_state *st, const pmr_scheme *c, const double *s)
 {
     const pmr_system *y = st->system;
     double *of_A = c->of_blocks, *of_pair = c->of_pairs;
-    int k, n;
-    for (n = 0; n < y->rows * y->modes; n += VL) V(st->C + n) = CV(y->C0 + n);
-    for (n = 0; n < y->rows * y->mp; n += VL) V(st->A + n) = CV(c->F0 + n);
-    for (n = 0; n < y->rows * y->ip; n += VL) V(st->H + n) = CV(y->H0 + n);
+    int k;
+    memcpy(st->C, y->C0, (size_t)y->rows * y->modes * sizeof(double));
+    memcpy(st->A, c->F0, (size_t)y->rows * y->mp * sizeof(double));
+    memcpy(st->H, y->H0, (size_t)y->rows * y->ip * sizeof(double));
     for (k = 0; k < y->blocks; k++) {
         if (c->in_blocks[k] != st->interval[k]) {
             enter_block(st, c, k, of_A);

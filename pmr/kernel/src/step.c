@@ -215,6 +215,7 @@ INLINE void advance_modes(pmr_state *st, const pmr_scheme *c)
         vec z = CV(st->z_next + n), v = CV(st->v_next + n), a = CV(st->a_next + n), stiffness = CV(c->stiffness + n),
             damping = CV(c->damping + n);
         vec acceleration = others * CV(c->unit + n) - stiffness * z - damping * v;
+        V(st->acceleration + n) = acceleration;
         V(st->z + n) = z + acceleration * c->z_gain;
         V(st->v + n) = v + acceleration * c->v_gain;
         z = z + v * c->z_from_v + a * c->z_from_a + acceleration * c->z_from_acceleration;
@@ -237,6 +238,7 @@ static void advance_coupled(pmr_state *st, const pmr_scheme *c)
     over_S(y, c, st->others, 0, y->modes, acceleration);
     for (n = 0; n < y->modes; n++) {
         const double a = acceleration[n] + bent[n], z = st->z_next[n], v = st->v_next[n], before = st->a_next[n];
+        st->acceleration[n] = a;
         st->z[n] = z + a * c->z_gain;
         st->v[n] = v + a * c->v_gain;
         st->z_next[n] = z + v * c->z_from_v + before * c->z_from_a + a * c->z_from_acceleration;

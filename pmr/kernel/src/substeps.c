@@ -70,7 +70,7 @@ static double missed(pmr_state *st, const pmr_scheme *c, const double *f)
     double *old = st->accelerated, *now = st->acceleration, h = c->h, most = 0.0, largest = st->progress.largest,
            allowed;
     int k, n;
-    accelerate(st, f, now);
+    if (y->quasi_static) accelerate(st, f, now); /* in the step such modes have none */
     for (n = 0; n < y->modes; n += VL) V(old + n) = (CV(now + n) - CV(old + n)) * (h * h / 12.0);
     for (k = 0; k < y->contacts; k++) {
         largest = larger(largest, st->lambda[k]);

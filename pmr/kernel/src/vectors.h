@@ -94,6 +94,15 @@ INLINE void add_columns(const double *restrict columns, int stride, const double
         LOOSE(out + n + 2 * VL) = c;
         LOOSE(out + n + 3 * VL) = d;
     }
+    for (; n + 2 * VL <= width; n += 2 * VL) { /* two sums at a time wait for each other half as long as one */
+        vec a = LOOSE(out + n), b = LOOSE(out + n + VL);
+        for (q = 0; q < count; q++) {
+            a += CONST_LOOSE(columns + (size_t)q * stride + n) * shares[q];
+            b += CONST_LOOSE(columns + (size_t)q * stride + n + VL) * shares[q];
+        }
+        LOOSE(out + n) = a;
+        LOOSE(out + n + VL) = b;
+    }
     for (; n < width; n += VL) {
         vec a = LOOSE(out + n);
         for (q = 0; q < count; q++) a += CONST_LOOSE(columns + (size_t)q * stride + n) * shares[q];

@@ -116,7 +116,7 @@ class Stepper:
             raise InputError("stepper", "rho_inf", rho_inf, "from 0 to less than 1 is allowed")
         system = body if isinstance(body, System) else System.of(body)
         form = SystemForm.of(system)
-        self._system, self._form, self._step, self._rho_inf, self._steps = system, form, step, rho_inf, 0
+        self._system, self._form, self._step, self._rho_inf = system, form, step, rho_inf
         self._ranges: dict[str, tuple[float, float]] = dict(system.ranges)
         if system.on_one_path:  # a body without a path has a position, too
             (body,) = system.bodies.values()
@@ -157,6 +157,7 @@ class Stepper:
         self._drivers.end_step()
         # taken without `Drivers` in each step: a single load, and a single path if steps are not divided
         self._in_parts, alone = moving is None and not undivided, moving is None and undivided
+        self._has_rates = not alone
         low, high = next(iter(self._ranges.values()), (1.0, 0.0))
         self._low, self._high, self._jump = (
             (low, high, JUMP * (high - low)) if alone and len(paths) == 1 else (1.0, 0.0, 0.0)
@@ -210,8 +211,8 @@ class Stepper:
         failed = self._advance()
         if failed:
             self._raise_failure(failed)
-        drivers.end_step()
-        self._steps += 1
+        if self._has_rates:
+            drivers.end_step()
         self._observe()
         return self._y if self._same_memory else self._y.copy()
 
@@ -224,7 +225,7 @@ class Stepper:
     @property
     def time(self) -> float:
         """Time in s since the start."""
-        return self._steps * self._step
+        return self._state.step_number * self._step
 
     @property
     def states(self) -> dict[str, InitialState]:
@@ -360,4 +361,4 @@ class Stepper:
     @property
     def _step_text(self) -> str:
         """Text with number and time of the next step."""
-        return f"step {self._steps + 1}, t = {self.time + self._step:g} s"
+        return f"step {self._state.step_number + 1}, t = {self.time + self._step:g} s"

@@ -81,21 +81,35 @@ static int find_all_rates(Unit *unit)
     return 0;
 }
 
+/* Find the variables among which a value reference is, which are those from `*first` to before `*end`. */
+static int find_group(Unit *unit, unsigned reference, unsigned *first, unsigned *end)
+{
+    enum { INPUTS, STATES, DERIVATIVES, OUTPUTS, FURTHER, RATES, FORCES, GROUPS };
+    const Numbers *at = &unit->at;
+    const unsigned ends[GROUPS] = {at->states, at->derivatives, at->outputs, at->outputs + (unsigned)unit->sizes.outputs,
+                                   at->rates,  at->forces,      at->all};
+    int group = INPUTS;
+    while (group < GROUPS && reference >= ends[group]) group++;
+    if (group == GROUPS) return refuse_reference(unit, "no such variable", reference);
+    *first = group == INPUTS ? 0 : ends[group - 1];
+    *end = ends[group];
+    if (group == INPUTS) return 0;
+    if (unit_prepare(unit)) return 1;
+    switch (group) {
+    case STATES: return 0;
+    case DERIVATIVES: return find_derivatives(unit);
+    case RATES: return find_all_rates(unit);
+    default: return find_outputs(unit, group == FURTHER);
+    }
+}
+
 int get_variables(Unit *unit, const unsigned *references, size_t count, double *values)
 {
-    const Numbers *at = &unit->at;
-    const unsigned first_further = at->outputs + (unsigned)unit->sizes.outputs;
+    unsigned first = 0, end = 0;
     size_t n;
     for (n = 0; n < count; n++) {
         const unsigned reference = references[n];
-        if (reference >= at->all) return refuse_reference(unit, "no such variable", reference);
-        if (reference >= at->states) {
-            if (unit_prepare(unit)) return 1;
-            if (reference >= at->rates && reference < at->forces ? find_all_rates(unit)
-                : reference >= at->outputs ? find_outputs(unit, reference >= first_further && reference < at->rates)
-                                           : reference >= at->derivatives && find_derivatives(unit))
-                return 1;
-        }
+        if ((reference < first || reference >= end) && find_group(unit, reference, &first, &end)) return 1;
         values[n] = unit->variables[reference];
     }
     return 0;
