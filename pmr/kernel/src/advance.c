@@ -88,33 +88,34 @@ static int advance_sampled(pmr_state *st, const double *u, int per, int64_t coun
     return PMR_DONE;
 }
 
-static int step_to(pmr_state *st, const double *u, const double *rates)
+/* One step along a course, of which the step's length and number are still missing. */
+static int make_one_step(pmr_state *st, pmr_course course)
 {
-    pmr_course course = {.h = st->settings.step, .ended = u, .rates = rates};
     int failed;
-    if (!all_finite(u, st->system->drivers)) return PMR_REFUSED;
-    copy(st->u_begun, st->u, st->system->drivers);
-    course.begun = st->u_begun;
+    course.h = st->settings.step;
     course.step = st->progress.step;
     failed = make_step(st, -1, &course);
-    if (!failed && !is_finite(st)) failed = PMR_NOT_FINITE;
-    return failed;
+    return failed || is_finite(st) ? failed : PMR_NOT_FINITE;
+}
+
+static int step_to(pmr_state *st, const double *u, const double *rates)
+{
+    if (!all_finite(u, st->system->drivers)) return PMR_REFUSED;
+    copy(st->u_begun, st->u, st->system->drivers);
+    return make_one_step(st, (pmr_course){.begun = st->u_begun, .ended = u, .rates = rates});
 }
 
 static int step_led(pmr_state *st, const double *led, double since)
 {
     const pmr_system *y = st->system;
     const int n = y->motions ? y->motions : y->drivers;
-    pmr_course course = {.h = st->settings.step, .led = led, .since = since, .step = st->progress.step};
     int failed, k;
     if (!all_finite(led, 4 * n)) return PMR_REFUSED;
-    failed = make_step(st, -1, &course);
-    if (failed) return failed;
-    if (y->motions) {
-        pmr_lead_on(led, n, since + course.h, 3, st->motions);
-        for (k = 0; k < n; k++) st->motions[3 * n + k] = 3.0;
-    }
-    return is_finite(st) ? PMR_DONE : PMR_NOT_FINITE;
+    failed = make_one_step(st, (pmr_course){.led = led, .since = since});
+    if (failed || !y->motions) return failed;
+    pmr_lead_on(led, n, since + st->settings.step, 3, st->motions);
+    for (k = 0; k < n; k++) st->motions[3 * n + k] = 3.0;
+    return PMR_DONE;
 }
 
 /* Motions (4, n) from rows (3, n) and how many of them count. */
@@ -141,13 +142,10 @@ static int start_in_frame(pmr_state *st, int kind, const double *motions, const 
 static int step_in_frame(pmr_state *st, const double *motions, const int32_t *rows)
 {
     const pmr_system *y = st->system;
-    pmr_course course = {.h = st->settings.step, .motions = st->motions_next};
     int failed;
     if (!y->motions || !all_finite(motions, 3 * y->motions)) return PMR_REFUSED;
     take_motions(y, motions, rows, st->motions_next);
-    course.step = st->progress.step;
-    failed = make_step(st, -1, &course);
-    if (failed) return failed;
-    copy(st->motions, st->motions_next, 4 * y->motions);
-    return is_finite(st) ? PMR_DONE : PMR_NOT_FINITE;
+    failed = make_one_step(st, (pmr_course){.motions = st->motions_next});
+    if (!failed) copy(st->motions, st->motions_next, 4 * y->motions);
+    return failed;
 }

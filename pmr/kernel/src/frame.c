@@ -102,12 +102,18 @@ static turning rock(const course *c)
 }
 
 /* A boom that is raised by phi, then slewed by psi, R_Z(psi) R_Y(-phi), on its base. */
+static turning slew(const course *c)
+{
+    const angle phi = angle_of(c, 0);
+    const turning raised = about(1, (angle){negative(phi.at), negative(phi.rate), negative(phi.second)}),
+                  slewed = about(2, angle_of(c, 1));
+    return turn_on(&slewed, &raised);
+}
+
 static turning turn(const course *c)
 {
     const int32_t *angles = c->system->frame_angles;
-    const angle phi = angle_of(c, 0);
-    const turning raised = about(1, (angle){negative(phi.at), negative(phi.rate), negative(phi.second)}),
-                  slewed = about(2, angle_of(c, 1)), boom = turn_on(&slewed, &raised);
+    const turning boom = slew(c);
     turning base;
     if (angles[2] < 0 && angles[3] < 0 && angles[4] < 0) return boom;
     base = rock(c);
@@ -127,7 +133,7 @@ static void read_turning(const turning *from, pmr_turning *to)
 void pmr_frame_turning(const pmr_system *y, const double *motions, pmr_turning *boom, pmr_turning *base)
 {
     const course c = {y, motions, NULL};
-    const turning of_boom = turn(&c), of_base = rock(&c);
+    const turning of_base = rock(&c), slewed = slew(&c), of_boom = turn_on(&of_base, &slewed);
     read_turning(&of_boom, boom);
     read_turning(&of_base, base);
 }

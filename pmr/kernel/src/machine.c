@@ -111,7 +111,7 @@ static int try_rates(pmr_machine_run *ms, int64_t k, const double *rates)
     failed = step_to(ms->state, ms->u, NULL);
     if (failed) return failed;
     z[0] = ms->state->z, z[1] = z[2] = ms->state->v;
-    find_whole(ms, k, now->b, loads, z, &now->whole);
+    find_whole(ms, k, now->b, &now->carrier, loads, z, &now->whole);
     if (ms->failed) return ms->failed;
     for (n = 0; n < 6; n++) {
         const double force = smoothed(&w, now->whole.forces[n], old->whole.forces[n], old->forces[n]);
@@ -168,13 +168,9 @@ static int find_motion_at(pmr_machine_run *ms, int64_t k)
     int which[6], count = 0, since = 0, failed, tries, n, j;
     for (n = 0; n < 6; n++)
         if (ms->machine->free[n]) which[count++] = n;
-    if (ms->past.rates_known < 3) {
-        copy(ms->past.rates[ms->past.rates_known++], old->b + 6, 6);
-    } else {
-        copy(ms->past.rates[0], old->rates[1], 6);
-        copy(ms->past.rates[1], old->rates[2], 6);
-        copy(ms->past.rates[2], old->b + 6, 6);
-    }
+    if (ms->past.rates_known == 3) memmove(ms->past.rates[0], ms->past.rates[1], 12 * sizeof(double));
+    if (ms->past.rates_known < 3) ms->past.rates_known++;
+    copy(ms->past.rates[ms->past.rates_known - 1], old->b + 6, 6);
     for (n = 0; n < 6; n++)
         rates[n] = old->rates_known < 3 ? old->b[6 + n] + h * old->smooth[n]
                                         : 3.0 * (old->rates[2][n] - old->rates[1][n]) + old->rates[0][n];
@@ -399,7 +395,7 @@ static int machine_run_start(pmr_machine_run *ms, const double *given, const dou
     feel(&past->carrier, b + 12, past->felt);
     for (n = 0; n < m->inertial_count; n++)
         ms->inertia[n] = ms->inertia_smooth[n] = ms->u[y->paths + m->inertial[n]];
-    find_whole(ms, 0, b, ms->u + y->paths, modes, &past->whole);
+    find_whole(ms, 0, b, &past->carrier, ms->u + y->paths, modes, &past->whole);
     copy(past->forces, past->whole.forces, 6);
     copy(past->momenta, past->whole.momenta, 6);
     for (n = 0; n < 6; n++) balanced = larger(balanced, fabs(past->whole.springs[n]) / (m->boom_mass + m->mass));

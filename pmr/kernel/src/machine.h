@@ -17,6 +17,7 @@ typedef struct {
 /* How a machine carries its boom. */
 typedef struct {
     double R[9], v[3], omega[3], turned[9], left[3], axes[9];
+    double base_R[9], base_omega[3];
 } carrier;
 
 typedef struct {

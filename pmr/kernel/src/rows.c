@@ -56,20 +56,10 @@ static void add_block(pmr_state *st, int number, const double *of_A, double x)
     const int m = b->rows, w = b->modes, g = PMR_UP(m), t = PMR_UP(b->stays), i = PMR_UP(b->inputs), mp = y->mp;
     const double *C = in_interval(st, number, y->table_C, b->at_C, b->powers_C, m * w);
     double *values = st->scratch;
-    int k, n, p;
-    for (k = 0; k < m; k++) {
-        double *row = st->C + on[k] * y->modes + b->first_mode;
-        if (b->powers_C == 4) {
-            const double *c0 = C + k * w, *c1 = c0 + m * w, *c2 = c1 + m * w, *c3 = c2 + m * w;
-            for (n = 0; n < w; n += VL) V(row + n) += ((CV(c0 + n) * x + CV(c1 + n)) * x + CV(c2 + n)) * x + CV(c3 + n);
-        } else {
-            for (n = 0; n < w; n += VL) {
-                vec value = CV(C + k * w + n);
-                for (p = 1; p < b->powers_C; p++) value = value * x + CV(C + (p * m + k) * w + n);
-                V(row + n) += value;
-            }
-        }
-    }
+    int k, n;
+    evaluate(C, b->powers_C, m * w, m * w, x, values);
+    for (k = 0; k < m; k++)
+        for (n = 0; n < w; n += VL) V(st->C + on[k] * y->modes + b->first_mode + n) += CV(values + k * w + n);
     evaluate(of_A, b->powers_G, m * g, m * g, x, values);
     for (k = 0; k < m; k++)
         for (n = 0; n <= k; n++)

@@ -394,15 +394,8 @@ static int begin(pmr_state *st)
     const pmr_system *y = st->system;
     const pmr_scheme *c = st->scheme;
     int n, k, failed;
-    for (n = 0; n < y->modes; n++) {
-        const double a = st->accelerated[n];
-        st->z_next[n] = st->z[n] + st->v[n] * c->z_from_v + a * (c->z_from_force + c->z_from_share);
-        st->v_next[n] = st->v[n] + a * (c->v_from_force + c->v_from_share);
-        st->a_next[n] = a * (c->a_from_force + c->a_from_share);
-    }
-    free_motion(st, c);
+    predict(st, c);
     if (y->quasi_static) predict_quasi_static(st, c, st->z);
-    for (k = 0; k < y->contacts; k++) st->force[k] = st->share[k] = y->pushing ? st->lambda[k] : 0.0;
     for (k = 0; k < y->joints; k++) {
         st->travelled[k] = st->u[y->joint_paths[k]];
         st->drives[k] = y->joint_cylinders[k] < 0 ? 0.0 : st->lambda[y->joint_cylinders[k]];

@@ -126,6 +126,21 @@ static void end_quasi_static(pmr_state *st, const pmr_scheme *c)
     predict_quasi_static(st, c, st->z);
 }
 
+/* Begin where the bodies stand, with accelerations z'' (r') and multipliers as if both had been so before. */
+static void predict(pmr_state *st, const pmr_scheme *c)
+{
+    const pmr_system *y = st->system;
+    int k, n;
+    for (n = 0; n < y->modes; n += VL) {
+        vec a = CV(st->accelerated + n);
+        V(st->z_next + n) = CV(st->z + n) + CV(st->v + n) * c->z_from_v + a * (c->z_from_force + c->z_from_share);
+        V(st->v_next + n) = CV(st->v + n) + a * (c->v_from_force + c->v_from_share);
+        V(st->a_next + n) = a * (c->a_from_force + c->a_from_share);
+    }
+    free_motion(st, c);
+    for (k = 0; k < y->contacts; k++) st->force[k] = st->share[k] = y->pushing ? st->lambda[k] : 0.0;
+}
+
 /* ---- multipliers ---- */
 
 INLINE void find_motion(pmr_state *st, double *motion)

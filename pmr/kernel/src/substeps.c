@@ -37,23 +37,14 @@ static int begin_level(pmr_state *st, int level, const double *u)
     const pmr_system *y = st->system;
     const pmr_scheme *c = st->scheme + level;
     const double *f = u + y->paths;
-    int k, n, failed;
+    int failed;
     st->progress.active = level;
     st->placed = 0;
     failed = place(st, c, u);
     if (failed) return failed;
     if (y->registers || y->pads) begin_terms(st, f + y->inputs);
     accelerate(st, f, st->accelerated);
-    if (level != st->progress.came) {
-        for (n = 0; n < y->modes; n += VL) {
-            vec a = CV(st->accelerated + n);
-            V(st->z_next + n) = CV(st->z + n) + CV(st->v + n) * c->z_from_v + a * (c->z_from_force + c->z_from_share);
-            V(st->v_next + n) = CV(st->v + n) + a * (c->v_from_force + c->v_from_share);
-            V(st->a_next + n) = a * (c->a_from_force + c->a_from_share);
-        }
-        free_motion(st, c);
-        for (k = 0; k < y->contacts; k++) st->force[k] = st->share[k] = st->lambda[k];
-    }
+    if (level != st->progress.came) predict(st, c);
     if (y->quasi_static) predict_quasi_static(st, c, st->z);
     if (st->settings.energy) {
         load_bodies(st, f);
@@ -106,29 +97,35 @@ typedef struct {
     double since;
 } pmr_course;
 
+/* A number and its first three rates where a step of h begins, (4): a cubic by rates at both ends, or a straight line
+   where `rates` is 0. */
+static void join_ends(double begun, double ended, double h, int rates, double first, double last, double led[4])
+{
+    const double mean = (ended - begun) / h;
+    led[0] = begun;
+    led[1] = rates ? first : mean;
+    led[2] = rates ? (6.0 * mean - 4.0 * first - 2.0 * last) / h : 0.0;
+    led[3] = rates ? 6.0 * (first + last - 2.0 * mean) / (h * h) : 0.0;
+}
+
 /* Motions (3, n) of a frame at a time t after the step began: straight lines, cubics by rates at both ends, or by
    second rates, as far as these count. */
 static void lead_motions(const pmr_state *st, const double *ended, double t, double *now)
 {
     const int n = st->system->motions;
     const double h = st->settings.step, *begun = st->motions;
-    int k;
+    double led[4], at[3];
+    int k, o;
     for (k = 0; k < n; k++) {
-        const double count = begun[3 * n + k] < ended[3 * n + k] ? begun[3 * n + k] : ended[3 * n + k],
-                     mean = (ended[k] - begun[k]) / h;
-        double rate = mean, second = 0.0, third = 0.0;
+        const double count = begun[3 * n + k] < ended[3 * n + k] ? begun[3 * n + k] : ended[3 * n + k];
+        join_ends(begun[k], ended[k], h, count >= 2.0, begun[n + k], ended[n + k], led);
         if (count >= 3.0) {
-            second = begun[2 * n + k];
-            third = (ended[2 * n + k] - second) / h;
-            rate = mean - h / 2.0 * second - h * h / 6.0 * third;
-        } else if (count >= 2.0) {
-            rate = begun[n + k];
-            second = (6.0 * mean - 4.0 * rate - 2.0 * ended[n + k]) / h;
-            third = 6.0 * (rate + ended[n + k] - 2.0 * mean) / (h * h);
+            led[2] = begun[2 * n + k];
+            led[3] = (ended[2 * n + k] - led[2]) / h;
+            led[1] = (ended[k] - begun[k]) / h - h / 2.0 * led[2] - h * h / 6.0 * led[3];
         }
-        now[k] = begun[k] + t * (rate + t / 2.0 * (second + t / 3.0 * third));
-        now[n + k] = rate + t * (second + t / 2.0 * third);
-        now[2 * n + k] = second + t * third;
+        pmr_lead_on(led, 1, t, 3, at);
+        for (o = 0; o < 3; o++) now[o * n + k] = at[o];
     }
 }
 
@@ -171,15 +168,11 @@ static void follow_course(const pmr_course *course, int drivers, int part, int p
         return;
     }
     for (n = 0; n < drivers; n++) {
-        const double mean = (course->ended[n] - course->begun[n]) / h;
-        double rate = mean, second = 0.0, third = 0.0;
-        if (course->rates) {
-            const double last = course->rates[drivers + n];
-            rate = course->rates[n];
-            second = (6.0 * mean - 4.0 * rate - 2.0 * last) / h;
-            third = 6.0 * (rate + last - 2.0 * mean) / (h * h);
-        }
-        u[n] = course->begun[n] + t * (rate + t / 2.0 * (second + t / 3.0 * third));
+        const double *rates = course->rates;
+        double led[4];
+        join_ends(course->begun[n], course->ended[n], h, rates != NULL, rates ? rates[n] : 0.0,
+                  rates ? rates[drivers + n] : 0.0, led);
+        pmr_lead_on(led, 1, t, 1, u + n);
     }
 }
 

@@ -38,7 +38,9 @@ static void find_carrier(const pmr_machine_run *ms, int64_t k, const double *b, 
     int i, j, l;
     pmr_frame_turning(ms->state->system, motions_at(ms, k, b, none), &boom, &base);
     axes_of(&base, b, c->axes);
-    for (i = 0; i < 9; i++) c->R[i] = boom.R[i];
+    copy(c->R, boom.R, 9);
+    copy(c->base_R, base.R, 9);
+    copy(c->base_omega, base.velocity, 3);
     for (i = 0; i < 3; i++) {
         c->v[i] = b[6 + i];
         c->omega[i] = boom.velocity[i];
@@ -109,34 +111,32 @@ static void find_springs(const pmr_machine *m, int64_t k, const double *b, doubl
         springs[j] = -m->stiffness[j] * (b[j] - given[j]) - m->damping[j] * (b[6 + j] - given[6 + j]);
 }
 
-/* Momenta and forces at step k with the machine's motion b, under loads f. */
-static void find_whole(pmr_machine_run *ms, int64_t k, const double *b, const double *f, const double *const z[3],
-                       machine_whole *w)
+/* Momenta and forces at step k with the machine's motion b, which carries the boom by c, under loads f. */
+static void find_whole(pmr_machine_run *ms, int64_t k, const double *b, const carrier *c, const double *f,
+                       const double *const z[3], machine_whole *w)
 {
     const pmr_machine *m = ms->machine;
     boom_moments *boom = &ms->boom;
-    pmr_turning turned, base;
     double v[3], linear[3], angular[3], lever[3], spin[3], *P = w->momenta, *L = w->momenta + 3;
     int i, j;
-    pmr_frame_turning(ms->state->system, motions_at(ms, k, b, b + 12), &turned, &base);
-    axes_of(&base, b, w->axes);
+    copy(w->axes, c->axes, 9);
     ms->orders = 2;
     find_boom(ms, k, z);
-    turn_in(turned.R, b + 6, v);
-    cross(turned.velocity, boom->s[0], linear);
+    turn_in(c->R, b + 6, v);
+    cross(c->omega, boom->s[0], linear);
     cross(boom->s[0], v, angular);
     for (i = 0; i < 3; i++) {
         linear[i] += m->boom_mass * v[i] + boom->s[1][i];
         angular[i] += boom->h[i];
-        for (j = 0; j < 3; j++) angular[i] += boom->inertia[3 * i + j] * turned.velocity[j];
-        spin[i] = m->inertia[i] * base.velocity[i];
+        for (j = 0; j < 3; j++) angular[i] += boom->inertia[3 * i + j] * c->omega[j];
+        spin[i] = m->inertia[i] * c->base_omega[i];
     }
-    turn_out(turned.R, linear, P);
-    turn_out(turned.R, angular, L);
-    turn_out(base.R, m->center, lever);
-    turn_out(base.R, spin, spin);
-    cross(base.velocity, m->center, linear);
-    turn_out(base.R, linear, linear);
+    turn_out(c->R, linear, P);
+    turn_out(c->R, angular, L);
+    turn_out(c->base_R, m->center, lever);
+    turn_out(c->base_R, spin, spin);
+    cross(c->base_omega, m->center, linear);
+    turn_out(c->base_R, linear, linear);
     for (i = 0; i < 3; i++) {
         linear[i] = m->mass * (b[6 + i] + linear[i]);
         P[i] += linear[i];
@@ -145,7 +145,7 @@ static void find_whole(pmr_machine_run *ms, int64_t k, const double *b, const do
     add_cross(1.0, lever, linear, L);
     add_cross(1.0, b, P, L);
     find_springs(m, k, b, w->springs);
-    push(ms, k, turned.R, w->axes, f, w->springs, lever, w->forces, w->forces + 3);
+    push(ms, k, c->R, w->axes, f, w->springs, lever, w->forces, w->forces + 3);
     add_cross(1.0, b, w->forces, w->forces + 3);
 }
 
