@@ -39,7 +39,7 @@ NUMERICAL = (
 #: What shows FEniCSx, PETSc and SLEPc at work (weak forms, factors, memory): CI runs its slow tests on both stacks. All
 #: other slow tests take a full model as it is, and run on one.
 FENICSX = (
-    *("convergence", "fem", "models", "simulation/petsc"),
+    *("convergence", "fem", "models/test_profile_shell.py", "models/test_transverse_plates.py", "simulation/petsc"),
     *("fullmodel/test_memory.py", "fullmodel/test_model.py", "test_random_structures.py"),
 )
 #: What reads scenes, pages and sources, or starts processes and stops them, by packages of one version on both stacks:

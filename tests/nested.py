@@ -37,12 +37,7 @@ Array = NDArray[np.float64]
 
 LENGTH, FROM_END = 6.0, 0.15  # m
 #: Width and height between the walls' mid-surfaces, wall; m.
-BOXES = (
-    (0.30, 0.40, 8e-3),
-    (0.26, 0.36, 7e-3),
-    (0.22, 0.32, 6e-3),
-    (0.18, 0.28, 5e-3),
-)
+BOXES = ((0.30, 0.40, 8e-3), (0.26, 0.36, 7e-3), (0.22, 0.32, 6e-3), (0.18, 0.28, 5e-3))
 E, RHO, TIP_MASS = 2.1e11, 7850.0, 250.0
 DAMPING = 0.005  # of each section's modes
 NAMES = ("0", "1", "2", "3")
@@ -161,10 +156,7 @@ def box(number: int, last: bool, elements: int) -> Box:
 def section(box: Box) -> FullModel:
     """Assemble a section in PETSc, with the row "w", its deflection at x."""
     body = Profile(
-        length=box.length,
-        bending_stiffness=box.bending_stiffness,
-        mass_per_length=box.mass_per_length,
-        axial=False,
+        length=box.length, bending_stiffness=box.bending_stiffness, mass_per_length=box.mass_per_length, axial=False
     )
     beam = Beam2D(body, np.linspace(0.0, box.length, box.elements + 1))
     operators = assemble_model(beam, beam.domain(MPI.COMM_SELF))

@@ -39,10 +39,7 @@ class Case:
 
 
 CASES = {
-    "simple": Case(
-        path=Ramp(times=(3.75, 11.25), values=(1.25, 3.75)),
-        load=Constant(amount=-50.0),
-    ),
+    "simple": Case(path=Ramp(times=(3.75, 11.25), values=(1.25, 3.75)), load=Constant(amount=-50.0)),
     "evolved": Case(
         path=Ramp(times=(3.75, 7.5, 11.25), values=(1.25, 3.75, 1.25)),
         load=Chirp(amplitude=50.0, times=(0.0, 7.5, 15.0), frequencies=(1.0, 10.0, 1.0)),
@@ -290,11 +287,7 @@ def generalized_alpha(
         effective, right = M + to_v * D + to_q * K, body.B @ f_k - K @ q - D @ v
         # C (q + to_q acceleration) + H f - F lambda = 0
         acceleration, multiplier = solve(effective, C, F / to_q, right, -(C @ q + Hf) / to_q)
-        q, v, a = (
-            q + to_q * acceleration,
-            v + to_v * acceleration,
-            a_next + (1.0 - a_f) / (1.0 - a_m) * acceleration,
-        )
+        q, v, a = (q + to_q * acceleration, v + to_v * acceleration, a_next + (1.0 - a_f) / (1.0 - a_m) * acceleration)
         kept.append((q, v, multiplier))
     return tuple(np.array(values) for values in zip(*kept, strict=True))  # type: ignore[return-value]
 

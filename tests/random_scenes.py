@@ -199,11 +199,7 @@ def driven_boom(seed: int) -> Scene:
             "sections": sections,
             "gravity": {"rise": 0.0, "inclination": float(rng.choice([0.0, rng.uniform(0.0, 60.0)]))},
             "damping": {"ratio": ratio, "frequencies": [1.0, 30.0]},
-            "time": {
-                "end": 1.6,
-                "step": float(rng.choice([5e-4, 1e-3])),
-                "rho_inf": float(rng.choice([0.8, 1.0])),
-            },
+            "time": {"end": 1.6, "step": float(rng.choice([5e-4, 1e-3])), "rho_inf": float(rng.choice([0.8, 1.0]))},
         }
     )
     check_scene(boom)

@@ -99,10 +99,7 @@ def scene(file: Path, given: GivenMatrices, supports: list[dict[str, Any]], alon
     across = 0.3 * float(np.ptp(given.points[:, 1]))
     faces = {"bottom": [-across, across], "top": [0.0], "left": [0.0], "right": [0.0]}
     ring = {"length": 0.1 * length, "stiffness": 1e7, "faces": faces}
-    rings = [
-        {"name": "rear", "at": low + 0.25 * length, **ring},
-        {"name": "mouth", "moving": True, **ring},
-    ]
+    rings = [{"name": "rear", "at": low + 0.25 * length, **ring}, {"name": "mouth", "moving": True, **ring}]
     more = [] if along_x else [{"on": "tip", "directions": ["x"]}]
     path = {"kind": "smooth_ramp", "times": [0.0, 0.02], "values": [0.5 * length, 0.6 * length]}
     return Scene.model_validate(

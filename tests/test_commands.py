@@ -153,11 +153,7 @@ def test_commands_have_the_options_that_the_manual_gives_them() -> None:
 
 
 def test_what_stands_here_is_in_the_manual() -> None:
-    own = {
-        "pmr new telescope telescope",
-        "pmr new platform platform",
-        "pmr study coordinates --list",
-    }
+    own = {"pmr new telescope telescope", "pmr new platform platform", "pmr study coordinates --list"}
     assert {*RUN, *TESTED} - own <= set(commands()) | in_tutorials()
 
 

@@ -181,10 +181,7 @@ def test_the_papers_cases_give_the_papers_errors(load_scene, name: str, tip: flo
 
 
 #: Largest error of the beam allowed, in %.
-BEAM = {
-    "evolved_residual": {4: 2.6, 5: 0.65, 6: 0.24, 10: 0.04, 20: 0.0025},
-    "simple_residual": {5: 0.4, 6: 0.26},
-}
+BEAM = {"evolved_residual": {4: 2.6, 5: 0.65, 6: 0.24, 10: 0.04, 20: 0.0025}, "simple_residual": {5: 0.4, 6: 0.26}}
 
 
 @pytest.mark.slow

@@ -76,11 +76,7 @@ def _beam(rng: np.random.Generator) -> Scene:
                 "ratio": float(rng.choice([0.0, 0.003, 0.005, 0.02])),
                 "frequencies": [first, float(rng.uniform(12.0, 28.0)) * first],
             },
-            "reduction": {
-                "basis": "free_modes",
-                "flexibility": True,
-                "coordinates": int(rng.choice([6, 12, 16])),
-            },
+            "reduction": {"basis": "free_modes", "flexibility": True, "coordinates": int(rng.choice([6, 12, 16]))},
             "simulation": {"simulators": ["march"]},
             "compare": {"against": [], "richer": "none"},
         }

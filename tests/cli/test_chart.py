@@ -12,11 +12,7 @@ from pmr.studies import files
 
 @pytest.mark.parametrize(
     ("scene", "up_to", "says"),
-    [
-        ("boom_beam", "1000", "SCENE = "),
-        ("crane", "0", "--up-to = 0"),
-        ("crane", "-5", "--up-to = -5"),
-    ],
+    [("boom_beam", "1000", "SCENE = "), ("crane", "0", "--up-to = 0"), ("crane", "-5", "--up-to = -5")],
 )
 def test_what_has_no_chart_is_refused_in_one_line(
     scene: str, up_to: str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys

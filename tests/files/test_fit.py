@@ -164,11 +164,7 @@ HELD: dict[str, Change] = {
     "nine digits of K, clamped": lambda g: clamped(replace(g, K=rounded(g.K))),
     "nodes that nothing uses": lambda g: replace(g, points=np.vstack([g.points, g.points + [10.0, 0.0, 0.0]])),
     "in another order": lambda g: replace(
-        g,
-        M=g.M[::-1, ::-1],
-        K=g.K[::-1, ::-1],
-        node=g.node[::-1],
-        direction=g.direction[::-1],
+        g, M=g.M[::-1, ::-1], K=g.K[::-1, ::-1], node=g.node[::-1], direction=g.direction[::-1]
     ),
 }
 

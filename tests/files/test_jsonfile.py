@@ -39,13 +39,7 @@ def test_numbers_that_are_not_finite_are_null() -> None:
 
 
 def test_they_are_named() -> None:
-    assert list(non_finite_names(DATA)) == [
-        "errors.reduced_vs_full.tip",
-        "list[1]",
-        "list[2].x",
-        "tuple[0]",
-        "numpy",
-    ]
+    assert list(non_finite_names(DATA)) == ["errors.reduced_vs_full.tip", "list[1]", "list[2].x", "tuple[0]", "numpy"]
     assert non_finite_remarks({"a": 1.0}) == []
     assert non_finite_remarks({"a": math.inf}) == ["a is not finite; in summary.json it is null"]
 

@@ -39,10 +39,7 @@ PAPER: dict[str, Any] = BEAM | {
 }
 FLEXIBLE: dict[str, Any] = BEAM | {
     "title": "Flexible",
-    "slider": {
-        "path": {"kind": "smooth_ramp", "times": [0.0, 0.2], "values": [1.5, 2.5]},
-        "offsets": [0.0, 0.8],
-    },
+    "slider": {"path": {"kind": "smooth_ramp", "times": [0.0, 0.2], "values": [1.5, 2.5]}, "offsets": [0.0, 0.8]},
     "damping": {"ratio": 0.01, "frequencies": [1.0, 50.0]},
     "loads": [
         {"name": "F", "on": 5.0, "signal": {"kind": "sine", "amplitude": 50.0, "frequency": 3.0, "phase": 0.1}},

@@ -18,10 +18,7 @@ pytestmark = pytest.mark.mpi
 SECTION = BeamSection(
     area=2e-3, second_moment_y=5e-6, second_moment_z=2e-6, torsion_constant=3e-6, shear_area_y=1e-3, shear_area_z=8e-4
 )
-REFERENCE_BOOM = {
-    "length": 6.0,
-    "profile": BoxProfile(width=0.3, height=0.4, wall=0.008),
-}
+REFERENCE_BOOM = {"length": 6.0, "profile": BoxProfile(width=0.3, height=0.4, wall=0.008)}
 
 
 def beam(shear: bool = False, elements: int = 6) -> Beam3D:

@@ -30,11 +30,7 @@ def shell() -> Scene:
         {
             "title": "box of shells",
             "gravity": {},
-            "frame": {
-                "pivot": [0.0, 0.0, 0.0],
-                "luffing": {"kind": "constant", "amount": 0.0},
-                "second_order": True,
-            },
+            "frame": {"pivot": [0.0, 0.0, 0.0], "luffing": {"kind": "constant", "amount": 0.0}, "second_order": True},
             "sections": [
                 {
                     "name": "boom",

@@ -157,10 +157,7 @@ KINDS = {
     "B": Kind(changed(PAPER, simulation={"simulators": ["march", "exudyn"], "repeats": 1}, published=None)),
     "C": Kind(changed(PLANE_BEAM, reduction=FREE)),
     "D": Kind(changed(FLEXIBLE, accuracy=None, reduction=FREE, simulation=ONCE, compare=FULL)),
-    "F": Kind(
-        changed(PLANE_BEAM, reduction={"basis": "file", "file": "vectors.npz", "coordinates": 8}),
-        write=vectors,
-    ),
+    "F": Kind(changed(PLANE_BEAM, reduction={"basis": "file", "file": "vectors.npz", "coordinates": 8}), write=vectors),
     "G": Kind(changed(PLANE_BEAM, mesh={"file": "line.vtu"}, reduction=FREE), write=line),
     "H": Kind(changed(PLANAR_BOOM, time=STEPPED, recovery=None)),
     "I": Kind(changed(BOOM, time=STEPPED, recovery=None, compare=FULL)),
@@ -185,10 +182,7 @@ KINDS = {
                 {"name": "tail", "at": 0.15, "length": 0.2, "faces": FACES},
                 {"name": "mouth", "moving": True, "length": 0.2, "faces": FACES},
             ],
-            supports=[
-                {"on": "tail", "directions": ["x"]},
-                {"on": "tip", "directions": ["rx"], "stiffness": 1e6},
-            ],
+            supports=[{"on": "tail", "directions": ["x"]}, {"on": "tip", "directions": ["rx"], "stiffness": 1e6}],
             masses=None,
             slider={"path": LONG_PATH},
             recovery=None,
