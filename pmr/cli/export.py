@@ -159,6 +159,10 @@ def matrices(
             help="Nodes and groups: .inp, .bdf, .csv.  [default: .inp beside it; of .bdf itself]",
         ),
     ] = None,
+    stiffness_name: Annotated[
+        str, typer.Option("--stiffness-name", metavar="NAME", help="Of several matrices in a file of Nastran.")
+    ] = "",
+    mass_name: Annotated[str, typer.Option("--mass-name", metavar="NAME", help="The same, of the mass.")] = "",
     out_file: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="[default: STIFFNESS-matrices.npz]")
     ] = None,
@@ -179,7 +183,7 @@ def matrices(
     target = out_file or stiffness.with_name(f"{stiffness.stem}-matrices.npz")
     if target.suffix != ".npz":
         raise InputError("command line", "--out", str(target), "the name of an .npz file is allowed")
-    files = foreign_files(stiffness, mass, dofs, nodes)
+    files = foreign_files(stiffness, mass, dofs, nodes, stiffness_name, mass_name)
     check_output_file(target, files.stiffness, files.mass, files.dofs, files.nodes)
     body = read_foreign(files)
     print_text(out, f"{body.size} coordinates of {len(body.points)} nodes; groups: {', '.join(body.groups) or 'none'}")

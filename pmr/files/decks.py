@@ -60,7 +60,6 @@ class Deck:
     part are joined over its instances, and if there are several the set of each is ``instance.set``.
     """
 
-    source: str = ""
     nodes: dict[int, tuple[float, float, float]] = field(default_factory=dict)  # m, by number, in the file's order
     elements: list[Elements] = field(default_factory=list)
     element_numbers: set[int] = field(default_factory=set)
@@ -202,7 +201,7 @@ def read_deck(path: Path) -> Deck:
 
     Raises InputError with file and line if a card can't be read, or if it has content that pmr does not support.
     """
-    assembly = _Assembly(str(path), Deck(), Deck(str(path)))
+    assembly = _Assembly(str(path), Deck(), Deck())
     deck = assembly.outside
     for card in read_cards(path):
         if card.keyword in REFUSED:

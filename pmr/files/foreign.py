@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import warnings
 import zlib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from os.path import isfile
 from pathlib import Path
 from typing import Any
@@ -43,7 +43,7 @@ class ForeignFiles:
 
     #: File of the stiffness: ``.sti`` (CalculiX), ``.mtx`` (Matrix Market, or Abaqus's own format), ``.npz`` (SciPy),
     #: ``.rb`` or ``.hb`` (Harwell-Boeing), ``.bdf`` or ``.pch`` (DMIG of Nastran) or ``.op4`` (Nastran).  If a file of
-    #: Nastran has several matrices, the names of stiffness and mass begin with K and M
+    #: Nastran has several matrices, the names of stiffness and mass begin with K (not K4) and M, or are said
     stiffness: Path
     mass: Path  #: File of the mass: ``.mas``, or a type that the stiffness may have
     #: File with node and direction (1 to 6) of each row: ``.dof`` with lines ``node.direction``, or ``.csv`` with lines
@@ -52,10 +52,19 @@ class ForeignFiles:
     #: File of the nodes and their groups: ``.inp`` with ``*NODE`` and ``*NSET``, ``.bdf`` with GRID and SET1 (the group
     #: of set 7 is ``set7``), or ``.csv`` with lines ``node,x,y,z`` that end with the names of the node's groups
     nodes: Path
+    stiffness_name: str = ""  #: Name of the stiffness in a file of Nastran with several matrices
+    mass_name: str = ""  #: Name of the mass in such a file
 
 
-def foreign_files(stiffness: Path, mass: Path | None, dofs: Path | None, nodes: Path | None) -> ForeignFiles:
-    """Return the files of a model.
+def foreign_files(
+    stiffness: Path,
+    mass: Path | None,
+    dofs: Path | None,
+    nodes: Path | None,
+    stiffness_name: str = "",
+    mass_name: str = "",
+) -> ForeignFiles:
+    """Return the files of a model, and the names of its matrices in them.
 
     A file that is None gets its default name beside `stiffness`, or is `stiffness` itself.
     """
@@ -67,7 +76,7 @@ def foreign_files(stiffness: Path, mass: Path | None, dofs: Path | None, nodes: 
         key: file or (stiffness if key in combined.get(suffix, ()) else stiffness.with_suffix(suffixes[key]))
         for key, file in paths.items()
     }
-    return ForeignFiles(stiffness, **resolved)
+    return ForeignFiles(stiffness, **resolved, stiffness_name=stiffness_name, mass_name=mass_name)
 
 
 @dataclass(frozen=True)
@@ -78,6 +87,7 @@ class _Nodes:
     points: Array
     groups: dict[str, Indices]  # numbers of the nodes in each group, by its name
     constraints: Sequence[tuple[Place, str]] = ()  # place and keyword of each card that constrains coordinates
+    axes: Mapping[int, Array] = field(default_factory=dict)  # (3, 3): axes of coordinates as rows, by node with its own
 
 
 def read_foreign(files: ForeignFiles) -> GivenMatrices:
@@ -86,8 +96,8 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     Raises InputError if a file is missing, of another kind or incomplete, or if the files do not fit each other.
     """
     K, M = (
-        _read_by_suffix(files.stiffness, _MATRICES | _nastran_readers("K")),
-        _read_by_suffix(files.mass, _MATRICES | _nastran_readers("M")),
+        _read_by_suffix(files.stiffness, _MATRICES | _nastran_readers("K", files.stiffness_name)),
+        _read_by_suffix(files.mass, _MATRICES | _nastran_readers("M", files.mass_name)),
     )
     pairs, nodes = _read_by_suffix(files.dofs, _DOFS), _read_by_suffix(files.nodes, _NODES)
     for file in (files.stiffness, files.mass):  # files whose entries name their nodes and directions
@@ -104,6 +114,9 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     if wrong.size:
         raise InputError(str(files.dofs), "direction", int(wrong[0]), f"1 to {len(DIRECTIONS)} is allowed")
     _check_constraints(nodes, pairs)
+    if nodes.axes:
+        Q = _turned_coordinates(files, pairs, nodes.axes)
+        K, M = (sp.csr_matrix(Q.T @ A @ Q) if A.shape == Q.shape else A for A in (K, M))  # another shape is refused
     return GivenMatrices(
         M,
         K,
@@ -113,6 +126,25 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
         {name: np.array([place[int(number)] for number in members]) for name, members in nodes.groups.items()},
         str(files.stiffness),
     )
+
+
+def _turned_coordinates(files: ForeignFiles, pairs: Indices, axes: Mapping[int, Array]) -> sp.csr_matrix:
+    """Return a matrix Q (n, n) with which coordinates along axes of nodes are Q u, for u along the axes of the whole.
+
+    `pairs` (n, 2) are the node and the direction (from 1) of each coordinate.  Raises InputError for a node with axes
+    of its own that has some of three coordinates only.
+    """
+    number = {(int(node), int(direction)): k for k, (node, direction) in enumerate(pairs)}
+    Q = sp.eye(len(pairs), format="lil")
+    for node, R in axes.items():
+        for first in (1, 4):
+            at = [number[node, d] for d in range(first, first + 3) if (node, d) in number]
+            if len(at) not in (0, 3):
+                allowed = "a node with axes of its own is allowed that has all three displacements or rotations"
+                raise InputError(str(files.dofs), f"node {node}", None, allowed)
+            for k, row in zip(at, R, strict=False):
+                Q[k, at] = row
+    return sp.csr_matrix(Q)
 
 
 def _check_constraints(nodes: _Nodes, pairs: Indices) -> None:
@@ -288,17 +320,19 @@ def _read_market(path: Path) -> sp.csr_matrix:
 def _read_bulk_nodes(path: Path) -> _Nodes:
     """Read grid points and sets of a bulk data file of Nastran."""
     bulk = labelled.read_bulk(path)
-    return _make_nodes(
-        bulk.numbers.tolist(), bulk.points.tolist(), {n: nodes.tolist() for n, nodes in bulk.groups.items()}
-    )
+    groups = {name: nodes.tolist() for name, nodes in bulk.groups.items()}
+    return replace(_make_nodes(bulk.numbers.tolist(), bulk.points.tolist(), groups), axes=bulk.axes)
 
 
-def _nastran_readers(letter: str) -> dict[str, Callable[[Path], object]]:
-    """Return readers, by the suffix of the file, for the matrix of a Nastran file whose name begins with `letter`."""
-    entries = {s: lambda path: labelled.only_matrix(labelled.read_bulk(path).matrices, letter) for s in _DMIG}
+def _nastran_readers(letter: str, name: str) -> dict[str, Callable[[Path], object]]:
+    """Return readers, by the suffix of the file, for the matrix of a Nastran file that has a name.
+
+    If `name` is empty, its name begins with `letter`.
+    """
+    entries = {s: lambda path: labelled.only_matrix(labelled.read_bulk(path).matrices, letter, name) for s in _DMIG}
     return {
         **entries,
-        ".op4": lambda path: _complete_symmetric(labelled.only_matrix(labelled.read_output4(path), letter)),
+        ".op4": lambda path: _complete_symmetric(labelled.only_matrix(labelled.read_output4(path), letter, name)),
     }
 
 

@@ -11,6 +11,7 @@ from contextlib import redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import scipy.sparse as sp
@@ -117,25 +118,30 @@ class Bulk:
     numbers: Indices  #: (N,) array: numbers of the grid points
     points: Array  #: (N, 3) array, m: positions of the grid points
     groups: dict[str, Indices]  #: Grid points of each SET1 entry, by names such as ``set7``
+    axes: dict[int, Array]  #: (3, 3) arrays: axes of displacements as rows, by grid point where they are its own
 
 
 #: Cards of a file that pyNastran reads.  This module reads sets itself, as pyNastran expands their ranges to lists of
 #: all numbers, even of points that do not exist.
-CARDS = frozenset(("GRID", "DMIG", "INCLUDE", "ENDDATA"))
+CARDS = frozenset(
+    ("GRID", "DMIG", "INCLUDE", "ENDDATA", *(f"CORD{number}{kind}" for number in (1, 2) for kind in "RCS"))
+)
 
 
 def read_bulk(path: Path) -> Bulk:
-    """Read the matrices, grid points and sets of a bulk data file of Nastran.
+    """Read the matrices, grid points and sets of a file of Nastran: its bulk data alone, or a deck with BEGIN BULK.
 
     Raises InputError if pyNastran is missing.  Raises UnreadableError if the file can't be read, or if it has complex
-    matrices or grid points with their own axes.
+    matrices or displacements along spherical axes.
     """
     deck = import_package("pyNastran.bdf.bdf").BDF(debug=None)
     deck.disable_cards(deck.cards_to_read - CARDS)
     text = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    is_deck = any(re.match(r"\s*BEGIN\b", line, re.IGNORECASE) for line in text)
     try:
         with redirect_stdout(StringIO()):
-            deck.read_bdf(str(path), xref=False, punch=True)
+            deck.read_bdf(str(path), xref=False, punch=not is_deck)
+            deck.cross_reference()
     except (Exception, SystemExit):  # pyNastran raises many kinds of errors, and prints the reasons
         raise UnreadableError("bulk data of GRID, SET1 and DMIG entries are allowed") from None
     entries = dict[str, Entries]()
@@ -148,20 +154,35 @@ def read_bulk(path: Path) -> Bulk:
             entries[name] = Entries(np.asarray(card.GCi, np.int64), np.asarray(card.GCj, np.int64), values)
     pairs = np.unique(np.vstack([np.empty((0, 2), np.int64), *(matrix.pairs for matrix in entries.values())]), axis=0)
     grids = sorted(deck.nodes)
+    axes = dict[int, Array]()
     for grid in grids:
-        for what, axes in (("places", deck.nodes[grid].Cp()), ("displacements", deck.nodes[grid].Cd())):
-            if axes != 0:
+        if deck.nodes[grid].Cd() != 0:
+            system, place = deck.nodes[grid].cd_ref, deck.nodes[grid].get_position()
+            axes[grid] = _displacement_axes(system.type[-1], system.beta(), system.transform_node_to_local(place)[1])
+            if not np.isfinite(axes[grid]).all():
                 pattern = re.compile(rf"GRID\*?[\s,]+{grid}\b", re.IGNORECASE)
                 line = next((k for k, row in enumerate(text, 1) if pattern.match(row)), 0)
-                allowed = f"{what} along the basic axes are allowed: grid point {grid} has them in system {axes}"
-                raise UnreadableError(allowed, line)
+                allowed = "displacements along rectangular or cylindrical axes are allowed"
+                raise UnreadableError(f"{allowed}: those of grid point {grid} are not", line)
     return Bulk(
         {name: matrix.matrix(pairs) for name, matrix in entries.items()},
         pairs,
         np.array(grids, dtype=np.int64),
-        np.array([deck.nodes[grid].xyz for grid in grids], dtype=float).reshape(-1, 3),
+        np.array([deck.nodes[grid].get_position() for grid in grids], dtype=float).reshape(-1, 3),
         _group_sets(text, np.array(grids, dtype=np.int64)),
+        axes,
     )
+
+
+def _displacement_axes(kind: str, beta: Array, angle: float) -> Array:
+    """Return the axes (3, 3) of a grid point's displacements, as rows; NaN if they are spherical.
+
+    `kind` is that of their system, R, C or S, `beta` (3, 3) its axes as rows, and `angle` in degrees that of the grid
+    point in a cylindrical system.
+    """
+    c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+    turns = {"R": np.eye(3), "C": np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])}
+    return np.asarray(turns.get(kind, np.full((3, 3), np.nan)) @ beta)
 
 
 def _group_sets(text: Sequence[str], grids: Indices) -> dict[str, Indices]:
@@ -213,25 +234,40 @@ def _set_entries(text: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
 
 
 def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
-    """Read the matrices of an OUTPUT4 file, by name; raises the errors of `read_bulk`."""
+    """Read the matrices of an OUTPUT4 file, by name; raises the errors of `read_bulk`.
+
+    In a text exponents may be written with D, which pyNastran does not read: it gets a copy that has E.
+    """
     read = import_package("pyNastran.op4.op4").read_op4
     try:
-        with redirect_stdout(StringIO()):  # pyNastran prints what it can't read
+        with redirect_stdout(StringIO()), TemporaryDirectory() as folder:  # pyNastran prints what it can't read
+            content = path.read_bytes()
+            if re.match(rb"[ \d-]{32}", content) and re.search(rb"\dD[+-]\d\d", content):
+                path = Path(folder, path.name)
+                path.write_bytes(re.sub(rb"(?<=\d)D(?=[+-]\d\d)", b"E", content))
             return {name.strip(): sp.csr_matrix(matrix.data) for name, matrix in read(str(path), debug=None).items()}
     except Exception:  # the file is cut off or of another form
-        raise UnreadableError(
-            "OUTPUT4 in binary form, or as text with short integers and exponents E, is allowed"
-        ) from None
+        raise UnreadableError("OUTPUT4 in binary form, or as text with short integers, is allowed") from None
 
 
-def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str) -> sp.csr_matrix:
-    """Return the only matrix, or else the only one whose name begins with `letter`.
+def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str, name: str = "") -> sp.csr_matrix:
+    """Return the matrix called `name`; if `name` is empty, the only matrix or the only one that begins with `letter`.
 
-    Raises UnreadableError if no name or several names begin with `letter`.
+    A name with K4 is that of structural damping, and no stiffness.  Raises UnreadableError if there is no such matrix,
+    or if there are several.
     """
-    candidates = [matrix for name, matrix in matrices.items() if len(matrices) == 1 or name.upper().startswith(letter)]
+    by_name = {key.upper(): matrix for key, matrix in matrices.items()}
+    if name:
+        if name.upper() not in by_name:
+            raise UnreadableError(
+                f"the name of a matrix of the file is allowed, not {name}: {', '.join(matrices) or 'none'}"
+            )
+        return by_name[name.upper()]
+    begins = [key for key in by_name if key.startswith(letter) and not key.startswith("K4")]
+    candidates = [*by_name] if len(by_name) == 1 else begins
     if len(candidates) != 1:
         raise UnreadableError(
-            f"one square matrix whose name begins with {letter} is allowed, not {', '.join(matrices) or 'none'}"
+            f"one square matrix whose name begins with {letter} is allowed, not {', '.join(matrices) or 'none'}; "
+            f"{'--stiffness-name' if letter == 'K' else '--mass-name'} names one of them"
         )
-    return candidates[0]
+    return by_name[candidates[0]]

@@ -22,7 +22,7 @@ from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name
 from pmr.fem.compat import MPI, cell_topology, create_mesh
 from pmr.files import Array, Indices
-from pmr.files.decks import KINDS, Deck, read_deck
+from pmr.files.decks import KINDS, read_deck
 from pmr.models.mesh_nodes import codes
 
 if TYPE_CHECKING:
@@ -57,9 +57,7 @@ def read_mesh_file(file: Path) -> MeshFile:
 
     Raises an `InputError` if the file can't be read, or a cell has corners that are not among the file's points.
     """
-    content = (
-        _deck_content(read_deck(file)) if file.suffix.lower() == ".inp" and file.is_file() else _meshio_content(file)
-    )
+    content = _deck_content(file) if file.suffix.lower() == ".inp" and file.is_file() else _meshio_content(file)
     for block in content.blocks:
         missing = (block.corners < 0) | (block.corners >= len(content.points))
         if missing.any():
@@ -72,14 +70,15 @@ def read_mesh_file(file: Path) -> MeshFile:
     return content
 
 
-def _deck_content(deck: Deck) -> MeshFile:
+def _deck_content(file: Path) -> MeshFile:
     """Points, cells and groups of a deck; raises an `InputError` for cells that are not linear."""
+    deck = read_deck(file)
     place = {number: k for k, number in enumerate(deck.nodes)}
     blocks = list[Cells]()
     for block in deck.elements:
         kind = KINDS.get(block.type)
         if kind is None:
-            raise InputError(deck.source, "", None, f"cells of type {block.type}; linear cells are allowed")
+            raise InputError(str(file), "", None, f"cells of type {block.type}; linear cells are allowed")
         if block.nodes:
             blocks.append(Cells(kind, np.array([[place[node] for node in nodes] for nodes in block.nodes], np.int64)))
     numbers = [np.array(block.numbers) for block in deck.elements if block.nodes]

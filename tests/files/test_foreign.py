@@ -274,7 +274,7 @@ LABELLED: list[tuple[Callable[[Path], ForeignFiles], Callable[[ForeignFiles], Fo
     (
         as_output4,
         changed("stiffness", "KAA"),
-        "job.op4: OUTPUT4 in binary form, or as text with short integers and exponents E, is allowed",
+        "job.op4: OUTPUT4 in binary form, or as text with short integers, is allowed",
     ),
 ]
 
@@ -331,12 +331,11 @@ def test_sets_of_bulk_data_have_the_points_that_there_are(entry: str, members: l
 @pytest.mark.parametrize(
     ("old", "new", "line", "says"),
     [
-        ("GRID,2,,1.", "GRID,2,5,1.", 2, "places along the basic axes are allowed: grid point 2 has them in system 5"),
         (
             "GRID,30,,1.,1.,0.",
-            "GRID,30,,1.,1.,0.,4",
+            "GRID,30,,1.,1.,0.,4\nCORD2S,4,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.",
             3,
-            "displacements along the basic axes are allowed: grid point 30",
+            "displacements along rectangular or cylindrical axes are allowed: those of grid point 30",
         ),
         ("KAA,0,6,2,0", "KAA,0,6,4,0", 4, "real entries are allowed: those of KAA have imaginary parts"),
         ("GRID,1", "SET1,7,1,THRU\nGRID,1", 1, "SET1 with numbers of grid points, and first THRU last"),
@@ -354,6 +353,59 @@ def test_bulk_data_that_is_not_read_is_refused_by_its_line(
     with pytest.raises(InputError) as caught:
         read_foreign(foreign_files(tmp_path / "k.bdf", None, None, None))
     assert f"k.bdf: line {line}: {says}" in str(caught.value) and len(str(caught.value).splitlines()) == 1
+
+
+def test_a_deck_with_axes_and_names_of_its_own_has_the_same_matrices(tmp_path: Path) -> None:
+    """With executive and case control, places in one system, and displacements of two nodes along axes of their own.
+
+    Nodes 12 and 5 have rectangular axes that are turned about x, and cylindrical ones about z at node 3.
+    """
+    bdf = pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed")
+    one, deck = given(), bdf.BDF(debug=None)
+    a = np.deg2rad(30.0)
+    deck.add_cord2r(8, [0.0, 0.0, 0.0], [0.0, -np.sin(a), np.cos(a)], [1.0, 0.0, 0.0])
+    deck.add_cord2c(9, [2.0, 0.0, 0.0], [2.0, 0.0, 1.0], [3.0, 0.0, 0.0])
+    deck.add_cord2r(4, [1.0, 2.0, 3.0], [1.0, 2.0, 4.0], [2.0, 2.0, 3.0])
+    for number, point in zip(NUMBERS, one.points, strict=True):
+        deck.add_grid(number, point - [1.0, 2.0, 3.0], cp=4, cd={12: 8, 5: 9}.get(number, 0))
+    place = one.points[NUMBERS.index(5)] - [2.0, 0.0, 0.0]
+    radial = np.array([place[0], place[1], 0.0]) / np.hypot(place[0], place[1])
+    axes = {
+        12: np.array([[1.0, 0.0, 0.0], [0.0, np.cos(a), np.sin(a)], [0.0, -np.sin(a), np.cos(a)]]),
+        5: np.stack([radial, np.cross([0.0, 0.0, 1.0], radial), [0.0, 0.0, 1.0]]),
+    }
+    Q = np.eye(one.size)
+    for number, R in axes.items():
+        at = np.flatnonzero(one.node == NUMBERS.index(number))
+        Q[np.ix_(at, at)] = R
+    labels = [(NUMBERS[k], int(d) + 1) for k, d in zip(one.node, one.direction, strict=True)]
+    for name, A in (("KAAX", one.K), ("K4AAX", 0.01 * one.K), ("MAAX", one.M), ("MES1", 2.0 * one.M)):
+        turned = Q @ A.toarray() @ Q.T
+        rows, columns = (part.tolist() for part in np.triu_indices(one.size))
+        entries = [labels[k] for k in columns], [labels[k] for k in rows]
+        deck.add_dmig(name, 6, 2, 0, 0, one.size, *entries, turned[rows, columns].tolist())
+    deck.write_bdf(str(tmp_path / "bulk.bdf"), size=16, is_double=True, write_header=False)
+    control = "SOL 103\nCEND\nTITLE = A plate\nSET 1 = 3 THRU 9\nMETHOD = 5\nBEGIN BULK\n"
+    bulk = (tmp_path / "bulk.bdf").read_text()
+    (tmp_path / "job.bdf").write_text(control + "EIGRL,5,,,10\n" + bulk)
+    with pytest.raises(InputError, match="begins with M is allowed, not K4AAX, KAAX, MAAX, MES1; --mass-name"):
+        read_foreign(foreign_files(tmp_path / "job.bdf", None, None, None))
+    with pytest.raises(InputError, match="the name of a matrix of the file is allowed, not mgg"):
+        read_foreign(foreign_files(tmp_path / "job.bdf", None, None, None, mass_name="mgg"))
+    read = read_foreign(foreign_files(tmp_path / "job.bdf", None, None, None, mass_name="maax"))
+    order = np.lexsort((one.direction, np.array(NUMBERS)[one.node]))
+    for name in ("K", "M"):
+        expected = getattr(one, name).toarray()[np.ix_(order, order)]
+        assert getattr(read, name).toarray() == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+    assert read.points == pytest.approx(one.points[np.argsort(NUMBERS)], abs=1e-12)
+
+
+def test_output4_as_text_may_have_exponents_with_d(tmp_path: Path) -> None:
+    files = as_output4(tmp_path)
+    text = files.stiffness.read_text()
+    assert "E+" in text
+    files.stiffness.write_text(text.replace("E+", "D+").replace("E-", "D-"))
+    assert abs(read_foreign(files).K - given().K).max() < 1e-9 * abs(given().K).max()
 
 
 @pytest.mark.parametrize(
