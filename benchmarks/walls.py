@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 import pmr
 from pmr.compare.model_part import Motion, largest_model_error, model_budget
 from pmr.fem.compat import MPI
-from pmr.pipeline.scenes import measure_model, run
+from pmr.pipeline.model_errors import measure_model
+from pmr.pipeline.scenes import run
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.model_ladder import comparable_scene

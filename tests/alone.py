@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pmr.compare import estimate as estimates
 from pmr.compare import step_error as steps
 from pmr.compare.accuracy.trials import Trials
 from pmr.compare.outputs import Outputs, outputs_of_run, run_from_start
-from pmr.scene.keys import ALONE
+from pmr.scene.keys import ALONE, SLIDER
 from pmr.simulation import Excitation
+from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
+
+Array = NDArray[np.float64]
 
 
 def estimate(model: ReducedModel, excitation: Excitation) -> estimates.Estimate:
@@ -29,6 +35,12 @@ def outputs(body: SlidingBody, excitation: Excitation, every: int = 1) -> Output
     """Outputs of a body alone from rest, at each `every`-th step."""
     system = System.of(body)
     return outputs_of_run(system, run_from_start(system, excitation), excitation, every)
+
+
+def frequencies(model: ReducedModel, s: Array, count: int) -> Array:
+    """The lowest natural frequencies (S, count) in Hz of a body alone at the path coordinates s (S,) in m."""
+    system = System.of(model)
+    return Assembly(system).frequencies(system.side_coordinates({SLIDER: s}), count)
 
 
 def trials(model: ReducedModel, excitation: Excitation, kinds: Sequence[str] = ("beam", "tip")) -> Trials:

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from random_machines import G, random_machine
 
+from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.forces import rope_forces
 from pmr.compare.moving_frame import second_order_effect
-from pmr.compare.responses import evaluate_motion
 from pmr.files import npz
 from pmr.reduction.bodies import join_bodies, reduce_bodies
 from pmr.results import Response

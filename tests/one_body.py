@@ -10,7 +10,7 @@ import numpy as np
 import springs
 from numpy.typing import NDArray
 
-from pmr.compare import responses as evaluation
+from pmr.compare import evaluation
 from pmr.results import Energy, Response
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, InitialState, Progress, balance, exudyn

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from waiting import wait_until
 
 from pmr.errors import SimulationError
 from pmr.studies import workers
@@ -89,20 +88,6 @@ def sleep(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
     Path(arguments["file"]).write_text(str(os.getpid()))
     time.sleep(10_000.0)
     return TaskResult()
-
-
-def interval(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:
-    """Return when the task began and ended, in s of one clock for all processes.
-
-    With a folder to `meet` in, it does not end before two tasks have come there.
-    """
-    begin = time.monotonic()
-    time.sleep(0.05)
-    if "meet" in arguments:
-        meeting = Path(arguments["meet"])
-        (meeting / str(arguments["number"])).touch()
-        wait_until(lambda: len(list(meeting.iterdir())) > 1)
-    return TaskResult(arrays={"interval": np.array([begin, time.monotonic()])})
 
 
 def surroundings(arguments: Mapping[str, Any], needs: Needs) -> TaskResult:

@@ -4,35 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from pmr.compare.estimate import (
-    MARGIN,
-    Estimate,
-    UnsettledError,
-    estimate_by_other_model,
-    estimate_error,
-    reason_without_estimate,
-)
+from pmr.compare.attachment_loads import reason_without_estimate
+from pmr.compare.estimate import MARGIN, Estimate, UnsettledError, estimate_by_other_model, estimate_error
 from pmr.compare.model_part import FREQUENCIES, evenly_spaced_steps, frequency_error
-from pmr.compare.outputs import OUTPUT_KINDS, fits_in_memory, has_impulsive_force, run_from_start
-from pmr.compare.responses import Simulations, evaluate_motion
-from pmr.compare.step_error import StepError, step_error, step_summary, step_warnings, with_band
+from pmr.compare.outputs import OUTPUT_KINDS, run_from_start, tip_columns
+from pmr.compare.responses import Simulations
 from pmr.compare.trust import (
     AWAY_FROM_PROBES,
     MACHINE_MOTION,
     RIGID_REACTIONS,
     SECOND_ORDER_EFFECTS,
-    SLIDER_IMPACTS,
     coverage_warnings,
     effects_not_covered,
-    quantities_not_covered,
-    unsettled_force_clauses,
 )
 from pmr.errors import InputError, SimulationError
 from pmr.errors.environment import Clock
@@ -45,7 +35,6 @@ from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.excitation import side_positions
 from pmr.simulation.frame_motion import has_computed_motion
 from pmr.simulation.modal import modal_form
-from pmr.simulation.reactions import with_forces_on_machine
 from pmr.system.assembly import Assembly
 from pmr.system.attachment import has_frame_matrices
 from pmr.system.reduced_model import ReducedModel
@@ -130,7 +119,7 @@ def reduction_error(
     messages += [estimated.scatter] if estimated.scatter else []
     figures = estimate_summary(estimated, left_out) | {"frequency": _frequency_error(models, system, excitation)}
     part = SummaryPart({"estimate": figures} if is_wanted else {}, messages)
-    return ReductionError(part, error_envelope(MARGIN * estimated.error[:, list(estimated.tips)]), estimated.bodies)
+    return ReductionError(part, error_envelope(MARGIN * estimated.error[:, tip_columns(system)]), estimated.bodies)
 
 
 def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitation: Excitation) -> float | None:
@@ -237,36 +226,3 @@ def error_envelope(error: Array) -> Array:
         size = min(len(error), 4 * len(error) // max(int(count), 1))
         width[:, k] = maximum_filter1d(np.abs(error[:, k]), size)
     return width
-
-
-def step_part(
-    scene: Scene, simulated: SimulatedSystem, natural: Array, step_estimate: StepError | None = None
-) -> SummaryPart:
-    """Entry ``step`` of summary.json, the error of the time step, with warnings.
-
-    `natural` (S, f) in Hz are f natural frequencies in S positions on the way.  If the error is known already, it is
-    passed as `step_estimate` and not computed again.  If the step was chosen by its error, as with `[accuracy]`, there
-    is no warning about the size of the error.
-    """
-    system, excitation = simulated.system, simulated.excitation
-    if scene.simulation.simulators[0] != "march":
-        simulated = SimulatedSystem(system, excitation := Excitation.from_scene(scene))
-    impacts = ALONE in system.reduced and has_impulsive_force(system.reduced[ALONE], excitation)
-    complete = None if impacts else partial(with_forces_on_machine, scene)
-    try:
-        run = simulated.run if step_estimate is None and fits_in_memory(system, excitation.stepping) else None
-        step_estimate = step_estimate or step_error(system, excitation, run, complete=complete)
-        if step_estimate.band is None:
-            step_estimate = with_band(step_estimate, system, excitation)
-    except (SimulationError, InputError) as error:
-        messages = [f"the error of the time step is not known: {error}"]
-        return SummaryPart({"step": step_summary(None, str(error))}, messages)
-    searched = scene.accuracy is not None
-    messages = [] if searched else step_warnings(step_estimate, excitation.stepping, excitation.signals, natural)
-    response = simulated.response or evaluate_motion(system, simulated.run)
-    exact = ("frequency", *["pad_force"] * impacts)  # frequencies have no step; impacts have their own line
-    lacking = quantities_not_covered(
-        scene, with_forces_on_machine(scene, response), step_estimate.further_errors, exact
-    )
-    lacking = [SLIDER_IMPACTS] * impacts + lacking + unsettled_force_clauses(step_estimate.unsettled)
-    return SummaryPart({"step": step_summary(step_estimate, not_covered=lacking)}, messages)

@@ -22,16 +22,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.compare.round_off import ROUND_OFF, Pair, largest_absolute, zero_round_off
 from pmr.errors import SimulationError
 from pmr.results import Response
-from pmr.simulation.start import dense
-from pmr.system.body import SlidingBody, force_outputs, length_outputs, other_outputs, released_rows
 
 Array = NDArray[np.float64]
 #: Function that returns the error of a signal against a reference of the same shape.
 Measure = Callable[[Array, Array], float]
 ResponseFunction = Callable[[Response], Array]
-Pair = tuple[Array, Array]
 #: Names of models; of two responses, the one whose model comes later here is the reference.
 ORDER = ("reduced", "full", "ancf")
 
@@ -40,13 +38,6 @@ ORDER = ("reduced", "full", "ancf")
 RELATIVE_FLOOR = 1e-6
 #: Norm of a reference above which the squares of all components that count neither underflow nor lose digits.
 LEAST = 1e-130
-#: Share of a displacement or force that may remain as round-off if its contributions cancel: tens of thousands of units
-#: of double precision.  BLAS routines leave up to 1.6e-12 of a displacement.
-ROUND_OFF = 1e-11
-#: Stiffness in N/m that makes a held coordinate rigid.
-HOLDS = 1e300
-#: Largest number of coordinates of a body whose round-off is bounded: this takes a dense matrix.
-LARGEST_COMPLIANCE = 500
 
 
 def nrms(signal: Array, reference: Array) -> float:
@@ -108,14 +99,6 @@ def refuse_infinite(*values: Array) -> None:
         )
 
 
-def largest_absolute(values: Array, axis: int | None = 0) -> Any:
-    """Largest absolute value along `axis` (0: of each column; None: of all entries); NaN if an entry is NaN.
-
-    It is computed from maximum and minimum, which saves the memory of an array of absolute values.
-    """
-    return np.maximum(values.max(axis=axis, initial=0.0), -values.min(axis=axis, initial=0.0))
-
-
 def observed_quantities(tips: int, columns: slice) -> Mapping[str, ResponseFunction]:
     """Functions of a response, by name, that return the compared quantities of a single body, (T, k) each.
 
@@ -136,13 +119,12 @@ NODE_QUANTITIES = observed_quantities(1, slice(None))
 def errors_between(
     responses: Mapping[str, Response],
     measure: Measure = nrms,
-    order: tuple[str, ...] = ORDER,
     quantities: Mapping[str, ResponseFunction] = NODE_QUANTITIES,
 ) -> dict[str, dict[str, float]]:
     """Errors of all pairs of models, as ``{"reduced_vs_full": {"tip": ..., "beam": ..., "pad_force": ...}, ...}``.
 
     `responses` maps names of models to their responses.  `measure` is `nrms` or `relative_error` (fractions) or
-    `absolute_error` (m for displacements, N for forces).  In each pair, the model that comes later in `order` is the
+    `absolute_error` (m for displacements, N for forces).  In each pair, the model that comes later in `ORDER` is the
     reference.  The pinned node, which does not move, counts in no pair.  All further outputs that both responses have,
     such as probes and reactions, are compared too, under their own names.
 
@@ -150,7 +132,7 @@ def errors_between(
     model vibrate at frequencies above those of the reduced model; forces show that, displacements hardly do
     (docs/paper.md).
     """
-    return errors_of_pairs(compared_pairs(responses, order, quantities), measure)
+    return errors_of_pairs(compared_pairs(responses, quantities), measure)
 
 
 def errors_of_pairs(pairs_of_models: Mapping[str, Mapping[str, Pair]], measure: Measure) -> dict[str, dict[str, float]]:
@@ -159,27 +141,22 @@ def errors_of_pairs(pairs_of_models: Mapping[str, Mapping[str, Pair]], measure: 
 
 
 def compared_pairs(
-    responses: Mapping[str, Response],
-    order: tuple[str, ...] = ORDER,
-    quantities: Mapping[str, ResponseFunction] = NODE_QUANTITIES,
+    responses: Mapping[str, Response], quantities: Mapping[str, ResponseFunction] = NODE_QUANTITIES
 ) -> dict[str, dict[str, Pair]]:
     """Pairs (signal, reference), each (T, o), that `errors_between` compares, by ``<a>_vs_<b>`` and quantity.
 
     The number of columns of a quantity is o.  Columns in which neither signal nor reference exceeds round-off are set
     to 0.
     """
-    present = [name for name in order if name in responses]
+    present = [name for name in ORDER if name in responses]
     pairs_of_models = dict[str, dict[str, Pair]]()
     least = max((response.round_off for response in responses.values()), default=0.0)
     least_force = max((response.force_round_off for response in responses.values()), default=0.0)
     for a, b in combinations(present, 2):
-        compared_response, reference = _without_round_off(
-            *with_common_forces(responses[a], responses[b]), least, least_force
-        )
-        pairs_of_models[f"{a}_vs_{b}"] = {
-            name: (what(compared_response), what(reference)) for name, what in quantities.items()
-        }
-        pairs_of_models[f"{a}_vs_{b}"] |= _other_pairs(responses[a], responses[b], least_force)
+        common = with_common_forces(responses[a], responses[b])
+        signal, reference = _without_round_off(*common, least, least_force)
+        pairs = {name: Pair(quantity(signal), quantity(reference)) for name, quantity in quantities.items()}
+        pairs_of_models[f"{a}_vs_{b}"] = pairs | _other_pairs(responses[a], responses[b], least_force)
     return pairs_of_models
 
 
@@ -191,12 +168,13 @@ def _other_pairs(response: Response, reference: Response, force: float) -> dict[
     the round-off of forces.
     """
     units = dict(zip(response.other_names, response.other_units, strict=True))
-    pairs = {name: (response.other(name), reference.other(name)) for name in units if name in reference.other_names}
+    common = [name for name in units if name in reference.other_names]
+    pairs = {name: Pair(response.other(name), reference.other(name)) for name in common}
     sizes = {name: max(float(largest_absolute(values)) for values in pair) for name, pair in pairs.items()}
     for name, pair in pairs.items():
         least = RELATIVE_FLOOR * max(size for other_name, size in sizes.items() if units[other_name] == units[name])
         least = max(least, force) if units[name] in ("N", "N m") else least
-        pairs[name] = pair if sizes[name] > least else (np.zeros_like(pair[0]), np.zeros_like(pair[1]))
+        pairs[name] = pair if sizes[name] > least else Pair(*map(np.zeros_like, pair))
     return pairs
 
 
@@ -209,10 +187,8 @@ def with_common_forces(first: Response, second: Response) -> tuple[Response, Res
         return first, second
     common = [name for name in first.force_names if name in second.force_names]
 
-    aligned = [
-        response.with_forces([response.force_names.index(name) for name in common]) for response in (first, second)
-    ]
-    return aligned[0], aligned[1]
+    first = first.with_forces([first.force_names.index(name) for name in common])
+    return first, second.with_forces([second.force_names.index(name) for name in common])
 
 
 def _without_round_off(
@@ -226,109 +202,8 @@ def _without_round_off(
     x, y = zero_round_off(compared_response.displacement, reference.displacement, least)
     size = max(float(largest_absolute(response.slider_force, None)) for response in (compared_response, reference))
     f, g = zero_round_off(compared_response.slider_force, reference.slider_force, max(force, ROUND_OFF * size))
-    return replace(compared_response, displacement=x, slider_force=f), replace(
-        reference, displacement=y, slider_force=g
-    )
-
-
-def zero_round_off(signal: Array, reference: Array, round_off: float | Array) -> tuple[Array, Array]:
-    """Signal and reference (T, o) with zeros in those columns in which neither exceeds `round_off`.
-
-    `round_off` is one value, or one for each column (o,), in the unit of the signals.
-    """
-    moves = np.maximum(largest_absolute(signal), largest_absolute(reference)) > round_off
-    if moves.all():
-        return signal, reference
-    return np.where(moves, signal, 0.0), np.where(moves, reference, 0.0)
-
-
-def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> float:
-    r"""Largest displacement in m that may be nothing but round-off, if loads (T, i) in N act for `end` seconds.
-
-    .. math:: 10^{-11} \max_o \lVert O_o^T \rVert \sum_i \lVert B_i \rVert \max_t |f_i|, \qquad
-        \lVert x \rVert^2 = x^T \big(K + (2 \pi / t_e)^2 M\big)^{-1} x
-
-    with the row :math:`O_o` of each displacement output, the column :math:`B_i` of each of the i inputs, its load
-    :math:`f_i`, stiffness K, mass M and :math:`t_e` = `end`.
-
-    By the inequality of Cauchy and Schwarz, the product bounds the effect of the loads on an output of the bodies with
-    released contacts, in any coordinates.  Round-off is a share of this effect, even if a slider cancels the
-    displacement, or if loads along the axis don't bend the body at all.  It is linear in the loads, so that no motion
-    counts as round-off because the loads are small.  It is 0 if a body has more than `LARGEST_COMPLIANCE` coordinates.
-    """
-    return float(ROUND_OFF * _largest_motions(bodies, loads, end, length_outputs).max(initial=0.0))
-
-
-def probe_round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> Array:
-    """Round-off (k,), as in `round_off`, of each of k probes: outputs that are neither in m nor in N; in its unit."""
-    return ROUND_OFF * _largest_motions(bodies, loads, end, other_outputs)
-
-
-def _largest_motions(
-    bodies: Mapping[str, SlidingBody], loads: Array, end: float, select: Callable[[SlidingBody], NDArray[np.bool_]]
-) -> Array:
-    """Bound (o,) on each of o selected outputs, in its unit, under loads (T, i) in N for `end` seconds.
-
-    `select` returns the mask of the selected outputs of a body.  All bounds are 0 if a body has more than
-    `LARGEST_COMPLIANCE` coordinates.
-    """
-    sizes, reach, first = list[Array](), 0.0, 0
-    for body in bodies.values():
-        chosen, last = select(body), first + body.B.shape[1]
-        A = _dynamic_stiffness(body, end)
-        reach += np.inf if A is None else _load_norm(A, body, loads[:, first:last])
-        sizes.append(np.zeros(np.count_nonzero(chosen)) if A is None else _norms(A, dense(body.outputs)[chosen]))
-        first = last
-    sizes_of_outputs = np.concatenate(sizes)
-    return sizes_of_outputs * reach if np.isfinite(reach) else np.zeros_like(sizes_of_outputs)
-
-
-def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> float:
-    r"""Largest force in N that may be nothing but round-off in a body under loads (T, i) in N for `end` seconds.
-
-    It is bounded as in `round_off`, for the outputs that are forces and for the multipliers of the rows that move or
-    only push.  The force of a row is at most :math:`\lVert B \rVert |f| / \sqrt{\lVert C^T \rVert^2 + G + 1/k}` with
-    the inputs B, their loads f, the row C and its residual flexibility G at the path coordinate s in m, and the row's
-    stiffness k (norms as in `round_off`).  `ROUND_OFF` times that is the result.  It is 0 if the body has more than
-    `LARGEST_COMPLIANCE` coordinates.
-    """
-    if (A := _dynamic_stiffness(body, end)) is None:
-        return 0.0
-    rows = released_rows(body)
-    C = dense(body.C(s))[rows]
-    give = _norms(A, C) ** 2 + np.asarray(body.row_compliance)[rows]
-    if body.flexibility is not None:
-        give = give + np.diag(body.flexibility.rows(s))[rows]
-    stiff = 1.0 / np.sqrt(give[give > 0.0])
-    forces = _norms(A, dense(body.outputs)[force_outputs(body)])
-    return float(ROUND_OFF * np.concatenate([stiff, forces]).max(initial=0.0) * _load_norm(A, body, loads))
-
-
-def _dynamic_stiffness(body: SlidingBody, end: float) -> Array | None:
-    """Matrix K + (2 pi / end)^2 M (n, n) with held coordinates made rigid; None if it can't be computed.
-
-    It is None if the body has more than `LARGEST_COMPLIANCE` coordinates, or unless `end` in s is positive.
-    """
-    if body.size > LARGEST_COMPLIANCE or not end > 0.0:
-        return None
-    stiffness = dense(body.K + (2.0 * np.pi / end) ** 2 * body.M)
-    held = list(body.held.values())
-    stiffness[held] = stiffness[:, held] = 0.0
-    stiffness[held, held] = HOLDS
-    return stiffness
-
-
-def _norms(A: Array, rows: Array) -> Array:
-    """Norms sqrt(x A^-1 x^T) (r,) of the rows x of `rows` (r, n), with the symmetric matrix A (n, n)."""
-    return np.asarray(np.sqrt(np.maximum(np.einsum("rn,nr->r", rows, np.linalg.solve(A, rows.T)), 0.0)))
-
-
-def _load_norm(A: Array, body: SlidingBody, loads: Array) -> float:
-    """Sum over the inputs of the largest absolute load (T, i) in N times the norm of the input's column of B.
-
-    The norm is that of `_norms` with the matrix A.
-    """
-    return float(_norms(A, np.asarray(body.B).T) @ np.abs(loads).max(axis=0, initial=0.0))
+    signal = replace(compared_response, displacement=x, slider_force=f)
+    return signal, replace(reference, displacement=y, slider_force=g)
 
 
 #: Histories (T,) of forces or moments: by kind and unit, such as ``("pad_force", "N")``, then by name.

@@ -47,19 +47,15 @@ def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart
     """
     joined, along, figures = len(scene.sections) > 1, scene.path_positions(response.t), dict[str, Any]()
     if joined or scene.pads:
-        figures["pads"] = [
-            {"name": name, **extremes.summary()} for name, extremes in pad_extremes(scene, response).items()
-        ]
+        loads = pad_extremes(scene, response)
+        figures["pads"] = [{"name": name, **extremes.summary()} for name, extremes in loads.items()]
     if joined:
         figures["cylinders"] = list(_cylinder_rows(scene, system, response))
-    warnings = (
-        _kink_warnings(figures.get("cylinders", ()))
-        + unknown_force_warnings(scene, response)
-        + missing_reaction_warnings(scene)
-    )
-    return SummaryPart(
-        figures | reaction_rows(scene, response, along), warnings, pulled_pad_warnings(scene, system.contacts, response)
-    )
+    kinks = {row["name"]: row.get("kinks", ()) for row in figures.get("cylinders", ())}
+    warnings = _kink_warnings(kinks) + unknown_force_warnings(scene, response)
+    warnings += missing_reaction_warnings(scene)
+    pulled = pulled_pad_warnings(scene, system.contacts, response)
+    return SummaryPart(figures | reaction_rows(scene, response, along), warnings, pulled)
 
 
 def pad_extremes(scene: Scene, response: Response) -> dict[str, Extremes]:
@@ -72,15 +68,10 @@ def pad_extremes(scene: Scene, response: Response) -> dict[str, Extremes]:
     names = [name for ring in _pad_rings(scene) for name, _, _ in ring.named_pads]
     if len(scene.sections) > 1:
         cylinders = set(map(cylinder_name, scene.names))
-        names = [
-            name
-            for response_name in response.force_names
-            if (name := response_name.removeprefix(force_name(""))) not in cylinders
-        ]
-    forces = {name: _pad_force(response, name) for name in names}
-    return {
-        name: Extremes.from_history(force, response.t, along) for name, force in forces.items() if force is not None
-    }
+        names = [name.removeprefix(force_name("")) for name in response.force_names]
+        names = [name for name in names if name not in cylinders]
+    forces = {name: force for name in names if (force := _pad_force(response, name)) is not None}
+    return {name: Extremes.from_history(force, response.t, along) for name, force in forces.items()}
 
 
 def _pad_rings(scene: Scene) -> tuple[PadRing, ...]:
@@ -94,12 +85,9 @@ def _cylinder_rows(scene: Scene, system: System, response: Response) -> Iterator
     driven = {force_name(cylinder_name(name)): name for name in scene.names[1:]}
     for force in response.force_names:
         if (body := driven.get(force)) is not None:
-            row = {
-                "name": cylinder_name(body),
-                **Extremes.from_history(
-                    response.clear_round_off(response.force(force, 0)), response.t, along
-                ).summary(),
-            }
+            history = response.clear_round_off(response.force(force, 0))
+            extremes = Extremes.from_history(history, response.t, along)
+            row = {"name": cylinder_name(body), **extremes.summary()}
             if friction_name(body) in response.other_names:
                 row |= _friction_figures(scene, system, response, body)
             yield row | ({"kinks": kinks} if (kinks := at_kinks[cylinder_name(body)]) else {})
@@ -148,17 +136,10 @@ def missing_reaction_warnings(scene: Scene) -> list[str]:
     """
     weight_along = scene.gravity is not None and scene.gravity.direction[0] != 0.0
     # sections that slide in others are accelerated along them, and have cylinders
-    bodies_without_axial = [
-        member.part.name or "the body"
-        for member in members(scene)
-        if not has_axial_motion(member) and (weight_along or member.has_joint)
-    ]
-    supports_of_all_points = [
-        qualified_name(body, str(member.on))
-        for body, part in zip(scene.names, scene.sections, strict=True)
-        for member in part.supports
-        if member.points == "all"
-    ]
+    without_axial = [member for member in members(scene) if not has_axial_motion(member)]
+    bodies_without_axial = [m.part.name or "the body" for m in without_axial if weight_along or m.has_joint]
+    supports = [(body, support) for body, part in scene.bodies.items() for support in part.supports]
+    supports_of_all_points = [qualified_name(body, str(of.on)) for body, of in supports if of.points == "all"]
     of_bodies = (
         f"{', '.join(bodies_without_axial)}: planar beams without coordinates along x (body.profile.axial is false), "
         "so that reactions and cylinder forces along it are not computed"
@@ -188,19 +169,13 @@ def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Res
     """
     loads, lines = pad_extremes(scene, response), list[str]()
     largest = max((max(load.most, -load.least) for load in loads.values()), default=0.0)
-    pulling = {
-        name: load
-        for name, load in loads.items()
-        if -load.least > max(PULLED * max(load.most, 0.1 * largest), response.force_round_off)
-    }
+    pulling = {name: load for name, load in loads.items() if -load.least > PULLED * max(load.most, 0.1 * largest)}
+    pulling = {name: load for name, load in pulling.items() if -load.least > response.force_round_off}
     for ring in _pad_rings(scene):
         of_ring = {name: pulling[name] for name, _, _ in ring.named_pads if name in pulling and not ring.unilateral}
         lines += [_ring_warning(ring, of_ring, response)] if of_ring else []
-    held = [
-        contact
-        for contact in contacts
-        if contact.inner.body in scene.names[1:] and contact.clearance is None and contact.name in pulling
-    ]
+    held = [contact for contact in contacts if contact.clearance is None and contact.name in pulling]
+    held = [contact for contact in held if contact.inner.body in scene.names[1:]]
     return [*lines, _joints_warning(held, pulling, response)] if held else lines
 
 
@@ -209,12 +184,8 @@ def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:
 
     Such a pad is held by the choice of coordinates.
     """
-    names = [
-        name
-        for ring in _pad_rings(scene)
-        for name, face, _ in ring.named_pads
-        if ring.stiffness == "rigid" and not ring.moving and _pad_force(response, name) is None
-    ]
+    staying = [ring for ring in _pad_rings(scene) if ring.stiffness == "rigid" and not ring.moving]
+    names = [name for ring in staying for name, _, _ in ring.named_pads if _pad_force(response, name) is None]
     if not names or not response.force_names:
         return []
     pads = f"the pads {', '.join(names)} are" if len(names) > 1 else f"the pad {names[0]} is"
@@ -281,16 +252,12 @@ def _accelerated_mass(body: SlidingBody) -> float:
     return float(B @ spla.spsolve(sp.csc_matrix(body.M), B))
 
 
-def _kink_warnings(cylinders: Sequence[Mapping[str, Any]]) -> list[str]:
+def _kink_warnings(kinks_of_cylinders: Mapping[str, Sequence[Mapping[str, float]]]) -> list[str]:
     """A warning, if any cylinder has kinks, that forces at kinks must not be used for sizing; else nothing."""
-    impulses_at_kinks = [
-        (abs(kink["impulse"]), kink["t"], cylinder["name"])
-        for cylinder in cylinders
-        for kink in cylinder.get("kinks", ())
-    ]
-    if not impulses_at_kinks:
+    kinks = [(kink, name) for name, of_cylinder in kinks_of_cylinders.items() for kink in of_cylinder]
+    if not kinks:
         return []
-    most, t, name = max(impulses_at_kinks)
+    most, t, name = max((abs(kink["impulse"]), kink["t"], name) for kink, name in kinks)
     return [
         f"extensions have kinks, where cylinders give impulses, up to {most:.4g} N s: {name} at {t:g} s; the height of "
         "cylinder and pad forces there depends on the step, on stiffnesses and on the number of coordinates, so size "
@@ -373,14 +340,8 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
     length, arm = scene.frame.cylinder.length_and_arm(angle.value(t))
     speed = arm * angle.rate(t)
     histories = {"force": force, "length": length, "speed": speed, "power": force * speed}
-    return SummaryPart(
-        {
-            "luffing_cylinder": {
-                key: Extremes.from_history(history, t, along).summary() for key, history in histories.items()
-            }
-        },
-        warnings=turning_warnings(scene, angle.value(t)),
-    )
+    figures = {key: Extremes.from_history(history, t, along).summary() for key, history in histories.items()}
+    return SummaryPart({"luffing_cylinder": figures}, warnings=turning_warnings(scene, angle.value(t)))
 
 
 def turning_warnings(scene: Scene, angles: Array) -> list[str]:

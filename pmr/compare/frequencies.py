@@ -28,12 +28,11 @@ from pmr.results import Frequencies, FrequencyMap, FrequencyResponse, Paths
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.choice import is_pinned_beam
-from pmr.scene.keys import ALONE, LUFFING, SLIDER
+from pmr.scene.keys import ALONE, LUFFING
 from pmr.scene.members import member_at
 from pmr.simulation import Excitation
 from pmr.simulation.at_rest import amplitudes_at_rest, critical_luffing
 from pmr.system.assembly import Assembly
-from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -55,15 +54,6 @@ def comparison_positions(scene: Scene, size: int) -> Array:
     """
     low, high = scene.path_bounds
     return np.linspace(low, high, POSITIONS if size <= LARGE else FEWER_POSITIONS) if high > low else np.array([low])
-
-
-def reduced_frequencies(model: ReducedModel, s: Array, count: int) -> Array:
-    """The `count` lowest frequencies (S, count) in Hz at the path coordinates s (S,) in m.
-
-    If fewer than `count` coordinates are free, the last columns are NaN.
-    """
-    system = System.of(model)
-    return Assembly(system).frequencies(system.side_coordinates({SLIDER: s}), count)
 
 
 def closed_form_frequencies(scene: Scene, s: Array, count: int) -> Array:
@@ -120,7 +110,7 @@ def axial_frequencies(length: float, axial_stiffness: float, mass_per_length: fl
     return (2 * n - 1) * np.pi / (2.0 * length) * np.sqrt(axial_stiffness / mass_per_length)
 
 
-def _characteristic(x: Any, share: float) -> Any:
+def _characteristic(x: Array | float, share: float) -> Any:
     r"""Characteristic function of a beam of length L that is pinned at 0, supported at s and free at L.
 
     Its roots in x are beta L of the natural frequencies; `share` is s / L.  It is
@@ -179,16 +169,10 @@ def frequency_response(
     static = answers[:, 0].real
     furthest = np.abs(static).max(axis=0).argmax(axis=0)  # for each load: direction in which it moves the tip most
     inputs = np.arange(len(system.input_names))
-    return FrequencyResponse(
-        abscissa,
-        f,
-        np.abs(answers[:, 1:])[:, :, furthest, inputs],
-        static[:, furthest, inputs],
-        damped=bool(assembly.D.count_nonzero()),
-        outputs=tuple(names[which[k]] for k in furthest),
-        inputs=system.input_names,
-        units=tuple(_UNITS.get(unit, f"m/({unit})") for unit in system.input_units),
-    )
+    gain, damped = np.abs(answers[:, 1:])[:, :, furthest, inputs], bool(assembly.D.count_nonzero())
+    outputs = tuple(names[which[k]] for k in furthest)
+    units = tuple(_UNITS.get(unit, f"m/({unit})") for unit in system.input_units)
+    return FrequencyResponse(abscissa, f, gain, static[:, furthest, inputs], damped, outputs, system.input_names, units)
 
 
 def frequency_part(response: FrequencyResponse | None) -> SummaryPart:
@@ -283,10 +267,10 @@ def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, poi
     t = points.t if system.terms else None
     if ALONE not in system.bodies:
         return Frequencies(points.along, points.s, curves, frequency_map(scene, system), t)
-    closed = (
-        np.empty((0, 0)) if system.terms else closed_form_frequencies(scene, points.along, points.count) / (2.0 * np.pi)
-    )
-    return Frequencies(points.along, points.s, curves | ({"closed_form": closed} if closed.size else {}), t=t)
+    closed = None if system.terms else closed_form_frequencies(scene, points.along, points.count) / (2.0 * np.pi)
+    if closed is not None and closed.size:
+        curves["closed_form"] = closed
+    return Frequencies(points.along, points.s, curves, t=t)
 
 
 def response_on_way(scene: Scene, system: System, excitation: Excitation) -> FrequencyResponse | None:
@@ -366,14 +350,10 @@ def published_part(boom: Scene, frequencies: Frequencies) -> SummaryPart:
     published = boom.published.frequencies if boom.published else ()
     low, high, slack = frequencies.along[0], frequencies.along[-1], BESIDE * frequencies.along[-1]
     within = [frequency for frequency in published if low - slack <= frequency.reach <= high + slack]
-    rows = [
-        {"reach": frequency.reach, "published": frequency.first}
-        | {
-            model: float(np.interp(frequency.reach, frequencies.along, f[:, 0]))
-            for model, f in frequencies.models.items()
-        }
-        for frequency in within
-    ]
+    rows = list[dict[str, float]]()
+    for at in within:
+        of_models = {name: np.interp(at.reach, frequencies.along, f[:, 0]) for name, f in frequencies.models.items()}
+        rows.append({"reach": at.reach, "published": at.first} | {name: float(f) for name, f in of_models.items()})
     beyond = ", ".join(f"{frequency.reach:g}" for frequency in published if frequency not in within)
     warning = (
         f"published frequencies at a reach of {beyond} m are left out: this boom reaches {low:.6g} to {high:.6g} m"

@@ -123,12 +123,9 @@ class Motion:
                 places.setdefault((output.body, output.direction), []).append((output.place, self.response.column(k)))
         for output in other.response.outputs:
             mine = sorted(places.get((output.body, output.direction), ()), key=lambda at: at[0])
-            if (
-                output.kind == "beam"
-                and output.place is not None
-                and mine
-                and mine[0][0] <= output.place <= mine[-1][0]
-            ):
+            if output.kind != "beam" or output.place is None or not mine:
+                continue
+            if mine[0][0] <= output.place <= mine[-1][0]:
                 x = np.array([at for at, _ in mine])
                 k = int(np.clip(np.searchsorted(x, output.place), 1, max(1, len(x) - 1)))
                 before, after = mine[k - 1], mine[min(k, len(x) - 1)]
@@ -164,8 +161,7 @@ def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str)
     shares |= force_errors(motion.forces, richer.forces)
     directions = motion.mode_motions.any(axis=(0, 2))
     f = {"own": motion.lowest_frequencies(directions), "richer": richer.lowest_frequencies(directions)}
-    pushing = any(ring.unilateral for part in scene.sections for ring in part.pads)
-    pushing |= any(ring.unilateral for part in scene.sections if part.joint for ring in part.joint.rings)
+    pushing = any(ring.unilateral for part in scene.sections for ring in part.rings)
     return {
         "beside": richer_name,
         **shares,

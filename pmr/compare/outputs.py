@@ -16,28 +16,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.errors import (
-    RELATIVE_FLOOR,
-    ResponseFunction,
-    force_round_off,
-    probe_round_off,
-    refuse_infinite,
-    relative_error,
-    round_off,
-    zero_round_off,
-)
+from pmr.compare.errors import RELATIVE_FLOOR, ResponseFunction, refuse_infinite, relative_error
+from pmr.compare.round_off import Pair, force_round_off, probe_round_off, round_off, zero_round_off
+from pmr.compare.velocities import displacement_rates
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE, qualified_name
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.contact_step import contact_frequency, with_schedule
-from pmr.simulation.excitation import signals_in_order
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.reactions import column_names, is_reaction
-from pmr.simulation.start import dense
-from pmr.system.body import SlidingBody, Trajectory, force_outputs, length_outputs, other_outputs
-from pmr.system.polynomials import apply_table, evaluate
+from pmr.system.body import force_outputs, length_outputs, other_outputs
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import AnyBody, BodySystem, System
@@ -51,7 +41,6 @@ CYLINDER_FORCE = "cylinder_force"
 FORCE_KINDS = ("pad_force", CYLINDER_FORCE)
 #: Share of the largest probe in the same unit: errors of smaller probes are relative to this share of the largest.
 LITTLE = 0.01
-_HISTORIES = ("displacement", "velocity", "force", "probe")
 
 
 @dataclass(frozen=True)
@@ -94,18 +83,6 @@ class Outputs:
         velocity = self.velocity[:, which] if rates else self.velocity
         return replace(self, displacement=self.displacement[:, which], velocity=velocity, tips=tips)
 
-    def plus(self, difference: Outputs) -> Outputs:
-        """Sum of these outputs and the outputs `difference`, kind by kind."""
-        return replace(self, **{name: getattr(self, name) + getattr(difference, name) for name in _HISTORIES})
-
-    def minus(self, other: Outputs) -> Outputs:
-        """These outputs minus others, kind by kind."""
-        return self.plus(other.times(-1.0))
-
-    def times(self, factor: float) -> Outputs:
-        """Product of these outputs, of all kinds, and a factor."""
-        return replace(self, **{name: factor * getattr(self, name) for name in _HISTORIES})
-
 
 @dataclass(frozen=True)
 class RoundOffBounds:
@@ -117,10 +94,10 @@ class RoundOffBounds:
 
     @classmethod
     def for_system(cls, system: System, excitation: Excitation, forces: Array | None = None) -> RoundOffBounds:
-        """Bounds of the round-off of a system's outputs under the excitation's loads (`pmr.compare.errors.round_off`).
+        """Bounds of the round-off of a system's outputs under the excitation's loads (`pmr.compare.round_off`).
 
         For several bodies, the bound of forces is `RELATIVE_FLOOR` times the largest of the contact forces `forces` (T,
-        m) in N, or 0 if these are None.  For a single body it is `pmr.compare.errors.force_round_off`.
+        m) in N, or 0 if these are None.  For a single body it is `pmr.compare.round_off.force_round_off`.
         """
         f, end, least = excitation.forces(system.input_names), excitation.stepping.end, 0.0
         if ALONE in system.bodies:
@@ -143,18 +120,18 @@ def differences(
     for kind in kinds:
         match kind:
             case "tip":
-                pair = moves[0][:, list(reference.tips)], moves[1][:, list(reference.tips)]
+                pair = Pair(*(y[:, list(reference.tips)] for y in moves))
             case "beam":
                 pair = moves
             case "pad_force" | "cylinder_force":
                 forces = zero_round_off(outputs.force, reference.force, floors.force)
-                pair = outputs._forces(kind, forces[0]), reference._forces(kind, forces[1])
+                pair = Pair(outputs._forces(kind, forces.signal), reference._forces(kind, forces.reference))
             case "probe":
                 errors[kind] = float(probe_differences(outputs, reference, floors).max(initial=0.0))
                 continue
             case _:
-                still = ~np.any(moves[0], axis=0) & ~np.any(moves[1], axis=0)
-                pair = np.where(still, 0.0, outputs.of_kind(kind)), np.where(still, 0.0, reference.of_kind(kind))
+                still = ~np.any(moves.signal, axis=0) & ~np.any(moves.reference, axis=0)
+                pair = Pair(*(np.where(still, 0.0, of.of_kind(kind)) for of in (outputs, reference)))
         errors[kind] = relative_error(*pair)
     return errors
 
@@ -192,6 +169,16 @@ def has_impulsive_force(model: ReducedModel, excitation: Excitation) -> bool:
 
 
 Supports = Sequence[tuple[str, str]]  # names and units of rigid supports
+
+
+def lifts_off(forces: Array) -> bool:
+    """Whether any of p contacts that only push is closed at some steps and open at others.
+
+    `forces` (T, p) in N are the forces of these contacts; the force of an open contact is zero.
+    """
+    pushed = forces > 0.0
+    return bool(np.any(pushed.any(axis=0) & ~pushed.all(axis=0)))
+
 
 #: Kind of contacts that keep overlapping sections parallel: they bear moments, not forces of pads.
 STRAIGHT = "straight"
@@ -248,17 +235,11 @@ def output_contacts(system: BodySystem[AnyBody]) -> list[int]:
     Rigid supports are left out, since their forces are reactions, and so are contacts of the kind `STRAIGHT`.  For a
     single body, contacts that neither move nor only push are left out too.
     """
-    bearing_contacts = [
-        (k, contact)
-        for k, contact in enumerate(system.contacts)
-        if contact.kind != STRAIGHT and not is_reaction(contact)
-    ]
-    alone = ALONE in system.bodies
-    return [
-        k
-        for k, contact in bearing_contacts
-        if not alone or contact.inner.path is not None or contact.clearance is not None
-    ]
+    contacts, numbers = system.contacts, range(len(system.contacts))
+    bearing = [k for k in numbers if contacts[k].kind != STRAIGHT and not is_reaction(contacts[k])]
+    if ALONE not in system.bodies:
+        return bearing
+    return [k for k in bearing if contacts[k].inner.path is not None or contacts[k].clearance is not None]
 
 
 def force_kinds_of_system(system: System) -> tuple[str, ...]:
@@ -287,77 +268,6 @@ def tip_names(boom: Scene) -> set[str]:
 def section_columns(section: str, response: Response) -> list[int]:
     """Numbers of the displacements in a response that belong to a section, including those of its tip."""
     return [k for k, output in enumerate(response.outputs) if output.body == section and output.kind in ("beam", "tip")]
-
-
-@dataclass(frozen=True)
-class Rates:
-    """Signals over time and their rates, each (T, k)."""
-
-    value: Array
-    rate: Array
-
-
-def load_rates(model: ReducedModel, excitation: Excitation) -> Rates:
-    """Loads (T, i) in N at all steps and their rates (T, i) in N/s, in the order of the model's inputs."""
-    t, signals = excitation.times, signals_in_order(excitation.loads, model.input_names)
-    rates = np.column_stack([np.empty((len(t), 0)), *(load.rate(t) for load in signals)])
-    return Rates(excitation.forces(model.input_names), rates)
-
-
-def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, loads: Rates) -> Rates:
-    """Multipliers z (T, m) in N, which deform the residual part, and their rates (T, m) in N/s (see `output_rates`).
-
-    `path_rate` (T,) is the rate of the path coordinate in m/s.  Open contacts have the rate 0.  Raises ValueError if
-    the model has no residual flexibility.
-    """
-    tables, s = model.flexibility, trajectory.s
-    if tables is None:
-        raise ValueError("without residual flexibility no force follows from the positions")
-    z, ds = trajectory.multipliers, path_rate[:, None]
-    right = model.apply_rows(s, trajectory.v) + ds * model.apply_rows(s, trajectory.q, derivative=1)
-    right += apply_table(tables.inputs, s, loads.rate) + ds * apply_table(tables.inputs, s, loads.value, 1)
-    right -= ds * apply_table(tables.rows, s, z, 1)
-    G = evaluate(tables.rows, s) + np.diag(model.row_compliance)
-    is_open = ~np.isnan(model.row_clearance) & (z == 0.0)  # force and rate are zero
-    apart = is_open[:, :, None] | is_open[:, None, :]
-    G, right = np.where(apart, np.eye(z.shape[1]), G), np.where(is_open, 0.0, right)
-    return Rates(z, np.linalg.solve(G, right[:, :, None])[:, :, 0])
-
-
-def output_rates(model: ReducedModel, trajectory: Trajectory, excitation: Excitation) -> Array:
-    r"""Rates of the outputs, (T, o) in m/s, of a trajectory in the model's coordinates, at all steps of the excitation.
-
-    .. math::
-        \dot y = O \dot p + W \dot f - X \dot z - \dot s X' z, \qquad
-        (G + 1/k)\, \dot z = C \dot p + \dot s C' p + H \dot f + \dot s H' f - \dot s G' z
-
-    with outputs y, coordinates p, loads f, multipliers z that deform the residual part, path coordinate s, stiffnesses
-    k of the rows, output matrix O, rows C(s), and the tables of residual flexibility W (`direct`), X(s) (`outputs`),
-    H(s) (`inputs`) and G(s) (`rows`); a prime is the derivative with respect to s (docs/moving_residual_flexibility.md,
-    section 5).  Without residual flexibility only :math:`O \dot p` is left.
-
-    At a kink of s or f, z and the deformation under the slider have kinks too: their rates jump, which is possible only
-    without mass.  On smooth paths the rates of the residual part make velocities more accurate, on paths of straight
-    ramps less so (section 5 has numbers).
-
-    The damping of the residual part acts on the coordinates through the forces of the rows, but the outputs contain
-    only the static deformation of the residual part.  With damping D = beta K the deformation x = R (B f - C^T z), with
-    the residual flexibility R, lags behind its forces, and the forces are shared differently between rows that give
-    way.  The outputs leave out
-
-    .. math::
-        \Delta y = -\beta\,(O \dot x - X \bar G^{-1} C \dot x), \qquad \bar G = G + 1/k
-
-    With rigid rows, only the part of this difference that comes from the loads is not zero.  Stresses are affected
-    most, since the residual part has a large share in them; more modes do not remove the difference.
-    """
-    result, tables = trajectory.v @ model.outputs.T, model.flexibility
-    if tables is None:
-        return np.asarray(result)
-    f = load_rates(model, excitation)
-    z, ds = force_rates(model, trajectory, excitation.path_rate, f), excitation.path_rate[:, None]
-    result += f.rate @ tables.direct.T - apply_table(tables.outputs, trajectory.s, z.rate)
-    return np.asarray(result - ds * apply_table(tables.outputs, trajectory.s, z.value, 1))
 
 
 #: Largest number of values of a run that are kept in memory; for larger runs only outputs are kept.
@@ -393,35 +303,19 @@ def divide_steps(system: System, excitation: Excitation, run: SystemTrajectory |
     return excitation.with_stepping(with_schedule(excitation.stepping, parts, omega))
 
 
-def outputs_of_run(system: System, run: SystemTrajectory, excitation: Excitation, every: int = 1) -> Outputs:
-    """Outputs, with velocities, at every `every`-th step of a run that contains all steps of the excitation."""
+def outputs_of_run(
+    system: System, run: SystemTrajectory, excitation: Excitation, every: int = 1, rates: bool = True
+) -> Outputs:
+    """Outputs at every `every`-th step of a run that contains all steps of the excitation.
+
+    Velocities, which take long to compute, are left out unless `rates` is true.
+    """
     y, stride = np.hstack(list(systems.displacements(system, run).values())), slice(None, None, every)
-    sampled, displacement = (
-        outputs_from_columns(system, y[stride], run.forces[stride]),
-        y[:, _displacement_mask(system)],
-    )
-    return replace(sampled, velocity=displacement_rates(system, run, excitation, displacement)[stride])
-
-
-def outputs_of_response(system: System, run: SystemTrajectory, excitation: Excitation, response: Response) -> Outputs:
-    """Outputs, with velocities, at all steps of a run, taken from the response to that run."""
-    probes = np.concatenate([other_outputs(body) for body in system.bodies.values()])
-    other_columns = np.empty((len(run.t), 0)) if response.others is None else response.others
-    return Outputs(
-        displacement=response.displacement,
-        velocity=displacement_rates(system, run, excitation, response.displacement),
-        force=response.slider_force,
-        probe=other_columns[:, : np.count_nonzero(probes)],
-        units=tuple(unit for unit, counts in zip(system.output_units, probes, strict=True) if counts),
-        tips=tuple(tip_columns(system)),
-        forces=force_kinds_of_system(system),
-    )
-
-
-def outputs_without_rates(system: System, run: SystemTrajectory) -> Outputs:
-    """Outputs at all steps of a run, without velocities, which take long to compute."""
-    y = np.hstack(list(systems.displacements(system, run).values()))
-    return outputs_from_columns(system, y, run.forces)
+    outputs = outputs_from_columns(system, y[stride], run.forces[stride])
+    if not rates:
+        return outputs
+    displacement = y[:, np.concatenate([length_outputs(body) for body in system.bodies.values()])]
+    return replace(outputs, velocity=displacement_rates(system, run, excitation, displacement)[stride])
 
 
 def without_kink_forces(system: System, sampled: Outputs, excitation: Excitation, times: Array, step: float) -> Outputs:
@@ -459,42 +353,3 @@ def outputs_from_columns(system: System, y: Array, forces: Array) -> Outputs:
         tips=tuple(tip_columns(system)),
         forces=force_kinds_of_system(system),
     )
-
-
-def _displacement_mask(system: System) -> NDArray[np.bool_]:
-    """Mask (o,) of the output columns of all bodies: True for displacements."""
-    return np.concatenate([length_outputs(body) for body in system.bodies.values()])
-
-
-def displacement_rates(system: System, run: SystemTrajectory, excitation: Excitation, displacement: Array) -> Array:
-    r"""Rates (T, o) in m/s of the displacements `displacement` (T, o) in m, at all steps of the excitation.
-
-    For a body on one path with tables of residual flexibility they are `output_rates`.  For several bodies, and with
-    attachment modes, they are :math:`O \dot q` plus central differences of y - O q, with the displacements y, the
-    output matrix O and the coordinates q.
-    """
-    if system.on_one_path and all(map(_has_rate_tables, system.bodies.values())):
-        body, motion = only_body_motion(system, run, excitation)
-        return output_rates(body, motion, excitation.on_slider)[:, length_outputs(body)]
-    rates, first = list[Array](), 0
-    for name, model in system.bodies.items():
-        O, trajectory = dense(model.outputs)[length_outputs(model)], run.bodies[name]
-        last = first + len(O)
-        residual = displacement[:, first:last] - trajectory.q @ O.T
-        rates.append(trajectory.v @ O.T + np.gradient(residual, run.t, axis=0))
-        first = last
-    return np.hstack(rates)
-
-
-def _has_rate_tables(body: SlidingBody) -> bool:
-    """Whether rates of a body's outputs can be computed from tables: it has flexibility and no attachment modes."""
-    attached = body.carriers is not None and getattr(body.carriers, "inertia", None) is None
-    return body.flexibility is not None and not attached
-
-
-def only_body_motion(system: System, run: SystemTrajectory, excitation: Excitation) -> tuple[ReducedModel, Trajectory]:
-    """The single body, with only the rows of its contacts, and its motion with one path coordinate s (T,) in m."""
-    (body,), (motion,) = system.reduced.values(), run.bodies.values()
-    rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]
-    s = excitation.on_slider.path_within(body.domain) if excitation.paths else np.full(len(run.t), body.domain[0])
-    return body.with_rows(rows), replace(motion, s=s)

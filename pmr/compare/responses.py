@@ -8,38 +8,33 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pmr.compare.errors import ResponseFunction, force_round_off, observed_quantities, refuse_infinite, round_off
-from pmr.compare.outputs import boom_quantities, fits_in_memory, output_contacts
+from pmr.compare.errors import ResponseFunction, observed_quantities
+from pmr.compare.outputs import boom_quantities, fits_in_memory
 from pmr.errors import GrowthError, InputError, environment
 from pmr.errors.environment import Clock, import_package
-from pmr.results import Energy, Response
-from pmr.results.response import Output
+from pmr.results import Response
 from pmr.scene import Scene
-from pmr.scene.built import force_name, friction_name, reaction_name
 from pmr.scene.choice import SIMULATORS, transverse_axes
-from pmr.scene.keys import ALONE, qualified_name
+from pmr.scene.keys import ALONE
 from pmr.scene.members import member_at
 from pmr.simulation import Excitation, Progress, TimeStepping, contact_step, exudyn
-from pmr.simulation.balance import load_potential, row_blocks
-from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
-from pmr.simulation.reactions import column_names, with_forces_on_machine, with_row_multipliers, with_support_reactions
-from pmr.simulation.stepping import Block, Recorder, SimulationEnd
-from pmr.system.body import SlidingBody, Trajectory, clear_rates_without_inertia, force_outputs, length_outputs
-from pmr.system.contacts import Friction
+from pmr.simulation.reactions import with_forces_on_machine
+from pmr.simulation.stepping import Block, Recorder
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import BodyStates, SystemTrajectory, states_of
-from pmr.system.system import AnyBody, BodySystem, System
+from pmr.system.system import System
 
 if TYPE_CHECKING:
     from pmr.simulation.exudyn import ancf
+from pmr.compare.evaluation import Evaluation, append_machine, evaluate_motion
 
 Indices = NDArray[np.int64]
 
@@ -100,9 +95,8 @@ def simulate(
             scheduled = excitation.with_stepping(stepping)
             prepared[name] = _prepare_simulation(system, scheduled, name, np.asarray(steps, np.int64))
             result = prepared[name].run(done)
-            results[name] = replace(
-                result, response=append_machine(scene, with_forces_on_machine(scene, result.own_response))
-            )
+            response = append_machine(scene, with_forces_on_machine(scene, result.own_response))
+            results[name] = replace(result, response=response)
         if names[0] == "march" or name == names[-1]:
             stepping = contact_step.with_schedule(excitation.stepping, results[names[0]].parts, omega)
     responses = {name: simulation.response for name, simulation in results.items()}
@@ -266,209 +260,6 @@ def _prepare_march(
 
 Array = NDArray[np.float64]
 
-#: Fields of a response that have a value for each step; energies are not among them.
-RESPONSE_HISTORIES = (
-    "t", "displacement", "slider_force", "residual_position", "residual_velocity", "force_peaks", "others",
-)  # fmt: skip
-
-
-def evaluate_motion(system: System, trajectory: SystemTrajectory) -> Response:
-    """Response to a motion: displacements of all bodies, forces of contacts, springs and supports, and energies.
-
-    Raises SimulationError if outputs, forces or energies overflow.
-    """
-    evaluation = Evaluation(system, trajectory.t, trajectory.loads)
-    for block in row_blocks(len(trajectory.t)):
-        evaluation(block.start, trajectory.select(block))
-    return evaluation.response(SimulationEnd(trajectory.seconds, trajectory.surplus))
-
-
-class Evaluation:
-    """Evaluates a system's motion block by block, without keeping its states, and returns the response to all of it.
-
-    `t` (T,) are the times of all steps in s, `loads` (T, i) the loads on all inputs in N.
-    """
-
-    def __init__(self, system: System, t: Array, loads: Array) -> None:
-        self._system, self._t, self._loads = system, t, loads
-        self._columns: dict[str, Array] = {}
-        self._found: Response | None = None
-
-    def __call__(self, first: int, part: SystemTrajectory) -> None:
-        """Evaluate the block `part`, whose first step has the number `first`.
-
-        Raises SimulationError as `evaluate_motion` does.
-        """
-        response, rows = _evaluate(self._system, part), slice(first, first + len(part.t))
-        arrays = {name: getattr(response, name) for name in RESPONSE_HISTORIES}
-        for name, values in (arrays | vars(response.energy)).items():
-            if values is not None:
-                if name not in self._columns:
-                    self._columns[name] = np.empty((len(self._t), *values.shape[1:]))
-                self._columns[name][rows] = values
-        self._found = self._found or self._with_round_off(response, part)
-
-    def response(self, ended: SimulationEnd) -> Response:
-        """Response at all steps, after the last block; `ended` has the solver's seconds and the surplus of energy."""
-        assert self._found is not None  # every simulation has a block
-        columns: dict[str, Any] = {name: self._columns.get(name) for name in RESPONSE_HISTORIES}
-        energy = Energy(*(self._columns[name] for name in vars(self._found.energy)))
-        return replace(self._found, **columns, energy=energy, seconds=ended.seconds, surplus=ended.surplus)
-
-    def _with_round_off(self, response: Response, part: SystemTrajectory) -> Response:
-        """The response with bounds of round-off, and with its histories set to None, because `_columns` holds them.
-
-        Forces have a bound only for a single body without terms.
-        """
-        system, end = self._system, float(np.ptp(self._t))
-        nothing: dict[str, Any] = dict.fromkeys(RESPONSE_HISTORIES)  # `_columns` holds the histories
-        response = replace(response, **nothing, round_off=round_off(system.bodies, self._loads, end))
-        if ALONE not in system.bodies or system.terms:
-            return response
-        body = system.bodies[ALONE]
-        start = float(with_row_multipliers(system, body, part.bodies[ALONE]).s[0])
-        return replace(response, force_round_off=force_round_off(body, self._loads, end, start))
-
-
-def _evaluate(system: System, part: SystemTrajectory) -> Response:
-    """Response of the system over the steps of one block of a motion."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        kinetic = np.zeros(len(part.t))
-        for name, body in system.bodies.items():
-            v = clear_rates_without_inertia(body, part.bodies[name].v)
-            kinetic += 0.5 * np.einsum("tn,tn->t", v, (body.M @ v.T).T)
-        outputs, external = systems.displacements(system, part), -part.work
-        violation = drift = np.full((len(part.t), 1), np.nan)
-        if ALONE in system.bodies and not system.terms:
-            body, motion = system.bodies[ALONE], with_row_multipliers(system, system.bodies[ALONE], part.bodies[ALONE])
-            external = load_potential(body, motion, part.loads)
-            violation, drift = _residuals(body, motion, part)
-        energy = Energy(kinetic, part.energy - kinetic, external)
-    refuse_infinite(*outputs.values(), part.forces, energy.kinetic, energy.strain, energy.external)
-    peaks = part.peaks if ALONE not in system.bodies or not np.isnan(system.clearance).all() else None
-    response = response_to_motion(system, part.t, MotionOutputs(outputs, part.forces, peaks, energy))
-    position, velocity = (np.abs(values).max(axis=1, initial=0.0) for values in (violation, drift))
-    response = replace(response, residual_position=position, residual_velocity=velocity)
-    return append_friction(with_support_reactions(response, system, part), system, part.friction)
-
-
-def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) -> tuple[Array, Array]:
-    """Violation (T, m) in m of each row's equation, and the rate (T, m) in m/s of this violation, at T steps.
-
-    For rows that only push, the violation is the difference to the clearance if they press, and the overlap otherwise.
-    The rate is NaN for rows that give way, since these have no equation at velocity level, and if path rates are not
-    known.
-    """
-    q, v, s, multipliers = motion.q, motion.v, motion.s, motion.multipliers
-    violation = body.apply_rows(s, q) - body.row_compliance * multipliers
-    if body.flexibility is not None:
-        violation = violation + body.flexibility.row_motion(s, multipliers, part.loads)
-    excess = violation - body.row_clearance  # rows that press: any gap; open rows: negative gaps only
-    overlap = np.where(multipliers > 0.0, excess, np.maximum(excess, 0.0))
-    violation = np.where(np.isnan(body.row_clearance), violation, overlap)
-    if body.flexibility is not None or np.any(body.row_compliance) or part.rates is None:
-        return violation, np.full_like(violation, np.nan)  # rows that give way have no equation at velocity level
-    path_rate = part.rates.sum(axis=1)[:, None]  # of the only path, if there is one
-    return violation, body.apply_rows(s, v) + path_rate * body.apply_rows(s, q, derivative=1)
-
-
-@dataclass(frozen=True)
-class MotionOutputs:
-    """Simulated outputs (T, o) of each body by name, forces and peaks (T, m) in N of all contacts, and energies.
-
-    The numbers are T of times, o of outputs of the body, and m of contacts.  `peaks` is None if no step has parts.
-    """
-
-    outputs: Mapping[str, Array]
-    forces: Array
-    peaks: Array | None
-    energy: Energy
-
-
-def append_friction(response: Response, system: BodySystem[AnyBody], friction: Array | None) -> Response:
-    """Append the total friction force in N of each joint to the other outputs of a response.
-
-    `friction` (T, n) in N is the friction of each of n pads.  Without friction the response is returned unchanged.
-    """
-    joint_friction = Friction.from_contacts(system.contacts)
-    if joint_friction is None or friction is None:
-        return response
-    added = [Output(friction_name(joint), "friction", joint, unit="N") for joint in joint_friction.joints]
-    return response.with_others(joint_friction.joint_totals(friction), added)
-
-
-def response_to_motion(system: BodySystem[Any], t: Array, motion: MotionOutputs) -> Response:
-    """Response to any simulator's motion at the times t (T,) in s; its solver time and residuals are set to NaN."""
-    displacements, springs, other_outputs = list[Array](), list[Array](), list[Array]()
-    other_names, other_units = list[str](), list[str]()
-    x, names, force_names = list[Array](), list[str](), list[str]()
-    kinds: tuple[list[str], list[str], list[str]] = ([], [], [])  # of displacements, of forces, and of other outputs
-    of_bodies: tuple[list[str], list[str], list[str]] = ([], [], [])
-    for name, body in system.bodies.items():
-        of, y = column_names(body), motion.outputs[name]
-        displacements.append(y[:, length_outputs(body)])
-        springs.append(y[:, force_outputs(body)])
-        other_outputs.append(y[:, ~(length_outputs(body) | force_outputs(body))])
-        other_names += [qualified_name(name, output) for output in of.other_outputs]
-        other_units += of.other_units
-        x.append(body.output_positions[length_outputs(body)])
-        names += [qualified_name(name, output) for output in of.displacements]
-        force_names += [qualified_name(name, output) for output in of.forces]
-        for columns, bodies, output_kinds in zip(kinds, of_bodies, of.kinds, strict=True):
-            columns += output_kinds
-            bodies += [name] * len(output_kinds)
-    contacts = output_contacts(system)
-    kinds[1].extend(system.contacts[k].kind for k in contacts)
-    of_bodies[1].extend(system.contacts[k].inner.body for k in contacts)
-    not_known = np.full(len(t), np.nan)
-    return Response(
-        t=t,
-        x=np.concatenate(x),
-        displacement=np.hstack(displacements),
-        energy=motion.energy,
-        slider_force=np.hstack([*springs, motion.forces[:, contacts]]),
-        residual_position=not_known,
-        residual_velocity=not_known,
-        seconds=np.nan,
-        output_names=tuple(names),
-        output_units=("m",) * len(names),
-        force_names=(*force_names, *(force_name(system.contact_names[k]) for k in contacts)),
-        force_peaks=None if motion.peaks is None else np.hstack([*springs, motion.peaks[:, contacts]]),
-        others=np.hstack(other_outputs) if other_names else None,
-        other_names=tuple(other_names),
-        other_units=tuple(other_units),
-        kinds=tuple(kind for group in kinds for kind in group),
-        bodies=tuple(body for group in of_bodies for body in group),
-    )
-
-
-MACHINE = "machine"
-
-
-def append_machine(scene: Scene, response: Response) -> Response:
-    """Append displacements, rates and forces of a machine that moves by itself to the response of a scene.
-
-    Displacements are in m or rad, rates in m/s or rad/s.  Forces in N or N m are those of springs, dampers and
-    constraints, positive along the axes, by the directions of ``[frame.base]``; a direction without any of these has no
-    force.  The response is returned unchanged if the scene has no computed motion of a machine.
-    """
-    motions = {} if scene.frame is None or scene.frame.base is None else scene.frame.base.motions
-    free_motions: dict[str, MotionSamples] = {
-        key: motion.samples for key, motion in motions.items() if isinstance(motion, ComputedMotion)
-    }
-    if not free_motions:
-        return response
-    base, columns = scene.names[0], dict[Output, Array]()
-    for order, prefix, per_second in ((0, "", ""), (1, "rate of ", "/s")):
-        for key, motion in free_motions.items():
-            unit = ("rad" if key.startswith("r") else "m") + per_second
-            columns[Output(f"{prefix}{MACHINE} {key}", MACHINE, base, unit=unit)] = motion.values[order]
-    for key, motion in free_motions.items():
-        if motion.force.any():
-            unit = "N m" if key.startswith("r") else "N"
-            columns[Output(reaction_name(f"{MACHINE} {key}"), "reaction", base, unit=unit)] = motion.force
-    return response.with_others(np.stack(list(columns.values()), axis=1), columns)
-
 
 _log = logging.getLogger(__name__)
 
@@ -500,11 +291,8 @@ def needed_bytes(scene: Scene, size: int, outputs: int) -> int:
         keeping.append(size)
     estimated = all(body.reduction.estimable for body in bodies)
     states = max([*keeping, r if estimated else 0])
-    a_step = (
-        responses * (outputs + NUMBERS_BESIDE)
-        + ARRAYS_OF_STATES * states
-        + (ESTIMATED if estimated else COMPARED) * outputs
-    )
+    a_step = responses * (outputs + NUMBERS_BESIDE) + ARRAYS_OF_STATES * states
+    a_step += (ESTIMATED if estimated else COMPARED) * outputs
     return BYTES * (scene.time.steps + 1) * a_step
 
 

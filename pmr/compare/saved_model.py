@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pmr.compare.error_parts import ReductionError, SimulatedSystem, reduction_error, step_part
-from pmr.compare.frequencies import (
-    frequencies_on_way,
-    frequency_part,
-    response_on_way,
-    result_paths,
-    way_points,
-)
+from pmr.compare.error_parts import ReductionError, SimulatedSystem, reduction_error
+from pmr.compare.frequencies import frequencies_on_way, frequency_part, response_on_way, result_paths, way_points
 from pmr.compare.moving_frame import with_choice_of_terms
 from pmr.compare.responses import check_installed, simulate
 from pmr.compare.simulated import excitation_of_scene, with_models_of
+from pmr.compare.step_part import step_part
 from pmr.compare.summary import (
     origin_part,
     parts_of_motion,
@@ -57,26 +52,21 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
     results = simulate(scene, system, excitation, clock).with_least_seconds()
     responses, response = {"reduced": results.first.response}, results.first.response
     natural = frequencies_on_way(scene, system, excitation, way_points(scene, excitation, 0))
-    motion, by_frequency = (
-        SimulatedSystem.from_simulations(system, excitation, results),
-        response_on_way(scene, system, excitation),
-    )
+    motion = SimulatedSystem.from_simulations(system, excitation, results)
+    by_frequency = response_on_way(scene, system, excitation)
     error = _error(scene, motion, clock)
-
     with clock.stage("step"):
         step = step_part(scene, motion, natural.models["reduced"])
-
     sizes = {name: {"reduced": model.size} for name, model in models.items()}
+    of_model = {
+        "model": {name: system.provenance.get(name) for name in ("scene_hash", "basis", "versions")},
+        "max_displacement": float(np.abs(response.displacement).max()),
+        "coordinates": {"reduced": sum(model.size for model in models.values())},
+        "simulators": {"reduced": scene.simulation.simulators[0]},
+    }
     parts = [
         origin_part(scene),
-        SummaryPart(
-            {
-                "model": {name: system.provenance.get(name) for name in ("scene_hash", "basis", "versions")},
-                "max_displacement": float(np.abs(response.displacement).max()),
-                "coordinates": {"reduced": sum(model.size for model in models.values())},
-                "simulators": {"reduced": scene.simulation.simulators[0]},
-            }
-        ),
+        SummaryPart(of_model),
         simulation_part(results.seconds, results.agreement, {}),
         sections_part(scene, responses, sizes, {name: error.of_section(name) for name in models}),
         error.part,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -11,8 +12,9 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from pmr.compare.evaluation import append_machine
 from pmr.compare.moving_frame import decide_second_order, with_choice_of_terms
-from pmr.compare.responses import Simulation, append_machine, refuse_growth, simulate_by
+from pmr.compare.responses import Simulation, refuse_growth, simulate_by
 from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.results import Response
@@ -73,9 +75,8 @@ def simulate_with_states(
         if scene.frame is not None and scene.frame.machine is not None:
             check_scene_fits(scene, system)
             scene, system = with_machine_motion(scene, system)
-        simulated = simulate_by(
-            scene, system, excitation_of_scene(scene, system), scene.simulation.simulators[0], steps
-        )
+        excitation = excitation_of_scene(scene, system)
+        simulated = simulate_by(scene, system, excitation, scene.simulation.simulators[0], steps)
         return replace(simulated, response=append_machine(scene, simulated.response))
 
 
@@ -92,9 +93,8 @@ def excitation_of_scene(scene: Scene, system: System) -> Excitation:
         try:
             clip_path(path, s, system.ranges.get(name, (-np.inf, np.inf)), excitation.times)
         except InputError as error:
-            raise InputError(
-                "scene", error.key if alone else f"sections.{name}.joint", error.value, error.allowed
-            ) from None
+            key = error.key if alone else f"sections.{name}.joint"
+            raise InputError("scene", key, error.value, error.allowed) from None
     return excitation
 
 
@@ -109,18 +109,12 @@ def check_scene_fits(scene: Scene, system: System) -> None:
     for member, (name, body) in zip(members(scene), system.bodies.items(), strict=True):
         inertia_inputs = [input_name for input_name in body.input_names if input_name.startswith(INERTIA)]
         if (scene.frame is None) == bool(inertia_inputs):
-            allowed = (
-                "a scene with a frame is allowed: the model moves in one"
-                if inertia_inputs
-                else "the model has no frame"
-            )
-            raise InputError("scene", "frame", None, allowed)
-        load_inputs = [
-            input_name for input_name in body.input_names if input_name not in (WEIGHT, EXTENSION, *inertia_inputs)
-        ]
+            moving = "a scene with a frame is allowed: the model moves in one"
+            raise InputError("scene", "frame", None, moving if inertia_inputs else "the model has no frame")
+        load_inputs = set(body.input_names) - {WEIGHT, EXTENSION, *inertia_inputs}
         loads = [load.name for load in axis_loads(member)]
         weighs = scene.gravity is not None and scene.frame is None
-        if set(loads) != set(load_inputs) or (name == ALONE and weighs != (WEIGHT in body.input_names)):
+        if set(loads) != load_inputs or (name == ALONE and weighs != (WEIGHT in body.input_names)):
             key = "loads" if name == ALONE else f"sections.{name}.loads"
             allowed = f"the inputs of its model are allowed: {', '.join(body.input_names)}"
             raise InputError("scene", key, sorted(loads), allowed)
@@ -200,17 +194,13 @@ def check_same_scene(model: HasProvenance, scene: Scene, number: int | None = No
         return
     files = model.provenance.get("files") or {}
     alone = number is not None or len(scene.sections) == 1
-    differing = (
-        _body_differences(recorded_scene, member_at(scene, number or 0))
-        if alone
-        else _scene_differences(recorded_scene, scene)
-    )
-    read = scene.sections[number or 0].files if alone else scene.files_read
-    for key, value, of_model in (
-        *_gravity_differences(recorded_scene, scene),
-        *differing,
-        *_file_differences(files, read),
-    ):
+    if alone:
+        differing = _body_differences(recorded_scene, member_at(scene, number or 0))
+        read: Mapping[str, Path] = scene.sections[number or 0].files
+    else:
+        differing, read = _scene_differences(recorded_scene, scene), scene.files_read
+    of_gravity, of_files = _gravity_differences(recorded_scene, scene), _file_differences(files, read)
+    for key, value, of_model in itertools.chain(of_gravity, differing, of_files):
         shown = list(value) if isinstance(value, tuple) else value
         where = scene.section_key(number or 0, key) if alone else key
         raise InputError("scene", where, shown, f"that of the model is allowed: {of_model!r}")
@@ -224,7 +214,7 @@ class Difference(NamedTuple):
     recorded: object
 
 
-def _gravity_differences(recorded_scene: Mapping[str, Any], scene: Scene) -> Iterator[Difference]:
+def _gravity_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
     """Differences in gravity."""
     if recorded_scene.get("gravity") and scene.gravity:
         yield from _part_differences(recorded_scene["gravity"], scene.gravity, "gravity")
@@ -236,12 +226,12 @@ def _body_differences(recorded_scene: Mapping[str, Any], member: Member) -> Iter
     for i, load in enumerate(member.part.loads):
         yield from _part_differences(recorded_loads.get(load.name, {}), load, f"loads[{i}]")
     fields = {name: getattr(member.part, name) for name in OneBody.model_fields if name != "loads"}
-    for name, value in (fields | {"pads": member.pads, "damping": member.damping}).items():
+    for name, value in (fields | {"pads": member.pads, "damping": member.scene.damping}).items():
         if name in recorded_scene and not (name == "slider" and value is None):
             yield from _part_differences(recorded_scene[name], value, name)
 
 
-def _scene_differences(recorded_scene: Mapping[str, Any], scene: Scene) -> Iterator[Difference]:
+def _scene_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
     """Differences in damping and sections of a whole scene."""
     for name in ("damping", "sections"):
         if name in recorded_scene:

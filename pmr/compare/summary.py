@@ -20,9 +20,10 @@ from pmr.compare.errors import (
 )
 from pmr.compare.forces import forces_part, luffing_part, ropes_part
 from pmr.compare.frequencies import published_part
-from pmr.compare.moving_frame import energy_part, frame_part
+from pmr.compare.moving_frame import frame_part
 from pmr.compare.outputs import has_impulsive_force, section_columns
 from pmr.compare.responses import Simulations
+from pmr.compare.space_energy import energy_part
 from pmr.compare.trust import (
     RingingReference,
     distrust_warnings,
@@ -46,18 +47,9 @@ from pmr.system.system import System
 
 def origin_part(scene: Scene, libraries: Mapping[str, str] | None = None) -> SummaryPart:
     """Origin of the result: title, hash, commit, date, machine, and versions of pmr and of `libraries`, with hints."""
-    return SummaryPart(
-        {
-            "title": scene.title,
-            "scene_hash": scene.hash,
-            "versions": environment.package_versions() | dict(libraries or {}),
-            "commit": environment.checkout_commit(),
-            "date": environment.today(),
-            "machine": environment.describe_machine(),
-            "notes": list(scene.published.remarks) if scene.published else [],
-        },
-        grave=hints(scene),
-    )
+    origin = environment.describe_origin(libraries)
+    notes = list(scene.published.remarks) if scene.published else []
+    return SummaryPart({"title": scene.title, "scene_hash": scene.hash} | origin | {"notes": notes}, grave=hints(scene))
 
 
 def simulation_part(
@@ -89,16 +81,13 @@ def comparison_part(
                 unjudged[name] = not_judged
                 for kind in kinds.values():
                     del kind["reduced_vs_full"][name]
-    return SummaryPart(
-        {
-            **kinds,
-            "not_judged": {name: vars(verdict) for name, verdict in unjudged.items()},
-            "max_displacement": float(np.abs(reference).max()),
-            "max_error": None if full is None else float(np.abs(reduced - reference).max()),
-            "simulators": {name: simulator for name, simulator in simulators.items() if name in responses},
-        },
-        ringing_warnings(unjudged, rigid),
-    )
+    figures = {
+        "not_judged": {name: vars(verdict) for name, verdict in unjudged.items()},
+        "max_displacement": float(np.abs(reference).max()),
+        "max_error": None if full is None else float(np.abs(reduced - reference).max()),
+        "simulators": {name: simulator for name, simulator in simulators.items() if name in responses},
+    }
+    return SummaryPart(kinds | figures, ringing_warnings(unjudged, rigid))
 
 
 def impacts_part(system: System, excitation: Excitation, responses: Mapping[str, Response]) -> SummaryPart:
@@ -113,14 +102,8 @@ def impacts_part(system: System, excitation: Excitation, responses: Mapping[str,
     reduced, full = with_common_forces(responses["reduced"], responses["full"])
     step = excitation.stepping.step
     highest = band_of_response(full)
-    return SummaryPart(
-        {
-            "impacts": {
-                "band": highest,
-                "pad_force": error_below_frequency(reduced.slider_force, full.slider_force, step, highest),
-            }
-        }
-    )
+    error = error_below_frequency(reduced.slider_force, full.slider_force, step, highest)
+    return SummaryPart({"impacts": {"band": highest, "pad_force": error}})
 
 
 def sampling_part(excitation: Excitation) -> SummaryPart:
@@ -158,25 +141,15 @@ def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
     damage_of_probe = dict[str, float]()
     for output in response.outputs:
         if output.kind == "probe" and output.unit == "Pa":
-            counted = rainflow_cycles(response.t, response.other(output.name))
-            done = [
-                step.cycles * line.damage(step.factor * counted[:, 0], counted[:, 2])
-                for step in settings.spectrum_lines
-            ]
-            damage_of_probe[output.name] = sum(done)
-    worst_first = sorted(damage_of_probe, key=lambda name: -damage_of_probe[name])
-    rows = [
-        {
-            "name": n,
-            "damage": damage_of_probe[n],
-            "life": 1.0 / damage_of_probe[n] if damage_of_probe[n] > 0.0 else None,
-        }
-        for n in worst_first
-    ]
+            ranges, _, counts = rainflow_cycles(response.t, response.other(output.name)).T[:3]
+            lines = settings.spectrum_lines
+            damage_of_probe[output.name] = sum(of.cycles * line.damage(of.factor * ranges, counts) for of in lines)
+    worst_first = sorted(damage_of_probe.items(), key=lambda item: -item[1])
+    rows = [{"name": name, "damage": d, "life": 1.0 / d if d > 0.0 else None} for name, d in worst_first]
     failed = [
-        f"{n} fails by fatigue: its damage is {damage_of_probe[n]:.3g}, and 1 is allowed" for n in worst_first[:1]
+        f"{name} fails by fatigue: its damage is {d:.3g}, and 1 is allowed" for name, d in worst_first[:1] if d > 1.0
     ]
-    return SummaryPart({"fatigue": rows}, grave=failed if max(damage_of_probe.values(), default=0.0) > 1.0 else [])
+    return SummaryPart({"fatigue": rows}, grave=failed)
 
 
 def utilisation_part(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) -> SummaryPart:
@@ -199,18 +172,14 @@ def utilisation_part(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) ->
                     largest[model] = entry
     if not largest:
         return SummaryPart()
-    used = largest["reduced"]
-    over = f"the largest stress is {used['value']:.3g} times the yield stress, but the model stays elastic"
-    return SummaryPart({"utilisation": largest}, grave=[over] * (used["value"] > 1.0))
+    used = largest["reduced"]["value"]
+    over = f"the largest stress is {used:.3g} times the yield stress, but the model stays elastic"
+    return SummaryPart({"utilisation": largest}, grave=[over] * (used > 1.0))
 
 
 def masses_part(masses_of_bodies: Mapping[str, Any]) -> SummaryPart:
     """Entry ``masses`` of summary.json: the ``name`` of each body, with `pmr.fullmodel.model.Masses.summary`."""
-    rows = [
-        {"name": name, **masses_of_body.summary()}
-        for name, masses_of_body in masses_of_bodies.items()
-        if masses_of_body is not None
-    ]
+    rows = [{"name": name, **masses.summary()} for name, masses in masses_of_bodies.items() if masses is not None]
     return SummaryPart({"masses": rows} if rows else {})
 
 
@@ -227,22 +196,16 @@ def _utilisations(part: Body, peak: Mapping[str, Any], regions: Mapping[str, Any
     peaks += [(regions[name], material) for name, material in materials.items() if name in regions]
     for largest, material in peaks:
         if material.yield_stress is not None:
-            yield {
-                "value": largest["value"] / material.yield_stress,
-                "stress": largest["value"],
-                "yield": material.yield_stress,
-                "section": part.name,
-                **{key: largest[key] for key in ("t", "position", "face", "region")},
-            }
+            used = {"value": largest["value"] / material.yield_stress, "stress": largest["value"]}
+            where = {key: largest[key] for key in ("t", "position", "face", "region")}
+            yield used | {"yield": material.yield_stress, "section": part.name} | where
 
 
 def parts_of_forces(scene: Scene, system: System, response: Response) -> list[SummaryPart]:
     """Parts on forces of pads, cylinders, supports, ropes and luffing cylinder, and on fatigue, in a response."""
     return [
         forces_part(scene, system, response),
-        ropes_part(scene, response),
-        luffing_part(scene, response),
-        fatigue_part(scene, response),
+        *(of(scene, response) for of in (ropes_part, luffing_part, fatigue_part)),
     ]
 
 
@@ -261,11 +224,7 @@ def warnings_of_response(scene: Scene, system: System, response: Response) -> tu
 
 
 def parts_of_motion(
-    scene: Scene,
-    simulated: SimulatedSystem,
-    simulations: Simulations,
-    natural: Frequencies,
-    step: SummaryPart,
+    scene: Scene, simulated: SimulatedSystem, simulations: Simulations, natural: Frequencies, step: SummaryPart
 ) -> list[SummaryPart]:
     """Parts on forces, error of the step, published frequencies, parts of steps, sampling, frame and energy.
 
@@ -274,17 +233,16 @@ def parts_of_motion(
     """
     excitation, system = Excitation.from_scene(scene), simulated.system
     omega = contact_step.contact_frequency(system, excitation)
-    other_parts = [
+    divided = contact_step.summary(omega, simulations.time_grid)
+    return [
+        *parts_of_forces(scene, system, simulations.first.response),
+        step,
         published_part(scene, natural),
-        SummaryPart(
-            contact_step.summary(omega, simulations.time_grid),
-            contact_step.warnings(omega, excitation.stepping),
-        ),
+        SummaryPart(divided, contact_step.warnings(omega, excitation.stepping)),
         sampling_part(excitation),
         frame_part(scene, system, excitation, natural),
         energy_part(scene, system, excitation, simulations.first.run),
     ]
-    return [*parts_of_forces(scene, system, simulations.first.response), step, *other_parts]
 
 
 def sections_part(
@@ -310,9 +268,8 @@ def sections_part(
     peaks = [(row["name"], row["stress_peak"]) for row in rows if "stress_peak" in row]
     if not peaks:
         return SummaryPart({"sections": rows})
-    highest = {
-        model: max(({"section": name, **peak[model]} for name, peak in peaks), key=lambda row: float(row["value"]))
-        for model in peaks[0][1]
-    }
+    highest = dict[str, dict[str, Any]]()
+    for model in peaks[0][1]:
+        highest[model] = max(({"section": n, **peak[model]} for n, peak in peaks), key=lambda row: float(row["value"]))
     most = {model: peak["value"] for model, peak in highest.items()}
     return SummaryPart({"sections": rows, "max_von_mises": most, "stress_peak": highest})

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.compare.errors import Pair, band_of_response, error_below_frequency, force_histories, relative_error
+from pmr.compare.errors import band_of_response, error_below_frequency, force_histories, relative_error
 from pmr.compare.model_part import largest_model_error
+from pmr.compare.round_off import Pair
 from pmr.errors.text import percent, two_digits
 from pmr.results import Response
 from pmr.results.quantities import QUANTITIES, error_label, reduction_error
@@ -50,9 +51,8 @@ def reason_for_distrust(response: Response, rigid: Sequence[str] = ()) -> str | 
         share = alternating_share(response.displacement)
         if share <= ALTERNATING:
             return None
-        return (
-            f"{two_digits(100.0 * share)} % of its motion changes its sign with every step: {alternation_cause(rigid)}"
-        )
+        of_motion = f"{two_digits(100.0 * share)} % of its motion"
+        return f"{of_motion} changes its sign with every step: {alternation_cause(rigid)}"
     if response.surplus <= NOTABLE:
         return None
     return f"{describe_surplus(response.surplus)}: {alternation_cause(rigid)}"
@@ -157,10 +157,8 @@ def is_ringing(signal: Array, reference: Array) -> bool:
     are each more than half of the error.
     """
     error = relative_error(signal, reference)
-    return (
-        error > RINGING_SHARE
-        and min(ringing_share(reference), ringing_share(signal - reference, reference)) > error / 2.0
-    )
+    alternating = min(ringing_share(reference), ringing_share(signal - reference, reference))
+    return error > RINGING_SHARE and alternating > error / 2.0
 
 
 @dataclass(frozen=True)
@@ -294,29 +292,16 @@ def effects_not_covered(
     """
     top = highest_mode_frequency(model, stepping, count)
     beyond = [what for name, signal in signals for what in _clause_above(name, signal, stepping, top)]
-    coupled = ["the damping of modes beyond the enrichment modes, which is not Rayleigh's"] * (
-        not _has_classical_damping(model)
-    )
-    return [*beyond, *coupled, AWAY_FROM_PROBES]
+    coupled = model.rayleigh is None and bool(model.D.any())  # else the estimate has the damping of all modes
+    damped = ["the damping of modes beyond the enrichment modes, which is not Rayleigh's"] * coupled
+    return [*beyond, *damped, AWAY_FROM_PROBES]
 
 
 def coverage_warnings(clauses: Sequence[str]) -> list[str]:
     """A warning for each of the clauses whose effect may make the estimate too small by an unknown factor."""
-    without = (
-        AWAY_FROM_PROBES,
-        RIGID_REACTIONS,
-        MACHINE_MOTION,
-        SLIDER_IMPACTS,
-        SLIDER_RINGING,
-        LOAD_JUMPS,
-        *UNSETTLED_KINDS.values(),
-    )
+    without = {AWAY_FROM_PROBES, RIGID_REACTIONS, MACHINE_MOTION, SLIDER_IMPACTS, SLIDER_RINGING, LOAD_JUMPS}
+    without |= set(UNSETTLED_KINDS.values())
     return [f"the error may be larger than its estimate: {clause}" for clause in clauses if clause not in without]
-
-
-def _has_classical_damping(model: ReducedModel) -> bool:
-    """Whether the estimate has the damping of all truncated modes, because damping is Rayleigh's or zero."""
-    return model.rayleigh is not None or not model.D.any()
 
 
 def _clause_above(name: str, signal: SignalBase, stepping: TimeStepping, top: float) -> Iterator[str]:
@@ -361,10 +346,7 @@ def stated_quantities(scene: Scene, response: Response) -> list[str]:
     ``stress`` if the scene recovers it, and ``probe`` if there are probes.
     """
     histories = force_histories(response)
-    sizes = {
-        key: max(float(np.abs(history).max(initial=0.0)) for history in each.values())
-        for key, each in histories.items()
-    }
+    sizes = {key: float(np.max([np.abs(f).max(initial=0.0) for f in each.values()])) for key, each in histories.items()}
     bearing = {kind for (kind, _), size in sizes.items() if size > ROUND_OFF * max(sizes.values())}
     stated = [kind for kind in QUANTITIES if kind in bearing] + ["frequency"]
     stated += ["stress"] * (scene.recovery is not None and scene.recovery.stress)
@@ -372,7 +354,7 @@ def stated_quantities(scene: Scene, response: Response) -> list[str]:
 
 
 def quantities_not_covered(
-    scene: Scene, response: Response, part: Mapping[str, Any], exact: Collection[str] = ()
+    scene: Scene, response: Response, part: Mapping[str, object], exact: Collection[str] = ()
 ) -> list[str]:
     """Labels of the quantities in a run's results for which `part`, one part of the error budget, has no error.
 

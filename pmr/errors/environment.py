@@ -365,6 +365,12 @@ def today() -> str:
     return datetime.date.today().isoformat()
 
 
+def describe_origin(libraries: Mapping[str, str] | None = None) -> dict[str, object]:
+    """Return ``versions`` (with those of `libraries`), ``commit``, ``date`` and ``machine`` of a run or study."""
+    versions = package_versions() | dict(libraries or {})
+    return {"versions": versions, "commit": checkout_commit(), "date": today(), "machine": describe_machine()}
+
+
 def describe_machine() -> dict[str, str]:
     """Return processor, available cores and operating system of this machine, without names of host or user."""
     return {

@@ -97,7 +97,7 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
             *inertia,
         ),
         outputs=(*line, *tip, *forces, *turned, *gauges(member.part, model)),
-        damping=member.damping,
+        damping=member.scene.damping,
         pads=replace(pads, supports=supports),
         ports=(
             *(_port(model, place, d) for place in member.part.reduction.ports for d in model.directions),

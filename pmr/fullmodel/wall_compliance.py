@@ -292,11 +292,11 @@ def _split_by_sliding(member: Member, pads: Sequence[Pad]) -> tuple[list[Pad], l
     rings = {name: ring for ring in member.pads for name, _, _ in ring.named_pads}
     for pad in pads:
         ring = rings[pad.name]
-        way = member.flexible_ring_ranges.get(ring.name)
+        of_joint = member.dented_rings.get(ring.name)
         if not ring.moving:
             staying.append(pad)
             continue
-        joint, first, last = (0, *member.travel) if way is None else way
+        joint, (first, last) = (0, member.travel) if of_joint is None else (of_joint.joint, of_joint.positions)
         at = replace(pad, at=first + pad.at)
         if last > first:
             sliding.setdefault(joint, (last - first, []))[1].append(at)

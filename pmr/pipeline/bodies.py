@@ -16,11 +16,11 @@ from pmr.compare.error_parts import (
     needs_other_model,
     other_model_scene,
     reduction_error,
-    step_part,
 )
 from pmr.compare.frequencies import WayPoints, frequencies_on_way, way_points
 from pmr.compare.moving_frame import decide_second_order
 from pmr.compare.responses import Simulations, compared_quantities, simulate
+from pmr.compare.step_part import step_part
 from pmr.compare.summary import (
     comparison_part,
     impacts_part,
@@ -70,10 +70,8 @@ class Motions:
     def seconds(self) -> dict[str, float]:
         """Seconds of each simulator of the reduced system, and of each reference; on rank 0 alone."""
         assert self.reduced is not None
-        return {
-            **self.reduced.seconds,
-            **{name: reference.seconds for name, reference in self.references.responses.items()},
-        }
+        references = self.references.responses.items()
+        return {**self.reduced.seconds, **{name: reference.seconds for name, reference in references}}
 
 
 @dataclass(frozen=True)
@@ -161,9 +159,9 @@ class Bodies:
             references = self.full.references(self.clock, steps, checkpoint, stepping)
         else:
             references = References(self.shared.references, {}, {})
-        simulated = (
-            None if simulations is None else SimulatedSystem.from_simulations(self.system, self.excitation, simulations)
-        )
+        simulated = None
+        if simulations is not None:
+            simulated = SimulatedSystem.from_simulations(self.system, self.excitation, simulations)
         error = call_on_first_rank(self._comm, lambda: None if simulated is None else self._estimate_error(simulated))
         looked = self._look_at_bodies(simulations)
         simulations = call_on_first_rank(self._comm, lambda: simulations and simulations.with_least_seconds())
@@ -184,28 +182,24 @@ class Bodies:
 
     def summary_parts(
         self, motions: Motions, natural: Frequencies, recovered: Mapping[str, RecoveredBody]
-    ) -> tuple[list[SummaryPart], Any]:
-        """Return the contributions to summary.json and the tip's estimated error (T, d) in m; on rank 0 alone."""
+    ) -> list[SummaryPart]:
+        """Return the contributions to summary.json; on rank 0 alone."""
         scene, system, responses = self.scene, self.system, motions.responses
         simulated, error = motions.simulated, motions.error
         assert motions.reduced is not None and simulated is not None and error is not None
         step_error = None if self.choice is None else self.choice.trial.step_error
         with self.clock.stage("step"):
             step = step_part(scene, simulated, natural.models["reduced"], step_error)
-        more = {
-            name: error.of_section(name) | (recovered[name].summary() if name in recovered else {})
-            for name in scene.names
-        }
-        sizes = {
-            name: {"full": self.built[name].model.size, "reduced": body.size} for name, body in system.reduced.items()
-        }
+        stresses = {name: body.summary() for name, body in recovered.items()}
+        more = {name: error.of_section(name) | stresses.get(name, {}) for name in scene.names}
+        sizes = {name: {"full": self.built[name].model.size, "reduced": of.size} for name, of in system.reduced.items()}
         simulators = {"reduced": scene.simulation.simulators[0], "full": self.full.simulator}
         beside_full = comparison_part(
             responses, compared_quantities(scene, responses["reduced"]), simulators, rigid_contacts(self.full.system)
         )
         blows = impacts_part(system, self.excitation, responses)
         figures = {**beside_full.figures, **blows.figures, **error.part.figures}
-        parts = [
+        return [
             SummaryPart(describe_basis(scene, models_of(self.built), self.bodies)),
             beside_full,
             blows,
@@ -216,19 +210,16 @@ class Bodies:
             masses_part({name: body.model.masses for name, body in self.built.items()}),
             *parts_of_motion(scene, simulated, motions.reduced, natural, step),
         ]
-        return parts, error.band
 
     def results(self, recovered: Mapping[str, RecoveredBody]) -> dict[str, BodyResult]:
         """Return shapes, fields, stresses and envelopes of each body; on rank 0 alone."""
-        body_results = {}
+        results = {}
         for name, body in self.bodies.items():
-            model = body.model
+            model, of = body.model, recovered.get(name)
             shapes = Shapes(body.basis.sigma, model.output_positions, model.outputs) if name == ALONE else None
-            body_results[name] = BodyResult(shapes)
-            if name in recovered:
-                of = recovered[name]
-                body_results[name] = BodyResult(shapes, of.reduced.fields, of.histories(), of.envelopes())
-        return body_results
+            fields = () if of is None else (of.reduced.fields, of.histories(), of.envelopes())
+            results[name] = BodyResult(shapes, *fields)
+        return results
 
     def _choose_models(self, scene: Scene) -> order.Choice | None:
         """Return models and step that meet the scene's tolerance or budget, alike on all ranks; None without either."""
@@ -289,13 +280,8 @@ class Bodies:
         c = self.excitation.amplitudes(list(self.excitation.terms), at.t)
         if not self.caches:
             return self.full.frequencies(at.s, at.count, c)
-        content = {
-            "bodies": [body_cache.content for body_cache in self.caches.values()],
-            "contacts": repr(self.full.system.contacts),
-            "s": at.s.tolist(),
-            "count": at.count,
-            **({"c": c.tolist()} if c.size else {}),
-            "solver": self.scene.sections[0].reduction.solver,
-        }
+        contacts, solver = repr(self.full.system.contacts), self.scene.sections[0].reduction.solver
+        content = {"bodies": [of.content for of in self.caches.values()], "contacts": contacts, "solver": solver}
+        content |= {"s": at.s.tolist(), "count": at.count} | ({"c": c.tolist()} if c.size else {})
         cache = self.caches[self.scene.names[0]]
         return cache.arrays("frequencies", content, lambda: self.full.frequencies(at.s, at.count, c))

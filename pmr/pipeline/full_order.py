@@ -15,16 +15,9 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
+from pmr.compare.evaluation import MotionOutputs, append_friction, response_to_motion
 from pmr.compare.outputs import output_contacts
-from pmr.compare.responses import (
-    MotionOutputs,
-    Simulation,
-    append_friction,
-    cable_response,
-    full_simulator,
-    response_to_motion,
-    simulate_by,
-)
+from pmr.compare.responses import Simulation, cable_response, full_simulator, simulate_by
 from pmr.compare.trust import reason_for_distrust, rigid_contacts
 from pmr.errors import SimulationError, call_on_first_rank
 from pmr.errors.environment import Clock
@@ -145,11 +138,7 @@ class FullOrder:
         return response
 
     def _simulate_full(
-        self,
-        clock: Clock,
-        steps: Sequence[int],
-        checkpoint: Checkpoint | None,
-        stepping: TimeStepping | None,
+        self, clock: Clock, steps: Sequence[int], checkpoint: Checkpoint | None, stepping: TimeStepping | None
     ) -> tuple[Response | None, dict[str, BodyStates]]:
         """Simulate the full system; return its response, and this rank's rows of the states at `steps`, by body.
 
@@ -173,11 +162,8 @@ class FullOrder:
                 _ = self.gathered_system  # collective
                 simulated = call_on_first_rank(comm, make)
                 response = None if simulated is None else simulated.response
-                of_all = comm.bcast(None if simulated is None else simulated.states)
-                states = {
-                    name: states_of_body.select_coordinates(system.bodies[name].share)
-                    for name, states_of_body in of_all.items()
-                }
+                whole = comm.bcast(None if simulated is None else simulated.states)
+                states = {name: of.select_coordinates(system.bodies[name].share) for name, of in whole.items()}
         if reason := comm.bcast(None if response is None else reason_for_distrust(response, rigid_contacts(system))):
             raise SimulationError(reason)
         return response, states
@@ -191,11 +177,11 @@ class FullOrder:
         start = static_start(system, excitation) if excitation.start == "equilibrium" else {}
         history = observe(system, excitation, recording, start, done, checkpoint)
         assert history.energy is not None
-        response = response_to_motion(
-            system, history.t, MotionOutputs(history.y, history.forces, history.peaks, history.energy)
-        )
+        outputs = MotionOutputs(history.y, history.forces, history.peaks, history.energy)
+        response = response_to_motion(system, history.t, outputs)
+        response = with_reactions(response, *_support_reactions(system, history))
         response = replace(
-            append_friction(with_reactions(response, *_support_reactions(system, history)), system, history.friction),
+            append_friction(response, system.contacts, history.friction),
             residual_position=history.residual_position,
             residual_velocity=history.residual_velocity,
             seconds=history.preparation + history.seconds,
@@ -211,10 +197,8 @@ class FullOrder:
         """
         if not list(frame_terms(self.scene)):
             return self.system
-        gathered_system = self.gathered_system
-        return replace(
-            self.system, terms=self.system.comm.bcast(None if gathered_system is None else gathered_system.terms)
-        )
+        terms = None if (gathered_system := self.gathered_system) is None else gathered_system.terms
+        return replace(self.system, terms=self.system.comm.bcast(terms))
 
 
 def _states_of_bodies(
@@ -224,12 +208,8 @@ def _states_of_bodies(
 
     `x` (T, sides) in m are the positions of the contacts' sides over time, `f` (T, i) in N the loads on the inputs.
     """
-    states_of_bodies, first, forces, rubbing = (
-        dict[str, BodyStates](),
-        0,
-        history.forces[steps],
-        Friction.from_contacts(system.contacts),
-    )
+    states_of_bodies, first = dict[str, BodyStates](), 0
+    forces, rubbing = history.forces[steps], Friction.from_contacts(system.contacts)
     friction = None if history.friction is None else history.friction[steps]
     reaching = forces if rubbing is None or friction is None else forces - rubbing.cylinder_forces(friction)
     for name, model in system.bodies.items():
@@ -247,16 +227,10 @@ def _states_of_bodies(
 def _support_reactions(full_system: FullSystem, history: History) -> tuple[dict[str, Supports], dict[str, Array]]:
     """Return by body the h rigid supports with forces that are no outputs of the system, and the forces (T, h) in N."""
     system, bearing_contacts = full_system.with_supports(), set(output_contacts(full_system))
-    rows = {
-        (contact.inner.body, contact.inner.row): k
-        for k, contact in enumerate(system.contacts)
-        if k not in bearing_contacts
-    }
-    forces, supports, reactions = (
-        np.hstack([history.forces, history.supports]),
-        dict[str, Supports](),
-        dict[str, Array](),
-    )
+    inner = {k: contact.inner for k, contact in enumerate(system.contacts) if k not in bearing_contacts}
+    rows = {(side.body, side.row): k for k, side in inner.items()}
+    forces = np.hstack([history.forces, history.supports])
+    supports, reactions = dict[str, Supports](), dict[str, Array]()
     for name, model in full_system.bodies.items():
         support_rows = [row for row in model.rows.rows if row.is_fixed and (name, row.name) in rows]
         if support_rows:
@@ -278,9 +252,8 @@ def _lanczos_frequencies(full_system: FullSystem, places_of: Array, count: int, 
         return None
     bodies = [gathered[id(model)] for model in system.models]
     gathered_bodies = {name: body for name, body in zip(system.bodies, bodies, strict=True) if body is not None}
-    numbers = {
-        name: np.arange(at.start, at.stop) for name, at in zip(gathered_bodies, system.whole_slices, strict=True)
-    }
+    slices = zip(gathered_bodies, system.whole_slices, strict=True)
+    numbers = {name: np.arange(at.start, at.stop) for name, at in slices}
     terms = [term.scatter(numbers, system.size) for term in system.terms]
     K0 = sp.block_diag([body.K for body in gathered_bodies.values()], format="csr")
     M = sp.block_diag([body.M for body in gathered_bodies.values()], format="csr")

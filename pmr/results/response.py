@@ -106,9 +106,9 @@ class Response:
     force_names : tuple of str
         Names (m,) of the columns of `slider_force`; empty in results of version 0.1, and if contacts have no names.
     round_off : float, m
-        Displacement up to which a displacement may be round-off (`pmr.compare.errors.round_off`); 0 if not known.
+        Displacement up to which a displacement may be round-off (`pmr.compare.round_off.round_off`); 0 if not known.
     force_round_off : float, N
-        Force up to which a force may be round-off (`pmr.compare.errors.force_round_off`).
+        Force up to which a force may be round-off (`pmr.compare.round_off.force_round_off`).
     force_peaks : (T, m) array, N, or None
         Forces as in `slider_force`, but for a pad that only pushes the largest force within the step that ends at t.
         None if steps are not divided into parts.

@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from pmr.scene.keys import Distance, Length, SceneTable, Size, Thickness, Usual, key_error
 from pmr.scene.profile import BoxProfile, Cut, Face, Half, WallName
+from pmr.scene.signals.base import Interval
 
 #: Least distance between breaks along a box as a share of its length: beams on shorter elements lose accuracy.
 LEAST_BREAK_DISTANCE = 1e-3
@@ -112,27 +113,23 @@ class Box(BoxProfile):
     @model_validator(mode="after")
     def _check_variation(self) -> Box:
         """Refuse tapers and doublers that do not fit the box, and positions along x that are too close together."""
+        apart = LEAST_BREAK_DISTANCE * self.length
         for key, taper in self._tapers.items():
             self._check_taper(key, taper)
         for i, doubler in enumerate(self.doublers):
             key = f"doublers[{i}]"
-            if not doubler.start + LEAST_BREAK_DISTANCE * self.length <= doubler.end <= (1.0 + SLACK) * self.length:
-                least = doubler.start + LEAST_BREAK_DISTANCE * self.length
-                raise key_error(
-                    f"{key}.end", doubler.end, f"from {least:g} m up to the length, {self.length:g} m, is allowed"
-                )
+            least = doubler.start + apart
+            if not least <= doubler.end <= (1.0 + SLACK) * self.length:
+                allowed = f"from {least:g} m up to the length, {self.length:g} m, is allowed"
+                raise key_error(f"{key}.end", doubler.end, allowed)
             strange = next((face for face in doubler.faces or () if face not in self._face_names), None)
             if strange:
-                raise key_error(
-                    f"{key}.faces", strange, f"faces of this profile are allowed: {', '.join(self._face_names)}"
-                )
+                allowed = f"faces of this profile are allowed: {', '.join(self._face_names)}"
+                raise key_error(f"{key}.faces", strange, allowed)
         for a, b in pairwise(self.breaks):
-            if b - a < (1.0 - SLACK) * LEAST_BREAK_DISTANCE * self.length:
-                least = LEAST_BREAK_DISTANCE * self.length
-                allowed = f"one place, or places {least:g} m apart, a thousandth of the length, are"
-                raise key_error(
-                    self.varying_keys[0], None, f"{allowed} allowed: something ends at {a:.6g} and at {b:.6g} m"
-                )
+            if b - a < (1.0 - SLACK) * apart:
+                allowed = f"one place, or places {apart:g} m apart, a thousandth of the length, are allowed"
+                raise key_error(self.varying_keys[0], None, f"{allowed}: something ends at {a:.6g} and at {b:.6g} m")
             self._stretch(a, b)
         return self
 
@@ -157,18 +154,18 @@ class Box(BoxProfile):
         return [*breaks, self.length]
 
     @property
-    def untapered_range(self) -> tuple[float, float]:
+    def untapered_range(self) -> Interval:
         """First and last position along x in m between which no taper changes the dimensions."""
         low, high = (0.0 if taper is None else taper.length for taper in (self.tail_taper, self.tip_taper))
-        return low, self.length - high
+        return Interval(low, self.length - high)
 
     @property
-    def parallel_range(self) -> tuple[float, float]:
+    def parallel_range(self) -> Interval:
         """First and last position along x in m between which all faces are parallel to the axis."""
         low, high = self.untapered_range
         tapering = [stretch for stretch in self.stretches if stretch.is_tapered]
         behind, before = any(stretch.start < low for stretch in tapering), any(part.end > high for part in tapering)
-        return low if behind else 0.0, high if before else self.length
+        return Interval(low if behind else 0.0, high if before else self.length)
 
     @property
     def stretches(self) -> list[Stretch]:

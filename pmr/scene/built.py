@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, ModelWrapValidatorHandler, model_validator
@@ -24,6 +24,7 @@ from pmr.scene.keys import (
     Place,
     Quantity,
     SceneTable,
+    Schema,
     Size,
     Stiffness,
     Switch,
@@ -69,24 +70,21 @@ class Body(SceneTable):
     """
 
     model: ModelName = Field(
-        default="auto",
-        description="Structural model; `auto` takes the smallest that is near enough to a shell",
+        default="auto", description="Structural model; `auto` takes the smallest that is near enough to a shell"
     )
     material: Material = Field(default=Material(), description="Material, except in regions that have their own")
     box: Box | None = Field(default=None, description="A box boom by its dimensions")
     profile: Profile | None = Field(default=None, description="A planar beam by its stiffnesses")
     thickness: Thickness | None = Field(default=None, description="Thickness of a shell whose mesh is read from a file")
     regions: dict[Name, Region] = Field(
-        default={},
-        description="Named regions of the mesh with a material or thickness of their own",
+        default={}, description="Named regions of the mesh with a material or thickness of their own"
     )
     shear: Switch = Field(default=True, description="Whether beams in space have shear deformation and rotary inertia")
     shear_correction: Annotated[float, Field(gt=0.0, strict=True), Quantity("1", 1e-3, 1e6)] = Field(
         default=5.0 / 6.0, description="Shear correction factor kappa of shells"
     )
     section: BeamSection | None = Field(
-        default=None,
-        description="Cross-section of a beam in space; by default that of the box",
+        default=None, description="Cross-section of a beam in space; by default that of the box"
     )
     walls: Literal["rigid", "give"] = Field(
         default="rigid", description="Whether the local compliance of the walls under pads is added to a beam"
@@ -123,8 +121,7 @@ class MeshChoice(SceneTable):
         default=None, description="Edge length of cells along the axis (by default as `size`)"
     )
     tail_layer: Distance = Field(
-        default=0.0,
-        description="Length of the first layer of cells at the tail; 0: regular layers",
+        default=0.0, description="Length of the first layer of cells at the tail; 0: regular layers"
     )
     cells: Literal["hexahedra", "tetrahedra"] = Field(default="hexahedra", description="Shape of the cells of a solid")
     elements: Count = Field(default=60, description="Number of elements of a beam")
@@ -150,16 +147,13 @@ class Support(SceneTable):
         description="Directions that are held: pinned x, y, z; clamped these and all rotations; roller z",
     )
     directions: tuple[Direction, ...] | None = Field(
-        default=None,
-        description="Directions that are held, in place of `kind`",
+        default=None, description="Directions that are held, in place of `kind`"
     )
     stiffness: Stiffness | Literal["rigid"] = Field(
-        default="rigid",
-        description="Stiffness in each direction (of rotations in N m/rad)",
+        default="rigid", description="Stiffness in each direction (of rotations in N m/rad)"
     )
     points: Literal["mean", "all"] = Field(
-        default="mean",
-        description="Whether the mean motion of the group is held, or every point of it",
+        default="mean", description="Whether the mean motion of the group is held, or every point of it"
     )
 
     @model_validator(mode="after")
@@ -180,13 +174,9 @@ class Support(SceneTable):
 
         It is ``clamped`` if the support holds ry or rz, otherwise ``pinned`` if it holds x, otherwise ``roller``.
         """
-        return (
-            "clamped"
-            if {"ry", "rz"} & set(self.held_directions)
-            else "pinned"
-            if "x" in self.held_directions
-            else "roller"
-        )
+        if {"ry", "rz"} & set(self.held_directions):
+            return "clamped"
+        return "pinned" if "x" in self.held_directions else "roller"
 
     def row_name(self, direction: str) -> str:
         """Return the name of the support's row along or about one direction."""
@@ -205,9 +195,7 @@ class Slider(SceneTable):
 
     path: Annotated[Signal, Usual(0.0, 2.0, "length", "m")] = Field(description="Path s over time, in m")
     offsets: tuple[Place, ...] | None = Field(
-        default=None,
-        min_length=1,
-        description="Distance of each sliding point ahead of s",
+        default=None, min_length=1, description="Distance of each sliding point ahead of s"
     )
     travel: tuple[Place, Place] | None = Field(default=None, description="Smallest and largest s of the saved model")
 
@@ -217,11 +205,9 @@ def clearance_on(clearances: float | Mapping[Face, float], face: str) -> float:
 
     `clearances` is one number for all faces or a mapping by face; a face that the mapping lacks has the clearance 0.
     """
-    return (
-        next((gap for name, gap in clearances.items() if name == face), 0.0)
-        if isinstance(clearances, Mapping)
-        else clearances
-    )
+    if not isinstance(clearances, Mapping):
+        return clearances
+    return {str(name): gap for name, gap in clearances.items()}.get(face, 0.0)
 
 
 class PadRing(SceneTable):
@@ -233,15 +219,13 @@ class PadRing(SceneTable):
 
     name: Name = Field(description="Name of the ring, with which the names of its pads begin")
     at: Place = Field(
-        default=0.0,
-        description="Place of the pads' centre along the axis; of moving pads its distance ahead of s",
+        default=0.0, description="Place of the pads' centre along the axis; of moving pads its distance ahead of s"
     )
     moving: Switch = Field(
-        default=False,
-        description="Whether the pads move along the body, as those at the mouth of the next section do",
+        default=False, description="Whether the pads move along the body, as those at the mouth of the next section do"
     )
     faces: Annotated[dict[Face, tuple[Place, ...]], Field(min_length=1), Usual(0.0, 5.0)] = Field(
-        description="Places of the pads across each face, by the face's name",
+        description="Places of the pads across each face, by the face's name"
     )
     length: Annotated[Length, Usual(0.001, 5.0)] = Field(default=0.3, description="Length of a pad along the axis")
     width: Annotated[Length, Usual(0.001, 3.0)] = Field(default=0.08, description="Width of a pad across the face")
@@ -261,11 +245,8 @@ class PadRing(SceneTable):
         pads = []
         for face, places in self.faces.items():
             for number, across in enumerate(places, start=1):
-                which = (
-                    SIDES.get(face, UPWARDS)[int(across > 0.0)]
-                    if len(places) == 2 and np.prod(places) < 0.0
-                    else str(number)
-                )
+                is_pair = len(places) == 2 and np.prod(places) < 0.0
+                which = SIDES.get(face, UPWARDS)[int(across > 0.0)] if is_pair else str(number)
                 pads.append((f"{self.name} {face}" + (f" {which}" if len(places) > 1 else ""), face, float(across)))
         return pads
 
@@ -306,7 +287,7 @@ class Load(SceneTable):
         return {"force": scales.get("weight", 0.0)}
 
 
-def _allow_inclination(schema: dict[str, Any]) -> None:
+def _allow_inclination(schema: Schema) -> None:
     """Allow in a JSON schema, which is changed in place, an inclination instead of a direction."""
     about = "Angle by which the boom is raised, in place of `direction`, which is then (-sin, 0, -cos) of it"
     degrees = {"type": "number", "minimum": -90.0, "maximum": 90.0, "unit": "degrees", "default": None}
@@ -346,7 +327,7 @@ class Gravity(SceneTable):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _resolve_inclination(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+    def _resolve_inclination(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
         """Validate a table with an `inclination` in degrees as one with the direction (-sin, 0, -cos) of that angle."""
         if not (isinstance(data, dict) and "inclination" in data):
             return handler(data)

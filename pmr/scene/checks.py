@@ -23,6 +23,7 @@ from pmr.scene.choice import (
 )
 from pmr.scene.frame import Frame, Machine
 from pmr.scene.joint_checks import check_joints
+from pmr.scene.joints import JointPads
 from pmr.scene.keys import LUFFING, check_bounds
 from pmr.scene.mechanism import supports_at_lug
 from pmr.scene.members import member_at, members
@@ -58,21 +59,14 @@ def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
 
 def _check_contacts(scene: Scene) -> None:
     """Refuse pads that only push or have friction, which can't be simulated together with a machine's motion."""
-    for number, part in enumerate(scene.sections):
-        for k, pads in enumerate(part.pads):
-            _check_ring(f"sections[{number}].pads[{k}]", pads.unilateral, 0.0)
-        for end in ("tail", "mouth") if part.joint is not None else ():
-            for k, ring in enumerate(getattr(part.joint, end)):
-                _check_ring(f"sections[{number}].joint.{end}[{k}]", ring.unilateral, ring.friction)
-
-
-def _check_ring(key: str, unilateral: bool, friction: float) -> None:
-    """Refuse a ring of pads with the key `key` if it only pushes or has friction."""
-    if unilateral:
-        allowed = "false is allowed beside frame.machine: pads that hold both ways"
-        raise scene_error(f"{key}.unilateral", True, allowed)
-    if friction:
-        raise scene_error(f"{key}.friction", friction, "0 is allowed beside frame.machine")
+    keyed = [(k, key, ring) for k, part in enumerate(scene.sections) for key, ring in part.keyed_rings.items()]
+    for number, ring_key, ring in keyed:
+        key = f"sections[{number}].{ring_key}"
+        if ring.unilateral:
+            allowed = "false is allowed beside frame.machine: pads that hold both ways"
+            raise scene_error(f"{key}.unilateral", True, allowed)
+        if isinstance(ring, JointPads) and ring.friction:
+            raise scene_error(f"{key}.friction", ring.friction, "0 is allowed beside frame.machine")
 
 
 #: An angle may jump by this share of its range, which is round-off.
@@ -122,9 +116,8 @@ def check_frame(scene: Scene) -> None:
     for support in scene.sections[0].supports if frame.second_order else ():
         if "x" in support.held_directions and scene.sections[0].position_of(support.on) not in (0.0, None):
             allowed = "the tail is allowed as the place that holds the base along with frame.second_order"
-            raise scene_error(
-                scene.section_key(0, "supports"), support.on, f"{allowed}: axial forces are those from there on"
-            )
+            allowed += ": axial forces are those from there on"
+            raise scene_error(scene.section_key(0, "supports"), support.on, allowed)
     for member in members(scene) if frame.second_order else ():
         for load in member.part.loads:
             if load.on != "tip" and "x" in input_directions(member, load).values():
@@ -169,9 +162,8 @@ def _check_holding_cylinder(scene: Scene, frame: Frame) -> None:
         raise scene_error("sections.name", LUFFING, f"other names are allowed beside {key}: a path has this one")
     at = frame.cylinder.lug[0] - frame.tail_position[0]
     if not 0.0 <= at <= base.part.length:
-        raise scene_error(
-            "frame.cylinder.lug", frame.cylinder.lug[0], "with a stiffness, a place on the base is allowed"
-        )
+        allowed = "with a stiffness, a place on the base is allowed"
+        raise scene_error("frame.cylinder.lug", frame.cylinder.lug[0], allowed)
     if twice := supports_at_lug(scene):
         allowed = f"the cylinder's stiffness or the support {twice[0]!r} at its lug is allowed, one of both"
         raise scene_error(key, frame.cylinder.stiffness, allowed)
@@ -236,9 +228,8 @@ def _check_fatigue(scene: Scene) -> None:
     """Refuse fatigue without a probe that measures stress."""
     measured = [measure for part in scene.sections for probe in part.probes for measure in probe.measures]
     if scene.fatigue is not None and "stress" not in measured:
-        raise scene_error(
-            "fatigue", None, "a probe with measures = ['stress'] is needed: damage is that of its stresses"
-        )
+        allowed = "a probe with measures = ['stress'] is needed: damage is that of its stresses"
+        raise scene_error("fatigue", None, allowed)
 
 
 def check_time(scene: Scene) -> None:
@@ -266,17 +257,14 @@ def _check_reduction(scene: Scene) -> None:
         allowed = "free modes with flexibility are allowed to have ports"
         raise scene_error("reduction.ports", list(choice.ports), allowed)
     if choice.ports and scene.goal is not None:
-        raise scene_error(
-            "reduction.ports", list(choice.ports), "a number of coordinates is allowed with them, no tolerance"
-        )
+        allowed = "a number of coordinates is allowed with them, no tolerance"
+        raise scene_error("reduction.ports", list(choice.ports), allowed)
     if choice.uses_pod:
         _check_pod(scene)
-    if not choice.flexibility and choice.coordinates < fewest_rows(member_at(scene)):
-        points = len(scene.points)
-        allowed = (
-            f"at least as many as constraint rows are allowed: {fewest_rows(member_at(scene))} "
-            f"({fewest_rows(member_at(scene)) - points} of supports, {points} of sliders)"
-        )
+    rows, points = fewest_rows(member_at(scene)), len(scene.points)
+    if not choice.flexibility and choice.coordinates < rows:
+        of_rows = f"{rows} ({rows - points} of supports, {points} of sliders)"
+        allowed = f"at least as many as constraint rows are allowed: {of_rows}"
         raise scene_error("reduction.coordinates", choice.coordinates, allowed)
 
 
@@ -288,9 +276,8 @@ def _check_pod(scene: Scene) -> None:
     choice = scene.reduction
     pool = choice.snapshots * choice.modes
     if choice.coordinates > pool:
-        raise scene_error(
-            "reduction.coordinates", choice.coordinates, f"at most snapshots * modes = {pool} are allowed"
-        )
+        allowed = f"at most snapshots * modes = {pool} are allowed"
+        raise scene_error("reduction.coordinates", choice.coordinates, allowed)
     if isinstance(choice.positions, str):
         return
     if len(choice.positions) != choice.snapshots:
@@ -315,22 +302,16 @@ def _check_frequency_response(scene: Scene) -> None:
 def _check_comparison(scene: Scene) -> None:
     """Refuse the ANCF reference of a scene that it can't represent."""
     profile = scene.body.profile
-    ancf_can = (
-        scene.start == "rest"
-        and is_pinned_beam(member_at(scene))
-        and profile is not None
-        and profile.axial_stiffness is not None
-        and scene.gravity is None
-        and scene.damping == Damping()
-        and all(load.direction == "z" for load in scene.loads)
-    )
-    if "ancf" in scene.compare.against and not ancf_can:
-        raise scene_error(
-            "compare.against",
-            list(scene.compare.against),
+    is_cable = is_pinned_beam(member_at(scene)) and profile is not None and profile.axial_stiffness is not None
+    is_plain = scene.start == "rest" and scene.gravity is None and scene.damping == Damping()
+    if "ancf" in scene.compare.against and not (
+        is_cable and is_plain and all(load.direction == "z" for load in scene.loads)
+    ):
+        allowed = (
             "the ANCF reference needs body.profile with axial_stiffness, one slider without offset, no damping, one "
-            "pinned support at x = 0, loads along z and start = 'rest'",
+            "pinned support at x = 0, loads along z and start = 'rest'"
         )
+        raise scene_error("compare.against", list(scene.compare.against), allowed)
 
 
 def _check_simulators(scene: Scene) -> None:
@@ -339,12 +320,8 @@ def _check_simulators(scene: Scene) -> None:
     pushing = tuple(ring.name for ring in scene.pads if ring.unilateral)
     soft = {ring.name for ring in scene.pads if ring.stiffness != "rigid"}
     moving = tuple(ring.name for ring in scene.pads if ring.moving) or ("slider",)
-    full = SimulatorNeeds(
-        pushing_rows=pushing,
-        flexible_rows=tuple(soft),
-        rigid_moving_rows=tuple(name for name in moving if name not in soft) if high > low else (),
-        rho_inf=scene.time.rho_inf,
-    )
+    rigid_moving = tuple(name for name in moving if name not in soft) if high > low else ()
+    full = SimulatorNeeds(pushing, (), tuple(soft), rigid_moving, rho_inf=scene.time.rho_inf)
     if "full" in scene.compare.against:
         refuse_unsupported("petsc" if scene.simulation.full == "auto" else scene.simulation.full, full, REFERENCE)
     reduced = full

@@ -11,7 +11,6 @@ InputError for everything else.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from pmr.errors import InputError
 from pmr.scene.box import Box
 from pmr.scene.built import Load
 from pmr.scene.keys import Direction
-from pmr.scene.members import Member
+from pmr.scene.members import Member, members
 from pmr.scene.profile import FACES, Face
 
 #: Share of a wall's lowest frequency up to which its response is assumed to be quasi-static.
@@ -36,15 +35,18 @@ class ModelChoice:
     reasons: tuple[str, ...]
 
 
-def choose_model(member: Member) -> ModelChoice:
-    """Return the model that the scene names, or for ``auto`` the smallest of beam2d, beam3d and shell that suffices."""
+def choose_model(member: Member, by_itself: bool = False) -> ModelChoice:
+    """Return the model that the scene names, or for ``auto`` the smallest of beam2d, beam3d and shell that suffices.
+
+    If one section of a boom is no planar beam, none is.  With `by_itself` other sections are left out of account.
+    """
     if member.part.body.model != "auto":
         return ModelChoice(member.part.body.model, ("the scene names it",))
     if member.part.body.profile is not None:
         return ModelChoice("beam2d", ("its stiffnesses are those of a planar beam",))
     if shell := [*_stress_reasons(member), *_wall_reasons(member)]:
         return ModelChoice("shell", tuple(shell))
-    if space := [*_lateral_reasons(member), *_other_model_reasons(member)]:
+    if space := [*_lateral_reasons(member), *([] if by_itself else _other_model_reasons(member))]:
         return ModelChoice("beam3d", tuple(space))
     return ModelChoice("beam2d", ("all loads and masses lie in the vertical plane",))
 
@@ -117,12 +119,8 @@ def is_pinned_beam(member: Member) -> bool:
         (member.part.position_of(support.on), support.stiffness, set(support.held_directions) & {"x", "z", "ry"})
         for support in member.part.supports
     ]
-    return (
-        member.part.body.profile is not None
-        and held == [(0.0, "rigid", {"x", "z"})]
-        and member.points == (0.0,)
-        and not (member.pads or member.part.masses)
-    )
+    is_bare = member.points == (0.0,) and not (member.pads or member.part.masses)
+    return member.part.body.profile is not None and held == [(0.0, "rigid", {"x", "z"})] and is_bare
 
 
 def has_axial_motion(member: Member) -> bool:
@@ -137,10 +135,8 @@ def has_driven_tail(member: Member) -> bool:
     x.
     """
     # a support of every point removes the tail's coordinates along x from the model
-    held = any(
-        support.on == "tail" and support.points == "all" and "x" in support.held_directions
-        for support in member.part.supports
-    )
+    at_tail = [support for support in member.part.supports if support.on == "tail" and support.points == "all"]
+    held = any("x" in support.held_directions for support in at_tail)
     return member.has_joint and has_axial_motion(member) and (member.number > 0 or not held)
 
 
@@ -215,7 +211,8 @@ def wall_frequency(box: Box, young: float, poisson: float, density: float) -> fl
 def _stress_reasons(member: Member) -> list[str]:
     """Reason for a shell if the scene asks for stresses or strains, otherwise an empty list."""
     measured = {measure for probe in member.part.probes for measure in probe.measures}
-    has_stresses = member.recovery is not None and member.recovery.stress or bool(measured & {"stress", "strain"})
+    recovery = member.scene.recovery
+    has_stresses = recovery is not None and recovery.stress or bool(measured & {"stress", "strain"})
     return ["stresses are computed, which depend on pads and walls"] * has_stresses
 
 
@@ -232,22 +229,17 @@ def _wall_reasons(member: Member) -> list[str]:
 
 def _other_model_reasons(member: Member) -> list[str]:
     """Reasons for a beam in space from other sections: if one section is no planar beam, all have to be in space."""
-    models = {section.part.name: choose_model(section).model for section in member.other_sections}
-    return [f"section {name} is no planar beam" for name, model in models.items() if model != "beam2d"]
+    others = [section for section in members(member.scene) if section.number != member.number]
+    spatial = [other for other in others if choose_model(other, by_itself=True).model != "beam2d"]
+    return [f"section {other.part.name} is no planar beam" for other in spatial]
 
 
 def _lateral_reasons(member: Member) -> list[str]:
     """Reasons for a beam in space: causes that move the body out of the vertical plane; otherwise an empty list."""
-    reasons = [
-        f"the load {load.name} acts along {load.direction}"
-        for load in member.part.loads
-        if load.direction in ("y", "rx", "rz")
-    ]
-    reasons += [
-        f"the mass {mass.name} lies beside the vertical plane"
-        for mass in member.part.masses
-        if mass.at is not None and mass.at[1] != 0.0
-    ]
+    lateral = [load for load in member.part.loads if load.direction in ("y", "rx", "rz")]
+    reasons = [f"the load {load.name} acts along {load.direction}" for load in lateral]
+    beside = [mass for mass in member.part.masses if mass.at is not None and mass.at[1] != 0.0]
+    reasons += [f"the mass {mass.name} lies beside the vertical plane" for mass in beside]
     box = member.part.body.box
     profiles = () if box is None else [profile for part in box.stretches for profile in (part.first, part.last)]
     if any(profile.thickness(face) != profile.thickness(other) for profile in profiles for face, other in SIDES):
@@ -303,7 +295,7 @@ class SimulatorKey:
 
     source: str
     key: str
-    value: Any
+    value: object
 
 
 #: Key by which a scene asks for the simulation of its full model, as a reference.
@@ -327,9 +319,7 @@ def refuse_unsupported(name: str, needs: SimulatorNeeds, place: SimulatorKey | N
     }
     for capability, (needed, reason) in lacking.items():
         if needed and not getattr(can, capability):
-            able = [
-                simulator for simulator, has in SIMULATORS.items() if has.reduced_models and getattr(has, capability)
-            ]
+            able = [other for other, has in SIMULATORS.items() if has.reduced_models and getattr(has, capability)]
             instead = "[]" if place is REFERENCE else " or ".join(able)
             raise InputError(place.source, place.key, place.value, f"{instead} is allowed: {name} {reason}")
     if needs.rigid_pushing_rows:

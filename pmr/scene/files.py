@@ -16,7 +16,6 @@ from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from pydantic import ValidationError
 
@@ -41,17 +40,18 @@ MOVED = {
     "clamps": "supports (with points = 'all', and kind = 'clamped' or directions)",
     "reduction.support_rows": "reduction.basis ('paper' for 'hold', 'eigenmodes' for 'drop')",
 }
+_INERTIA = "this key is no longer allowed: a larger reduction.coordinates has the same effect"
+_FRICTION = "this key is no longer allowed: pads stick until they slide, by the shear_stiffness of each ring"
 #: Keys of earlier versions without a present name, and what replaces them.
-GONE = dict.fromkeys(
-    ("reduction.residual_inertia", "sections.reduction.residual_inertia"),
-    "this key is no longer allowed: a larger reduction.coordinates has the same effect",
-) | dict.fromkeys(
-    ("section.joint.friction_speed", "sections.joint.friction_speed"),
-    "this key is no longer allowed: pads stick until they slide, by the shear_stiffness of each ring",
-)
+GONE = {
+    "reduction.residual_inertia": _INERTIA,
+    "sections.reduction.residual_inertia": _INERTIA,
+    "section.joint.friction_speed": _FRICTION,
+    "sections.joint.friction_speed": _FRICTION,
+}
 
 
-def stored_scene(data: Mapping[str, Any], source: str, context: Mapping[str, str] | None = None) -> Scene:
+def stored_scene(data: Mapping[str, object], source: str, context: Mapping[str, str] | None = None) -> Scene:
     """Return the scene of saved results or of a saved model, of this version or an earlier one.
 
     `source` names the file in messages; `context` is the context of pydantic's validation.
@@ -73,7 +73,7 @@ def stored_scene(data: Mapping[str, Any], source: str, context: Mapping[str, str
         raise InputError(source, key, first["input"], allowed) from None
 
 
-def _leave_out(data: Any, keys: Sequence[str]) -> None:
+def _leave_out(data: object, keys: Sequence[str]) -> None:
     """Remove a key, given as a list of words, from nested tables in place; it is removed from each table of a list."""
     first, *inner_keys = keys
     if isinstance(data, list):
@@ -131,22 +131,20 @@ def check_unused(file: TomlFile, scene: Scene) -> None:
     _refuse_any(file, "", file.data, _unused_simulation_keys(scene))
 
 
-def _refuse_any(file: TomlFile, prefix: str, content: Mapping[str, Any], unused_keys: Iterator[UnusedKey]) -> None:
+def _refuse_any(file: TomlFile, prefix: str, content: Mapping[str, object], unused_keys: Iterator[UnusedKey]) -> None:
     """Refuse the first of `unused_keys` that the table `content` sets; `prefix` is the key of the table in the file."""
     for unused in unused_keys:
         if not _has_key(content, unused.key):
             continue
-        writer, decided = file.origin(prefix + unused.key), _has_key(content, unused.decided_by) or not prefix
-        decider = (
-            file.origin(prefix + unused.decided_by if decided else f"section.{unused.decided_by}")
-            if unused.decided_by
-            else writer
-        )
+        decider = writer = file.origin(prefix + unused.key)
+        if unused.decided_by:
+            decided = _has_key(content, unused.decided_by) or not prefix
+            decider = file.origin(prefix + unused.decided_by if decided else f"section.{unused.decided_by}")
         if writer == OPTION or writer == decider == str(file.path):
             raise scene_error(f"{prefix}{unused.key}", None, f"leave it out: {unused.reason}")
 
 
-def _has_key(data: Any, key: str) -> bool:
+def _has_key(data: object, key: str) -> bool:
     """Whether nested tables and lists have a dotted key, such as ``joint.tail.0.friction``; False for ""."""
     for word in filter(None, key.split(".")):
         if isinstance(data, list):
@@ -187,21 +185,15 @@ def _unused_joint_keys(scene: Scene, number: int) -> Iterator[UnusedKey]:
     joint, name = scene.joint(number), scene.names[number]
     if joint.follows is None:
         yield from (UnusedKey(f"joint.{key}", "", f"{name} follows no other section") for key in ("ratio", "offset"))
-    for end in ("tail", "mouth"):
-        for k, ring in enumerate(getattr(joint, end)):
-            if not ring.friction:
-                yield UnusedKey(f"joint.{end}.{k}.shear_stiffness", "", "without friction nothing sticks")
-            if not ring.static_friction:
-                yield UnusedKey(
-                    f"joint.{end}.{k}.stribeck_speed",
-                    "",
-                    "it has an effect with static_friction alone, from which the friction falls",
-                )
-    if not has_axial_motion(member_at(scene, number)):
-        yield from (
-            UnusedKey(f"joint.{key}", "", f"{name} has no coordinates along the boom, and so no {key}")
-            for key in ("cylinder", "rope")
-        )
+    keyed = {f"joint.tail.{k}": ring for k, ring in enumerate(joint.tail)}
+    for key, ring in (keyed | {f"joint.mouth.{k}": ring for k, ring in enumerate(joint.mouth)}).items():
+        if not ring.friction:
+            yield UnusedKey(f"{key}.shear_stiffness", "", "without friction nothing sticks")
+        if not ring.static_friction:
+            why = "it has an effect with static_friction alone, from which the friction falls"
+            yield UnusedKey(f"{key}.stribeck_speed", "", why)
+    for key in ("cylinder", "rope") if not has_axial_motion(member_at(scene, number)) else ():
+        yield UnusedKey(f"joint.{key}", "", f"{name} has no coordinates along the boom, and so no {key}")
 
 
 def _unused_simulation_keys(scene: Scene) -> Iterator[UnusedKey]:
@@ -209,23 +201,17 @@ def _unused_simulation_keys(scene: Scene) -> Iterator[UnusedKey]:
     if "ancf" not in scene.compare.against:
         yield UnusedKey("compare.ancf_elements", "compare.against", "compare.against names no ANCF reference")
     if not any(name.startswith("exudyn") for name in (*scene.simulation.simulators, scene.simulation.full)):
-        yield UnusedKey(
-            "simulation.newton", "simulation.simulators", "Exudyn, whose settings these are, does not simulate"
-        )
+        why = "Exudyn, whose settings these are, does not simulate"
+        yield UnusedKey("simulation.newton", "simulation.simulators", why)
 
 
-#: Rules of scene files; published results belong to one scene, not to those that extend it.
-DIALECT = Dialect(
-    "scene file",
-    not_inherited=("published",),
-    alternatives={
-        "damping": (("mass", "stiffness"), ("ratio", "frequencies")),
-        "body": (("box",), ("profile",)),
-        "gravity": (("direction",), ("inclination",)),
-    },
-    renamed_keys=MOVED,
-    removed_keys=GONE,
-)
+#: Rules of scene files: keys that replace each other, and published results, which belong to one scene alone.
+_ALTERNATIVES = {
+    "damping": (("mass", "stiffness"), ("ratio", "frequencies")),
+    "body": (("box",), ("profile",)),
+    "gravity": (("direction",), ("inclination",)),
+}
+DIALECT = Dialect("scene file", ("file",), ("published",), _ALTERNATIVES, renamed_keys=MOVED, removed_keys=GONE)
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:

@@ -188,8 +188,7 @@ class BaseMotion(SceneTable):
         default=None, description="Roll angle of the base, about its X, in frame.unit"
     )
     ry: Annotated[Signal, ROCKED] | None = Field(
-        default=None,
-        description="Pitch angle of the base, about its Y, in frame.unit; positive lowers the boom",
+        default=None, description="Pitch angle of the base, about its Y, in frame.unit; positive lowers the boom"
     )
     rz: Annotated[Signal, TURNED] | None = Field(
         default=None, description="Yaw angle of the base, about its Z, in frame.unit"
@@ -262,15 +261,9 @@ class LuffingCylinder(SceneTable):
     def direction(self, angle: ArrayLike) -> NDArray[np.float64]:
         """Return unit vectors (..., 2) from foot to lug, along x and z of the boom, at luffing angles (...) in rad."""
         along_cylinder = self.lug_position(angle) - self.foot
-        along_cylinder = along_cylinder / np.linalg.norm(along_cylinder, axis=-1, keepdims=True)
+        x, z = np.moveaxis(along_cylinder / np.linalg.norm(along_cylinder, axis=-1, keepdims=True), -1, 0)
         sine, cosine = np.sin(angle), np.cos(angle)
-        return np.stack(
-            [
-                along_cylinder[..., 0] * cosine + along_cylinder[..., 1] * sine,
-                along_cylinder[..., 1] * cosine - along_cylinder[..., 0] * sine,
-            ],
-            axis=-1,
-        )
+        return np.stack([x * cosine + z * sine, z * cosine - x * sine], axis=-1)
 
 
 class Frame(SceneTable):

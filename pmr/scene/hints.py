@@ -21,7 +21,7 @@ from pydantic import BaseModel
 
 from pmr.scene.built import GRAVITY
 from pmr.scene.joints import BoomSection
-from pmr.scene.keys import Hinted, Usual, quantity_of, usual_ranges
+from pmr.scene.keys import Hinted, Schema, Usual, quantity_of, usual_ranges
 from pmr.scene.scene import BodyFile, Scene
 from pmr.scene.signals import SignalBase
 
@@ -72,11 +72,9 @@ class _UnusualNumber:
         usual = f"{self.low:.3g} to {self.high:.3g}{unit}" if self.low else f"up to {self.high:.3g}{unit}"
         if math.isinf(self.high):
             usual = f"{self.low:.3g}{unit} and more"
-        meant = [
-            f"{other} ({self.value * factor:.3g}{unit})"
-            for other, factor in OTHER_UNITS.get(self.unit, {}).items()
-            if self.low <= abs(self.value) * factor <= self.high
-        ]
+        likely = OTHER_UNITS.get(self.unit, {}).items()
+        likely_units = {other: factor for other, factor in likely if self.low <= abs(self.value) * factor <= self.high}
+        meant = [f"{other} ({self.value * factor:.3g}{unit})" for other, factor in likely_units.items()]
         question = f"is it in {' or '.join(meant[:2])}?" if meant else "is the unit right?"
         return f"{self.key} = {self.value:.6g}{unit} is unusual: {usual} is usual here; {question}"
 
@@ -125,7 +123,7 @@ def _unusual_in_table(table: BaseModel, key: str, scales: Scales) -> Iterator[_U
 
 
 def _unusual_in_value(
-    value: Any, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales
+    value: object, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales
 ) -> Iterator[_UnusualNumber]:
     """Yield the unusual numbers of a field's value and of all lists and tables nested in it.
 
@@ -154,17 +152,14 @@ def _unusual_number(
 
     0 is never unusual.  A range in multiples of a scale is left out if `scales` lacks this scale or has it as 0.
     """
-    ranges_of_key = [usual_range for usual_range in usual if not usual_range.scale or scales.get(usual_range.scale)]
-    if not (value and ranges_of_key):
+    ranges = [of for of in usual if not of.scale or scales.get(of.scale)]
+    if not (value and ranges):
         return
-    ranges = [
-        (usual_range.low * size, usual_range.high * size)
-        for usual_range in ranges_of_key
-        for size in (scales.get(usual_range.scale, 1.0),)
-    ]
-    low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
+    sizes = [scales.get(of.scale, 1.0) for of in ranges]
+    low = max(of.low * size for of, size in zip(ranges, sizes, strict=True))
+    high = min(of.high * size for of, size in zip(ranges, sizes, strict=True))
     if low <= high and not low <= abs(value) <= high:
-        yield _UnusualNumber(key, value, ranges_of_key[-1].unit or unit, low, high)
+        yield _UnusualNumber(key, value, ranges[-1].unit or unit, low, high)
 
 
 def _boom_scales(scene: Scene) -> dict[str, float]:
@@ -199,8 +194,6 @@ def _mass(part: BoomSection) -> float:
     area = sum(side.length * side.thickness for side in body.box.sides) if body.section is None else body.section.area
     return body.material.density * area * body.box.length
 
-
-Schema = dict[str, Any]
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
 EXTENDS = {
@@ -241,7 +234,7 @@ def union_schema(schemas: Sequence[Schema], title: str) -> Schema:
     return {"$schema": DRAFT, "title": title, "$defs": parts, "anyOf": [*complete, *extending]}
 
 
-def _in_draft_7(node: Any) -> Any:
+def _in_draft_7(node: object) -> Any:
     """Return a node of a pydantic schema in draft 7, with units in descriptions, and numbers allowed as signals."""
     if isinstance(node, list):
         return [_in_draft_7(entry) for entry in node]
@@ -257,7 +250,7 @@ def _in_draft_7(node: Any) -> Any:
     return spelled_node
 
 
-def _without_required_keys(node: Any) -> Any:
+def _without_required_keys(node: object) -> Any:
     """Return a node of a schema in which no key is required and tables may change single entries of lists of tables."""
     if isinstance(node, list):
         return [_without_required_keys(entry) for entry in node]

@@ -10,7 +10,7 @@ import numpy as np
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.box import Box
 from pmr.scene.choice import SimulatorNeeds, has_axial_motion, has_driven_tail, is_planar, refuse_unsupported
-from pmr.scene.joints import BoomSection, ScaledSignal
+from pmr.scene.joints import BoomSection, JointPads, ScaledSignal
 from pmr.scene.mechanism import Drive, longest_rope, rope_length, rope_shares
 from pmr.scene.members import EXTENSION, Seat, footprint, member_at, members, seats
 from pmr.scene.profile import gaps
@@ -41,10 +41,8 @@ def check_fit(scene: Scene, number: int) -> None:
         has = getattr(inner, side) + sum(map(inner.thickness, walls)) / 2.0
         room = getattr(outer, side) - sum(map(outer.thickness, walls)) / 2.0
         if has >= room:
-            allowed = (
-                f"outside {name} is {has:.6g} m, inside {around} there are {room:.6g} "
-                "m: a section has to fit into the one before it"
-            )
+            sizes = f"outside {name} is {has:.6g} m, inside {around} there are {room:.6g} m"
+            allowed = f"{sizes}: a section has to fit into the one before it"
             raise scene_error(f"sections[{number}].body.box.{side}", getattr(inner, side), allowed)
     beyond, face = min((room, face) for face, room in gaps(inner.sides, outer.sides).items())
     if beyond <= 0.0:
@@ -99,9 +97,8 @@ def _check_clearance(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[
     for face in seat.ring.faces or ():
         for body, faces in ((name, inner_faces), (around, outer_faces)):
             if face not in faces:
-                raise scene_error(
-                    f"{key}.faces", face, f"faces that {body} has are allowed: {', '.join(faces) or 'none'}"
-                )
+                allowed = f"faces that {body} has are allowed: {', '.join(faces) or 'none'}"
+                raise scene_error(f"{key}.faces", face, allowed)
         if inner_faces[face].normal @ outer_faces[face].normal < PARALLEL:
             allowed = f"faces that are parallel are allowed: the {face} of {name} and that of {around} are not"
             raise scene_error(f"{key}.faces", face, allowed)
@@ -128,15 +125,13 @@ def check_joints(scene: Scene) -> None:
         _check_ground_supports(scene, number)
         _check_pads(scene, number)
         _check_section(scene, number)
-    if scene.start == "equilibrium":
-        for number in range(1, len(scene.sections)):
-            _check_equilibrium_start(scene, number)
+    for number in range(1, len(scene.sections)) if scene.start == "equilibrium" else ():
+        _check_equilibrium_start(scene, number)
     planar = [is_planar(member) for member in members(scene)]
     if len(set(planar)) > 1:
         names = ", ".join(name for name, flat in zip(scene.names, planar, strict=True) if flat)
-        raise scene_error(
-            "sections", None, f"planar beams ({names}) beside others are not allowed: all in plane, or none"
-        )
+        allowed = f"planar beams ({names}) beside others are not allowed: all in plane, or none"
+        raise scene_error("sections", None, allowed)
     _check_overlaps_and_friction(scene)
     _check_simulators(scene)
     _check_accuracy(scene)
@@ -184,11 +179,8 @@ def _check_drive(scene: Scene, number: int) -> None:
     while (follows := scene.joint(scene.names.index(chain[-1])).follows) is not None:
         allowed_names = [name for name in scene.names[1:] if name not in chain]
         if follows not in allowed_names:
-            allowed = (
-                f"{', '.join(allowed_names)} are allowed, which do not follow it"
-                if allowed_names
-                else "a signal is needed"
-            )
+            listed = f"{', '.join(allowed_names)} are allowed, which do not follow it"
+            allowed = listed if allowed_names else "a signal is needed"
             raise scene_error(f"{key}.follows", joint.follows, allowed)
         chain.append(follows)
     if joint.rope is not None and rope_length(scene, number) is None:
@@ -220,20 +212,15 @@ def _check_flexible_drive(scene: Scene, number: int) -> None:
     leads = [other for other, shares in carried.items() if name in shares and other != name]
     soft = next((leader for leader in leads if Drive.of_section(scene, scene.names.index(leader)).compliance), None)
     if soft and not drive.compliance:
-        allowed = (
-            "a rope with its EA, or cylinder.stiffness, is needed: the rope or "
-            f"cylinder of {soft}, which it follows, gives way"
-        )
-        raise scene_error(f"{key}.rope", None, allowed)
-    rings = ((end, k, ring) for end in ("tail", "mouth") for k, ring in enumerate(getattr(scene.joint(number), end)))
-    rubs = next((f"{end}[{k}]" for end, k, ring in rings if ring.friction), "")
+        needed = "a rope with its EA, or cylinder.stiffness, is needed"
+        raise scene_error(f"{key}.rope", None, f"{needed}: the rope or cylinder of {soft}, which it follows, gives way")
+    rings = scene.sections[number].keyed_rings.items()
+    rubs = next((ring_key for ring_key, ring in rings if isinstance(ring, JointPads) and ring.friction), "")
     hangs = soft or drive.changes_length or (drive.compliance and len(carried.get(name, ())) > 1)
     if rubs and hangs:
-        allowed = (
-            f"0 is allowed: the rope or cylinder that moves {name} changes its length, "
-            "or shares its flexibility with those of other sections"
-        )
-        raise scene_error(f"{key}.{rubs}.friction", None, allowed)
+        allowed = f"0 is allowed: the rope or cylinder that moves {name} changes its length, "
+        allowed += "or shares its flexibility with those of other sections"
+        raise scene_error(f"sections[{number}].{rubs}.friction", None, allowed)
 
 
 def _check_equilibrium_start(scene: Scene, number: int) -> None:
@@ -246,10 +233,9 @@ def _check_equilibrium_start(scene: Scene, number: int) -> None:
             rings = {k: ring for k, ring in enumerate(getattr(joint, end)) if faces & set(ring.faces or ("top",))}
             if any(" " in face for ring in getattr(joint, end) for face in ring.faces or ()):
                 continue  # a load along one axis takes up the play of slanted pads along the other
-            if rings and all(
-                ring.clearance_on(face) for ring in rings.values() for face in ring.faces or ("top",) if face in faces
-            ):
-                (k, ring), *_ = rings.items()
+            on_faces = [(ring, face) for ring in rings.values() for face in ring.faces or ("top",) if face in faces]
+            if rings and all(ring.clearance_on(face) for ring, face in on_faces):
+                k, ring = next(iter(rings.items()))
                 allowed = (
                     f"0 is allowed, here or in another ring: no load along {axis} takes up the play of "
                     f"{scene.names[number]} at t = 0, where motions begin in equilibrium"
@@ -279,9 +265,8 @@ def _is_loaded_at_start(scene: Scene, beyond: Sequence[BoomSection], axis: str, 
 def _check_ground_supports(scene: Scene, number: int) -> None:
     """Refuse supports that hold a travelling section along the boom, and pads on the ground that move."""
     ranges = {name: path.bounds(0.0, scene.time.end) for name, path in list(scene.paths.items())[:number]}
-    moves = next(
-        (name for name, (low, high) in ranges.items() if high - low > SLACK * scene.sections[number].length), None
-    )
+    least = SLACK * scene.sections[number].length
+    moves = next((name for name, (low, high) in ranges.items() if high - low > least), None)
     for i, support in enumerate(scene.sections[number].supports):
         if moves and "x" in support.held_directions:
             key = f"sections[{number}].supports[{i}]"
@@ -302,17 +287,12 @@ def _check_extension(scene: Scene, number: int) -> None:
     by = "overlap" if joint.overlap is not None else "follows" if isinstance(path, ScaledSignal) else "extension"
     key, slack = f"sections[{number}].joint.{by}", SLACK * length
     if first < -BEYOND_ENDS * length:
-        allowed = (
-            f"the tail of {name} gets {-first:.6g} m behind that of {outer}; an extension of 0 m or more is allowed"
-        )
-        raise scene_error(key, None, allowed)
+        behind = f"the tail of {name} gets {-first:.6g} m behind that of {outer}"
+        raise scene_error(key, None, f"{behind}; an extension of 0 m or more is allowed")
     needed = max(ring.at for ring in joint.tail) + max(ring.at for ring in joint.mouth)
     if last >= length - slack:
-        allowed = (
-            f"it pulls {name} out of {outer}: an extension of {last:.6g} m leaves no overlap, "
-            f"less than {length - needed:.6g} m is allowed"
-        )
-        raise scene_error(key, None, allowed)
+        out = f"it pulls {name} out of {outer}: an extension of {last:.6g} m leaves no overlap"
+        raise scene_error(key, None, f"{out}, less than {length - needed:.6g} m is allowed")
     if not length - last > needed + slack:
         allowed = (
             f"the overlap of {name} and {outer} gets down to {length - last:.6g} m, and their pads reach "
@@ -321,11 +301,8 @@ def _check_extension(scene: Scene, number: int) -> None:
         raise scene_error(key, None, allowed)
     ends = length - min(ring.at for ring in joint.mouth) - scene.sections[number].length
     if first < ends - slack:
-        allowed = (
-            f"at an extension of {first:.6g} m {name} ends before a pad at the mouth of {outer}; "
-            f"{ends:.6g} m or more is allowed"
-        )
-        raise scene_error(key, None, allowed)
+        before = f"at an extension of {first:.6g} m {name} ends before a pad at the mouth of {outer}"
+        raise scene_error(key, None, f"{before}; {ends:.6g} m or more is allowed")
 
 
 def _check_pads(scene: Scene, number: int) -> None:
@@ -342,7 +319,7 @@ def _check_pads(scene: Scene, number: int) -> None:
             raise scene_error(key, None, f"{some}; points alone, or none, are allowed")
     for seat in touching:
         half = seat.ring.length / 2.0 if seat.ring.faces is not None else 0.0
-        start, end = seat.positions.first - half, seat.positions.last + half
+        start, end = seat.positions.low - half, seat.positions.high + half
         box, name = scene.sections[number].body.box, scene.names[number]
         first, last = (0.0, length) if box is None else box.parallel_range
         slack = BEYOND_ENDS * length
@@ -376,20 +353,19 @@ def _check_section(scene: Scene, number: int) -> None:
             name = member.pads[int(ring[1])].name
             seat_of_ring = next(seat for seat in seats(scene, number) if footprint(scene, seat.ring) == name)
             key_in_ring = error.key[ring.end() :]
-            raise scene_error(
-                f"sections[{seat_of_ring.joint}].joint.{seat_of_ring.key}{key_in_ring}", error.value, error.allowed
-            ) from None
+            key = f"sections[{seat_of_ring.joint}].joint.{seat_of_ring.key}{key_in_ring}"
+            raise scene_error(key, error.value, error.allowed) from None
         raise scene_error(f"sections[{number}].{error.key}", error.value, error.allowed) from None
 
 
 def _check_overlaps_and_friction(scene: Scene) -> None:
     """Refuse rigid overlaps unless all are planar beams, and friction of sections that can't move along the boom."""
     for number in range(1, len(scene.sections)):
-        if scene.joint(number).rigid_overlap and not is_planar(member_at(scene, number)):
+        member = member_at(scene, number)
+        if scene.joint(number).rigid_overlap and not is_planar(member):
             raise scene_error(f"sections[{number}].joint.rigid_overlap", True, "false is allowed but for planar beams")
-    for number in range(1, len(scene.sections)):
         for seat in seats(scene, number):
-            if seat.joint == number and seat.ring.friction and not has_axial_motion(member_at(scene, number)):
+            if seat.joint == number and seat.ring.friction and not has_axial_motion(member):
                 allowed = f"0 is allowed: {scene.names[number]} has no coordinates along the scene, and so no cylinder"
                 raise scene_error(f"sections[{number}].joint.{seat.key}.friction", seat.ring.friction, allowed)
 
@@ -402,9 +378,7 @@ def _check_frequency_response(scene: Scene) -> None:
         key = f"sections[{number}].observe.frequency_response"
         if number < len(scene.sections) - 1:
             raise scene_error(key, True, f"false is allowed: the tip is that of {scene.names[-1]}")
-        rings = [ring for k in range(1, len(scene.sections)) for ring in scene.joint(k).rings]
-        pads = [ring for section in scene.sections for ring in section.pads]
-        if any(ring.unilateral for ring in rings) or any(ring.unilateral for ring in pads):
+        if any(ring.unilateral for section in scene.sections for ring in section.rings):
             raise scene_error(key, True, "true is allowed with pads that hold both ways: some only push")
 
 
@@ -420,15 +394,8 @@ def _check_simulators(scene: Scene) -> None:
     """Refuse the ANCF reference, and simulators that do not support the scene's rows."""
     if "ancf" in scene.compare.against:
         raise scene_error("compare.against", list(scene.compare.against), "['full'] or [] is allowed for sections")
-    pushing = tuple(
-        " ".join(filter(None, (part.name, ring.name)))
-        for part in scene.sections
-        for rings in ((part.pads,) if part.joint is None else (part.pads, part.joint.tail, part.joint.mouth))
-        for ring in rings
-        if ring.unilateral
-    )
-    needs = SimulatorNeeds(
-        pushing_rows=pushing, flexible_rows=tuple(part.name for part in scene.sections if part.reduction.flexibility)
-    )
+    pushing = [(part.name, ring.name) for part in scene.sections for ring in part.rings if ring.unilateral]
+    flexible = tuple(part.name for part in scene.sections if part.reduction.flexibility)
+    needs = SimulatorNeeds(tuple(" ".join(filter(None, names)) for names in pushing), flexible_rows=flexible)
     for name in scene.simulation.simulators:
         refuse_unsupported(name, needs)

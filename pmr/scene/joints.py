@@ -34,7 +34,7 @@ from pmr.scene.keys import (
     Usual,
 )
 from pmr.scene.signals import Constant, Signal, SignalBase
-from pmr.scene.signals.base import Array, Floats, Strand
+from pmr.scene.signals.base import Array, Floats, Interval, Strand
 from pmr.scene.structures import PointMass, Probe
 
 #: Stiffness of a pad along the boom, N/m.
@@ -63,10 +63,7 @@ class JointPads(SceneTable):
     clearance: Annotated[Distance | dict[Face, Distance], Usual(0.0, 0.2)] = Field(
         default=0.0, description="Gap between pads that only push and the undeformed section, of all faces or by face"
     )
-    friction: Friction = Field(
-        default=0.0,
-        description="Coulomb's coefficient of friction along the boom",
-    )
+    friction: Friction = Field(default=0.0, description="Coulomb's coefficient of friction along the boom")
     static_friction: Friction = Field(
         default=0.0,
         description="Coefficient of friction of pads at rest, from which it falls to that of sliding; 0: no other",
@@ -85,11 +82,8 @@ class JointPads(SceneTable):
             raise ValueError("a clearance goes with unilateral = true")
         if self.static_friction and not 0.0 < self.friction <= self.static_friction:
             raise ValueError(f"static_friction = {self.static_friction:g} is allowed beside a smaller friction")
-        strange = (
-            [face for face in self.clearance if face not in (self.faces or ())]
-            if isinstance(self.clearance, dict)
-            else []
-        )
+        faces = self.clearance if isinstance(self.clearance, dict) else ()
+        strange = [face for face in faces if face not in (self.faces or ())]
         if strange:
             raise ValueError(f"a clearance of faces that have pads is allowed: {strange[0]} has none")
         return self
@@ -138,8 +132,7 @@ class Joint(SceneTable):
         description="Length of this section inside the next outer one, over time, in m; in place of `extension`",
     )
     follows: str | None = Field(
-        default=None,
-        description="Name of a section that this one follows: extension = ratio * its extension + offset",
+        default=None, description="Name of a section that this one follows: extension = ratio * its extension + offset"
     )
     ratio: Annotated[float, Field(strict=True), Quantity("1", -1e3, 1e3)] = Field(
         default=1.0, description="Ratio of this extension to that of the section it follows"
@@ -150,12 +143,10 @@ class Joint(SceneTable):
     tail: tuple[JointPads, ...] = Field(min_length=1, description="Pads that travel with this section's tail")
     mouth: tuple[JointPads, ...] = Field(min_length=1, description="Pads at the mouth of the next outer section")
     cylinder: Cylinder = Field(
-        default=Cylinder(),
-        description="Cylinder that holds and drives the section along the boom",
+        default=Cylinder(), description="Cylinder that holds and drives the section along the boom"
     )
     rope: Rope | None = Field(
-        default=None,
-        description="Rope or chain that moves the section, in place of its cylinder",
+        default=None, description="Rope or chain that moves the section, in place of its cylinder"
     )
     rigid_overlap: Switch = Field(
         default=False,
@@ -175,10 +166,6 @@ class Joint(SceneTable):
     def rings(self) -> tuple[JointPads, ...]:
         """Rings of pads of the joint: first those at the section's tail, then those at the mouth."""
         return (*self.tail, *self.mouth)
-
-    def least_distance(self, rings: tuple[JointPads, ...]) -> float:
-        """Return the least distance in m of the `rings` from the end of the joint at which they sit, tail or mouth."""
-        return min(ring.at for ring in rings)
 
 
 class ScaledSignal(SignalBase):
@@ -209,9 +196,9 @@ class ScaledSignal(SignalBase):
     def breaks(self) -> Floats:
         return self.signal.breaks
 
-    def bounds(self, start: float, end: float) -> tuple[float, float]:
+    def bounds(self, start: float, end: float) -> Interval:
         ends = [self.offset + self.ratio * at for at in self.signal.bounds(start, end)]
-        return min(ends), max(ends)
+        return Interval(min(ends), max(ends))
 
     def highest_frequency(self, start: float, end: float) -> float:
         return self.signal.highest_frequency(start, end)
@@ -226,8 +213,7 @@ class OneBody(SceneTable):
     body: Body = Field(description="Shape, material and structural model of the section")
     mesh: MeshChoice = Field(default=MeshChoice(), description="Mesh")
     supports: tuple[Support, ...] = Field(
-        default=(),
-        description="Supports to the ground, which do not move along the section",
+        default=(), description="Supports to the ground, which do not move along the section"
     )
     pads: tuple[PadRing, ...] = Field(default=(), description="Pads between the section and the ground")
     slider: Slider | None = Field(default=None, description="Path along which a single body slides")
@@ -253,9 +239,8 @@ class OneBody(SceneTable):
     @property
     def spring_units(self) -> dict[str, str]:
         """Unit (N or N m) of the force or moment of each row of a support with a stiffness, by the name of the row."""
-        held = [
-            (support, d) for support in self.supports if support.stiffness != "rigid" for d in support.held_directions
-        ]
+        springs = [support for support in self.supports if support.stiffness != "rigid"]
+        held = [(support, d) for support in springs for d in support.held_directions]
         return {support.row_name(d): "N m" if d.startswith("r") else "N" for support, d in held}
 
     @property
@@ -282,6 +267,18 @@ class BoomSection(OneBody):
 
     name: FileName = Field(description="Name of the section")
     joint: Joint | None = Field(
-        default=None,
-        description="Joint in which the section slides in the one before it, the next outer one",
+        default=None, description="Joint in which the section slides in the one before it, the next outer one"
     )
+
+    @property
+    def keyed_rings(self) -> dict[str, PadRing | JointPads]:
+        """Rings of pads on the section and of its joint, by their keys in the section, such as ``joint.tail[0]``."""
+        rings: dict[str, tuple[PadRing | JointPads, ...]] = {"pads": self.pads}
+        if self.joint is not None:
+            rings |= {"joint.tail": self.joint.tail, "joint.mouth": self.joint.mouth}
+        return {f"{key}[{k}]": ring for key, of_key in rings.items() for k, ring in enumerate(of_key)}
+
+    @property
+    def rings(self) -> tuple[PadRing | JointPads, ...]:
+        """Rings of pads on the section and of its joint."""
+        return tuple(self.keyed_rings.values())

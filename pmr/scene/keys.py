@@ -31,7 +31,7 @@ from pydantic import (
     ValidationInfo,
     WrapValidator,
 )
-from pydantic_core import PydanticCustomError
+from pydantic_core import CoreSchema, PydanticCustomError
 
 from pmr.errors import InputError, environment
 from pmr.errors.text import NAMED, escape_controls, is_name, missing_file_reason, similar_name_hint
@@ -45,7 +45,7 @@ _OF_A_KEY = "of_a_key"
 _FEW, _NAMED = 12, 8
 
 
-def key_error(key: str, value: Any, allowed: str) -> PydanticCustomError:
+def key_error(key: str, value: object, allowed: str) -> PydanticCustomError:
     """Return the error that a validator of a whole table raises about one of the table's keys."""
     return PydanticCustomError(_OF_A_KEY, "{allowed}", {"key": key, "value": value, "allowed": allowed})
 
@@ -55,11 +55,11 @@ class Refusal:
     """A value that is refused: its location, the value (None: not shown) and what is allowed instead."""
 
     location: Location
-    value: Any
+    value: object
     allowed: str
 
     @classmethod
-    def from_validation(cls, error: ValidationError, model: type[BaseModel], data: Any) -> Refusal:
+    def from_validation(cls, error: ValidationError, model: type[BaseModel], data: object) -> Refusal:
         """Return the refusal of the first error that pydantic found in `data`; unknown keys come before others."""
         errors = error.errors()
         of_table = isinstance(errors[0]["input"], (dict, list)) and errors[0]["type"] == "float_type"
@@ -95,7 +95,7 @@ class Refusal:
         return cls(location, value, allowed[:1].lower() + allowed[1:])
 
 
-def iterate_keys(data: Any, location: str = "", name: str = "") -> Iterator[tuple[str, str, str, Any]]:
+def iterate_keys(data: object, location: str = "", name: str = "") -> Iterator[tuple[str, str, str, Any]]:
     """Yield location, name, key and value of each key of nested tables.
 
     The location has the indices of lists (``loads[0].signal``), the name has none (``loads.signal``); the key is the
@@ -117,7 +117,7 @@ def dotted_key(location: Location) -> str:
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).removeprefix(".")
 
 
-def _explain_unknown_key(key: str, value: Any, schema: Schema, location: Location) -> str:
+def _explain_unknown_key(key: str, value: object, schema: Schema, location: Location) -> str:
     """Return an explanation of an unknown key: which key may be meant, and which keys are allowed in its table.
 
     `location` is the location of the table.  A key may be meant that is spelled alike, in the table or elsewhere in the
@@ -167,7 +167,7 @@ def _unique_key_paths(schema: Schema) -> dict[str, str]:
     return {key: paths[0] for key, paths in prefixes_of.items() if len(paths) == 1}
 
 
-def _table_schemas(node: Any, parts: Schema) -> Iterator[Schema]:
+def _table_schemas(node: object, parts: Schema) -> Iterator[Schema]:
     """Yield the schemas of all tables with keys that a node of a schema allows; `parts` are schemas by name."""
     if isinstance(node, dict):
         if "properties" in node:
@@ -221,7 +221,7 @@ class Quantity:
     low: float
     high: float
 
-    def __get_pydantic_json_schema__(self, core_schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {**handler(core_schema), "unit": self.unit}
 
 
@@ -315,7 +315,7 @@ def _declarations(section: type[BaseModel], key: str) -> Iterator[Any]:
     yield from _annotations((*field.metadata, field.annotation))
 
 
-def _annotations(parts: tuple[Any, ...]) -> Iterator[Any]:
+def _annotations(parts: tuple[object, ...]) -> Iterator[Any]:
     """Yield the items of a field's metadata and types, and all items nested in them."""
     for part in parts:
         yield part
@@ -331,7 +331,7 @@ def check_bounds(part: SceneTable) -> None:
             )
 
 
-def _bounded_numbers(part: Any, key: str, quantity: Quantity | None = None) -> Iterator[tuple[str, float, Quantity]]:
+def _bounded_numbers(part: object, key: str, quantity: Quantity | None = None) -> Iterator[tuple[str, float, Quantity]]:
     """Yield every number in a table and in the tables within it: its dotted key, its value, and its unit and bounds.
 
     `key` and `quantity` belong to `part` itself.
@@ -382,7 +382,7 @@ def or_plugin_name(group: str) -> WrapValidator:
     It is used as ``Annotated[Literal[...], or_plugin_name(group), AS_WORD]``.
     """
 
-    def check(data: Any, check_literal: Callable[[Any], Any]) -> Any:
+    def check(data: object, check_literal: Callable[[object], object]) -> object:
         return data if isinstance(data, str) and data in environment.plugin_names(group) else check_literal(data)
 
     return WrapValidator(check)

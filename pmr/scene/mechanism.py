@@ -88,9 +88,8 @@ def supports_at_lug(scene: Scene) -> tuple[str, ...]:
     if scene.frame is None or scene.frame.cylinder is None:
         return ()
     part, lug = members(scene)[0].part, scene.frame.cylinder.lug[0] - scene.frame.tail_position[0]
-    places = {
-        support.name: part.position_of(support.on) for support in part.supports if support.held_directions == ("z",)
-    }
+    across = [support for support in part.supports if support.held_directions == ("z",)]
+    places = {support.name: part.position_of(support.on) for support in across}
     return tuple(name for name, x in places.items() if x is not None and abs(x - lug) <= NEAR)
 
 
@@ -214,11 +213,9 @@ class FrameTerm:
     carried_section: str = ""  # name of the section that a cylinder carries
 
 
-#: Kinds of terms that change the stiffness: all of them, and those by axial forces.
-STRESSES, AXIAL = (
-    ("field", "load", "cylinder", "cylinder load", "carried"),
-    ("field", "load", "cylinder", "cylinder load"),
-)
+#: Kinds of terms that change the stiffness by axial forces, and all that change it.
+AXIAL = ("field", "load", "cylinder", "cylinder load")
+STRESSES = (*AXIAL, "carried")
 
 
 def frame_terms(scene: Scene) -> Iterator[FrameTerm]:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from pmr.scene.built import WEIGHT, Gravity, PadRing
 from pmr.scene.frame import Frame, LuffingCylinder
 from pmr.scene.joints import BoomSection, JointPads
-from pmr.scene.run_settings import Recovery
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
-from pmr.scene.structures import Damping
+from pmr.scene.signals.base import Interval
 
 #: Names of the row of sliding points on a planar beam, and of the row that holds a section's tail along the boom.
 POINT, TAIL = "deflection", "tail x"
@@ -23,18 +23,6 @@ WITHIN, AROUND = ("straight within at the tail", "straight within"), ("straight 
 STRAIGHT = (*WITHIN, *AROUND)
 #: The input that accelerates a section along the boom.
 EXTENSION = "extension"
-
-
-@dataclass(frozen=True)
-class PositionRange:
-    """First and last position in m of a range along a section."""
-
-    first: float
-    last: float
-
-    def union(self, other: PositionRange) -> PositionRange:
-        """Return the smallest range that contains this one and another one."""
-        return PositionRange(min(self.first, other.first), max(self.last, other.last))
 
 
 @dataclass(frozen=True)
@@ -48,34 +36,135 @@ class Seat:
     joint: int
     ring: JointPads
     key: str
-    positions: PositionRange
+    positions: Interval
+
+
+@dataclass(frozen=True)
+class MovingPads:
+    """A ring of pads of joints as the model of a section that it touches has it: at places that move along the section.
+
+    It stands for all rings with the same name (`footprint`).  The pads' centres are within `positions` over the
+    simulated time; rows of the pads are defined over `travel`.
+    """
+
+    joint: int  # number of the section to whose joint the first of these rings belongs
+    ring: PadRing
+    positions: Interval
+    travel: Interval
 
 
 @dataclass(frozen=True)
 class Member:
-    """A body of a scene with all inputs of its full model."""
+    """Section `number` of a scene with all inputs of its full model, such as the pads of both joints that touch it.
 
-    part: BoomSection
-    number: int  # index of the section in the scene
-    pads: tuple[PadRing, ...]  # pads at fixed positions and pads that move along it, also of both joints
-    points: tuple[float, ...]  # distances in m of sliding points ahead of s
-    point_names: tuple[str, ...]  # names of the rows of `points`
-    bounds: tuple[float, float]  # m: least and largest s
-    travel: tuple[float, float]  # m: range of s on which rows are defined
-    gravity: Gravity | None
-    frame: Frame | None
-    damping: Damping
-    recovery: Recovery | None
-    has_joint: bool = False  # whether it slides in another body, or another body in it
-    # range of s in m where a moving ring has rows, by name; other rings have the range `travel`
-    ring_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    # for rings on walls that give way: the section of their joint, and first and last position in m of their centres
-    flexible_ring_ranges: Mapping[str, tuple[int, float, float]] = field(default_factory=dict)
-    # position in m of the fixed end of each rigid overlap, by the names of its two rows
-    overlap_ends: Mapping[tuple[str, str], float] = field(default_factory=dict)
-    cylinder: LuffingCylinder | None = None  # luffing cylinder that holds the base
-    # all other sections, each with empty `other_sections`, if the model of this one is ``auto``
-    other_sections: tuple[Member, ...] = ()
+    The pads of both joints have one path coordinate s, the position of pads along the section.
+    """
+
+    scene: Scene
+    number: int = 0
+
+    @property
+    def part(self) -> BoomSection:
+        """Tables of the section."""
+        return self.scene.sections[self.number]
+
+    @property
+    def has_joint(self) -> bool:
+        """Whether it slides in another body, or another body in it."""
+        return len(self.scene.sections) > 1
+
+    @property
+    def gravity(self) -> Gravity | None:
+        """Weight of all bodies of the scene."""
+        return self.scene.gravity
+
+    @property
+    def frame(self) -> Frame | None:
+        """Moving frame of the scene."""
+        return self.scene.frame
+
+    @property
+    def cylinder(self) -> LuffingCylinder | None:
+        """Luffing cylinder that holds the base; None for other sections, or if supports hold the base."""
+        return None if self.number else self.scene.holding_cylinder
+
+    @cached_property
+    def _seats(self) -> list[Seat]:
+        """Seats of all rings of joints on the section."""
+        return list(seats(self.scene, self.number))
+
+    @cached_property
+    def moving_pads(self) -> dict[str, MovingPads]:
+        """Rings of joints with faces on the section, by the names of their pads in the section's model."""
+        faced, rings = dict[str, list[Seat]](), dict[str, MovingPads]()
+        for seat in self._seats:
+            if seat.ring.faces is not None:
+                faced.setdefault(footprint(self.scene, seat.ring), []).append(seat)
+        for name, alike in faced.items():
+            ring, positions, half = body_ring(alike[0].ring, name), _common_range(alike), alike[0].ring.length / 2.0
+            everywhere = _common_range([seat for of_name in faced.values() for seat in of_name])
+            on_section = Interval(max(everywhere.low, half), min(everywhere.high, self.part.length - half))
+            rings[name] = MovingPads(alike[0].joint, ring, positions, positions.union(on_section))
+        return rings
+
+    @property
+    def pads(self) -> tuple[PadRing, ...]:
+        """Rings of pads on the ground, and those of both joints, which move along the section."""
+        return (*self.part.pads, *(pads.ring for pads in self.moving_pads.values()))
+
+    @property
+    def points(self) -> tuple[float, ...]:
+        """Distances in m of sliding points ahead of s."""
+        if not self.has_joint:
+            return self.scene.points
+        return (0.0,) if any(seat.ring.faces is None for seat in self._seats) else ()
+
+    @property
+    def point_names(self) -> tuple[str, ...]:
+        """Names of the rows of `points`."""
+        if self.has_joint:
+            return (POINT,) * len(self.points)
+        return tuple(_slider_name(self.points, at) for at in self.points)
+
+    @property
+    def bounds(self) -> Interval:
+        """Least and largest s in m; for a section of a boom, as far as all of its pads fit on it."""
+        return self._reach if self.has_joint else self.scene.path_bounds
+
+    @property
+    def travel(self) -> Interval:
+        """Range of s in m on which rows are defined, unless `ring_ranges` has another one."""
+        return self._reach if self.has_joint else self.scene.travel
+
+    @cached_property
+    def _reach(self) -> Interval:
+        """Range in m of the positions of all rings of joints, less half of the longest one's length at both ends."""
+        half = max((pads.ring.length for pads in self.moving_pads.values()), default=0.0) / 2.0
+        everywhere = _common_range(self._seats)
+        return Interval(max(everywhere.low, half), min(everywhere.high, self.part.length - half))
+
+    @property
+    def ring_ranges(self) -> dict[str, Interval]:
+        """Range of s in m where a moving ring of a joint has rows, by name; other rings have the range `travel`."""
+        return {name: pads.travel for name, pads in self.moving_pads.items()}
+
+    @property
+    def dented_rings(self) -> dict[str, MovingPads]:
+        """Rings of joints on walls that give way, by name; empty if the walls are rigid."""
+        return self.moving_pads if self.part.body.walls == "give" else {}
+
+    @property
+    def overlap_ends(self) -> dict[tuple[str, str], float]:
+        """Positions in m of the fixed ends of rigid overlaps, by the names of two rows that keep the section straight.
+
+        A key is `WITHIN` or `AROUND`.
+        """
+        ends, scene, number = dict[tuple[str, str], float](), self.scene, self.number
+        if number and (joint := scene.joint(number)).rigid_overlap:
+            ends[WITHIN] = min(ring.at for ring in joint.tail)
+        if number + 1 < len(scene.sections) and (following := scene.joint(number + 1)).rigid_overlap:
+            ends[AROUND] = self.part.length - min(ring.at for ring in following.mouth)
+        return ends
 
     @property
     def signals(self) -> dict[str, SignalBase]:
@@ -95,40 +184,28 @@ class Member:
         """Text that is equal for bodies with equal full models: names and the signals of loads are left out of it."""
         part = self.part.model_dump_json(exclude={"name": True, "joint": True, "loads": {"__all__": {"signal"}}})
         extended = self.has_joint and self.number > 0  # an extension accelerates the section
-        moving = sorted(self.ring_ranges.items()), sorted(self.flexible_ring_ranges.items())
-        rows = self.pads, self.points, self.bounds, self.travel, *moving, self.overlap_ends, self.cylinder
+        moving = sorted(self.ring_ranges.items()), sorted(self.dented_rings)
+        dented = [(pads.joint, pads.positions) for _, pads in sorted(self.dented_rings.items())]
+        rows = self.pads, self.points, self.bounds, self.travel, moving, dented, self.overlap_ends, self.cylinder
         of_frame = self.frame and (self.frame.out_of_plane_key is None, self.frame.has_angles, self.frame.second_order)
-        return repr(
-            (part, extended, self.has_joint, rows, self.gravity and self.gravity.direction, of_frame, self.damping)
-        )
+        about = self.gravity and self.gravity.direction, of_frame, self.scene.damping
+        return repr((part, extended, self.has_joint, rows, about))
 
     @property
     def joint_rows(self) -> frozenset[str]:
         """Names of the rows between this body and other bodies; all other rows are between it and the ground."""
-        pads = [name for ring in self.pads if ring.name in self.ring_ranges for name, _, _ in ring.named_pads]
+        pads = [name for moving in self.moving_pads.values() for name, _, _ in moving.ring.named_pads]
         return frozenset((*pads, POINT, TAIL, *STRAIGHT)) if self.has_joint else frozenset()
 
 
 def member_at(scene: Scene, number: int = 0) -> Member:
     """Return section `number` of a scene with all inputs of its full model."""
-    if len(scene.sections) == 1:
-        return _only_member(scene)
-    member = _section(scene, number)
-    if member.part.body.model != "auto":
-        return member
-    return replace(member, other_sections=tuple(_section(scene, k) for k in range(len(scene.sections)) if k != number))
+    return Member(scene, number)
 
 
 def members(scene: Scene) -> tuple[Member, ...]:
     """Return all sections of a scene, from the base outwards, each with all inputs of its full model."""
-    return tuple(member_at(scene, number) for number in range(len(scene.sections)))
-
-
-def _only_member(scene: Scene) -> Member:
-    """Return the only body of a scene with all inputs of its full model."""
-    points, about = scene.points, (scene.gravity, scene.frame, scene.damping, scene.recovery)
-    names = tuple(_slider_name(points, at) for at in points)
-    return Member(scene.only_section, 0, scene.pads, points, names, scene.path_bounds, scene.travel, *about)
+    return tuple(Member(scene, number) for number in range(len(scene.sections)))
 
 
 def _slider_name(points: tuple[float, ...], at: float) -> str:
@@ -138,64 +215,17 @@ def _slider_name(points: tuple[float, ...], at: float) -> str:
     return f"slider at s{at:+g} m" if at else "slider at s"
 
 
-def _section(scene: Scene, number: int) -> Member:
-    """Return a section of a boom with all inputs of its full model, such as the pads of both joints that touch it.
-
-    The pads of both joints have one path coordinate s, the position of pads along the section.  The bounds of s contain
-    the positions of all rings at all times, as far as pads fit on the section.  The rows of each ring are defined over
-    the bounds, as far as the ring's own length allows.
-    """
-    part, seats_here = scene.sections[number], list(seats(scene, number))
-    faced = [seat for seat in seats_here if seat.ring.faces is not None]
-    longest = max((seat.ring.length for seat in faced), default=0.0) / 2.0
-    everywhere = _common_range(seats_here)
-    reach = max(everywhere.first, longest), min(everywhere.last, part.length - longest)
-    points = (0.0,) if len(faced) < len(seats_here) else ()
-    rings, stretches = dict[str, PadRing](), dict[str, tuple[float, float]]()
-    ways = dict[str, tuple[int, float, float]]()
-    for seat in faced:
-        name, half = footprint(scene, seat.ring), seat.ring.length / 2.0
-        if name not in rings:
-            rings[name] = body_ring(seat.ring, name)
-            of_footprint = _common_range(
-                [seat_of_footprint for seat_of_footprint in faced if footprint(scene, seat_of_footprint.ring) == name]
-            )
-            taken, last = _common_range(faced), part.length - half
-            travel = of_footprint.union(PositionRange(max(taken.first, half), min(taken.last, last)))
-            stretches[name] = travel.first, travel.last
-            if part.body.walls == "give":
-                ways[name] = seat.joint, of_footprint.first, of_footprint.last
-    return Member(
-        part,
-        number,
-        pads=(*part.pads, *rings.values()),
-        points=points,
-        point_names=(POINT,) * len(points),
-        bounds=reach,
-        travel=reach,
-        gravity=scene.gravity,
-        frame=scene.frame,
-        damping=scene.damping,
-        recovery=scene.recovery,
-        has_joint=True,
-        ring_ranges=stretches,
-        flexible_ring_ranges=ways,
-        overlap_ends=_straight_rows(scene, number),
-        cylinder=None if number else scene.holding_cylinder,
-    )
-
-
 def seats(scene: Scene, number: int) -> Iterator[Seat]:
     """Yield the seat of each ring of joints on a section: rings of its own joint, then of the next section's joint."""
     for k in range(max(number, 1), min(number + 2, len(scene.sections))):  # its own joint and the next section's
         joint, outer = scene.joint(k), scene.sections[k - 1].length
         first, last = scene.extension(k).bounds(0.0, scene.time.end)
         for i, ring in enumerate(joint.tail):
-            at = PositionRange(ring.at, ring.at) if k == number else PositionRange(ring.at + first, ring.at + last)
+            at = Interval(ring.at, ring.at) if k == number else Interval(ring.at + first, ring.at + last)
             yield Seat(k, ring, f"tail[{i}]", at)
         for i, ring in enumerate(joint.mouth):
             mouth = outer - ring.at
-            at = PositionRange(mouth - last, mouth - first) if k == number else PositionRange(mouth, mouth)
+            at = Interval(mouth - last, mouth - first) if k == number else Interval(mouth, mouth)
             yield Seat(k, ring, f"mouth[{i}]", at)
 
 
@@ -215,19 +245,6 @@ def footprint(scene: Scene, ring: JointPads) -> str:
     return f"pads {patterns.index(_ring_key(ring)) + 1}"
 
 
-def _straight_rows(scene: Scene, number: int) -> dict[tuple[str, str], float]:
-    """Positions in m along a section of the fixed ends of its rigid overlaps, by the names of two rows.
-
-    A key is `WITHIN` or `AROUND`, the names of the two rows that keep the section straight in the overlap.
-    """
-    ends = {}
-    if number and (joint := scene.joint(number)).rigid_overlap:
-        ends[WITHIN] = joint.least_distance(joint.tail)
-    if number + 1 < len(scene.sections) and (following := scene.joint(number + 1)).rigid_overlap:
-        ends[AROUND] = scene.sections[number].length - following.least_distance(following.mouth)
-    return ends
-
-
 def body_ring(ring: JointPads, name: str) -> PadRing:
     """Return a joint's ring as a ring called `name` that moves along a body."""
     assert ring.faces is not None
@@ -242,8 +259,8 @@ def _ring_key(ring: JointPads) -> tuple[object, ...]:
     return (tuple((face, tuple(places)) for face, places in sorted(ring.faces.items())), ring.length, ring.width)
 
 
-def _common_range(taken: list[Seat]) -> PositionRange:
+def _common_range(taken: Sequence[Seat]) -> Interval:
     """Return the smallest range that contains the positions of all `taken` seats."""
-    return PositionRange(
-        float(np.min([seat.positions.first for seat in taken])), float(np.max([seat.positions.last for seat in taken]))
+    return Interval(
+        float(np.min([seat.positions.low for seat in taken])), float(np.max([seat.positions.high for seat in taken]))
     )

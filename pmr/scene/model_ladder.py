@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from pmr.errors import InputError
 from pmr.scene.checks import check_scene
 from pmr.scene.choice import is_undecided, model_of
@@ -21,7 +23,15 @@ COARSE, MOST_RECTANGLES = 2.0, 2500
 FIXED, EACH = 1.0, 6e-3
 
 
-def model_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
+class ModelComparison(NamedTuple):
+    """A scene with its own structural models, the scene with richer models, and the name of the richer model."""
+
+    scene: Scene
+    richer: Scene
+    name: str
+
+
+def model_comparison(scene: Scene) -> ModelComparison:
     """Return the scene with its own models, the scene with richer models, and the name of the richer model.
 
     Both scenes are reduced and observed alike.  Unless the scene names a richer model, it is a shell that takes little
@@ -49,10 +59,11 @@ def model_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
         raise _no_comparison(richer_model, "body.section gives stiffnesses that a shell of the box does not have")
     if richer == "beam3d" and any(part.body.walls == "give" for part in scene.sections):
         raise _no_comparison(richer_model, "'shell' is allowed for a beam whose walls give way")
-    return comparable_scene(scene), _scene_with_models(scene, [richer] * len(models_of_scene)), richer
+    with_richer = _scene_with_models(scene, [richer] * len(models_of_scene))
+    return ModelComparison(comparable_scene(scene), with_richer, richer)
 
 
-def _default_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
+def _default_comparison(scene: Scene) -> ModelComparison:
     """Return the scene, the scene with shells, and the shells' name, for ``compare.richer = 'auto'``.
 
     Beams with rigid walls are compared with coarse shells.  Beams whose walls give way take the walls' compliance from
@@ -70,13 +81,14 @@ def _default_comparison(scene: Scene) -> tuple[Scene, Scene, str]:
             "auto", f"not measured; compare.richer = 'shell' measures it, in some {minutes:.2g} minutes"
         )
     if by == 1.0:
-        return of_scene, shells, called
+        return ModelComparison(of_scene, shells, called)
     parts = []
     for part in shells.sections:
         along = part.mesh.along and by * part.mesh.along
         cells = part.mesh.model_copy(update={"size": by * part.mesh.size, "along": along})
         parts.append(part.model_copy(update={"mesh": cells}))
-    return of_scene, shells.model_copy(update={"sections": tuple(parts)}), f"coarse {called}"
+    coarse = shells.model_copy(update={"sections": tuple(parts)})
+    return ModelComparison(of_scene, coarse, f"coarse {called}")
 
 
 def shell_cell_count(part: BoomSection, by: float) -> float:

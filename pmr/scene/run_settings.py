@@ -65,8 +65,7 @@ class Observe(SceneTable):
         default=29, description="Number of places, evenly spaced from start to end"
     )
     tip: Name = Field(
-        default="tip",
-        description="Group at the end of the boom whose mean motion is reported as the tip",
+        default="tip", description="Group at the end of the boom whose mean motion is reported as the tip"
     )
     rotation: Switch = Field(default=False, description="Whether the tip's rotation is recorded too, in rad")
     frequency_response: Switch = Field(
@@ -99,8 +98,7 @@ class Recovery(SceneTable):
     stress: Switch = Field(default=True, description="Whether stresses are computed too")
     frames: Count = Field(default=101, description="Number of fields that are stored, for pictures")
     components: Switch = Field(
-        default=False,
-        description="Whether the stress components are stored beside the von Mises stress",
+        default=False, description="Whether the stress components are stored beside the von Mises stress"
     )
     series: Switch = Field(default=True, description="Whether the fields are written as a series for ParaView")
 
@@ -167,15 +165,13 @@ class Reduction(SceneTable):
         default=None, description="npz file with an array V, whose columns are vectors on the full model's coordinates"
     )
     flexibility: Switch = Field(
-        default=False,
-        description="Whether residual flexibility is added; true by default for free modes",
+        default=False, description="Whether residual flexibility is added; true by default for free modes"
     )
     estimate: Switch = Field(default=True, description="Whether the error of the reduction is estimated")
     snapshots: Count = Field(default=5, description="Slider positions at which eigenmodes are taken")
     modes: Count = Field(default=6, description="Eigenmodes at each position")
     coordinates: Count = Field(
-        default=20,
-        description="Number of coordinates of the reduced model; 6 for free modes with flexibility",
+        default=20, description="Number of coordinates of the reduced model; 6 for free modes with flexibility"
     )
     positions: Literal["nodes", "path"] | Annotated[tuple[Distance, ...], Field(min_length=1)] = Field(
         default="path", description="Slider positions: evenly over the path, at a beam's nodes, or as listed"
@@ -185,13 +181,12 @@ class Reduction(SceneTable):
     )
     solver: Literal["auto", "dense", "slepc"] = Field(default="auto", description="Solver of eigenvalue problems")
     product: Literal["euclidean", "mass"] = Field(
-        default="euclidean",
-        description="Inner product in which the basis is orthonormal",
+        default="euclidean", description="Inner product in which the basis is orthonormal"
     )
 
     @model_validator(mode="before")
     @classmethod
-    def _fill_in_flexibility(cls, data: Any) -> Any:
+    def _fill_in_flexibility(cls, data: object) -> object:
         """Fill in the defaults of free modes: flexibility, and with it 6 coordinates."""
         if isinstance(data, dict) and data.get("residual_inertia") is False:  # a key in scenes of earlier saved files
             data = {key: value for key, value in data.items() if key != "residual_inertia"}
@@ -238,8 +233,7 @@ class Simulation(SceneTable):
         description="Simulators of the reduced model; the results are those of the first one",
     )
     repeats: Count = Field(
-        default=3,
-        description="Runs of each simulator of the reduced model; the shortest time is reported",
+        default=3, description="Runs of each simulator of the reduced model; the shortest time is reported"
     )
     full: Literal["auto", "march", "exudyn", "petsc"] = Field(default="auto", description="Simulator of the full model")
     newton: dict[str, bool | int | float] = Field(
@@ -259,8 +253,7 @@ class Compare(SceneTable):
     """References to compare the reduced model with."""
 
     against: tuple[Literal["full", "ancf"], ...] = Field(
-        default=("full",),
-        description="Models that the reduced one is compared with",
+        default=("full",), description="Models that the reduced one is compared with"
     )
     ancf_elements: Count = Field(default=20, description="Number of elements of the ANCF cable")
     richer: Literal["auto", "none", "next", "beam3d", "shell"] = Field(
@@ -333,14 +326,12 @@ class Published(SceneTable):
 
     source: str = Field(description="The publication")
     errors: dict[Pair, dict[Literal["tip", "beam"], Share]] = Field(
-        default={},
-        description="Published errors, as fractions",
+        default={}, description="Published errors, as fractions"
     )
     max_displacement: Distance | None = Field(default=None, description="Published largest displacement")
     max_error: Distance | None = Field(default=None, description="Published largest error")
     frequencies: tuple[PublishedFrequency, ...] = Field(
-        default=(),
-        description="Published first natural frequencies of a boom at rest",
+        default=(), description="Published first natural frequencies of a boom at rest"
     )
     remarks: tuple[str, ...] = Field(default=(), description="Where and why our figures differ, for the report")
 

@@ -18,9 +18,9 @@ from pmr.scene import run_settings
 from pmr.scene.built import WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
 from pmr.scene.frame import Frame, LuffingCylinder
 from pmr.scene.joints import BoomSection, Joint, OneBody, ScaledSignal
-from pmr.scene.keys import ALONE, LUFFING, SLIDER, SceneTable, Text, key_error
+from pmr.scene.keys import ALONE, LUFFING, SLIDER, SceneTable, Schema, Text, key_error
 from pmr.scene.signals import Constant, SignalBase
-from pmr.scene.signals.base import Array
+from pmr.scene.signals.base import Array, Interval
 from pmr.scene.structures import Damping, PointMass
 from pmr.scene.tomlfiles import merge_tables
 
@@ -71,7 +71,7 @@ class CommonTables(SceneTable):
 
     @model_validator(mode="before")
     @classmethod
-    def _fill_in_start(cls, data: Any) -> Any:
+    def _fill_in_start(cls, data: object) -> object:
         """Fill in the default start, and for a start in equilibrium a weight that acts from t = 0."""
         if not isinstance(data, Mapping):
             return data
@@ -148,14 +148,14 @@ class SectionTables(CommonTables):
         return {load.name: load.signal for load in self.loads} | weight
 
     @property
-    def path_bounds(self) -> tuple[float, float]:
+    def path_bounds(self) -> Interval:
         """Smallest and largest s(t) in m over the simulated time."""
-        return self.slider.path.bounds(0.0, self.time.end)
+        return Interval(*self.slider.path.bounds(0.0, self.time.end))
 
     @property
-    def travel(self) -> tuple[float, float]:
+    def travel(self) -> Interval:
         """Smallest and largest s in m for which the model is made."""
-        return self.slider.travel or self.path_bounds
+        return Interval(*(self.slider.travel or self.path_bounds))
 
     @property
     def points(self) -> tuple[float, ...]:
@@ -175,7 +175,7 @@ class BodyFile(OneBody, CommonTables):
     slider: Slider = Field(description="Path along which the body slides")
 
 
-def _describe_common_keys(schema: dict[str, Any]) -> None:
+def _describe_common_keys(schema: Schema) -> None:
     """Describe in a JSON schema, which is changed in place, the table of keys that all sections share."""
     about = "Keys that every section has unless it has its own"
     schema["properties"]["section"] = {"type": "object", "description": about, "default": {}}
@@ -191,7 +191,7 @@ class Scene(SectionTables):
 
     @model_validator(mode="before")
     @classmethod
-    def _from_either_form(cls, data: Any) -> Any:
+    def _from_either_form(cls, data: object) -> object:
         """Return the fields of a scene, from a body at the top of a file or from sections and their shared keys."""
         if not isinstance(data, Mapping):
             return data
@@ -204,12 +204,10 @@ class Scene(SectionTables):
         if not isinstance(sections, list):
             return content
         base = {key: value for key, value in common.items() if key != "joint"}  # the base slides in no other section
-        return content | {
-            "sections": [
-                _merge_section(common if number else base, part) if isinstance(part, dict) else part
-                for number, part in enumerate(sections)
-            ]
-        }
+        merged = list[Any]()
+        for number, part in enumerate(sections):
+            merged.append(_merge_section(common if number else base, part) if isinstance(part, dict) else part)
+        return content | {"sections": merged}
 
     @classmethod
     def from_body(cls, written: BodyFile) -> Self:
@@ -376,16 +374,16 @@ def _lift_body_keys(content: dict[str, Any]) -> dict[str, Any]:
     return content
 
 
-def _merge_section(common: Mapping[str, Any], part: Mapping[str, Any]) -> dict[str, Any]:
+def _merge_section(common: Mapping[str, object], part: Mapping[str, object]) -> dict[str, Any]:
     """Return the tables of a section laid over the tables common to all sections.
 
     A section that drives its joint itself takes over no `extension`, `overlap` or `follows`.  If it follows no section,
     it takes over no rope either.
     """
-    joint = part.get("joint")
+    joint, of_common = part.get("joint"), common.get("joint")
     ways = {"extension", "overlap", "follows"}
     if isinstance(joint, Mapping) and ways & set(joint) - {"follows"}:
         ways |= {"rope"}
-    if isinstance(joint, Mapping) and ways & {*joint} - {"rope"} and isinstance(common.get("joint"), Mapping):
-        common = {**common, "joint": {key: value for key, value in common["joint"].items() if key not in ways}}
+    if isinstance(joint, Mapping) and ways & {*joint} - {"rope"} and isinstance(of_common, Mapping):
+        common = {**common, "joint": {key: value for key, value in of_common.items() if key not in ways}}
     return merge_tables(common, part)

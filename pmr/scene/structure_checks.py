@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -143,7 +142,7 @@ def _check_body(member: Member) -> None:
         raise scene_error("body.model", "auto", "shell or solid is allowed for a mesh that is read")
     if model == "matrices" and file is None:
         raise scene_error("mesh.file", None, "body.model = 'matrices' needs a file that pmr matrices wrote")
-    if model == "matrices" and member.recovery is not None:
+    if model == "matrices" and member.scene.recovery is not None:
         raise scene_error("recovery", None, "given matrices have no cells and no stresses: leave it out")
     if file is not None and model == "shell" and body.thickness is None:
         raise scene_error("body.thickness", None, "a thickness in m is needed for a shell that is read")
@@ -164,13 +163,11 @@ def _check_body(member: Member) -> None:
     if model == "beam3d" and member.part.mesh.elements > MOST_ELEMENTS:
         raise scene_error("mesh.elements", member.part.mesh.elements, f"at most {MOST_ELEMENTS} are allowed for beam3d")
     if member.part.mesh.grading != 1.0 and model != "beam2d":
-        raise scene_error(
-            "mesh.grading", member.part.mesh.grading, "1 is allowed: elements of beam2d alone can be graded"
-        )
+        allowed = "1 is allowed: elements of beam2d alone can be graded"
+        raise scene_error("mesh.grading", member.part.mesh.grading, allowed)
     if member.part.reduction.positions == "nodes" and member.part.reduction.uses_pod and model not in BEAMS:
-        raise scene_error(
-            "reduction.positions", "nodes", "'path' or a list of places in m is allowed: nodes are a beam's"
-        )
+        allowed = "'path' or a list of places in m is allowed: nodes are a beam's"
+        raise scene_error("reduction.positions", "nodes", allowed)
     if model == "beam2d":
         _check_planar_beam(member)
 
@@ -183,9 +180,8 @@ def _check_box_variation(member: Member, box: Box) -> None:
     if box.varying_keys and member.part.body.section is not None:
         raise scene_error("body.section", None, f"none is allowed with {key}, which says what the section is")
     if box.varying_keys and member.part.mesh.grading != 1.0:
-        raise scene_error(
-            "mesh.grading", member.part.mesh.grading, f"1 is allowed with {key}, which says where nodes are"
-        )
+        allowed = f"1 is allowed with {key}, which says where nodes are"
+        raise scene_error("mesh.grading", member.part.mesh.grading, allowed)
     if box.frames and model == "beam2d":  # also frames from a file that this one extends: their mass would be missing
         raise scene_error("body.model", model, "beam3d and shell are allowed with body.box.frames; [] has none")
     if box.frames and model == "beam3d":
@@ -225,16 +221,12 @@ def _check_planar_beam(member: Member) -> None:
             if load.direction == "x":
                 allowed = "an axial load needs body.profile.axial = true"
             raise scene_error(f"loads[{i}].direction", load.direction, allowed)
-    slanted = [(i, face) for i, ring in enumerate(member.pads) for face in ring.faces if " " in face]
-    for i, face in slanted:
-        key, allowed = (
-            f"pads[{i}].faces.{face}",
-            "bottom, top, left and right are allowed for beam2d, or body.model = 'beam3d'",
-        )
-        raise scene_error(key, None, allowed)
-    if any(ring.moving for ring in member.pads) and not any(
-        ring.moving and {"bottom", "top"} & set(ring.faces) for ring in member.pads
-    ):
+    slanted = [f"pads[{i}].faces.{face}" for i, ring in enumerate(member.pads) for face in ring.faces if " " in face]
+    if slanted:
+        allowed = "bottom, top, left and right are allowed for beam2d, or body.model = 'beam3d'"
+        raise scene_error(slanted[0], None, allowed)
+    moving = [ring for ring in member.pads if ring.moving]
+    if moving and not any({"bottom", "top"} & set(ring.faces) for ring in moving):
         allowed = "a ring with moving = true at bottom or top is needed: a planar beam does not feel pads on its sides"
         raise scene_error("pads", None, allowed)
     if member.gravity is not None and member.gravity.direction[1] != 0.0:
@@ -303,14 +295,13 @@ def check_names(key: str, names: Iterable[str]) -> None:
 
 def check_reserved(key: str, names: Iterable[str], reserved: Iterable[str]) -> None:
     """Raise an InputError if one of the names in the list with the key `key` is reserved for an input that pmr adds."""
+    allowed = "another name is allowed: this one is that of an input built in"
     for i, name in enumerate(names):
         if name in reserved:
-            raise scene_error(
-                f"{key}[{i}].name", name, "another name is allowed: this one is that of an input built in"
-            )
+            raise scene_error(f"{key}[{i}].name", name, allowed)
 
 
-def scene_error(key: str, value: Any, allowed: str) -> InputError:
+def scene_error(key: str, value: object, allowed: str) -> InputError:
     """Return the error of a key of a scene; the reader of the file adds the file's name."""
     return InputError("scene", key, value, allowed)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, model_validator
 
@@ -22,6 +22,7 @@ from pmr.scene.keys import (
     Pressure,
     Quantity,
     SceneTable,
+    Schema,
     SecondMoment,
     Switch,
     Usual,
@@ -77,7 +78,7 @@ class Material(SceneTable):
         return self.young / (2.0 * (1.0 + self.poisson))
 
 
-def _allow_ratio(schema: dict[str, Any]) -> None:
+def _allow_ratio(schema: Schema) -> None:
     """Allow in a JSON schema, which is changed in place, a ratio at two frequencies instead of mass and stiffness."""
     hertz = {"type": "number", "exclusiveMinimum": 0.0, "unit": "Hz"}
     about = "Damping ratio at the two frequencies"
@@ -121,7 +122,7 @@ class Damping(SceneTable):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _resolve_ratio(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+    def _resolve_ratio(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
         """Validate a table with `ratio` and `frequencies` as one with the factors of mass and stiffness that follow."""
         if not (isinstance(data, dict) and {"ratio", "frequencies"} & set(data)):
             return handler(data)
@@ -133,12 +134,8 @@ class Damping(SceneTable):
         if not fits:
             raise ValueError("ratio with two ascending frequencies in Hz, or mass and stiffness, are allowed")
         first_omega, second_omega = 2.0 * math.pi * first, 2.0 * math.pi * second
-        damping = handler(
-            {
-                "mass": 2.0 * ratio * first_omega * second_omega / (first_omega + second_omega),
-                "stiffness": 2.0 * ratio / (first_omega + second_omega),
-            }
-        )
+        mass = 2.0 * ratio * first_omega * second_omega / (first_omega + second_omega)
+        damping = handler({"mass": mass, "stiffness": 2.0 * ratio / (first_omega + second_omega)})
         vars(damping)["written_ratio"] = ratio  # not a field, so that equal dampings compare as equal
         return damping
 
@@ -167,8 +164,7 @@ class PointMass(SceneTable):
         default=None, description="Place of its centre (by default the group's centroid)"
     )
     coupling: Literal["average", "rigid"] = Field(
-        default="average",
-        description="Whether the group may deform (average) or moves rigidly with the mass (rigid)",
+        default="average", description="Whether the group may deform (average) or moves rigidly with the mass (rigid)"
     )
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
@@ -187,9 +183,7 @@ class Probe(SceneTable):
     )
     on: Name | None = Field(default=None, description="Named group in place of a point; for stresses a group of cells")
     measures: tuple[Measured, ...] = Field(
-        default=("stress",),
-        min_length=1,
-        description="Quantities that are recorded there",
+        default=("stress",), min_length=1, description="Quantities that are recorded there"
     )
     face: str = Field(
         default="",

@@ -179,7 +179,7 @@ class TomlFile:
         _merge(base, data, str(path), self.origins)
         return base
 
-    def _forget_alternatives(self, base: dict[str, Any], update: Mapping[str, Any]) -> None:
+    def _forget_alternatives(self, base: dict[str, object], update: Mapping[str, object]) -> None:
         """Remove from `base`, in place, the keys for which `update` has an alternative description of the same."""
         for table, ways in self.dialect.alternatives.items():
             old, new = base.get(table), update.get(table)
@@ -211,7 +211,7 @@ def override(text: str) -> Change:
     return Change(nested, OPTION)
 
 
-def merge_tables(base: Mapping[str, Any], update: Mapping[str, Any]) -> dict[str, Any]:
+def merge_tables(base: Mapping[str, object], update: Mapping[str, object]) -> dict[str, Any]:
     """Return the tables of `base` with those of `update` merged over them; both arguments stay unchanged."""
     merged = deepcopy(dict(base))
     _merge(merged, deepcopy(dict(update)), "scene", {})
@@ -250,7 +250,7 @@ def _parse(text: str) -> dict[str, Any]:
     raise ValueError(f"at most {DEEPEST} tables or lists within each other are allowed")
 
 
-def _is_too_deep(data: Any, depth: int = DEEPEST) -> bool:
+def _is_too_deep(data: object, depth: int = DEEPEST) -> bool:
     """Whether tables and lists are nested more than `depth` deep; raises ValueError for integers of over 64 bits."""
     if isinstance(data, int) and not -LONGEST <= data < LONGEST:
         raise ValueError(TOO_LARGE)
@@ -258,19 +258,20 @@ def _is_too_deep(data: Any, depth: int = DEEPEST) -> bool:
     return inner is not None and (depth < 0 or any(_is_too_deep(entry, depth - 1) for entry in inner))
 
 
-def _resolve_references(data: Any, folder: Path, references: tuple[str, ...]) -> None:
+def _resolve_references(data: object, folder: Path, references: tuple[str, ...]) -> None:
     """Make names of files absolute or relative to `folder`, in place, in all keys whose name is in `references`."""
-    for value in data.values() if isinstance(data, dict) else data if isinstance(data, list) else ():
+    table = data if isinstance(data, dict) else {}
+    for value in data if isinstance(data, list) else table.values():
         _resolve_references(value, folder, references)
-    for key in set(references) & set(data if isinstance(data, dict) else ()):
-        if isinstance(data[key], str):
-            data[key] = str(folder / data[key])
-        elif isinstance(data[key], list):
-            data[key] = [str(folder / name) if isinstance(name, str) else name for name in data[key]]
+    for key in set(references) & set(table):
+        if isinstance(table[key], str):
+            table[key] = str(folder / table[key])
+        elif isinstance(table[key], list):
+            table[key] = [str(folder / name) if isinstance(name, str) else name for name in table[key]]
 
 
 def _merge(
-    base: dict[str, Any], update: Mapping[str, Any], source: str, origins: Origins, prefix: tuple[str, ...] = ()
+    base: dict[str, object], update: Mapping[str, object], source: str, origins: Origins, prefix: tuple[str, ...] = ()
 ) -> None:
     """Merge `update` into `base`, in place, and note `source` in `origins` for each key.
 
@@ -296,7 +297,7 @@ def _merge(
             origins[location] = source
 
 
-def _entry(entries: list[Any], name: str, place: tuple[str, str, Any]) -> int:
+def _entry(entries: list[object], name: str, place: tuple[str, str, object]) -> int:
     """Return the number of a list's entry from its name or number; `place` is source, key and value for messages.
 
     Raises InputError if there is no such entry.
@@ -319,7 +320,7 @@ def _entry(entries: list[Any], name: str, place: tuple[str, str, Any]) -> int:
     raise InputError(source, key, value, allowed)
 
 
-def _innermost_key(key: str, value: Any) -> tuple[str, Any]:
+def _innermost_key(key: str, value: object) -> tuple[str, object]:
     """Return the dotted key and the value of the innermost one of nested tables that hold one key each."""
     while isinstance(value, Mapping) and len(value) == 1:
         ((part, value),) = value.items()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, replace
@@ -46,16 +45,10 @@ class Progress:
     def text(self) -> str:
         """The progress as one line of text."""
         failed = f", {self.failed} failed or skipped" if self.failed else ""
-        time_left = (
-            f", about {duration_text(self.remaining)} left"
-            if self.remaining and self.done + self.failed < self.total
-            else ""
-        )
-        now = (
-            f"; now {', '.join(self.running[:TASKS_IN_LINE])}{' ...' * (len(self.running) > TASKS_IN_LINE)}"
-            if self.running
-            else ""
-        )
+        over = not self.remaining or self.done + self.failed >= self.total
+        time_left = "" if over else f", about {duration_text(self.remaining or 0.0)} left"
+        named, more = ", ".join(self.running[:TASKS_IN_LINE]), " ..." * (len(self.running) > TASKS_IN_LINE)
+        now = f"; now {named}{more}" if named else ""
         return f"{self.done} of {self.total} tasks done{failed} after {duration_text(self.elapsed)}{time_left}{now}"
 
 
@@ -107,29 +100,18 @@ def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch)
     """
     ready, code, begin = ReadyQueue(nodes), code_of_tasks(), time.monotonic()
     running: dict[Future[Failure | None], Node] = {}
-    alone: deque[Node] = deque()
     done, failures = set[str](), dict[str, Failure]()
-
-    def start(node: Node) -> None:
-        """Submit a task to the pool."""
-        task = node.task
-        order = Order(task.key, node.digest, task.address, task.arguments, node.needs, str(store.folder), code)
-        running[pool.submit(order)] = node
-
-    while ready or alone or running:
+    while ready or running:
         while ready and len(running) < 2 * pool.slots:  # one waits behind each that runs, so that no worker does
             node = ready.pop()
             failed_need = next((digest for digest in node.needs.values() if digest in failures), None)
             if failed_need is not None:
                 failures[node.digest] = failures[failed_need].of_skipped(nodes[failed_need].task.key)
                 ready.mark_done(node.digest)
-            elif node.task.alone:
-                alone.append(node)
             else:
-                start(node)
-        if alone and not running:
-            start(alone.popleft())
-            wait(running)
+                task, folder = node.task, str(store.folder)
+                order = Order(task.key, node.digest, task.address, task.arguments, node.needs, folder, code)
+                running[pool.submit(order)] = node
         finished, _ = wait(running, timeout=WATCH_EVERY, return_when=FIRST_COMPLETED)
         for future in [future for future in running if future in finished]:
             node, failure = running.pop(future), _failure_of_future(future)
@@ -199,23 +181,12 @@ def _study_summary(study: StudyBase, results: StudyResults) -> dict[str, Any]:
     """Return the entries of a study in summary.json: its keys, published values and, if complete, its figures."""
     base = set(StudyBase.model_fields)
     keys = {name: value for name, value in study.model_dump(mode="json").items() if name not in base | FILES}
-    return {
-        "asked": keys,
-        "figures": dict(study.figures(results)) if results.is_complete else {},
-        "source": study.source,
-        "published": [statement.model_dump() for statement in study.published],
-        "remarks": list(study.remarks),
-        "hints": study.hints(),
-    }
+    figures = dict(study.figures(results)) if results.is_complete else {}
+    published = [statement.model_dump() for statement in study.published]
+    about = {"source": study.source, "published": published, "remarks": list(study.remarks), "hints": study.hints()}
+    return {"asked": keys, "figures": figures} | about
 
 
 def _summary_head(title: str, kind: str) -> dict[str, Any]:
     """Return the first entries of every summary.json: title, kind, versions, commit, date and machine."""
-    return {
-        "title": title,
-        "kind": kind,
-        "versions": environment.package_versions(),
-        "commit": environment.checkout_commit(),
-        "date": environment.today(),
-        "machine": environment.describe_machine(),
-    }
+    return {"title": title, "kind": kind} | environment.describe_origin()

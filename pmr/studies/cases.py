@@ -93,10 +93,8 @@ class LoadCase(SceneTable):
         if self.hoisting_class is not None:
             hoisting_factor(f"{key}.hoisting_class", classes, self.hoisting_class, 0.0)
         named: list[tuple[str, str, Any]] = [(f"loads.{name}", name, amount) for name, amount in self.loads.items()]
-        named += [
-            (f"wind.on[{k}].load", exposed.load, exposed.load)
-            for k, exposed in enumerate(self.wind.on if self.wind else ())
-        ]
+        areas = enumerate(self.wind.on if self.wind else ())
+        named += [(f"wind.on[{k}].load", exposed.load, exposed.load) for k, exposed in areas]
         for of, name, value in named:
             if name not in load_names:
                 allowed = f"{', '.join(sorted(load_names)) or 'no loads'} of the scene are allowed"
@@ -115,13 +113,8 @@ class LoadCase(SceneTable):
         hoisting factor.  ``loads`` maps the names of the scene's loads to their values in N or N m; forces of the wind
         are added.
         """
-        loads = self.loads | (self.wind.forces if self.wind else {})
-        return {
-            "name": self.name,
-            "weight": self.weight,
-            "load": self.load * self.hoisting_factor(classes),
-            "loads": loads,
-        }
+        load, loads = self.load * self.hoisting_factor(classes), self.loads | (self.wind.forces if self.wind else {})
+        return {"name": self.name, "weight": self.weight, "load": load, "loads": loads}
 
 
 def hoisting_factor(key: str, classes: Mapping[str, tuple[float, float]], name: str, speed: float) -> float:

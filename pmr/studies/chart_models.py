@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,7 +112,7 @@ def richer_system(scene: Scene, system: System, positions: PostureSet, up_to: fl
     Further modes are for the contact forces of the shape in which the boom buckles.  `positions` are all postures of
     the chart; three luffing angles at each extension are used.
     """
-    from pmr.compare.estimate import system_with_attachment_modes
+    from pmr.compare.attachment_loads import system_with_attachment_modes
 
     few = positions.select(_sample_postures(positions))
     sample, half = PostureMatrices.from_scene(scene, system, few), up_to / 2.0
@@ -139,9 +138,8 @@ def postures_with_tip_mass(scene: Scene, positions: PostureSet, mass: float) -> 
     """
     last = scene.sections[-1]
     masses = (*last.masses, PointMass(name=HOOK, on="tip", mass=mass))
-    with_mass = scene.model_copy(
-        update={"sections": (*scene.sections[:-1], last.model_copy(update={"masses": masses}))}
-    )
+    sections = (*scene.sections[:-1], last.model_copy(update={"masses": masses}))
+    with_mass = scene.model_copy(update={"sections": sections})
     postures = PostureMatrices.from_scene(with_mass, shared.reduced_system(with_mass), positions)
     loads, machine = postures.loads, postures.machine
     weight, hook = (loads.names.index(name) for name in (WEIGHT, HOOK))
@@ -178,10 +176,9 @@ def _sample_postures(positions: PostureSet) -> NDArray[np.int64]:
         groups.setdefault(tuple(float(extension[k]) for extension in positions.extensions.values()), []).append(k)
     selection = set[int]()
     for numbers in groups.values():
-        ordered = sorted(numbers, key=lambda k: float(positions.luffing[k]))
-        selection |= {
-            ordered[i] for i in np.linspace(0, len(ordered) - 1, min(ANGLES_WITH_MODES, len(ordered))).astype(int)
-        }
+        ordered = np.array(sorted(numbers, key=lambda k: float(positions.luffing[k])))
+        some = np.linspace(0, len(ordered) - 1, min(ANGLES_WITH_MODES, len(ordered))).astype(int)
+        selection |= set(ordered[some].tolist())
     return np.array(sorted(selection))
 
 
@@ -269,6 +266,6 @@ class ChartModels:
         return [*filter(None, (model, mesh)), f"large rotations in {STABILITY}"]
 
 
-def _read_postures(arrays: Mapping[str, NDArray[Any]], model: str) -> PostureMatrices | None:
+def _read_postures(arrays: Mapping[str, NDArray[np.generic]], model: str) -> PostureMatrices | None:
     """Return the postures of a model from a task's arrays; None where the task has not stored any."""
     return npz.record_from_arrays(PostureMatrices, arrays, f"{model}.") if f"{model}.structure.K" in arrays else None

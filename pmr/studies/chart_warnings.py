@@ -64,9 +64,8 @@ def stable_equilibria(place: Place, load: float, reach: float) -> list[Equilibri
         where += f", slewed {np.rad2deg(at.place.slewing[k]):.4g} degrees"
     equilibria = [Equilibrium(place, 0.0, f"{where}, without a load")]
     if load > 0.0:
-        equilibria.append(
-            Equilibrium(place, load * (1.0 - JUST_BELOW), f"{where}, under {float(f'{load:.4g}'):.10g} kg")
-        )
+        loaded = f"{where}, under {float(f'{load:.4g}'):.10g} kg"
+        equilibria.append(Equilibrium(place, load * (1.0 - JUST_BELOW), loaded))
     return [at_rest for at_rest in equilibria if at_rest.state.in_equilibrium]
 
 
@@ -93,9 +92,7 @@ def warnings_of_row(
         standing = stable_equilibria(places(models.reduced, k)[case], float(of_limits[limit]), float(reach[k]))
         equilibria += standing
         for part, other in compared.items():
-            of_compared[part] += [
-                replace(equilibrium, place=places(other.postures, k)[case]) for equilibrium in standing
-            ]
+            of_compared[part] += [replace(at_rest, place=places(other.postures, k)[case]) for at_rest in standing]
     if not equilibria:
         return ()
     response = _response_at_equilibria(equilibria)
@@ -173,7 +170,5 @@ def _values_of_kind(at: PostureMatrices, state: LoadedState, kind: str) -> list[
 
 def _indices_of_kind(at: PostureMatrices, kind: str) -> tuple[list[int], list[int]]:
     """Return the indices of the outputs of a kind in the model `at`, and the indices of its contacts of that kind."""
-    outputs, forces = at.output_kinds, at.force_kinds
-    return [n for n, label in enumerate(outputs) if label == kind], [
-        n for n, label in enumerate(forces) if label == kind
-    ]
+    outputs, forces = ([n for n, of in enumerate(kinds) if of == kind] for kinds in (at.output_kinds, at.force_kinds))
+    return outputs, forces

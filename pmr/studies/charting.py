@@ -14,12 +14,7 @@ from numpy.typing import NDArray
 
 from pmr.files import npz
 from pmr.simulation.statics.loaded import LoadedStructure
-from pmr.simulation.statics.postures import (
-    HOOK,
-    WEIGHT,
-    DeflectionOutputs,
-    PostureMatrices,
-)
+from pmr.simulation.statics.postures import HOOK, WEIGHT, DeflectionOutputs, PostureMatrices
 from pmr.simulation.statics.swings import Rope, lift_off
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, large_rotation_changes

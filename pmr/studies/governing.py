@@ -59,11 +59,9 @@ class StopMotion:
         If the boom is unstable, all numbers but the speed are NaN.
         """
         none, state = np.array([*[np.nan] * 4, self.speed]), place.equilibria.state(load)
-        swing = (
-            stopping_swing(state.form, load, self._acting_loads(place, load), self.duration)
-            if state.in_equilibrium
-            else None
-        )
+        if not state.in_equilibrium:
+            return none
+        swing = stopping_swing(state.form, load, self._acting_loads(place, load), self.duration)
         if swing is None:
             return none
         tip = [n for n, kind in enumerate(place.postures.output_kinds) if kind == "tip"]
@@ -79,10 +77,8 @@ class StopMotion:
             extremes = [np.vstack([values + more, values - more]) for values, more in zip(of, by, strict=True)]
             return float(share(LoadedStates.with_outputs(state, *extremes)).max())
 
-        steadily = most(*(values[None] for values in swing.steady))
-        return np.array(
-            [factor, place.used_share(limit, state), steadily, most(swing.outputs, swing.forces), self.speed]
-        )
+        steadily, swinging = most(*(values[None] for values in swing.steady)), most(swing.outputs, swing.forces)
+        return np.array([factor, place.used_share(limit, state), steadily, swinging, self.speed])
 
     def _acting_loads(self, place: Place, load: float) -> DecelerationLoads:
         """Return the loads by an acceleration of the angle of 1 rad/s^2, with the inertia of the `load` in kg."""
@@ -137,21 +133,17 @@ def governing_details(
     if at is None:
         return {}
     governing_limits = [*limits, None]  # stability has no share that a swing changes
-    rows = [
-        None
-        if place is None
-        else _place_arrays(limits, place, load, bent) | _stop_arrays(governing_limits[n], place, load, stops)
-        for n, (place, load) in enumerate(zip(places, loads.tolist(), strict=True))
-    ]
+    rows = list[dict[str, Array] | None]()
+    for limit, place, load in zip(governing_limits, places, loads.tolist(), strict=True):
+        if place is None:
+            rows.append(None)
+        else:
+            rows.append(_place_arrays(limits, place, load, bent) | _stop_arrays(limit, place, load, stops))
     example_row = next(row for row in rows if row is not None)
     empty = {name: np.full_like(values, np.nan) for name, values in example_row.items()}
     arrays = {name: np.array([(row or empty)[name] for row in rows]) for name in example_row}
-    names = {
-        "forces": at.force_names,
-        "stress": tuple(_stress_columns(at)),
-        "direction": bent.direction,
-        "section": bent.names,
-    }
+    names = {"forces": at.force_names, "stress": tuple(_stress_columns(at))}
+    names |= {"direction": bent.direction, "section": bent.names}
     arrays |= {f"{of}.names": np.array(named, dtype=np.str_) for of, named in names.items()}
     return arrays | {
         "kinds": np.array(at.force_kinds, dtype=np.str_),
@@ -173,18 +165,11 @@ def _place_arrays(limits: Sequence[Limit], place: Place, load: float, bent: Defl
     at, load = place.postures, load * (1.0 - JUST_BELOW)
     state = place.equilibria.state(load)
     shape = Place(bent.replace_outputs(at), place.k, place.amounts, place.gravity).equilibria.state(load)
-    stress = [
-        float(von_mises_stress(state.outputs[list(components.values())], tuple(components)))
-        for components in _stress_columns(at).values()
-    ]
-    used = [place.used_share(limit, state) for limit in limits]
-    return {
-        "forces": state.forces,
-        "bent": shape.outputs,
-        "stress": np.array(stress),
-        "used": np.array([*used, load / state.form.critical]),
-        "luffing": at.place.luffing[place.k],
-    }
+    of_probes = [(list(numbers.values()), tuple(numbers)) for numbers in _stress_columns(at).values()]
+    stress = np.array([float(von_mises_stress(state.outputs[numbers], names)) for numbers, names in of_probes])
+    used = np.array([*(place.used_share(limit, state) for limit in limits), load / state.form.critical])
+    luffing = at.place.luffing[place.k]
+    return {"forces": state.forces, "bent": shape.outputs, "stress": stress, "used": used, "luffing": luffing}
 
 
 def _stop_arrays(limit: Limit | None, place: Place, load: float, stops: Sequence[StopMotion]) -> dict[str, Array]:

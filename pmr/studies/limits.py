@@ -118,16 +118,14 @@ def _share_of_user_function(limit: Limit, at: PostureMatrices, k: int, amounts: 
 
 def _share_of_buckling(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on the buckling factor."""
-    return lambda states: (
-        limit.allowed_amount * np.array([form.inverse_factor(load) for form, load in _forms_and_loads(states)])
-    )
+    amount = limit.allowed_amount
+    return lambda states: amount * np.array([form.inverse_factor(load) for form, load in _forms_and_loads(states)])
 
 
 def _share_of_frequency(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on the lowest natural frequency."""
-    return lambda states: np.array(
-        [_ratio(limit.allowed_amount, form.frequency(load)) for form, load in _forms_and_loads(states)]
-    )
+    amount = limit.allowed_amount
+    return lambda states: np.array([_ratio(amount, form.frequency(load)) for form, load in _forms_and_loads(states)])
 
 
 def _share_of_overturning(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:

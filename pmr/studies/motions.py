@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.compare.accuracy.order import trials_of
+from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.outputs import divide_steps, run_from_start
-from pmr.compare.responses import evaluate_motion
 from pmr.results import Response
 from pmr.scene import Reduction, Scene
 from pmr.scene.keys import ALONE
@@ -92,10 +92,9 @@ def with_basis(scene: Scene, basis: str, largest: int) -> Scene:
     solver = scene.sections[0].reduction.solver
     if len(scene.sections) > 1:
         update = {"coordinates": RIGID_MODES + largest, "flexibility": True, "estimate": True}
-        parts = tuple(
-            part.model_copy(update={"reduction": part.reduction.model_copy(update=update)}) for part in scene.sections
-        )
-        return scene.model_copy(update={"sections": parts, "accuracy": None, "budget": None})
+        choices = [part.reduction.model_copy(update=update) for part in scene.sections]
+        parts = [of.model_copy(update={"reduction": new}) for of, new in zip(scene.sections, choices, strict=True)]
+        return scene.model_copy(update={"sections": tuple(parts), "accuracy": None, "budget": None})
     if basis == "visited":
         choice = Reduction(basis="eigenmodes", snapshots=9, modes=4, coordinates=min(largest, 36), solver=solver)
     elif basis == "pod":

@@ -14,7 +14,7 @@ import math
 import os
 import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -70,15 +70,9 @@ class Store:
 
         Raises TypeError or ValueError if the result's record holds anything but finite scalars.
         """
-        header = {
-            "format": FORMAT,
-            "version": FORMAT_VERSION,
-            "digest": digest,
-            "key": key,
-            "record": _check_record(result.record),
-            "seconds": dict(result.seconds),
-            "warnings": list(result.warnings),
-        }
+        header = {"format": FORMAT, "version": FORMAT_VERSION, "digest": digest, "key": key}
+        header |= {"record": _check_record(result.record), "seconds": dict(result.seconds)}
+        header |= {"warnings": list(result.warnings)}
         npz.write(self.path(digest), {f"array.{name}": array for name, array in result.arrays.items()}, header)
 
     def read_without_arrays(self, digest: str) -> TaskResult:
@@ -186,13 +180,9 @@ class StudyResults:
             if failure is not None:
                 record = RunRecord(task.key, failure.status, task.parameters, {}, {}, failure.reason, failure.detail)
             else:
-                done, file = (
-                    store.read_without_arrays(digest[task.key]),
-                    os.path.relpath(store.path(digest[task.key]), folder),
-                )
-                record = RunRecord(
-                    task.key, "done", task.parameters, done.record, done.seconds, warnings=done.warnings, file=file
-                )
+                done, file = store.read_without_arrays(digest[task.key]), store.path(digest[task.key])
+                record = RunRecord(task.key, "done", task.parameters, done.record, done.seconds, warnings=done.warnings)
+                record = replace(record, file=os.path.relpath(file, folder))
             runs.append(record)
         return cls(folder, tuple(runs))
 

@@ -1,4 +1,4 @@
-"""Tasks that runs of many kinds of studies share: eigenmodes at a slider position, reference motions, frequencies.
+"""Tasks that runs of many kinds of studies share: eigenmodes, reference motions, frequencies.
 
 Each task is planned from a scene without the keys that do not decide its result, so that runs which differ only in such
 keys share the task, within a study and across the studies of a collection.  The functions import FEniCSx when they are
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pmr.system.system import System
 
 #: Rough effort in s for the beam of Weyrer et al.
-COSTS = {"modes": 0.05, "full": 0.5, "ancf": 3.0, "frequencies": 0.5}
+COSTS = {"modes": 0.2, "full": 0.5, "ancf": 3.0, "frequencies": 0.5}
 NOTHING = Constant(amount=0.0)
 
 
@@ -90,9 +90,8 @@ def reduced_system(scene: Scene) -> System:
 
 def bodies_of(scene: Scene) -> Mapping[str, AssembledBody]:
     """Return a scene's full models with their structures, by body; they are stored for later tasks of this process."""
-    return _build_bodies(
-        _without_loads(scene).model_copy(update={"title": "", "published": None, "damping": scene.damping})
-    )
+    plain = {"title": "", "published": None, "damping": scene.damping}
+    return _build_bodies(_without_loads(scene).model_copy(update=plain))
 
 
 @lru_cache(maxsize=4)
@@ -112,39 +111,24 @@ def with_reduction(scene: Scene, reduction: Reduction) -> Scene:
 
 
 def modes_tasks(scene: Scene) -> dict[str, Task]:
-    """Return tasks ``modes0``, ``modes1``, ..., which compute eigenmodes at the slider positions of the snapshots.
+    """Return the task ``modes``, which computes the eigenmodes that a scene's basis is made from.
 
-    A basis of free modes has one task.  A basis of vectors from a file or from a package's function has none.
+    A basis of vectors from a file or from a package's function has none.
     """
     choice = scene.reduction
     if choice.is_external:
         return {}
-    deciding = Reduction(
-        basis=choice.basis,
-        solver=choice.solver,
-        coordinates=choice.coordinates,
-        flexibility=choice.estimable,  # then there are enrichment modes
-    )
+    deciding: dict[str, Any] = {"basis": choice.basis, "coordinates": choice.coordinates}
+    deciding["flexibility"] = choice.estimable  # then there are enrichment modes
     if choice.uses_pod:
-        deciding = Reduction(
-            basis="eigenmodes",
-            snapshots=choice.snapshots,
-            modes=choice.modes,
-            positions=choice.positions,
-            solver=choice.solver,
-        )
-    plain = _without_loads(scene).model_copy(update={"reduction": deciding})
+        deciding = {key: getattr(choice, key) for key in ("snapshots", "modes", "positions")} | {"basis": "eigenmodes"}
+    plain = with_reduction(_without_loads(scene), Reduction(solver=choice.solver, **deciding))
     # The path of pads decides where they have rows; the path of points only decides where snapshots are taken.
     if scene.points and not (choice.uses_pod and choice.positions == "path"):
         update = {"slider": scene.slider.model_copy(update={"path": NOTHING}), "time": TimeChoice(end=1.0, step=1.0)}
         plain = plain.model_copy(update=update)
-    if not choice.uses_pod:
-        return {"modes0": _scene_task(compute_released_modes, "modes", f"{choice.basis}-{choice.coordinates}", plain)}
-    named = f"modes-{choice.snapshots}x{choice.modes}"
-    return {
-        f"modes{k}": _scene_task(compute_held_modes, "modes", f"{named}-{k}", plain, position=k)
-        for k in range(choice.snapshots)
-    }
+    size = f"{choice.snapshots}x{choice.modes}" if choice.uses_pod else f"{choice.basis}-{choice.coordinates}"
+    return {"modes": _scene_task(compute_modes, "modes", f"modes-{size}", plain)}
 
 
 def reference_task(scene: Scene, name: str) -> Task:
@@ -166,16 +150,15 @@ def frequencies_task(scene: Scene) -> Task:
 
 
 def snapshots_from(scene: Scene, needs: Needs) -> Snapshots:
-    """Return a scene's snapshots from the results of its `modes_tasks`, or from the file that it names."""
-    from pmr.reduction.from_scene import vectors_from_file
+    """Return a scene's snapshots from the result of its task `modes_tasks`; without this task they are taken here."""
+    from pmr.reduction.from_scene import take_snapshots
     from pmr.reduction.snapshots import Snapshots
 
-    if scene.reduction.file is not None:
-        return vectors_from_file(model_of(scene), scene.reduction.file)
-    taken = [needs[f"modes{k}"].arrays for k in range(sum(name.startswith("modes") for name in needs))]
-    phi = np.concatenate([modes["phi"] for modes in taken], axis=1)
-    omega, s, residuals = (np.concatenate([modes[name] for modes in taken]) for name in ("omega", "s", "residuals"))
-    return Snapshots.from_local(phi, model_of(scene), omega, s, residuals, source=scene.reduction.basis)
+    model = model_of(scene)
+    if "modes" not in needs:
+        return take_snapshots(scene, model)
+    phi, omega, s, residuals = (needs["modes"].arrays[name] for name in ("phi", "omega", "s", "residuals"))
+    return Snapshots.from_local(phi, model, omega, s, residuals, source=scene.reduction.basis)
 
 
 def response_from(result: TaskResult) -> Response:
@@ -183,27 +166,11 @@ def response_from(result: TaskResult) -> Response:
     return npz.record_from_arrays(Response, result.arrays)
 
 
-def compute_held_modes(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: compute eigenmodes with the slider held at the scene's position number ``position``.
+def compute_modes(arguments: Arguments, needs: Needs) -> TaskResult:
+    """Task: compute the k eigenmodes that a scene's basis is made from, on n coordinates.
 
-    Arrays of k modes with n coordinates: ``phi`` (n, k), ``omega`` (k,) in rad/s, ``residuals`` (k,), and ``s`` (k,) in
-    m, the slider's position repeated.
-    """
-    from pmr.fullmodel.eigensolvers import eigensolver
-    from pmr.reduction.snapshots import positions
-
-    scene = scene_of(arguments)
-    model = model_of(scene)
-    s = float(positions(scene, model)[arguments["position"]])
-    modes = eigensolver(model, scene.reduction.solver).lowest(s, scene.reduction.modes)
-    at = np.full(len(modes.omega), s)
-    return TaskResult(arrays={"phi": modes.phi, "omega": modes.omega, "residuals": modes.residuals, "s": at})
-
-
-def compute_released_modes(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: compute the modes of a scene with a basis that needs no slider positions.
-
-    The arrays are those of `compute_held_modes`.
+    Arrays: ``phi`` (n, k), ``omega`` (k,) in rad/s, ``residuals`` (k,), and ``s`` (k,) in m, the position of the slider
+    while it is held, NaN where it is released.
     """
     from pmr.reduction.from_scene import take_snapshots
 

@@ -90,8 +90,7 @@ class Task:
     """One call of a function of a module, in a process of its own.
 
     The function is called with `arguments` and the results of `needs`; it sees one MPI process and one thread, and its
-    result depends on nothing else.  A task with `alone` measures time: it starts when all other tasks have ended, and
-    no other task runs at the same time.
+    result depends on nothing else.
     """
 
     key: str  # unique in its plan: letters, digits and ``._=,+-``
@@ -100,7 +99,6 @@ class Task:
     needs: Mapping[str, str] = field(default_factory=dict)  # name that the function uses -> key of the needed task
     parameters: Mapping[str, Scalar] = field(default_factory=dict)  # first columns of the table, also for failed runs
     cost: float = 1.0  # expected effort in any unit: long tasks start first, and the time left is estimated from it
-    alone: bool = False
 
     def __post_init__(self) -> None:
         """Raise ValueError for a key that can't name a file, or for a function that is not one of a module's own."""

@@ -27,23 +27,13 @@ Value = Callable[[Amounts], float]
 #: Longest expression, in characters, so that expressions are not nested deeper than Python can follow.
 LONGEST = 1000
 OPERATORS: dict[type[ast.AST], Callable[..., float]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
-    ast.USub: operator.neg,
-    ast.UAdd: operator.pos,
-}
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
+    ast.Pow: operator.pow, ast.USub: operator.neg, ast.UAdd: operator.pos,
+}  # fmt: skip
 FUNCTIONS: dict[str, Callable[..., float]] = {
-    "abs": abs,
-    "max": max,
-    "min": min,
-    "sqrt": lambda x: float(np.sqrt(x)),
-    "sin": lambda x: float(np.sin(x)),
-    "cos": lambda x: float(np.cos(x)),
-    "hypot": lambda *x: float(np.linalg.norm(x)),
-}
+    "abs": abs, "max": max, "min": min, "sqrt": lambda x: float(np.sqrt(x)), "sin": lambda x: float(np.sin(x)),
+    "cos": lambda x: float(np.cos(x)), "hypot": lambda *x: float(np.linalg.norm(x)),
+}  # fmt: skip
 
 
 def compile_expression(text: str, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:

@@ -111,14 +111,8 @@ class Worker:
         """Start a child in which each library has one thread, without environment variables of an MPI launcher."""
         variables = {name: value for name, value in os.environ.items() if not name.startswith(MPI_VARIABLES)}
         variables |= dict.fromkeys(ONE_THREAD, "1")
-        self._child = subprocess.Popen(
-            [sys.executable, "-c", START, *self._path],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._log,
-            text=True,
-            env=variables,
-        )
+        command, pipe = [sys.executable, "-c", START, *self._path], subprocess.PIPE
+        self._child = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=self._log, text=True, env=variables)
         return self._child
 
     def _last_output(self) -> str:
@@ -191,10 +185,9 @@ def count_ranks() -> int:
 
     size = int(MPI.COMM_WORLD.size)
     if size == 1:
-        library = MPI.Get_library_version().split(",")[0].split("\n")[0]
-        raise InputError(
-            "command line", "mpiexec", ranks, f"the launcher of this Python's own MPI is allowed ({library.strip()})"
-        )
+        library = MPI.Get_library_version().split(",")[0].split("\n")[0].strip()
+        allowed = f"the launcher of this Python's own MPI is allowed ({library})"
+        raise InputError("command line", "mpiexec", ranks, allowed)
     return size
 
 
@@ -264,9 +257,8 @@ def _run_order(order: Order, notes: logging.handlers.BufferingHandler) -> Failur
         warnings = dict.fromkeys((*result.warnings, *(record.getMessage() for record in notes.buffer)))
         if order.code not in ("", code_of_tasks()):  # the task's imports may come from edited files
             return Failure(OTHER_CODE)
-        Store(Path(order.store)).write(
-            order.digest, order.key, replace(result, seconds=seconds, warnings=tuple(warnings))
-        )
+        complete = replace(result, seconds=seconds, warnings=tuple(warnings))
+        Store(Path(order.store)).write(order.digest, order.key, complete)
     except (Exception, SystemExit) as error:
         return Failure.from_error(error)
     return None

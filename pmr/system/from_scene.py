@@ -118,8 +118,8 @@ def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator
         tuple(pad for ring in joint.mouth for pad in _pads(scene, number, ring, f"{inner} mouth", rows)),
     ).contacts
     if joint.rigid_overlap:
-        within = Place(inner, "", scene.sections[number - 1].length - joint.least_distance(joint.mouth), inner, -1.0)
-        around = Place(outer, "", joint.least_distance(joint.tail), inner)
+        within = Place(inner, "", scene.sections[number - 1].length - min(ring.at for ring in joint.mouth), inner, -1.0)
+        around = Place(outer, "", min(ring.at for ring in joint.tail), inner)
         for place, names in ((within, WITHIN), (around, AROUND)):
             yield from (Contact(f"{place.body} {name}", replace(place, row=name), kind="straight") for name in names)
     if TAIL in bodies[inner].row_names:

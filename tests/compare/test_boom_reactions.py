@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pmr import pipeline
 from pmr import scene as scenes
-from pmr.compare.responses import evaluate_motion
+from pmr.compare.evaluation import evaluate_motion
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import AssembledBody, build_bodies
 from pmr.reduction.bodies import reduce_bodies

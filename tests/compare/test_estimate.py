@@ -13,8 +13,9 @@ from one_body import displacement
 from oracle import enriched, flexible, full_body, nrms_error, paper_basis, project, rich_body, with_curvature
 
 from pmr.compare import error_parts
+from pmr.compare.attachment_loads import reason_without_estimate
 from pmr.compare.error_parts import error_envelope, estimate_warnings
-from pmr.compare.estimate import MARGIN, Estimate, estimate_by_other_model, reason_without_estimate
+from pmr.compare.estimate import MARGIN, Estimate, estimate_by_other_model
 from pmr.compare.outputs import Outputs, RoundOffBounds, differences, probe_differences
 from pmr.compare.trust import reduction_warnings
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp

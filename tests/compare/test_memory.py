@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pmr.compare.responses import BYTES, NUMBERS_BESIDE, check_memory, memory_warnings, needed_bytes, simulate_by
+from pmr.compare.responses import BYTES, NUMBERS_BESIDE, check_memory, needed_bytes, simulate_by
 from pmr.errors import InputError, environment
 from pmr.scene import Scene
 from pmr.simulation import Excitation
@@ -43,11 +43,6 @@ def test_memory_grows_with_steps_and_with_the_model_that_keeps_its_states(load_s
     in_exudyn = load_scene("paper_evolved", [*LONG[1:], "simulation.full=exudyn"])
     more = needed_bytes(in_exudyn, 350, 51) - needed_bytes(in_exudyn, 153, 51)
     assert more >= 2 * BYTES * in_exudyn.time.steps * (350 - 153)  # coordinates and their rates at least
-
-
-def test_what_a_large_run_takes_is_among_its_warnings(load_scene) -> None:
-    assert memory_warnings(load_scene("paper_evolved"), 153, 51) == []
-    assert "1,000,000 steps take about" in memory_warnings(load_scene("paper_evolved", LONG), 153, 51)[0]
 
 
 def test_the_machine_says_what_is_free() -> None:

@@ -7,7 +7,7 @@ import one_body
 import pytest
 
 from pmr import scene as scenes
-from pmr.compare import responses as evaluation
+from pmr.compare import evaluation
 from pmr.compare.responses import simulate
 from pmr.pipeline import reduce
 from pmr.scene.keys import ALONE

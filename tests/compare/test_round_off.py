@@ -12,10 +12,10 @@ from one_body import respond
 from scipy.interpolate import PPoly
 
 from pmr import scene as scenes
-from pmr.compare.errors import force_round_off, round_off
 from pmr.compare.estimate import chi
+from pmr.compare.evaluation import evaluate_motion as of_sections
 from pmr.compare.outputs import run_from_start
-from pmr.compare.responses import evaluate_motion as of_sections
+from pmr.compare.round_off import force_round_off, round_off
 from pmr.pipeline import reduce, run
 from pmr.scene.signals import Constant
 from pmr.simulation import Excitation, TimeStepping

@@ -14,7 +14,7 @@ from on_pads import beam_on_pads, flexible_on_pads
 from one_body import displacement
 from oracle import enriched, paper_basis, project, rich_body
 
-from pmr.compare.outputs import force_rates, load_rates, output_rates
+from pmr.compare.velocities import force_rates, load_rates, output_rates
 from pmr.scene.signals import Sine, SmoothRamp
 from pmr.simulation import TimeStepping
 

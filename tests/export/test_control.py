@@ -10,13 +10,13 @@ import control
 import numpy as np
 import pytest
 import scipy.io
+from alone import frequencies
 from numpy.typing import NDArray
 from on_pads import beam_on_pads, flexible_on_pads
 from oracle import flexible, project, rich_body
 from processes import called
 from state_spaces import frequency_response
 
-from pmr.compare.frequencies import reduced_frequencies
 from pmr.errors import InputError
 from pmr.export.state_space import path_positions, state_space
 from pmr.system.reduced_model import ReducedModel
@@ -59,7 +59,7 @@ def test_the_response_is_that_of_the_equations(model: ReducedModel) -> None:
 def test_undamped_poles_are_the_frequencies(model: ReducedModel) -> None:
     bare = replace(model, D=np.zeros_like(model.D), rayleigh=None)
     space = state_space(System.of(bare), {"slider": S}, "model")
-    expected = 2.0 * np.pi * reduced_frequencies(bare, S, 4)
+    expected = 2.0 * np.pi * frequencies(bare, S, 4)
     for A, omega in zip(space.A, expected, strict=True):
         found = np.sort(np.abs(np.linalg.eigvals(A).imag))[::2][:4]
         np.testing.assert_allclose(found, omega, rtol=1e-8)

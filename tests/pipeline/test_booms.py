@@ -14,9 +14,9 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.compare import responses
+from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.forces import forces_part
 from pmr.compare.frequencies import frequency_map
-from pmr.compare.responses import evaluate_motion
 from pmr.errors import InputError
 from pmr.export.paraview import MovingFields, write_series
 from pmr.fem.compat import MPI

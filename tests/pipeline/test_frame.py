@@ -10,7 +10,7 @@ from newton_euler import needed, of_masses
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.responses import evaluate_motion
+from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.simulated import excitation_of_scene
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies

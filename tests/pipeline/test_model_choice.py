@@ -11,7 +11,7 @@ from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
-from pmr.pipeline.scenes import decide_models
+from pmr.pipeline.model_errors import decide_models
 from pmr.scene import Scene
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
@@ -66,7 +66,7 @@ def test_the_smallest_model_within_the_tolerance_is_chosen(
     assert (model_of(one), one.part.body.walls, one.part.body.model) == (model, walls, model)
     assert (found.budget_part is None) == (model == "shell")
 
-    monkeypatch.setattr("pmr.pipeline.scenes.reduce_bodies", never)
+    monkeypatch.setattr("pmr.pipeline.model_errors.reduce_bodies", never)
     again = decide_models(scene, comm, Clock(), tmp_path)
     assert again == found
 

@@ -11,7 +11,7 @@ import pmr
 from pmr.compare import forces as ropes
 from pmr.compare.model_part import Motion, model_budget
 from pmr.fem.compat import MPI
-from pmr.pipeline.scenes import measure_model
+from pmr.pipeline.model_errors import measure_model
 
 pytest.importorskip("gmsh")
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

@@ -61,12 +61,8 @@ def other_mesh(scene: Scene) -> OtherMesh:
     Raises an `InputError` that says why there is no such mesh.
     """
     if any(part.mesh.file is not None for part in scene.sections):
-        raise InputError(
-            "scene",
-            "mesh",
-            None,
-            "a mesh that is read from a file cannot be refined, so there is nothing to compare it with",
-        )
+        allowed = "a mesh that is read from a file cannot be refined, so there is nothing to compare it with"
+        raise InputError("scene", "mesh", None, allowed)
     if has_rigid_beams(scene):
         order = FIRST_ORDER if has_long_elements(scene) else ORDER
         return OtherMesh(finer_beams(scene), "finer mesh", 1.0 / (1.0 - FINER**-order))
@@ -156,10 +152,8 @@ def mesh_warnings(scene: Scene) -> list[str]:
 def motion_only(scene: Scene) -> Scene:
     """The scene changed so that one run of the compiled simulator (``march``) gives its motion and nothing else."""
     once = scene.simulation.model_copy(update={"simulators": ("march",), "repeats": 1})
-    parts = [
-        part.model_copy(update={"reduction": part.reduction.model_copy(update={"estimate": False})})
-        for part in scene.sections
-    ]
+    reductions = [part.reduction.model_copy(update={"estimate": False}) for part in scene.sections]
+    parts = [of.model_copy(update={"reduction": new}) for of, new in zip(scene.sections, reductions, strict=True)]
     return scene.model_copy(update={"sections": tuple(parts), "simulation": once, "recovery": None})
 
 
@@ -172,10 +166,8 @@ def mesh_errors(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share
     """
     (mine, floors), (theirs, _) = of_scene.run_undamped(sizes, steps), other.run_undamped(sizes, steps)
     numbers, other_numbers = _common_displacements(of_scene.output_positions, other.output_positions)
-    apart = differences(
-        theirs.select_displacements(other_numbers), mine.select_displacements(numbers), floors, of_scene.wanted
-    )
-    return {kind: share * size for kind, size in apart.items()}
+    mine, theirs = mine.select_displacements(numbers), theirs.select_displacements(other_numbers)
+    return {kind: share * size for kind, size in differences(theirs, mine, floors, of_scene.wanted).items()}
 
 
 def _common_displacements(

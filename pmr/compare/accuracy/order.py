@@ -20,14 +20,13 @@ from pmr.compare.accuracy.search import (
     worst_ratio,
 )
 from pmr.compare.accuracy.trials import Trial, Trials
-from pmr.compare.estimate import reason_without_estimate
+from pmr.compare.attachment_loads import reason_without_estimate
 from pmr.compare.trust import LOAD_JUMPS, SLIDER_IMPACTS
 from pmr.errors import InputError
 from pmr.errors.text import percent, two_digits
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import frame_terms
-from pmr.scene.run_settings import Accuracy, Budget
 from pmr.simulation import Excitation
 from pmr.system.attachment import simulated_model
 from pmr.system.from_scene import system_of
@@ -108,18 +107,15 @@ class Search:
     def __init__(self, scene: Scene, models: Mapping[str, ReducedModel]) -> None:
         begin, self.scene = time.perf_counter(), scene
         if why := reason_without_estimate(models):
-            raise InputError(
-                "scene", _key(scene), None, f"the search needs an estimate of the error, and there is none: {why}"
-            )
+            allowed = f"the search needs an estimate of the error, and there is none: {why}"
+            raise InputError("scene", _key(scene), None, allowed)
         self.trials = trials = trials_of(scene, models)
         if lacking := [kind for kind in trials.wanted if kind not in trials.kinds]:
-            _refuse_outputs(
-                scene, f"no {lacking[0]}, or a scene with {_NEEDED.get(lacking[0], 'such outputs')}, is allowed"
-            )
+            needed = _NEEDED.get(lacking[0], "such outputs")
+            raise _outputs_error(scene, f"no {lacking[0]}, or a scene with {needed}, is allowed")
         if "pad_force" in trials.wanted and trials.has_impulsive_forces:
-            _refuse_outputs(
-                scene, f"no pad_force, or a path without kinks, is allowed; there is no estimate of {SLIDER_IMPACTS}"
-            )
+            allowed = "no pad_force, or a path without kinks, is allowed"
+            raise _outputs_error(scene, f"{allowed}; there is no estimate of {SLIDER_IMPACTS}")
         self._coarsest = trials.fewest_steps(scene.recovery.every if scene.recovery else None)
         self.mesh: Mapping[str, float] | None = None
         if scene.budget is not None:
@@ -129,9 +125,8 @@ class Search:
             self.trial = find_sufficient_trial(trials, sizes, scene.time.steps, self._allowed_errors)
         unknown = {} if self.trial.estimate is None else self.trial.estimate.unknown
         if "pad_force" in trials.wanted and unknown.get("pad_force") == LOAD_JUMPS:
-            _refuse_outputs(
-                scene, f"no pad_force, or loads that set in smoothly, are allowed; there is no estimate of {LOAD_JUMPS}"
-            )
+            allowed = "no pad_force, or loads that set in smoothly, are allowed"
+            raise _outputs_error(scene, f"{allowed}; there is no estimate of {LOAD_JUMPS}")
         self._seconds = time.perf_counter() - begin
 
     @property
@@ -211,13 +206,14 @@ def accuracy_summary(choice: Choice) -> dict[str, Any]:
     their ``sum``, ``first``, the name of the largest of the three errors, which is to be improved first, and
     ``mesh_reason``, which says why the error of the mesh is unknown.
     """
-    trial, ordered = choice.trial, _request(choice.scene)
+    trial, goal = choice.trial, choice.scene.goal
+    assert goal is not None  # as of every choice
     sizes = {name: model.size for name, model in choice.models.items()}
     parts = {"reduction": trial.reduction, "step": trial.step} | ({"mesh": choice.mesh} if choice.mesh else {})
     of_bodies = {} if ALONE in sizes else {"sections": sizes}
     accuracy = {
         "tolerance": choice.scene.accuracy.tolerance if choice.scene.accuracy else None,
-        "outputs": list(ordered.outputs),
+        "outputs": list(goal.outputs),
         "holds": choice.meets_tolerance,
         "chosen": {"coordinates": trial.coordinates, **of_bodies, "step": choice.scene.time.step},
         "reasons": list(choice.reasons),
@@ -256,21 +252,11 @@ def accuracy_warnings(choice: Choice) -> list[str]:
         sizes = _list_errors(accuracy.tolerance, beyond)
         lines.append(f"the mesh can't hold the tolerance of {limit}: it is off by {sizes}; shorter cells help")
     elif not lines and not choice.meets_tolerance:
-        sizes, of_mesh = (
-            _list_errors(accuracy.tolerance, choice.total_errors),
-            percent(max((choice.mesh or {}).values()), "their size"),
-        )
-        lines.append(
-            f"the tolerance of {limit} isn't held: the sum of all errors is {sizes}, "
-            f"of which the mesh causes {of_mesh}; shorter cells help"
-        )
+        sizes = _list_errors(accuracy.tolerance, choice.total_errors)
+        of_mesh = f"of which the mesh causes {percent(max((choice.mesh or {}).values()), 'their size')}"
+        total = f"the sum of all errors is {sizes}, {of_mesh}"
+        lines.append(f"the tolerance of {limit} isn't held: {total}; shorter cells help")
     return lines
-
-
-def _request(scene: Scene) -> Accuracy | Budget:
-    """The scene's `accuracy` or its `budget`; it has exactly one of them."""
-    assert scene.goal is not None
-    return scene.goal
 
 
 def _key(scene: Scene) -> str:
@@ -278,9 +264,9 @@ def _key(scene: Scene) -> str:
     return "budget" if scene.accuracy is None else "accuracy"
 
 
-def _refuse_outputs(scene: Scene, allowed: str) -> None:
-    """Raise an InputError at the key of the outputs that the scene names; `allowed` says what is allowed."""
-    raise InputError("scene", f"{_key(scene)}.outputs", list(_request(scene).outputs), allowed)
+def _outputs_error(scene: Scene, allowed: str) -> InputError:
+    """Return the error of the key of the outputs that the scene names; `allowed` says what is allowed."""
+    return InputError("scene", f"{_key(scene)}.outputs", list(scene.goal.outputs if scene.goal else ()), allowed)
 
 
 def _with_step(scene: Scene, steps: int) -> Scene:
@@ -290,9 +276,8 @@ def _with_step(scene: Scene, steps: int) -> Scene:
 
 def _list_errors(tolerance: float, sizes: Mapping[str, float]) -> str:
     """Errors by kind in words; an error above the tolerance is never rounded down to the tolerance."""
-    words = {kind: percent(size, "their size") for kind, size in sizes.items()}
-    more = {
-        kind for kind, size in sizes.items() if size > tolerance and words[kind] == percent(tolerance, "their size")
-    }
-    listed = (f"{'a little more' if kind in more else word} in {_CALLED[kind]}" for kind, word in words.items())
+    listed, limit = list[str](), percent(tolerance, "their size")
+    for kind, size in sizes.items():
+        words = percent(size, "their size")
+        listed.append(f"{'a little more' if size > tolerance and words == limit else words} in {_CALLED[kind]}")
     return ", ".join(listed)

@@ -51,9 +51,8 @@ def find_sufficient_trial(trials: Trials, sizes: Sizes, steps: int, allowed: All
                 tried.append(trial := trials.estimate_trial(sizes, steps))
                 if is_within(trial, allowed):
                     return trial
-            grows = (
-                finer and not np.isfinite(few) and not trials.has_pushing_contacts
-            )  # with a shorter step, the estimate of the reduction is better
+            # with a shorter step, the estimate of the reduction is better
+            grows = finer and not np.isfinite(few) and not trials.has_pushing_contacts
             if few > HALF and larger != sizes and (few >= coarse or not finer) and not grows:
                 sizes = larger
                 continue
@@ -80,10 +79,8 @@ def reduce_cost(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -
         return worst_ratio({kind: size + step[kind] for kind, size in reduction.items()}, allowed) <= 1.0
 
     fewest = _fewest_modes(trials, trial, allowed)
-    for sizes in (
-        fewest,
-        *trials.neighbouring_sizes(fewest, 1),
-    ):  # the model's own estimate of its error may be a little larger
+    # the model's own estimate of its error may be a little larger
+    for sizes in (fewest, *trials.neighbouring_sizes(fewest, 1)):
         if suits(trials.reduction_errors(sizes, trial.steps), trial.step):
             thinner = trials.estimate_trial(sizes, trial.steps)
             if is_within(thinner, allowed):
@@ -109,9 +106,8 @@ def find_best_affordable(trials: Trials, budget: Budget, coarsest: int) -> Trial
         options = list(_real_time_trials(trials, budget.real_time or 1.0, coarsest))
     if not options:
         took = two_digits(1e6 * trials.seconds_per_step(trials.uniform_sizes(trials.least)))
-        raise InputError(
-            "scene", f"budget.{key}", getattr(budget, key), f"the smallest model takes {took} us a step here"
-        )
+        allowed = f"the smallest model takes {took} us a step here"
+        raise InputError("scene", f"budget.{key}", getattr(budget, key), allowed)
     return min(options, key=lambda trial: max(trial.total.values()))
 
 
@@ -126,16 +122,13 @@ def explain_trial(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
         yield f"{r} coordinates: with {r - 1} the reduction alone is off by {percent(min(fewer))}"
     else:
         yield f"{r} coordinates: all rigid-body modes, and one mode at least"
-    if steps <= coarsest:
-        why = (
-            "would take as many parts where pads push" if trials.has_pushing_contacts else "don't follow path and loads"
-        )
-        yield f"{steps} steps: fewer {why}"
+    if steps > coarsest:
+        half = f"half as many by {1.0 / ROUGH:.2g} to {SECOND_ORDER:g} times as much"
+        yield f"{steps} steps: they are off by {percent(max(trial.step.values()))}, and {half}"
+    elif trials.has_pushing_contacts:
+        yield f"{steps} steps: fewer would take as many parts where pads push"
     else:
-        yield (
-            f"{steps} steps: they are off by {percent(max(trial.step.values()))}, "
-            f"and half as many by {1.0 / ROUGH:.2g} to {SECOND_ORDER:g} times as much"
-        )
+        yield f"{steps} steps: fewer don't follow path and loads"
 
 
 def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
@@ -156,18 +149,13 @@ def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
         low, high = (low, middle) if enough(trials.cap_sizes(trial.sizes, middle)) else (middle, high)
     sizes = trials.cap_sizes(trial.sizes, high)
     for body in range(len(sizes) if len(sizes) > 1 else 0):
-        while fewer := [
-            modes for modes in trials.neighbouring_sizes(sizes, -1) if modes[body] < sizes[body] and enough(modes)
-        ]:
+        while fewer := [of for of in trials.neighbouring_sizes(sizes, -1) if of[body] < sizes[body] and enough(of)]:
             sizes = fewer[0]
     return sizes
 
 
 def _longest_steps(
-    trials: Trials,
-    trial: Trial,
-    coarsest: int,
-    suits: Callable[[Mapping[str, float], Mapping[str, float]], bool],
+    trials: Trials, trial: Trial, coarsest: int, suits: Callable[[Mapping[str, float], Mapping[str, float]], bool]
 ) -> Trial:
     """Trial with as few steps as its errors allow; the number of steps is halved repeatedly.
 
@@ -233,9 +221,6 @@ def _most_coordinates(trials: Trials, allowed: int) -> Sizes:
         needed = f"at least {least} are needed: rigid-body motions, one mode of each section, those of cylinders"
         raise InputError("scene", "budget.coordinates", allowed, needed)
     while trials.coordinates(sizes) < allowed and (more := trials.neighbouring_sizes(sizes, 1)):
-        sizes = (
-            more[0]
-            if len(more) == 1
-            else min(more, key=lambda size: max(trials.reduction_errors(size, steps).values()))
-        )
+        alone = len(more) == 1
+        sizes = more[0] if alone else min(more, key=lambda of: max(trials.reduction_errors(of, steps).values()))
     return sizes

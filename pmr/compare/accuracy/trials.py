@@ -23,11 +23,11 @@ from pmr.compare.outputs import (
     force_kinds_of_system,
     has_impulsive_force,
     outputs_of_run,
-    outputs_without_rates,
     run_from_start,
     without_kink_forces,
 )
-from pmr.compare.step_error import StepError, reference_rho, step_error
+from pmr.compare.step_error import StepError, step_error
+from pmr.compare.stepped_runs import reference_rho
 from pmr.errors import InputError, SimulationError
 from pmr.scene.keys import ALONE, qualified_name
 from pmr.simulation import Excitation, TimeStepping
@@ -144,13 +144,11 @@ class Trials:
     @property
     def output_positions(self) -> list[tuple[str, float]]:
         """Name of each displacement output and its position along its body in m."""
-        return [
-            (qualified_name(name, output), float(x))
-            for name, body in self._wholes.items()
-            for output, x in zip(
-                column_names(body).displacements, body.output_positions[length_outputs(body)], strict=True
-            )
-        ]
+        positions = list[tuple[str, float]]()
+        for name, body in self._wholes.items():
+            names = [qualified_name(name, output) for output in column_names(body).displacements]
+            positions += zip(names, body.output_positions[length_outputs(body)].tolist(), strict=True)
+        return positions
 
     def fewest_steps(self, every: float | None = None) -> int:
         """Smallest number of steps that still follow path and loads, found by halving the scene's number.
@@ -196,10 +194,9 @@ class Trials:
 
         `step` is negative for fewer modes.
         """
-        changed = [(*sizes[:k], size + step, *sizes[k + 1 :]) for k, size in enumerate(sizes)]
-        return [
-            new for k, new in enumerate(changed) if self._rigid[k] + self.least <= new[k] <= max(self.most[k], sizes[k])
-        ]
+        bounds = zip(sizes, self._rigid, self.most, strict=True)
+        possible = [rigid + self.least <= size + step <= max(most, size) for size, rigid, most in bounds]
+        return [(*sizes[:k], size + step, *sizes[k + 1 :]) for k, size in enumerate(sizes) if possible[k]]
 
     def models(self, sizes: Sizes) -> dict[str, ReducedModel]:
         """Models truncated to these sizes, by name of the body; those of sections leave out the modes of cylinders."""
@@ -297,9 +294,7 @@ class Trials:
         """Outputs at all steps of a run; forces of sections are set to zero near kinks of their extensions."""
         system = self.system(sizes)
         run = run_from_start(system, excitation)
-        run_outputs = (
-            outputs_of_run(system, run, excitation) if "velocity" in self.wanted else outputs_without_rates(system, run)
-        )
+        run_outputs = outputs_of_run(system, run, excitation, rates="velocity" in self.wanted)
         return without_kink_forces(system, run_outputs, excitation, excitation.times, excitation.stepping.step)
 
     def run_undamped(self, sizes: Sizes, steps: int) -> tuple[Outputs, RoundOffBounds]:

@@ -9,14 +9,14 @@ A signal is written in a scene as a table with a ``kind`` (or as a plain number,
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, Literal, cast, get_args
+from typing import Annotated, Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BeforeValidator, Field, SerializeAsAny, WrapValidator
 
 from pmr.errors import environment
-from pmr.scene.signals.base import Array, Chirp, Constant, Floats, SignalBase, Sine, Step, Strand
+from pmr.scene.signals.base import Array, Chirp, Constant, Floats, Interval, SignalBase, Sine, Step, Strand
 from pmr.scene.signals.knots import Ramp, SmoothRamp, Table
 
 __all__ = [
@@ -59,7 +59,7 @@ class Sum(SignalBase):
     def highest_frequency(self, start: float, end: float) -> float:
         return max(term.highest_frequency(start, end) for term in self.terms)
 
-    def bounds(self, start: float, end: float) -> tuple[float, float]:
+    def bounds(self, start: float, end: float) -> Interval:
         """Return the smallest and largest value within [start, end] s, from samples and a search around their extremes.
 
         A tone too fast to be sampled is assumed to meet every value of the other terms: its bounds are added to theirs.
@@ -75,7 +75,7 @@ class Sum(SignalBase):
             values = _sum_of_signals(slow, t)
             high += _largest_value(lambda t: _sum_of_signals(slow, t), t, values)
             low -= _largest_value(lambda t: -_sum_of_signals(slow, t), t, -values)
-        return float(low), float(high)
+        return Interval(float(low), float(high))
 
     def _samples(self, parts: list[SignalBase], start: float, end: float) -> Array:
         """Return sample times (S,) in s, with the breaks and the last representable number before each break."""
@@ -110,14 +110,14 @@ def _largest_value(f: Callable[[Array], Array], t: Array, values: Array) -> floa
     return best
 
 
-def _constant_from_number(data: Any) -> Any:
+def _constant_from_number(data: object) -> object:
     """Return the table of a constant signal for a number; anything else unchanged."""
     if isinstance(data, (int, float)) and not isinstance(data, bool):
         return {"kind": "constant", "amount": data}
     return data
 
 
-def _plugin_signal(data: Any, check: Callable[[Any], SignalBase]) -> SignalBase:
+def _plugin_signal(data: object, check: Callable[[object], SignalBase]) -> SignalBase:
     """Return a signal of a kind that an installed plug-in adds, and import it; `check` validates all other kinds."""
     if not isinstance(data, dict) or data.get("kind") in (None, *_OWN):
         return check(data)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,17 @@ Radians = Annotated[float, Field(strict=True, json_schema_extra={"unit": "rad"})
 Floats = tuple[Real, ...]
 #: Least jump of the rate that counts as a kink, as a share of the signal's range over its duration.
 KINK = 1e-6
+
+
+class Interval(NamedTuple):
+    """Smallest and largest of some numbers, such as the values of a signal or positions in m."""
+
+    low: float
+    high: float
+
+    def union(self, other: Interval) -> Interval:
+        """Return the smallest interval that contains this one and another one."""
+        return Interval(min(self.low, other.low), max(self.high, other.high))
 
 
 @dataclass(frozen=True)
@@ -99,7 +110,7 @@ class SignalBase(BaseModel):
         breaks = [b for b in self.breaks if start <= b <= end]
         before = [max(start, float(np.nextafter(b, -np.inf))) for b in breaks]
         values = self.value([start, end, *breaks, *before])
-        return float(values.min()), float(values.max())
+        return Interval(float(values.min()), float(values.max()))
 
 
 class Constant(SignalBase):
@@ -178,9 +189,9 @@ class Sine(SignalBase):
     def highest_frequency(self, start: float, end: float) -> float:
         return self.frequency if self.amplitude else 0.0
 
-    def bounds(self, start: float, end: float) -> tuple[float, float]:
+    def bounds(self, start: float, end: float) -> Interval:
         low, high = _sine_bounds(self.amplitude, *self._angle([start, end]).tolist())
-        return self.offset + low, self.offset + high
+        return Interval(self.offset + low, self.offset + high)
 
 
 class Chirp(SignalBase):
@@ -246,7 +257,7 @@ class Chirp(SignalBase):
         turns = [start, end, *(t for t in self.times if start <= t <= end)]
         return float(self.frequency(turns).max()) if self.amplitude else 0.0
 
-    def bounds(self, start: float, end: float) -> tuple[float, float]:
+    def bounds(self, start: float, end: float) -> Interval:
         return _sine_bounds(self.amplitude, *self._angle([start, end]).tolist())  # no frequency is negative
 
     @property
@@ -254,10 +265,10 @@ class Chirp(SignalBase):
         return self.times
 
 
-def _sine_bounds(amplitude: float, first: float, last: float) -> tuple[float, float]:
+def _sine_bounds(amplitude: float, first: float, last: float) -> Interval:
     """Return the smallest and largest amplitude * sin(angle) for angles in rad from `first` up to `last`."""
     values = [amplitude * np.sin(first), amplitude * np.sin(last)]
     for crest, value in ((0.25, amplitude), (0.75, -amplitude)):
         if np.floor(last / (2.0 * np.pi) - crest) > np.floor(first / (2.0 * np.pi) - crest):
             values.append(value)
-    return float(min(values)), float(max(values))
+    return Interval(float(min(values)), float(max(values)))

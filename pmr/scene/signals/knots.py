@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from os.path import isfile
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +13,8 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from scipy.interpolate import Akima1DInterpolator, PPoly
 
 from pmr.errors.text import missing_file_reason
-from pmr.scene.signals.base import Array, Floats, Seconds, SignalBase, Strand
+from pmr.scene.keys import Schema
+from pmr.scene.signals.base import Array, Floats, Interval, Seconds, SignalBase, Strand
 
 #: Least distance between knots in s, which is also the shortest allowed time step; closer knots overflow.
 CLOSEST = 1e-12
@@ -83,11 +84,11 @@ class _Knots(SignalBase):
         curve = self._curve.derivatives[0]
         return (Strand(curve.x[:-1], curve.c.T),)
 
-    def bounds(self, start: float, end: float) -> tuple[float, float]:
+    def bounds(self, start: float, end: float) -> Interval:
         """Return the smallest and largest value within [start, end] s of a signal that is monotonic between knots."""
         inside = [value for t, value in zip(self.times, self.values, strict=True) if start <= t <= end]
         values = [*self.value([start, end]), *inside]
-        return float(min(values)), float(max(values))
+        return Interval(float(min(values)), float(max(values)))
 
     def rate(self, t: ArrayLike) -> Array:
         return self._curve.derivatives[1](t)
@@ -103,10 +104,7 @@ class Ramp(_Knots):
 
 
 #: Coefficients of transitions from 0 to 1 by their degree, highest power first.
-TRANSITIONS = {
-    5: (6.0, -15.0, 10.0, 0.0, 0.0, 0.0),
-    9: (70.0, -315.0, 540.0, -420.0, 126.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-}
+TRANSITIONS = {5: (6.0, -15.0, 10.0, 0.0, 0.0, 0.0), 9: (70.0, -315.0, 540.0, -420.0, 126.0, 0.0, 0.0, 0.0, 0.0, 0.0)}
 
 
 class SmoothRamp(_Knots):
@@ -117,8 +115,7 @@ class SmoothRamp(_Knots):
 
     kind: Literal["smooth_ramp"] = Field(default="smooth_ramp", description="Smooth transitions between values")
     degree: Literal[5, 9] = Field(
-        default=5,
-        description="Degree of the polynomials: 9 has smoother ends and a higher speed in between",
+        default=5, description="Degree of the polynomials: 9 has smoother ends and a higher speed in between"
     )
 
     def _coefficients(self) -> Array:
@@ -130,7 +127,7 @@ class SmoothRamp(_Knots):
         return coefficients
 
 
-def _allow_file(schema: dict[str, Any]) -> None:
+def _allow_file(schema: Schema) -> None:
     """Allow in a JSON schema, which is changed in place, a file instead of times and values."""
     about = "CSV file with two columns, time in s and value, in place of times and values"
     schema["properties"]["file"] = {"type": "string", "format": "path", "description": about, "default": None}
@@ -152,7 +149,7 @@ class Table(_Knots):
 
     @model_validator(mode="before")
     @classmethod
-    def _read(cls, data: Any) -> Any:
+    def _read(cls, data: object) -> object:
         """Read times and values from a table's file; raises ValueError if it is not two columns of numbers."""
         if not (isinstance(data, dict) and "file" in data):
             return data
@@ -194,10 +191,10 @@ class Table(_Knots):
             return super()._coefficients()
         return np.asarray(Akima1DInterpolator(self.times, self.values).c)
 
-    def bounds(self, start: float, end: float) -> tuple[float, float]:
+    def bounds(self, start: float, end: float) -> Interval:
         low, high = super().bounds(start, end)
         if self._is_straight:
-            return low, high
+            return Interval(low, high)
         turns = self._curve.derivatives[1].roots(extrapolate=False)
         values = self.value(turns[np.isfinite(turns) & (turns >= start) & (turns <= end)])
-        return float(min(low, values.min(initial=low))), float(max(high, values.max(initial=high)))
+        return Interval(float(min(low, values.min(initial=low))), float(max(high, values.max(initial=high))))

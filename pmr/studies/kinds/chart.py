@@ -207,11 +207,8 @@ class Study(StudyBase):
         points = len(self._points)
         columns = [results.column(name) for name in ("load.least", "load.most")]
         if not all(np.isfinite(column).any() for column in columns):
-            hint = (
-                ""
-                if self.limits
-                else f"; only the limit {STABILITY} was evaluated; [[limits]] of the study adds others"
-            )
+            alone = f"; only the limit {STABILITY} was evaluated; [[limits]] of the study adds others"
+            hint = "" if self.limits else alone
             return f"no limit is reached up to {self.up_to:g} kg at any of {points} points{hint}"
         low, high = float(np.nanmin(columns[0])), float(np.nanmax(columns[1]))
         return (

@@ -124,10 +124,8 @@ def simulate_full_tip(arguments: Arguments, needs: Needs) -> TaskResult:
     scene = shared.scene_of(arguments)
     system = shared.full_system(scene)
     response = march_once(scene, system, Excitation.from_scene(scene))
-    tip = response.of("tip", body=scene.names[-1])
-    result = _compare_tip(
-        tip if len(scene.sections) > 1 else tip[:, -1], sum(body.size for body in system.bodies.values()), needs
-    )
+    tip, size = response.of("tip", body=scene.names[-1]), sum(body.size for body in system.bodies.values())
+    result = _compare_tip(tip if len(scene.sections) > 1 else tip[:, -1], size, needs)
     return replace(result, warnings=warnings_of_response(scene, system, response))
 
 

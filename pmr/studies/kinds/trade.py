@@ -21,8 +21,8 @@ from pydantic import Field
 
 from pmr import scene as scenes
 from pmr.compare.errors import relative_error
+from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.outputs import run_from_start
-from pmr.compare.responses import evaluate_motion
 from pmr.compare.summary import warnings_of_response
 from pmr.errors import InputError, SimulationError
 from pmr.scene import Scene

@@ -12,7 +12,7 @@ from turret import Turret
 
 import pmr
 from pmr import scene as scenes
-from pmr.compare.responses import evaluate_motion
+from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.simulated import excitation_of_scene
 from pmr.report.columns import body_axes
 from pmr.results import Response

@@ -46,23 +46,23 @@ def shared(folder: Path, rest: str) -> dict[str, int]:
 
 @pytest.mark.slow
 def test_runs_share_what_is_equal(tmp_path: Path) -> None:
-    once = {"compute_held_modes": 5, "compute_frequencies": 1, "simulate_reference": 1}
+    once = {"compute_modes": 1, "compute_frequencies": 1, "simulate_reference": 1}
     sizes = "[grid]\nreduction.coordinates = [10, 20]\nreduction.product = ['euclidean', 'mass']"
     assert shared(tmp_path, sizes) == once
     assert shared(tmp_path, "[grid]\ntime.rho_inf = [0.5, 0.9]") == once | {"simulate_reference": 2}
     forces = "[grid]\nloads = [[{on = 5.0, signal = 1.0}], [{on = 5.0, signal = 2.0}]]"
     assert shared(tmp_path, forces) == once | {"simulate_reference": 2}
-    assert shared(tmp_path, "[grid]\nreduction.modes = [5, 6]") == once | {"compute_held_modes": 10}
+    assert shared(tmp_path, "[grid]\nreduction.modes = [5, 6]") == once | {"compute_modes": 2}
     assert shared(tmp_path, "[grid]\nmesh.elements = [20, 30]") == {name: 2 * n for name, n in once.items()}
     assert shared(tmp_path, "[grid]\ncompare.against = [['full', 'ancf']]") == once | {"simulate_reference": 2}
     later = "[grid]\nslider.path = [{kind = 'constant', amount = 2.0}, {kind = 'constant', amount = 3.0}]"
-    assert shared(tmp_path, later) == {"compute_held_modes": 5, "compute_frequencies": 2, "simulate_reference": 2}
+    assert shared(tmp_path, later) == {"compute_modes": 1, "compute_frequencies": 2, "simulate_reference": 2}
     on_path = later + "\nreduction.positions = ['path']\nreduction.snapshots = [1]\nreduction.coordinates = [6]"
-    assert shared(tmp_path, on_path) == {"compute_held_modes": 2, "compute_frequencies": 2, "simulate_reference": 2}
+    assert shared(tmp_path, on_path) == {"compute_modes": 2, "compute_frequencies": 2, "simulate_reference": 2}
 
 
 def test_who_simulates_is_shared_where_it_matters_only(tmp_path: Path) -> None:
-    once = {"compute_held_modes": 5, "compute_frequencies": 1, "simulate_reference": 1}
+    once = {"compute_modes": 1, "compute_frequencies": 1, "simulate_reference": 1}
     assert shared(tmp_path, "[grid]\nsimulation.simulators = [['march'], ['exudyn']]") == once
     assert shared(tmp_path, "[grid]\nsimulation.full = ['march', 'exudyn']") == once | {"simulate_reference": 2}
 
@@ -70,9 +70,9 @@ def test_who_simulates_is_shared_where_it_matters_only(tmp_path: Path) -> None:
 def test_free_modes_depend_on_their_number_alone(tmp_path: Path) -> None:
     free = "[grid]\nreduction.basis = ['free_modes']\nreduction.flexibility = [false, true]\n"
     free += "reduction.estimate = [false]\n"
-    once = {"compute_released_modes": 1, "compute_frequencies": 1, "simulate_reference": 1}
+    once = {"compute_modes": 1, "compute_frequencies": 1, "simulate_reference": 1}
     assert shared(tmp_path, free + "reduction.modes = [5, 6]\nreduction.coordinates = [6]") == once
-    assert shared(tmp_path, free + "reduction.coordinates = [6, 8]") == once | {"compute_released_modes": 2}
+    assert shared(tmp_path, free + "reduction.coordinates = [6, 8]") == once | {"compute_modes": 2}
 
 
 @pytest.mark.slow

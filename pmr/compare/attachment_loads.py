@@ -1,0 +1,145 @@
+"""Loads that attachment modes answer, in a run and at rest, and whether a model has the data for such modes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pmr.errors import InputError
+from pmr.system.attachment import with_attachment_modes
+from pmr.system.body import Trajectory
+from pmr.system.carriers import CarrierRows
+from pmr.system.reduced_model import ReducedModel
+from pmr.system.rows import Row
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
+from pmr.system.truncation import extend, is_modal
+
+Array = NDArray[np.float64]
+Models = Mapping[str, ReducedModel]
+
+
+def reason_without_estimate(models: Models) -> str | None:
+    """Why errors of bodies with these models can't be estimated, in words; None if they can.
+
+    `models` maps names of bodies to models.
+    """
+    for name, model in models.items():
+        if why := _reason_without_estimate_of(model):
+            return f"{name}: {why}" if name else why
+    return None
+
+
+def _reason_without_estimate_of(model: ReducedModel) -> str | None:
+    """Why the error of one model can't be estimated, in words; None if it can."""
+    if model.flexibility is None:
+        return (
+            "without residual flexibility the static deformation of the modes that are left out is missing, and the "
+            "model does not say how large it is"
+        )
+    if not is_modal(model):
+        return (
+            "the basis is not one of eigenmodes: what it leaves out may have low frequencies and is coupled to the "
+            "coordinates by inertia"
+        )
+    if model.enrichment is None or model.carriers is None or model.carriers.inertia is None:
+        return (
+            "the model holds no enrichment modes, which the estimate needs: reduction.estimate "
+            "= true adds them where the mesh has more modes"
+        )
+    return None
+
+
+#: Largest number of steps, evenly spaced among all, whose loads decide on attachment modes.
+ANSWERED_STEPS = 20_000
+
+
+def carried_loads(system: System, run: SystemTrajectory) -> dict[str, sp.csr_matrix]:
+    """Contact forces on the carriers of each body in a run, and loads on its inputs: (S, K + i) in N, by body.
+
+    S is the number of steps, at most `ANSWERED_STEPS`, evenly spaced; the body has K carriers and i inputs.
+    """
+    forces, first = {}, 0
+    for name, body in system.reduced.items():
+        rows = [system.row(side.place) for side in system.sides if side.place.body == name]
+        last = first + len(body.input_names)
+        assert body.carriers is not None
+        forces[name] = carrier_forces_of_run(body.carriers, rows, run.bodies[name], run.loads[:, first:last])
+        first = last
+    return forces
+
+
+def carrier_forces_of_run(carriers: CarrierRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> sp.csr_matrix:
+    """Forces of rows on K carriers in a run of one body, and its loads: (S, K + i) in N.
+
+    The S steps, at most `ANSWERED_STEPS`, are evenly spaced among the T steps of the run and of the `loads` (T, i).
+    `run.s` must have the path coordinate of each row, (T, m) in m.
+    """
+    steps = np.linspace(0, len(run.t) - 1, min(len(run.t), ANSWERED_STEPS)).astype(int)
+    return carrier_forces(carriers, rows, run.s[steps], run.multipliers[steps], loads[steps])
+
+
+def carrier_forces(
+    carriers: CarrierRows, rows: Sequence[Row], x: Array, multipliers: Array, loads: Array
+) -> sp.csr_matrix:
+    r"""Forces of m rows on K carriers and, in further columns, the loads: a sparse matrix (T, K + i) in N.
+
+    A row with the multiplier :math:`\lambda` acts on its few carriers with :math:`-b(x) \lambda`, where b are its
+    weights on these carriers.  The rows are at the path coordinates x (T, m) in m; their `multipliers` are (T, m) in N,
+    and the `loads` (T, i) in N.
+    """
+    T, K = len(x), len(carriers.values)
+    on, shares = [np.broadcast_to(K + np.arange(loads.shape[1]), loads.shape)], [loads]
+    for row, at, force in zip(rows, x.T, multipliers.T, strict=True):
+        touched, b = row.touched_weights(at, 0)
+        on, shares = [*on, touched], [*shares, -b * force[:, None]]
+    columns, entries = np.hstack(on), np.hstack(shares)
+    ends = columns.shape[1] * np.arange(T + 1)
+    forces = sp.csr_matrix((entries.ravel(), columns.ravel(), ends), (T, K + loads.shape[1]))
+    forces.sum_duplicates()  # several rows may touch the same carrier
+    return forces
+
+
+#: Share of inertia that attachment modes for load cases at rest may leave out.
+LEFT_OUT_AT_REST = 1e-4
+
+
+def system_with_attachment_modes(system: System, x: Array, forces: Sequence[Array], loads: Sequence[Array]) -> System:
+    """Return the system with attachment modes for the contact forces and loads of several load cases at rest.
+
+    The residual flexibility of a model at rest is exact, except that axial forces do not change it.  Attachment modes
+    for the loads on the bodies (`pmr.system.attachment`) and enrichment modes have second-order matrices and inertia,
+    so they add the effect of axial forces.
+
+    Parameters
+    ----------
+    system : System     System of reduced bodies. x : (P, sides) array, m
+        Path coordinates of all sides of the contacts in P positions.
+    forces, loads : sequences of arrays, (P, m) and (P, i) in N
+        Forces of the m contacts, and loads on the i inputs, with one array for each load case.
+
+    Raises
+    ------
+    InputError
+        If the models lack data that attachment modes need (`reason_without_estimate`).
+    """
+    models = system.modal
+    if why := reason_without_estimate(models):
+        allowed = f"models with an estimate of their error are allowed: {why}"
+        raise InputError("scene", "reduction.estimate", None, allowed)
+    bodies, first = {}, 0
+    for name, model in models.items():
+        last, carriers = first + len(model.input_names), model.carriers
+        assert carriers is not None  # `reason_without_estimate` has checked this
+        on = system.sides_of(name)
+        rows = [system.row(system.sides[number].place) for number in on]
+        pressing = [
+            carrier_forces(carriers, rows, x[:, on], system.side_multipliers(name, of), acting[:, first:last])
+            for of, acting in zip(forces, loads, strict=True)
+        ]
+        bodies[name] = with_attachment_modes(extend(model), sp.vstack(pressing, "csr"), LEFT_OUT_AT_REST, at_rest=True)
+        first = last
+    return system.with_bodies(bodies)

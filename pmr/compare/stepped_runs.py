@@ -1,0 +1,247 @@
+"""Runs of a system with its time step, half the step, a quarter and so on, and what is compared of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.compare.errors import ForceHistories, band_limit, force_histories
+from pmr.compare.evaluation import evaluate_motion
+from pmr.compare.outputs import (
+    Outputs,
+    away_from_kinks,
+    fits_in_memory,
+    outputs_from_columns,
+    outputs_of_run,
+    run_from_start,
+    tip_columns,
+    without_kink_forces,
+)
+from pmr.compare.round_off import round_off, zero_round_off
+from pmr.errors import SimulationError
+from pmr.results import Response
+from pmr.simulation import Excitation, TimeStepping, contact_step
+from pmr.simulation.contact_step import contact_frequency
+from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.stepping import is_aliased
+from pmr.system.body import length_outputs
+from pmr.system.states import SystemTrajectory
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+
+#: Limit on the number of steps of all runs together, for halving the step more than twice.
+BUDGET = 300_000
+
+#: The same limit if contacts only push: after an impact, smaller steps settle nothing.
+BUDGET_OF_IMPACTS = 50_000
+
+#: Largest number of steps of any run, the first two halvings included.
+LONGEST = 4_000_000
+
+#: Largest number of times at which runs are compared.
+COMPARED = 20_000
+
+#: Least rho_inf of the runs with shorter steps.  With less, steps damp motions that they don't resolve, so that runs
+#: that lack these motions agree; with 1, rows that move can make such motions grow.
+UNDAMPED = 0.95
+
+
+def reference_rho(system: System, rho_inf: float) -> float:
+    """Spectral radius rho_inf of the runs with which a run with `rho_inf` is compared; at least `UNDAMPED` if possible.
+
+    It is `rho_inf` itself if the system has rows without residual flexibility, which can grow with less damping, or
+    contacts that only push, which would bounce.
+    """
+    parts = [body if system.on_one_path else body.carriers for body in system.bodies.values()]
+    flexible = all(getattr(part, "flexibility", None) is not None for part in parts)
+    return max(rho_inf, UNDAMPED) if flexible and np.isnan(system.clearance).all() else rho_inf
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Outputs and forces of a run at the T times at which runs are compared."""
+
+    outputs: Outputs
+    forces: ForceHistories = field(default_factory=dict)  # from completed responses, without steps near kinks
+
+
+class SteppedSystem:
+    """A system that is simulated with several time steps.
+
+    `run` is the run with the given step; if it is None, it is simulated when it is needed.  `complete`, if it is not
+    None, adds to a response the forces that follow from other forces; then all kinds of forces are sampled.
+
+    If contacts only push, the given run chooses the number of parts of each step, unless its time grid sets that number
+    or the run is too long to be recorded.  In runs with shorter steps, each half of a given step has the largest number
+    of parts that this step, the one before and the one after have in the given run.  So parts become shorter with the
+    step, at impacts and between them.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        excitation: Excitation,
+        run: SystemTrajectory | None = None,
+        complete: Callable[[Response], Response] | None = None,
+    ) -> None:
+        self.system, self.excitation, self._known, self._complete = system, excitation, run, complete
+        self._form = SystemForm.of(system)
+        self.pushing = not np.isnan(system.clearance).all()
+        #: The time grid whose error is to be computed.
+        self.given = replace(excitation.stepping, schedule=())
+        self.reference_rho = reference_rho(system, self.given.rho_inf)
+        #: Displacement in m that may be round-off.
+        self.round_off = round_off(system.bodies, excitation.forces(system.input_names), self.given.end)
+        #: Numbers of the tip's displacements among all displacements.
+        self.tips = tip_columns(system)
+        self.moved = np.flatnonzero(np.concatenate([length_outputs(body) for body in system.bodies.values()]))
+        chosen = self.pushing and not self.given.parts and fits_in_memory(system, self.given)
+        #: The given run if it chose the numbers of parts; else None.
+        self.run = self.simulate(self.given) if chosen else None
+        self._known = self._known or self.run
+        self._parts = self.given.parts
+        if self.pushing and self.run is None:
+            self._parts = contact_step.count_parts(contact_frequency(system, excitation), self.given)
+
+    def halved_grid(self, times: int) -> TimeStepping:
+        """Time grid of a run with the given step halved `times` times, and with the reference rho_inf."""
+        grid, step = self.given, self.given.step / 2**times
+        if self.run is None or self.run.parts is None:
+            return TimeStepping(grid.end, step, self.reference_rho, self._parts)
+        parts = np.pad(self.run.parts[1:], 1, mode="edge")
+        most = np.max([parts[:-2], parts[1:-1], parts[2:]], axis=0)
+        return TimeStepping(grid.end, step, self.reference_rho, schedule=tuple(np.repeat(most, 2**times).tolist()))
+
+    def simulate(self, stepping: TimeStepping) -> SystemTrajectory:
+        """Motion at all steps on a time grid; if the grid is that of the given run and this is known, it is returned.
+
+        Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
+        """
+        if self._known is not None and stepping == self.given:
+            return self._known
+        return run_from_start(self._form, self.excitation.on_grid(stepping))
+
+    def displacements(self, run: SystemTrajectory, numbers: list[int] | None = None) -> Array:
+        """Displacements (T, o) in m in a run: all, or those with the given `numbers`."""
+        chosen = self.moved if numbers is None else self.moved[numbers]
+        return np.hstack(list(systems.displacements(self.system, run, chosen.tolist()).values()))
+
+    def simulate_displacements(self, stepping: TimeStepping, numbers: list[int] | None = None) -> Array:
+        """Displacements (T, o) in m on a time grid: all, or those with the given `numbers`; nothing else is recorded.
+
+        Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
+        """
+        chosen = self.moved if numbers is None else self.moved[numbers]
+        return systems.observe(self._form, self.excitation.on_grid(stepping), chosen.tolist()).y
+
+    def sample(self, stepping: TimeStepping, every: int, rates: bool = False) -> tuple[Sample, SystemTrajectory | None]:
+        """Sample each `every`-th step of a run on a time grid; return the sample and the run (None if not recorded).
+
+        Velocities are sampled if `rates` is true.  Displacements that are round-off are set to zero, and so are forces
+        near kinks of extensions.  Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
+        """
+        excitation, run, of_all = self.excitation.on_grid(stepping), None, ForceHistories()
+        if rates or fits_in_memory(self.system, stepping):
+            run = self.simulate(stepping)
+            sampled = outputs_of_run(self.system, run, excitation, every, rates)
+            of_all = self._forces(run.select(slice(None, None, every)))
+        else:
+            observation = systems.observe(self._form, excitation, every=every)
+            sampled = outputs_from_columns(self.system, observation.y, observation.multipliers)
+        sampled = without_kink_forces(self.system, sampled, excitation, excitation.times[::every], self.given.step)
+        moves, _ = zero_round_off(sampled.displacement, sampled.displacement, self.round_off)
+        return Sample(replace(sampled, displacement=moves), of_all), run
+
+    def _forces(self, run: SystemTrajectory) -> ForceHistories:
+        """All forces of a run at the times that are not near kinks; empty if `complete` is None."""
+        if self._complete is None:
+            return {}
+        away = away_from_kinks(self.excitation, run.t, self.given.step)
+        histories = force_histories(self._complete(evaluate_motion(self.system, run)))
+        return {kind: {name: force[away] for name, force in of.items()} for kind, of in histories.items()}
+
+
+class Runs:
+    """Runs of a system with its step, half the step, a quarter and so on, at the rho_inf of `reference_rho`.
+
+    The system is `stepped`.  Velocities are sampled if `rates` is true.  `halved` counts how often the step of the last
+    run is halved, -1 before the first run; `taken` is the number of steps of all runs together.
+    """
+
+    def __init__(self, stepped: SteppedSystem, rates: bool = False) -> None:
+        self._stepped, self._rates, stepping = stepped, rates, stepped.given
+        self._stride = -(-stepping.steps // COMPARED)
+        self._budget = BUDGET_OF_IMPACTS if stepped.pushing else BUDGET
+        self._last: SystemTrajectory | None = None
+        self.halved, self.taken = -1, 0
+
+    @property
+    def last_grid(self) -> TimeStepping:
+        """Time grid of the last run."""
+        return self._stepped.halved_grid(self.halved)
+
+    @property
+    def _work(self) -> int:
+        """Number of steps of the last run, in which a step counts as often as it has parts."""
+        stepping = self.last_grid
+        return sum(stepping.schedule) or stepping.steps * max(1, stepping.parts)
+
+    @property
+    def is_resolved(self) -> bool:
+        """Whether no tone of path and loads is aliased at the steps of the last run."""
+        return not any(is_aliased(signal, self.last_grid) for _, signal in self._stepped.excitation.signals)
+
+    @property
+    def can_afford_next(self) -> bool:
+        """Whether one more run, with half the step, is within the limits on steps (`LONGEST` and the budget)."""
+        steps = 2 * self._work
+        return steps <= LONGEST and (self.halved < 2 or self.taken + steps <= self._budget)
+
+    def sample_initial_run(self, first: Sample) -> Sample:
+        """Sample of the run with the given step and the given rho_inf.
+
+        `first` is the sample of the first run; it is returned if the first run has the given rho_inf too.
+        """
+        grid, stepping = self._stepped.given, self.last_grid
+        if self._stepped.run is None and (stepping.rho_inf, stepping.parts) == (grid.rho_inf, grid.parts):
+            return first
+        if self._stepped.run is None:
+            self.taken += self._work
+        return self._stepped.sample(grid, self._stride, self._rates)[0]
+
+    def next(self) -> Sample:
+        """Sample of the next run, which has half the step of the last run, at the times of comparison.
+
+        Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
+        """
+        self.halved += 1
+        try:
+            sample, self._last = self._stepped.sample(self.last_grid, self._stride * 2**self.halved, self._rates)
+        except SimulationError:
+            self.halved -= 1
+            raise
+        self.taken += self._work
+        return sample
+
+    def band(self) -> float:
+        """Frequency in Hz above which 1 % of the tip's motion lies in the last run, by its RMS; 0 if nothing moves.
+
+        If the tip does not move, as on a support, it is the frequency for all displacements.
+        """
+        of, stepping = self._stepped, self.last_grid
+        if self._last is None:
+            y = self._without_round_off(of.simulate_displacements(stepping, of.tips))
+            if not np.any(y):
+                y = self._without_round_off(of.simulate_displacements(stepping))
+            return band_limit(y, stepping.step)
+        y = self._without_round_off(of.displacements(self._last, of.tips))
+        return band_limit(y if np.any(y) else self._without_round_off(of.displacements(self._last)), stepping.step)
+
+    def _without_round_off(self, y: Array) -> Array:
+        """Signals y (T, o) with zeros in the columns that are only round-off."""
+        return zero_round_off(y, y, self._stepped.round_off)[0]

@@ -1,0 +1,176 @@
+"""Choice of the structural models of a scene, and errors of model and mesh, by comparison with other models."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pmr.compare.accuracy import mesh
+from pmr.compare.model_part import Motion, largest_model_error, model_budget
+from pmr.compare.moving_frame import decide_second_order as with_order
+from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, call_on_first_rank
+from pmr.errors.environment import Clock
+from pmr.fem.compat import MPI
+from pmr.fullmodel.build import build_bodies, log_warnings
+from pmr.reduction.bodies import Reduction, reduce_bodies, with_stress_flags
+from pmr.reduction.cache import Cache, cache_in
+from pmr.reduction.from_scene import Vectors
+from pmr.results import Response
+from pmr.scene import Scene
+from pmr.scene.checks import check_scene
+from pmr.scene.choice import model_of
+from pmr.scene.members import members
+from pmr.scene.model_ladder import candidate_scenes, comparable_scene, model_comparison
+from pmr.system.system import System
+
+
+def reduce_scene(scene: Scene, comm: MPI.Comm, clock: Clock | None = None, vectors: Vectors | None = None) -> Reduction:
+    """Build and reduce a scene's bodies with these vectors, or with the scene's basis if they are None; collective."""
+    clock = clock or Clock()
+    with clock.stage("assemble"):
+        built = build_bodies(scene, comm)
+    log_warnings(built.values(), comm)
+    bodies = reduce_bodies(scene, built, clock=clock, vectors=vectors)
+    models = {name: body.model for name, body in bodies.items()}
+    scene = comm.bcast(call_on_first_rank(comm, lambda: with_order(scene, models)))
+    return Reduction(scene, built, with_stress_flags(scene, bodies))
+
+
+#: Errors of a comparison after which the run goes on; the error that was to be measured is then unknown.
+UNKNOWN = (InputError, ConvergenceError, SimulationError)
+
+UNNEEDED = (*UNKNOWN, ValueError, ImportError)
+
+#: Reason for no comparison if a machine's motion is computed: another model would have another motion of its base.
+ON_MACHINE = "not measured for a boom on frame.machine; a run of the same boom without frame.machine measures it"
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ModelDecision:
+    """A scene with all structural models set, and the measurements by which they were chosen; alike on all ranks."""
+
+    scene: Scene
+    budget_part: Mapping[str, Any] | None = None  # ``budget.model`` of the chosen model; None without a choice
+    chosen_model: Mapping[str, Any] | None = None  # ``chosen_model`` of summary.json
+
+
+def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None) -> ModelDecision:
+    """Choose the simplest models that differ from a shell by `compare.model_tolerance` at most; collective.
+
+    A scene without a choice of models is returned unchanged.  If no model can be compared with a shell, the simplest
+    models are taken, and the result contains the reason.  `cache` is a folder for the reduced systems that are
+    compared.
+    """
+    options = candidate_scenes(scene)
+    if not options:
+        return ModelDecision(scene)
+    with clock.stage("choice of the model"):
+        cached = None
+        if cache is not None:  # the smallest model takes no time
+            cached = cache_in(cache, next(iter(build_bodies(options[0], comm).values())).model)
+        return _choose_model(options, comm, cached)
+
+
+def measure_model(scene: Scene, comm: MPI.Comm, cache: Cache | None) -> Mapping[str, Any]:
+    """Return ``budget.model`` of summary.json: differences to a richer model, or ``reason`` for none; collective."""
+    if scene.frame is not None and scene.frame.machine is not None:
+        return {"beside": None, "reason": ON_MACHINE}
+    label = "richer model"
+    try:
+        of_scene, other, label = model_comparison(scene)
+        return _model_budget(of_scene, _motion_on_first(other, comm, cache), label, comm, cache)
+    except UNNEEDED as error:
+        return _unknown_model_error(error, label)
+
+
+def measure_mesh(
+    scene: Scene, system: System, response: Response | None, comm: MPI.Comm, cache: Cache | None
+) -> dict[str, Any]:
+    """Return ``mesh`` of the budget and ``mesh_reason``: differences to the scene on another mesh; collective.
+
+    `system` and `response` belong to the scene itself; `response` is None on other ranks than 0.
+    """
+    if scene.frame is not None and scene.frame.machine is not None:
+        return {"mesh_reason": ON_MACHINE}
+
+    def compare_scene(make: Callable[[], Scene], label: str) -> dict[str, Any]:
+        """Return differences between the scene and the scene that `make` returns, or the reason why there are none.
+
+        `label` is the name of the other scene.
+        """
+        try:
+            motion = call_on_first_rank(comm, lambda: Motion.compute(scene, system, response))
+            other_motion = _motion_on_first(make(), comm, cache)
+        except UNNEEDED as error:
+            return _unknown_model_error(error, label)
+        part = None if motion is None or other_motion is None else model_budget(scene, other_motion, motion, label)
+        errors: dict[str, Any] = comm.bcast(part)
+        return errors
+
+    return mesh.mesh_budget(scene, compare_scene)
+
+
+def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:
+    """Return the entries of summary.json for an error that can't be measured: ``reason`` and, if long, ``detail``."""
+    reason = error.allowed if isinstance(error, InputError) else str(error)
+    if isinstance(error, NotHeldError):
+        short = f"nothing holds its {label}: {error.short}; pads or supports that hold this motion are needed"
+        return {"beside": None, "reason": short, "detail": reason}
+    return {"beside": None, "reason": reason}
+
+
+def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None) -> ModelDecision:
+    """Compare beams with a shell, the last of `options`, from the simplest on, and choose as `decide_models` does."""
+    *beams, shell = options
+    tried = list[dict[str, Any]]()
+
+    def chosen_figures(scene: Scene, **more: Any) -> dict[str, Any]:
+        """Return ``chosen_model`` of summary.json for the scene that is chosen."""
+        return _chosen_model(scene) | {"tolerance": scene.compare.model_tolerance, "tried": tried} | more
+
+    try:
+        best = _motion_on_first(comparable_scene(shell), comm, cache)
+        for beam in beams:
+            part = _model_budget(comparable_scene(beam), best, "shell", comm, cache)
+            tried.append(_chosen_model(beam) | {"error": largest_model_error(part)})
+            if comm.rank == 0:
+                _log.info("%(name)s, walls %(walls)s: the error is %(error).2g of a shell's result", tried[-1])
+            if tried[-1]["error"] <= beam.compare.model_tolerance:
+                return ModelDecision(beam, part, chosen_figures(beam))
+    except UNKNOWN as error:
+        reason = str(error)
+        return ModelDecision(beams[0], {"beside": None, "reason": reason}, chosen_figures(beams[0], reason=reason))
+    check_scene(shell)  # raises if the scene needs what only a beam has
+    return ModelDecision(shell, None, chosen_figures(shell))
+
+
+def _model_budget(
+    scene: Scene, other: Motion | None, label: str, comm: MPI.Comm, cache: Cache | None
+) -> dict[str, Any]:
+    """Return, on every rank, the difference of a scene's motion to the motion `other`, which only rank 0 has."""
+    motion = _motion_on_first(scene, comm, cache)
+    part = None if motion is None or other is None else model_budget(scene, motion, other, label)
+    errors: dict[str, Any] = comm.bcast(part)
+    return errors
+
+
+def _motion_on_first(scene: Scene, comm: MPI.Comm, cache: Cache | None) -> Motion | None:
+    """Reduce and simulate a scene; return its motion on rank 0, None on other ranks."""
+
+    def reduced_system() -> System:
+        """Reduce the scene's bodies and join them."""
+        return reduce_scene(scene, comm).system
+
+    system = reduced_system() if cache is None else cache.system_of(scene, reduced_system)
+    return call_on_first_rank(comm, lambda: Motion.compute(scene, system))
+
+
+def _chosen_model(scene: Scene) -> dict[str, Any]:
+    """Return name and wall model of the outermost body's structural model."""
+    last = members(scene)[-1]
+    return {"name": model_of(last), "walls": last.part.body.walls}
