@@ -7,7 +7,7 @@ import os
 import sys
 import tempfile
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from io import TextIOWrapper
 from os.path import isfile
 from pathlib import Path
@@ -33,6 +33,8 @@ Folder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/NAME of the file]")
 ]
 
+#: Largest number of letters that a line has for the name of a quantity.
+NAMES = 28
 #: Largest number of worker processes; each of them keeps some files open.
 MOST_JOBS = 256
 
@@ -79,6 +81,16 @@ def wrap_at_spaces(text: str, width: int, indent: str = "") -> str:
         escape_controls(text), width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
     )
     return "\n".join(lines)
+
+
+def print_rows(rows: Iterable[tuple[str, str]]) -> None:
+    """Print rows (name, text) in two columns, wrapped at spaces."""
+    from rich.table import Table
+
+    table = Table.grid(padding=(0, 2))
+    for name, text in rows:
+        table.add_row(wrap_at_spaces(name, NAMES), wrap_at_spaces(text, max(out.width - NAMES - 2, NAMES)))
+    out.print(table)
 
 
 class VisibleText(logging.Formatter):

@@ -17,6 +17,7 @@ from pmr.cli.console import (
     err,
     out,
     prepare_folder,
+    print_rows,
     print_sentences,
     print_text,
     scene_file,
@@ -250,8 +251,8 @@ def simulate(
         table.add_row(escape_controls(f"reaction of {support}"), f"{least:.4g} to {most:.4g} {unit}")
     table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
     out.print(table)
-    for sentence in filter(None, (errors.estimate_sentence(result), errors.step_sentence(result))):
-        print_sentences(out, sentence)
+    hidden = ("model", "mesh")  # they are those of the run that wrote the model
+    print_rows(row for row in errors.trust_table(result).rows if row[0] not in hidden)
     for warning in summary["warnings"]:
         print_sentences(out, f"warning: {warning}")
     print_text(out, str(folder / "trajectories.npz"))

@@ -6,7 +6,6 @@ The functions return such lines as a mapping from name to description.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,9 +20,7 @@ from pmr.files.whole import finish_swap
 
 if TYPE_CHECKING:
     from pmr import ReducedModel
-    from pmr import scene as scenes
-    from pmr.scene.built import Load
-    from pmr.scene.members import Member
+    from pmr.scene import Scene
     from pmr.system.system import System
 
 #: Largest number of names of one kind that are all listed; of more names, only the first and the last are.
@@ -103,100 +100,16 @@ def _list_names(names: list[str]) -> str:
     return ", ".join(names if len(names) <= LISTED else [names[0], "...", names[-1]])
 
 
-def describe_scene(scene: scenes.Scene) -> dict[str, str]:
-    """Return lines, by name, about a scene."""
-    from pmr.scene.members import members
+def describe_scene(scene: Scene) -> dict[str, str]:
+    """Return lines, by name, about a scene: its title, its hash and all keys that differ from what is usual."""
+    from pmr.report.scene_tables import input_tables
 
     rows = {"title": scene.title, "hash": scene.hash}
-    for member in members(scene):
-        rows |= _describe_body(member) if len(scene.sections) == 1 else {member.part.name: _section_line(scene, member)}
-    return (
-        rows
-        | _describe_frame(scene)
-        | {
-            "time": f"{scene.time.end:g} s in {scene.time.steps} steps, rho_inf = {scene.time.rho_inf:g}",
-            "compared with": ", ".join(scene.compare.against) or "nothing",
-        }
-    )
-
-
-def _describe_frame(scene: scenes.Scene) -> dict[str, str]:
-    """Return lines, by name, about the moving frame of a boom; empty if the scene has no frame."""
-    if scene.frame is None:
-        return {}
-    motions = []
-    for name, angle in zip(("luffing", "slewing"), scene.frame.angles, strict=True):
-        low, high = (math.degrees(end) for end in angle.bounds(0.0, scene.time.end))
-        if low or high:
-            motions.append(f"{name} {low:.4g} to {high:.4g} degrees" if high > low else f"{name} {low:.4g} degrees")
-    motions += ["a base that moves"] * (scene.frame.base is not None)
-    pivot = ", ".join(f"{at:g}" for at in scene.frame.tail_position)
-    return {"frame": f"{'; '.join(motions) or 'level'}; tail at ({pivot}) m from the pivot"}
-
-
-def _describe_body(member: Member) -> dict[str, str]:
-    """Return lines, by name, about the body of a scene with a single body."""
-    from pmr.scene.choice import choose_model, is_undecided
-
-    chosen, (low, high), part = choose_model(member), member.bounds, member.part
-    pads = [f"{len(ring.named_pads)} at the {ring.name}{' (moving)' * ring.moving}" for ring in member.pads]
-    points = [f"{len(member.points)} row(s)"] if member.points else []
-    at_least = "at least that, by measurement: " if is_undecided(member) else ""
-    return {
-        "body": f"{chosen.model}, {_size_text(part.body)}",
-        "model": f"{part.body.model}: {at_least}{'; '.join(chosen.reasons)}",
-        "slider" if member.points else "pads": f"{', '.join([*pads, *points])}; s from {low:g} to {high:g} m",
-        "loads": ", ".join(_load_texts(member)),
-        "reduction": f"{part.reduction.coordinates} coordinates: {_describe_reduction(part.reduction)}",
-    }
-
-
-def _section_line(scene: scenes.Scene, member: Member) -> str:
-    """Return one line about a section: model, size, number of coordinates, range of its extension and loads."""
-    from pmr.scene.choice import model_of
-
-    words = [f"{model_of(member)}, {_size_text(member.part.body)}", f"{member.part.reduction.coordinates} coordinates"]
-    if member.part.name in scene.paths:
-        low, high = scene.paths[member.part.name].bounds(0.0, scene.time.end)
-        words.append(f"extended by {low:g} to {high:g} m")
-    return "; ".join([*words, f"loads: {', '.join(_load_texts(member))}"])
-
-
-def _axis_text(load: Load) -> str:
-    """Return the axis of a load, followed by "of the ground" if it is an axis of the ground."""
-    return load.direction if load.axes == "body" else f"{load.direction} of the ground"
-
-
-def _load_texts(member: Member) -> list[str]:
-    """Return name, position and axis of each load on a body; the last text is "gravity" if the body has weight."""
-    places = [load.on if isinstance(load.on, str) else f"{load.on:g} m" for load in member.part.loads]
-    loads = [
-        f"{load.name} on {on} along {_axis_text(load)}" for load, on in zip(member.part.loads, places, strict=True)
-    ]
-    return [*loads, *(["gravity"] if member.gravity else [])]
-
-
-def _size_text(body: scenes.Body) -> str:
-    """Return the dimensions of a body as text."""
-    if body.profile is not None:
-        return f"{body.profile.length:g} m, EI = {body.profile.bending_stiffness:g} N m^2"
-    box = body.box
-    if box is None:
-        return "from a file"
-    walls = ", ".join(f"{name} {wall:g} m".strip() for name, wall in box.walls.items())
-    doublers = "".join(
-        f", doubler {doubler.thickness:g} m from {doubler.start:g} to {doubler.end:g} m" for doubler in box.doublers
-    )
-    low, high = box.untapered_range
-    tapers = f", tapers outside {low:g} to {high:g} m" if (low, high) != (0.0, box.length) else ""
-    return f"box of {box.length:g} x {box.width:g} x {box.height:g} m, wall {walls}{doublers}{tapers}"
-
-
-def _describe_reduction(reduction: scenes.Reduction) -> str:
-    """Return the basis of a reduction as text."""
-    pool = f"POD of {reduction.snapshots} x {reduction.modes} eigenmodes"
-    basis = pool if reduction.uses_pod else reduction.basis.replace("_", " ")
-    return f"{basis} and residual flexibility" if reduction.flexibility else basis
+    for table in input_tables(scene):
+        of = f"{table.title} " if table.title in scene.names else ""
+        for name, text in table.rows:
+            rows[f"{of}{name}"] = f"{rows[f'{of}{name}']}; {text}" if f"{of}{name}" in rows else text
+    return rows
 
 
 def describe_model(model: ReducedModel) -> dict[str, str]:
@@ -286,7 +199,7 @@ def info(
         rows = describe_file(file) | _estimate_lines(file.with_name("summary.json"))
     table = Table(show_header=False, box=None, pad_edge=False)
     for key, value in rows.items():
-        table.add_row(key, escape_controls(value))
+        table.add_row(escape_controls(key), escape_controls(value))
     out.print(table)
 
 

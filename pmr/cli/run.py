@@ -18,12 +18,14 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 from rich.table import Table
 
 from pmr.cli.console import (
+    NAMES,
     Folder,
     Overrides,
     err,
     exit_with_message,
     out,
     prepare_folder,
+    print_rows,
     print_sentences,
     print_text,
     rank_number,
@@ -43,7 +45,6 @@ if TYPE_CHECKING:
     from pmr.scene import Scene
 
 QUIET = 10.0  # s; without a terminal, runs print their stages only after this time, so that short runs print results
-NAMES = 28  # largest number of letters that a line has for the name of a quantity
 
 
 def run(
@@ -236,17 +237,8 @@ def _print_outcome(outcome: Outcome) -> None:
     from pmr.report import errors, first_page
 
     result, summary = outcome.result, outcome.result.summary
-    sentences_of_run = [
-        errors.estimate_sentence(result),
-        errors.step_sentence(result),
-        errors.mesh_sentence(result),
-        errors.model_sentences(result),
-    ]
     out.print(escape_controls(result.scene.title), style="bold")
-    carried = Table.grid(padding=(0, 2))
-    for name, value in first_page.capacity_rows(result):
-        carried.add_row(wrap_at_spaces(name, NAMES), wrap_at_spaces(value, max(out.width - NAMES - 2, NAMES)))
-    out.print(carried)
+    print_rows(first_page.capacity_rows(result))
     _print_errors(errors.rows(result))
     each = ", ".join(
         f"{section['name']} {section['coordinates']['reduced']}" for section in summary.get("sections", ())
@@ -254,8 +246,9 @@ def _print_outcome(outcome: Outcome) -> None:
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
     coordinates = f"{summary['coordinates']['full']} -> {summary['coordinates']['reduced']} coordinates"
     print_sentences(out, f"{coordinates}{f' ({each})' if each else ''}; simulated in: {seconds}")
-    for line in (*filter(None, sentences_of_run), *(f"warning: {warning}" for warning in summary["warnings"])):
-        print_sentences(out, line)
+    print_rows(errors.trust_table(result).rows)
+    for warning in summary["warnings"]:
+        print_sentences(out, f"warning: {warning}")
     for pair, length in summary["agreement"].items():
         print_text(out, f"{pair.replace('_vs_', ' and ')} agree to {length:.1e} m")
     out.print()

@@ -27,6 +27,7 @@ from pmr.compare.errors import ForceHistories, force_errors, force_histories
 from pmr.compare.moving_frame import with_choice_of_terms
 from pmr.compare.responses import march_once, refuse_growth
 from pmr.results import Response
+from pmr.results.quantities import COMPARED
 from pmr.scene import Scene
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import side_positions
@@ -43,8 +44,6 @@ FREQUENCIES, MODES, PLACES = 2, 12, 33
 KNOWN = 0.5
 #: Share of the largest motion of any mode up to which a mode's motion is round-off.
 NO_MOTION = 1e-9
-#: Kinds of outputs that are compared, by their names in summaries; forces are compared by `force_errors`.
-MODEL_KINDS = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "reaction")
 #: Share of the largest frequency below which a frequency belongs to a rigid-body motion.
 RIGID = 1e-3
 DIRECTIONS = ("x", "y", "z")
@@ -183,7 +182,7 @@ def frequency_error(f: Array, reference: Array) -> float | None:
 
 def largest_model_error(part: Mapping[str, Any]) -> float:
     """The largest error, a fraction, in `part`, the contents of ``budget.model``."""
-    return float(max(part[kind] for kind in (*MODEL_KINDS, "largest", "frequency") if part.get(kind) is not None))
+    return float(max(part[kind] for kind in (*COMPARED, "largest") if part.get(kind) is not None))
 
 
 def _largest(motion: Motion) -> float:

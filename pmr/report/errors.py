@@ -29,9 +29,9 @@ from pmr.report.numbers import (
     significant,
     times_the_true_error,
 )
-from pmr.report.subject import choice_clause, force_words, is_alone, scope_words, structural_model_words
+from pmr.report.subject import force_words, is_alone, scope_words
 from pmr.results import RunResult
-from pmr.results.quantities import QUANTITIES, error_label, reduction_error
+from pmr.results.quantities import COMPARED, QUANTITIES, error_label, reduction_error
 from pmr.results.tables import REACTION_OF
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
@@ -39,11 +39,10 @@ from pmr.scene.members import members
 NAMES = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
 #: Order of the pairs of models in the error table, and order of the kinds of errors of each pair.
 ORDER = ("reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf")
-PLACES = ("tip", "beam", "pad_force", "cylinder_force", "support_force")
-#: Order in which the errors of model, mesh, time step and reduction name the quantities that they are measured in.
-KINDS = (*PLACES, "reaction", "frequency")
 #: Words for the structural models that a simpler model is compared to.
 MODELS = {"beam3d": "a beam in space", "shell": "a shell", "coarse shell": "a coarse shell"}
+#: Clause on the error of a reduction that nothing tells.
+NOT_COMPARED = "not known: no full model was simulated to compare with"
 #: Relative error at which the scale of the bars begins.
 LEAST = 1e-5
 #: Clause on what the errors of the stresses of beams do not cover.
@@ -100,22 +99,6 @@ def error_name(result: RunResult, kind: str) -> str:
     return names.get(kind) or error_label(kind)
 
 
-def list_errors(result: RunResult, errors: Mapping[str, Any], kinds: Sequence[str] = KINDS) -> str:
-    """List errors in words, such as ``1 % at the tip, 2 % along the beam and 3 % in the pad forces``.
-
-    `errors` maps kinds of errors to relative errors, which may be None.  Errors below `TINY` are round-off and are left
-    out, but those of displacements (``tip`` and ``beam``) are always listed.  The text is empty if no error is listed.
-    """
-    places = {"tip": "at the tip", "beam": scope_words(result), "pad_force": f"in the {force_words(result)}"}
-    stated = {kind: errors[kind] for kind in kinds if errors.get(kind) is not None}
-    texts = [
-        f"{format_percent(error)} {places.get(kind) or f'in the {QUANTITIES[kind].label}'}"
-        for kind, error in stated.items()
-        if error >= TINY or kind in ("tip", "beam")
-    ]
-    return " and ".join(filter(None, (", ".join(texts[:-1]), *texts[-1:])))
-
-
 def _error_rows(result: RunResult) -> Iterator[Row]:
     """Yield a row for each error between two models, with the published error and the norm of the difference."""
     published = result.scene.published
@@ -130,7 +113,7 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
     for pair in dict.fromkeys((*(name for name in ORDER if name in errors), *errors)):
         first, _, second = pair.partition("_vs_")
         comparison = f"{NAMES.get(first, first)} against {NAMES.get(second, second)}"
-        for kind in dict.fromkeys((*(name for name in PLACES if name in errors[pair]), *errors[pair])):
+        for kind in dict.fromkeys((*(name for name in COMPARED if name in errors[pair]), *errors[pair])):
             error, name = float(errors[pair][kind]), error_name(result, kind)
             other = printed.get(pair, {}).get(kind)
             row = Row(comparison, name, _format_error(error))
@@ -165,7 +148,7 @@ def _section_rows(result: RunResult) -> Iterator[Row]:
 def _estimate_rows(result: RunResult) -> Iterator[Row]:
     """Yield rows with the errors that were estimated without the full model, and a row with the allowed error."""
     estimates = result.summary.get("estimate", {})
-    for kind in PLACES:
+    for kind in COMPARED[:5]:
         if estimates.get(kind) is not None:
             yield Row("estimated without the full model", error_name(result, kind), _format_error(estimates[kind]))
     accuracy = result.summary.get("accuracy", {})
@@ -268,9 +251,10 @@ def trust_table(result: RunResult) -> Table:
     )
     texts["mesh"] = texts["mesh"] or budget.get("mesh_reason") or "not known: a run with [accuracy] measures it"
     why = f": {step['reason']}" if step.get("reason") else ""
-    texts["time step"] = texts["time step"] or f"not known{why}"
-    nothing = "not known: no full model was simulated to compare with"
-    texts["reduction"] = f"{source}: {texts['reduction']}" if reduction else nothing
+    texts["time step"] = f"{_step_words(step)}{texts['time step']}" if texts["time step"] else f"not known{why}"
+    remark = _estimate_words(result)
+    texts["reduction"] = f"{source}: {texts['reduction']}" if reduction else ""
+    texts["reduction"] = "; ".join(filter(None, (texts["reduction"], remark))) or NOT_COMPARED
     stressed = "reduced" in summary.get("max_von_mises", {})
     walls = [WALLS] if stressed and any(model_of(of).startswith("beam") for of in members(result.scene)) else []
     times = []
@@ -294,6 +278,31 @@ def trust_table(result: RunResult) -> Table:
     return Table("How far to trust it", (*texts.items(), *gaps), bars, decades, note if bars else "")
 
 
+def _step_words(step: Mapping[str, Any]) -> str:
+    """Words before the error of the time step: whether it is at least so large, or that of the mean motion."""
+    least = "at least " if not step.get("settled", True) else ""
+    return f"{'of the mean motion, ' if step.get('by') == 'mean' else ''}{least}"
+
+
+def _estimate_words(result: RunResult) -> str:
+    """Clauses on the estimated error of the reduction: how it was made, its ratio to the true error, and of probes.
+
+    If the error was neither estimated nor computed, the reason is given; without an estimate the text is empty.
+    """
+    estimate = result.summary.get("estimate")
+    true = result.summary.get("errors", {}).get("reduced_vs_full", {}).get("beam")
+    if estimate is None or (estimate.get("beam") is None and true is not None):
+        return ""
+    if estimate.get("beam") is None:
+        return f"not known, not even by an estimate: {estimate['reason']}" if "reason" in estimate else ""
+    by_model = estimate.get("by") == "other model"
+    words = "the estimate is made by a model of free modes" if by_model else "the estimate has a margin of a quarter"
+    if ratio := times_the_true_error(estimate["beam"], true):
+        words = f"{scope_words(result)} the estimate is {ratio}"
+    probes = estimate.get("probe")
+    return words + (f", at most {format_percent(probes)} of what a probe measures" if probes is not None else "")
+
+
 def _reason_without_model_error(model: Mapping[str, Any]) -> str:
     """Clause with the reason why the model's own error is not known, or with the scene's key that has it measured."""
     reason = model.get("reason") or "compare.richer measures it"
@@ -306,7 +315,7 @@ def _errors_by_label(part: Mapping[str, Any]) -> dict[str, float]:
     `part` is the mapping of this source in the summary; its keys are kinds of errors.  Other keys, and values that are
     None, are left out.
     """
-    kinds = ("beam", "largest", *KINDS[2:])
+    kinds = ("beam", "largest", *COMPARED[2:], "tip")
     errors = {QUANTITIES[kind].label: float(part[kind]) for kind in kinds if part.get(kind) is not None}
     return dict(sorted(errors.items(), key=lambda item: -item[1]))
 
@@ -318,76 +327,6 @@ def _list_without_round_off(errors: Mapping[str, float]) -> str:
     """
     parts = [f"{name} {format_percent(error)}" for name, error in errors.items() if error >= LEAST]
     return ", ".join(parts) or (f"less than {format_percent(LEAST, 1)}" if errors else "")
-
-
-def estimate_sentence(result: RunResult) -> str:
-    """Sentence on the estimated error, and on its ratio to the true error if the true error is known.
-
-    If the error could not be estimated, and the true error is not known either, the sentence gives the reason.  In all
-    other cases without an estimate the text is empty.
-    """
-    estimates = result.summary.get("estimate")
-    true = result.summary.get("errors", {}).get("reduced_vs_full", {}).get("beam")
-    if estimates is None or (estimates["beam"] is None and true is not None):
-        return ""
-    if estimates["beam"] is None:
-        return f"The error can't be estimated without the full model: {estimates['reason']}."
-    sentence = f"The estimate, which needs no full model, is {list_errors(result, estimates, PLACES[:4])}"
-    if estimates.get("probe") is not None:
-        sentence = f"{sentence}, and at most {format_percent(estimates['probe'])} of what a probe measures"
-    by_model = estimates.get("by") == "other model"
-    remark = "it is made by a model of free modes" if by_model else "it includes a margin of a quarter"
-    if ratio := times_the_true_error(estimates["beam"], true):
-        remark = f"{scope_words(result)} it is {ratio}"
-    return f"{sentence}; {remark}.{_not_covered_sentence(estimates.get('not_covered'))}"
-
-
-def step_sentence(result: RunResult) -> str:
-    """Sentence on the error of the time step; empty if this error was not measured."""
-    step_error = result.summary.get("step", {})
-    if step_error.get("beam") is None:
-        return ""
-    size = "is" if step_error["settled"] else "is at least"
-    of = ", of the mean motion," if step_error["by"] == "mean" else ""
-    not_covered = _not_covered_sentence(step_error.get("not_covered"))
-    return f"The error of the time step itself{of} {size} {list_errors(result, step_error)}.{not_covered}"
-
-
-def mesh_sentence(result: RunResult) -> str:
-    """Sentence on the error of the mesh and on what this error does not cover; empty if this error was not measured."""
-    budget = result.summary.get("budget", {})
-    if not isinstance(mesh_part := budget.get("mesh"), Mapping) or mesh_part.get("beam") is None:
-        return ""
-    return (
-        f"The mesh is off by {list_errors(result, mesh_part)}.{_not_covered_sentence(budget.get('mesh_not_covered'))}"
-    )
-
-
-def _not_covered_sentence(clauses: Sequence[str] | None) -> str:
-    """Sentence, with a space before it, that lists what an error does not cover; empty without `clauses`."""
-    return f" It does not cover {'; nor '.join(clauses)}." if clauses else ""
-
-
-def model_sentences(result: RunResult) -> str:
-    """Sentences on the error of the structural model against a richer model, or on the reason why it is not known."""
-    part, chosen = result.summary.get("budget", {}).get("model"), result.summary.get("chosen_model")
-    why = ""
-    if chosen is not None and not is_alone(result):
-        why = f"Sections are {structural_model_words(chosen['name'], chosen['walls'])}, {choice_clause(chosen)}. "
-    unknown = f"{why}How far the structural model itself is off is"
-    if part is None:
-        richest = "" if chosen is None else " for a shell, the richest one there is"
-        return f"{unknown} not known{richest or ': compare.richer measures it'}."
-    if part["beside"] is None:
-        return f"{unknown} {_reason_without_model_error(part)}."
-    off = list_errors(result, part, ("beam", "tip", *KINDS[2:-1]))
-    motion = f"the model is off by {off} over the run; " if off else ""
-    vibrates = f"its two lowest frequencies are off by up to {format_percent(part['frequency'] or 0.0)} along the path"
-    most = (
-        f" and its largest displacement by {format_percent(part['largest'])}" if part.get("largest") is not None else ""
-    )
-    comparison = f"Beside {MODELS[part['beside']]} of the same bodies, pads and loads"
-    return f"{why}{comparison} {motion}{vibrates}{most}. Not compared: {'; '.join(part['not_covered'])}."
 
 
 def model_key_number(result: RunResult) -> Iterator[KeyNumber]:

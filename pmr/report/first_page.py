@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from pmr.report import errors, machine, sentences
+from pmr.report import errors, overview, sentences
 from pmr.report.blocks import Table
 from pmr.report.columns import is_round_off, tip_displacements
-from pmr.report.machine import format_range
 from pmr.report.numbers import SPACE, format_input, format_length, format_percent, format_quantity, significant
+from pmr.report.overview import format_range
 from pmr.report.subject import direction_words, drive_of, has_pushing_pads, is_alone, moving_part
 from pmr.report.subject import reach as reach_of
 from pmr.results import RunResult
@@ -23,11 +23,11 @@ from pmr.scene.mechanism import supports_at_lug
 
 Rows = Iterator[tuple[str, str]]
 
-#: Keys in `pmr.results.quantities` of the forces and moments whose largest values have a row.
-FORCES = (
-    *("pad_force", "cylinder_force", "rope_force", "support", "support_moment"),
-    *("machine_force", "machine_moment", "ground_force", "ground_moment"),
-)
+#: Keys of the forces and moments whose largest values have a row; the luffing cylinder has a row of its own.
+FORCES = tuple(
+    key for key, quantity in QUANTITIES.items() if quantity.unit in ("N", "N m") and quantity.reported
+    and key != "luffing_force"
+)  # fmt: skip
 #: Beginning of the names of reactions at the pivot, and beginning of the names of outputs of a machine that moves.
 PIVOT, MACHINE = "pivot ", "machine "
 #: End of the name of a cylinder that moves sections by ropes.
@@ -39,7 +39,7 @@ ROUND_OFF = 1e-9
 def first_page_tables(result: RunResult) -> tuple[Table, ...]:
     """Build the tables of the first page; tables without rows are left out."""
     all_tables = (
-        Table("What was asked", tuple(machine.system_rows(result))),
+        Table("What was asked", tuple(overview.system_rows(result))),
         Table("What it carries", tuple(capacity_rows(result))),
         errors.trust_table(result),
     )

@@ -13,9 +13,9 @@ import numpy as np
 from pmr.report import (
     first_page,
     forces,
-    machine,
     player,
     provenance,
+    scene_tables,
     sentences,
     stresses,
     subject,
@@ -247,11 +247,9 @@ def response_block(result: RunResult, prefix: str) -> Block | None:
 def origin_block(result: RunResult, prefix: str) -> Block:
     """Build the block on the origin of a result: its scene, sizes and times of the run, and the machine."""
     all_tables = (
-        *machine.body_tables(result),
-        machine.motion_table(result),
+        *scene_tables.input_tables(result.scene),
         Table("Wall time", tuple(provenance.time_rows(result.summary.get("seconds", {})))),
         Table("Run", tuple(provenance.run_rows(result))),
-        machine.method_table(result),
         Table("Sizes", tuple(provenance.size_rows(result))),
     )
     shown = [table for table in all_tables if table.rows]

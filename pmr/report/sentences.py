@@ -37,15 +37,7 @@ def sentence_points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]
     `table` are the rows of the error table.
     """
     texts_by_topic = {
-        "Size": [size_sentence(result)],
         "Frame": [frame_sentences(result)],
-        "Accuracy": list(accuracy_sentences(result)),
-        "Stress": list(stress_sentences(result)),
-        "Estimate": [error_sentences.estimate_sentence(result)],
-        "Model": [error_sentences.model_sentences(result)],
-        "Mesh": [error_sentences.mesh_sentence(result)],
-        "Time step": [error_sentences.step_sentence(result)],
-        "Speed": list(speed_sentences(result)),
         "Published": [comparison_sentence(table)],
     }
     return [Point(topic, text) for topic, texts in texts_by_topic.items() if (text := " ".join(filter(None, texts)))]
@@ -84,32 +76,16 @@ def opening_sentences(result: RunResult) -> str:
     return f"{what} It is modelled as {model.name}, {model.reason}."
 
 
-def speed_ratio(result: RunResult) -> float | None:
-    """Simulation time of the full model divided by that of the reduced model; None unless both times are known."""
-    full, reduced = (result.responses.get(name) for name in ("full", "reduced"))
-    if full is None or reduced is None or reduced.seconds <= 0.0 or full.seconds <= 0.0:
-        return None
-    return full.seconds / reduced.seconds
-
-
-def simulator_clause(result: RunResult) -> str:
-    """Clause that names the simulators of the reduced and of the full model; empty unless both are known."""
-    names = result.summary.get("simulators", {})
-    reduced, full = (SIMULATORS.get(names.get(name, ""), names.get(name, "")) for name in ("reduced", "full"))
-    if not (reduced and full):
-        return ""
-    return f"both {reduced}" if reduced == full else f"reduced {reduced}, full {full}"
-
-
 def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     """Yield the key numbers of a run: coordinates, errors, largest stress and speed.
 
     Numbers that are not known are left out.
     """
     summary, coordinates = result.summary, result.summary.get("coordinates", {})
-    reduced = reduced_size(result)
-    arrow = f"{format_input(coordinates['full'])}{SPACE}→{SPACE}{reduced}" if "full" in coordinates else f"{reduced}"
-    yield KeyNumber(arrow, "coordinates")
+    reduced, full = reduced_size(result), coordinates.get("full")
+    fewer = "" if full is None else format_percent(1.0 - reduced / full, 2 if reduced > 0.005 * full else 4)
+    arrow = f"{reduced}" if full is None else f"{format_input(full)}{SPACE}→{SPACE}{reduced}"
+    yield KeyNumber(arrow, "coordinates", f"{fewer} fewer" if fewer else "")
     if (most := summary.get("max_error")) is not None:
         largest = summary.get("max_displacement")
         share = (
@@ -124,7 +100,7 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     if "reduced" in peak:
         full = f"full model {format_quantity(peak['full'], 'Pa')}" if "full" in peak else ""
         yield KeyNumber(format_quantity(peak["reduced"], "Pa"), "largest von Mises stress", full)
-    yield from _speed_ratio(result)
+    yield from _simulation_time(result)
 
 
 def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:
@@ -149,22 +125,30 @@ def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:
         yield KeyNumber(format_percent(errors["cylinder_force"]), "RMS error of the cylinder forces")
 
 
-def _speed_ratio(result: RunResult) -> Iterator[KeyNumber]:
+def _simulation_time(result: RunResult) -> Iterator[KeyNumber]:
     """Yield how many times as fast as the full model the reduced model is, if the same simulator computed both.
 
-    If not, yield the simulation time of the reduced model, with that of the full model as a note.
+    If not, yield the simulation time of the reduced model.  The note has both times and the simulators, and compares
+    the time of the reduced model with the simulated time.
     """
-    simulators_by_model, reduced = result.summary.get("simulators", {}), result.responses["reduced"].seconds
-    ratio, full = speed_ratio(result), result.responses.get("full")
-    if ratio is not None and simulators_by_model.get("reduced") == simulators_by_model.get("full"):
-        yield KeyNumber(f"{significant(ratio, 2)}{SPACE}×", "as fast as full", simulator_clause(result))
-    elif reduced > 0.0:
-        who = SIMULATORS.get(simulators_by_model.get("full", ""), "")
-        slower = (
-            f"full model {format_quantity(full.seconds, 's', 2)}{f', {who}' if who else ''}" if ratio and full else ""
-        )
-        what = f"for {format_input(result.scene.time.end, 's')} of motion"
-        yield KeyNumber(format_quantity(reduced, "s", 2), "one simulation", "; ".join(filter(None, (what, slower))))
+    reduced, full = (
+        result.responses[name].seconds if name in result.responses else 0.0 for name in ("reduced", "full")
+    )
+    if reduced <= 0.0:
+        return
+    names = result.summary.get("simulators", {})
+    who = {name: SIMULATORS.get(names.get(name, ""), names.get(name, "")) for name in ("reduced", "full")}
+    end, pace = result.scene.time.end, result.scene.time.end / reduced
+    paced = f"{significant(pace, 2)} times faster than real time" if pace > 1.0 else "slower than real time"
+    took, motion = format_quantity(reduced, "s", 2), f"for {format_input(end, 's')} of motion, {paced}"
+    full_took = f"full model {format_quantity(full, 's', 2)}" if full > 0.0 else ""
+    if full > 0.0 and names.get("reduced") == names.get("full"):
+        by = f"both {who['full']}" if who["full"] else ""
+        note = "; ".join(filter(None, (by, f"{took} {motion}", full_took)))
+        yield KeyNumber(f"{significant(full / reduced, 2)}{SPACE}×", "as fast as full", note)
+    else:
+        full_took += f", {who['full']}" if full_took and who["full"] else ""
+        yield KeyNumber(took, "one simulation", "; ".join(filter(None, (motion, full_took))))
 
 
 def comparison_sentence(table: Sequence[Row]) -> str:
@@ -177,91 +161,17 @@ def comparison_sentence(table: Sequence[Row]) -> str:
     return f"Beside {sum(counts.values())} published figures: {counted}." if counts else ""
 
 
-def size_sentence(result: RunResult) -> str:
-    """Sentence on the numbers of coordinates of the full and the reduced model, and on the simulated time."""
-    coordinates = result.summary.get("coordinates", {})
-    reduced = reduced_size(result)
-    motion = f"{format_input(result.scene.time.end, 's')} of motion are simulated."
-    if "full" not in coordinates:
-        return f"The reduced model has {reduced} coordinates; {motion}"
-    full = coordinates["full"]
-    less = format_percent(1.0 - reduced / full, 2 if reduced > 0.005 * full else 4)  # never printed as 100 %
-    return (
-        f"The reduced model has {reduced} coordinates instead of {format_input(full)}, a reduction by {less}; {motion}"
-    )
-
-
-def accuracy_sentences(result: RunResult) -> Iterator[str]:
-    """Yield sentences on the errors of the reduced model against the full model and against ANCF."""
-    errors = result.summary.get("errors", {})
-    if against := _tip_and_beam(errors.get("reduced_vs_full")):
-        tip, beam = against
-        error = f"a normalised RMS error of {tip} at the tip and {beam} {scope_words(result)}"
-        yield f"It follows the full model with {error}."
-    if (force := errors.get("reduced_vs_full", {}).get("pad_force")) is not None:
-        yield f"The error of the {force_words(result)} is {format_percent(force)}."
-        if slow := _error_without_impacts(result):
-            yield f"At each kink of the path the slider strikes, harder in a shorter step; apart from that, {slow}."
-    largest, most = result.summary.get("max_displacement"), result.summary.get("max_error")
-    if largest is not None and most is not None:
-        yield f"The largest difference is {format_length(most)} where displacements reach {format_length(largest)}."
-    if against := _tip_and_beam(errors.get("reduced_vs_ancf")):
-        tip, beam = against
-        yield f"Against the independent ANCF beam the errors are {tip} and {beam}."
-
-
 def _error_without_impacts(result: RunResult) -> str:
-    """Clause with the error of the forces up to the frequency of the tip's motion; empty if no slider strikes."""
+    """Clauses on the error of the forces up to the frequency of the tip's motion, and on impacts at kinks of the path.
+
+    They are empty if no slider strikes.
+    """
     impacts = result.summary.get("impacts")
     if impacts is None:
         return ""
-    return (
-        f"below {significant(impacts['band'], 2)}{SPACE}Hz, where the tip moves, {format_percent(impacts['pad_force'])}"
-    )
-
-
-def _tip_and_beam(errors: Mapping[str, float] | None) -> tuple[str, str] | None:
-    """Errors at the tip and along the beam, as texts in per cent; None unless both are known."""
-    if not errors or not {"tip", "beam"} <= set(errors):
-        return None
-    return format_percent(errors["tip"]), format_percent(errors["beam"])
-
-
-def speed_sentences(result: RunResult) -> Iterator[str]:
-    """Yield a sentence on the simulation times, compared with real time and with the full model."""
-    reduced, ratio = result.responses["reduced"], speed_ratio(result)
-    if reduced.seconds <= 0.0:
-        return
-    took = f"Its simulation took {format_quantity(reduced.seconds, 's')}"
-    pace = result.scene.time.end / reduced.seconds
-    paced = f"{significant(pace, 2)} times faster than real time" if pace > 1.0 else "slower than real time"
-    if ratio is None:
-        yield f"{took}, {paced}."
-        return
-    full, who = format_quantity(result.responses["full"].seconds, "s"), simulator_clause(result)
-    by = f" ({who})" if who else ""
-    yield f"{took}, {paced}; the full model took {full}, {significant(ratio, 2)} times as long{by}."
-
-
-def stress_sentences(result: RunResult) -> Iterator[str]:
-    """Yield a sentence on the largest von Mises stress, its place and time, and that of the full model."""
-    largest = result.summary.get("max_von_mises", {})
-    if "reduced" not in largest:
-        return
-    where = simulator_peak_clause(result, "reduced")
-    sentence = (
-        f"The largest von Mises stress is {format_quantity(largest['reduced'], 'Pa')}{f', {where}' if where else ''}"
-    )
-    if largest.get("full"):
-        apart = format_percent(abs(largest["reduced"] / largest["full"] - 1.0), 2)
-        sentence += f"; the full model has {format_quantity(largest['full'], 'Pa')}, {apart} apart"
-    yield f"{sentence}."
-
-
-def simulator_peak_clause(result: RunResult, simulator: str) -> str:
-    """Clause with time and place of the largest von Mises stress by a simulator; empty if the summary has none."""
-    peak = result.summary.get("stress_peak", {}).get(simulator)
-    return "" if peak is None else peak_clause(peak)
+    below = f"below {significant(impacts['band'], 2)}{SPACE}Hz, where the tip moves"
+    strikes = "at each kink of the path the slider strikes, harder in a shorter step"
+    return f"{below}, {format_percent(impacts['pad_force'])}; {strikes}"
 
 
 def peak_clause(peak: Mapping[str, Any]) -> str:

@@ -382,8 +382,8 @@ def matches_pattern(patterns: Sequence[str], name: str) -> bool:
     return any(fnmatchcase(name, pattern) for pattern in patterns)
 
 
-#: Keys in summaries of the quantities whose errors of reduction are stated.
-KINDS = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "frequency")
+#: Keys of the quantities in which models are compared, in the order in which errors are named.
+COMPARED = ("tip", "beam", "pad_force", "cylinder_force", "support_force", "reaction", "frequency")
 
 
 class ReductionErrors(NamedTuple):
@@ -404,7 +404,8 @@ def reduction_error(summary: Mapping[str, Any]) -> ReductionErrors:
     source, how = (errors, "beside the full model") if "beam" in errors else (estimate, "estimated")
     if source.get("beam") is None:
         return ReductionErrors()
-    kinds = [kind for kind in KINDS if kind != "pad_force" or "impacts" not in summary]
+    left_out = ("reaction", *(("pad_force",) if "impacts" in summary else ()))
+    kinds = [kind for kind in COMPARED if kind not in left_out]
     by_kind = {kind: source.get(f"{kind}_between_kinks", source.get(kind)) for kind in kinds}
     by_kind["frequency"] = estimate.get("frequency")
     return ReductionErrors(how, {kind: float(error) for kind, error in by_kind.items() if error is not None})

@@ -5,10 +5,11 @@ from __future__ import annotations
 import pytest
 from matplotlib.patches import Rectangle
 
+from pmr.report.errors import trust_table
 from pmr.report.figures.canvas import style
 from pmr.report.figures.shapes import budget_figure
 from pmr.report.sections import accuracy_block
-from pmr.report.sentences import key_numbers, sentence_points
+from pmr.report.sentences import key_numbers
 
 PARTS = {
     "reduction": {"beam": 0.006, "tip": 0.002},
@@ -63,8 +64,9 @@ def test_the_models_own_error_stands_on_the_first_page_and_beside_the_other_part
     )
     number = next(one for one in key_numbers(result) if "model's own error" in one.label)
     assert number.value.startswith("41") and "61" in number.note
-    said = next(point.text for point in sentence_points(result) if point.topic == "Model")
-    assert "a shell" in said and "36" in said and "pad forces" not in said and "stress; pads that open" in said
+    said = dict(trust_table(result).rows)
+    assert "a shell" in said["model"] and "36" in said["model"] and "pad forces" not in said["model"]
+    assert said["not in the model's bar"] == "stress; pads that open"
     with style():
         widths = [patch.get_width() for patch in budget_figure(result).axes[0].patches if isinstance(patch, Rectangle)]
     assert widths[3::4] == pytest.approx([41.0, 36.0])
@@ -73,7 +75,7 @@ def test_the_models_own_error_stands_on_the_first_page_and_beside_the_other_part
 @pytest.mark.parametrize(("model", "why"), [(None, "compare.richer"), ({"beside": None, "reason": "no box"}, "no box")])
 def test_that_it_is_not_known_is_said_in_one_line(make_result, model, why: str) -> None:
     result = make_result(summary=make_result().summary | ({} if model is None else {"budget": {"model": model}}))
-    said = next(point.text for point in sentence_points(result) if point.topic == "Model")
+    said = dict(trust_table(result).rows)["model"]
     assert "not known" in said and why in said and said.count(".") <= 2
     assert not any("model's own error" in one.label for one in key_numbers(result))
 

@@ -142,22 +142,20 @@ def test_every_case_has_animation_and_strip(page: Page) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "The reduced model has 3 coordinates instead of 153, a reduction by 98\u00a0%",
-        "normalised RMS error of 1.05\u00a0% at the tip and 1.05\u00a0% along the beam",
-        "The largest difference is 1.20\u00a0mm where displacements reach 50.0\u00a0mm",
-        "Its simulation took 300\u00a0ms, 10 times faster than real time",
-        "the full model took 3.00\u00a0s, 10 times as long",
-        "The reduced model has 3 coordinates; 3\u00a0s of motion are simulated.",  # the bare case
+        "153\u00a0→\u00a03 coordinates 98\u00a0% fewer",
+        "reduced against full, tip 1.05\u00a0%",
+        "1.20\u00a0mm largest difference to full 2.4\u00a0% of 50.0\u00a0mm, the largest displacement",
+        "300\u00a0ms for 3\u00a0s of motion, 10 times faster than real time; full model 3.0\u00a0s",
         "0123456789abcdef",
         "abc1234",
         "a processor",
         "numpy\u00a01.24.2",
         "simulation, Exudyn 300\u00a0ms",
-        "stiffness EI 50\u202f000\u00a0N\u00a0m²",
-        "slider path s ramp, times (1, 2)\u00a0s, values (1.25, 3.75)\u00a0m",
-        "load M constant, 4\u00a0N\u00a0m; at 5\u00a0m along ry",
-        "sliders at s + 0\u00a0m, s − 0.5\u00a0m",
-        "support clamped at 0\u00a0m",
+        "bending stiffness 50\u202f000\u00a0N\u00a0m²",
+        "slider path ramp, times (1, 2)\u00a0s, values (1.25, 3.75)\u00a0m",
+        "load M on 5\u00a0m, direction ry, signal constant, amount 4\u00a0N\u00a0m",
+        "slider offsets (0, −500)\u00a0mm",
+        "support clamped, on 0\u00a0m, stiffness rigid",
         "The published value rests on another step size.",
         "It is not known for ANCF.",
     ],
@@ -267,33 +265,37 @@ def test_the_overview_says_what_a_number_is_to_be_seen_beside(make_result) -> No
     errors = {"reduced_vs_full": summary["errors"]["reduced_vs_full"] | {"pad_force": 0.247}}
     hit = make_result(summary=summary | {"errors": errors, "impacts": {"band": 7.6, "pad_force": 0.0112}})
     overview, _, _ = render([case(hit, "case-1"), case(hit, "case-2")]).partition("</nav>")
-    assert overview.count("<small>below 7.6\u00a0Hz, where the tip moves, 1.12\u00a0%</small>") == 2
+    assert overview.count("<small>below 7.6\u00a0Hz, where the tip moves, 1.12\u00a0%; at each kink ") == 2
+
+
+def reduction(result: RunResult) -> str:
+    """Text of the first page on the error of the reduction."""
+    return dict(errors.trust_table(result).rows)["reduction"]
 
 
 def test_the_estimate_stands_beside_the_true_error(make_result) -> None:
     estimated = {"beam": 0.0126, "tip": 0.012, "chi": 0.7, "largest": 1e-3, "seconds": 0.01}
     summary = make_result().summary | {"estimate": estimated}
     result = make_result(summary=summary)
-    said = " ".join(point.text for point in sentences.sentence_points(result))
-    assert "1.26\u00a0% along the beam; along the beam it is 1.20 times the true error." in said
+    assert reduction(result).endswith("; along the beam the estimate is 1.20 times the true error")
+    assert "1.26\u00a0%" in [row.value for row in errors.rows(result) if row.comparison.startswith("estimated")]
     numbers = {number.label: number for number in sentences.key_numbers(result)}
     said = "at the tip 1.05\u00a0%; estimated without the full model 1.26\u00a0%"
     assert (numbers["RMS error along the beam"].value, numbers["RMS error along the beam"].note) == (
         "1.05\u00a0%",
         said,
     )
-    of_probe = errors.estimate_sentence(make_result(summary=summary | {"estimate": estimated | {"probe": 0.031}}))
-    assert "along the beam, and at most 3.10\u00a0% of what a probe measures" in of_probe
+    of_probe = make_result(summary=summary | {"estimate": estimated | {"probe": 0.031}})
+    assert reduction(of_probe).endswith("times the true error, at most 3.10\u00a0% of what a probe measures")
     alone = make_result(summary={"estimate": estimated})
     assert "estimated error along the beam" in [number.label for number in sentences.key_numbers(alone)]
-    assert errors.estimate_sentence(alone).endswith("along the beam; it includes a margin of a quarter.")
+    assert reduction(alone).startswith("estimated: displacements 1.26\u00a0%")
+    assert reduction(alone).endswith("; the estimate has a margin of a quarter")
     none = make_result(summary={"estimate": {"beam": None, "reason": "the basis is no good"}})
-    assert (
-        errors.estimate_sentence(none) == "The error can't be estimated without the full model: the basis is no good."
-    )
+    assert reduction(none) == "not known, not even by an estimate: the basis is no good"
     known = {"estimate": {"beam": None, "reason": "no"}, "errors": {"reduced_vs_full": {"beam": 0.01}}}
-    assert errors.estimate_sentence(make_result(summary=known)) == ""  # nobody misses an estimate of what is known
-    assert errors.estimate_sentence(make_result(summary={})) == ""
+    assert reduction(make_result(summary=known)) == "beside the full model: displacements 1.00\u00a0%"
+    assert reduction(make_result(summary={})) == "not known: no full model was simulated to compare with"
     assert not any("estimated" in number.label for number in sentences.key_numbers(none))
 
 
@@ -302,14 +304,17 @@ def test_the_largest_difference_is_seen_beside_the_motion(make_result) -> None:
     assert (largest.value, largest.note) == ("1.20\u00a0mm", "2.4\u00a0% of 50.0\u00a0mm, the largest displacement")
 
 
+PACE = "for 3\u00a0s of motion, 10 times faster than real time"
+
+
 @pytest.mark.parametrize(
     ("who", "number"),
     [
-        ({"reduced": "march", "full": "march"}, ("10\u00a0×", "as fast as full", "both compiled")),
+        ({"reduced": "march", "full": "march"},
+         ("10\u00a0×", "as fast as full", f"both compiled; 300\u00a0ms {PACE}; full model 3.0\u00a0s")),
         ({"reduced": "march", "full": "petsc"},
-         ("300\u00a0ms", "one simulation", "for 3\u00a0s of motion; full model 3.0\u00a0s, by PETSc")),
-        ({"reduced": "exudyn-callback"},
-         ("300\u00a0ms", "one simulation", "for 3\u00a0s of motion; full model 3.0\u00a0s")),
+         ("300\u00a0ms", "one simulation", f"{PACE}; full model 3.0\u00a0s, by PETSc")),
+        ({"reduced": "exudyn-callback"}, ("300\u00a0ms", "one simulation", f"{PACE}; full model 3.0\u00a0s")),
     ],
 )  # fmt: skip
 def test_speed_is_a_ratio_where_one_simulator_did_both(make_result, who: dict[str, str], number: tuple) -> None:

@@ -27,6 +27,7 @@ import numpy as np
 from pmr.compare.accuracy.trials import Sizes, Trials
 from pmr.compare.outputs import differences
 from pmr.errors import InputError
+from pmr.results.quantities import COMPARED
 from pmr.scene import Scene
 from pmr.scene.choice import has_giving_walls, model_of
 from pmr.scene.members import members
@@ -40,8 +41,6 @@ COARSER, FIRST_ORDER = 2.0, 1.0
 #: Largest ratio of the length of a wall's cell to that of a pad: on longer cells the stated error is too small
 #: (`docs/accuracy.md`).
 LONGEST = 1.5
-#: Kinds of outputs whose error of the mesh a run states without a tolerance.
-MEASURED = ("beam", "tip", "pad_force", "cylinder_force", "support_force", "reaction", "frequency")
 #: Positions along the body are the same if they differ by no more than this share of its length.
 SAME = 1e-9
 
@@ -124,7 +123,7 @@ def mesh_budget(
         return {"mesh": None, "mesh_reason": error.allowed}
     errors = simulate_other(lambda: motion_only(other.scene), other.called)
     left_out = {"frequency"} if mesh_warnings(scene) else set[str]()
-    kinds = [kind for kind in MEASURED if errors.get(kind) is not None and kind not in left_out]
+    kinds = [kind for kind in COMPARED if errors.get(kind) is not None and kind not in left_out]
     return {"mesh": {kind: other.share * errors[kind] for kind in kinds} or None, "mesh_reason": errors.get("reason")}
 
 

@@ -1,0 +1,171 @@
+"""Rows of the first page on what was simulated: bodies, masses, pads, loads, weight, machine, angles and reach."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.report.columns import axis_points, body_axes, spread_indices
+from pmr.report.numbers import MINUS, SPACE, format_input, format_quantity, significant
+from pmr.report.scene_tables import SceneWords, describe_plain
+from pmr.report.subject import (
+    AppliedLoad,
+    choice_clause,
+    is_raised,
+    moving_part,
+    reach,
+    rings_of,
+    scene_loads,
+    structural_model_words,
+)
+from pmr.results import RunResult
+from pmr.scene.built import Support
+from pmr.scene.choice import model_of
+from pmr.scene.keys import qualified_name
+from pmr.scene.members import members
+
+Array = NDArray[np.float64]
+PLACES = 400  # number of times at which the position of the tip is evaluated
+Rows = Iterator[tuple[str, str]]
+
+
+def system_rows(result: RunResult) -> Rows:
+    """Yield rows (name, text) about bodies, point masses, pads, loads, weight, angles, reach, tip and time."""
+    yield from _body_rows(result)
+    yield from _mass_rows(result)
+    yield from _pad_rows(result)
+    for load in scene_loads(result):
+        yield qualified_name(load.body, load.name), _load_text(load)
+    scene, gravity = result.scene, result.scene.gravity
+    weight = "left out" if gravity is None else f"included, {significant(gravity.acceleration)}{SPACE}m/s²"
+    yield "weight of the boom", weight
+    if scene.frame is not None:
+        words = SceneWords(scene.frame.unit)
+        for name, part in (("machine", scene.frame.machine), ("motion of the base", scene.frame.base)):
+            if part is not None:
+                yield name, words.describe(part)
+        for name, angle in zip(("luffing", "slewing"), scene.frame.angles, strict=True):
+            low, high = np.rad2deg(angle.bounds(0.0, scene.time.end))
+            if low or high:
+                yield name, format_range(low, high, "°")
+    elif gravity is not None:
+        raised = f"{format_input(round(gravity.inclination, 1))}°" if is_raised(result) else "0°, it lies level"
+        yield "raised by", raised
+    if result.reach is not None:
+        yield "reach along the boom", format_range(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")
+    elif moving_part(result) == "mouth":
+        low, high = scene.path_bounds
+        yield "out of its mouth", format_range(reach(result) - high, reach(result) - low, f"{SPACE}m")
+    yield from _tip_rows(result)
+    yield "time", format_input(scene.time.end, "s")
+
+
+def _tip_rows(result: RunResult) -> Rows:
+    """Yield a row with the range of the tip's position from the pivot in m.
+
+    Nothing is yielded unless a frame, or the angle by which gravity is turned, raises the boom.
+    """
+    response = result.responses["reduced"]
+    if axis_points(result, response) and (result.scene.frame is not None or is_raised(result)):
+        out, up = body_axes(result, spread_indices(len(response.t), PLACES))[-1].side[:, -1].T
+        far, high = (
+            format_range(float(coordinate.min()), float(coordinate.max()), f"{SPACE}m") for coordinate in (out, up)
+        )
+        yield "tip from the pivot", f"{far} out, {high} up"
+
+
+def _load_text(load: AppliedLoad) -> str:
+    """Describe a load by its values, its position and its axis.
+
+    A load that is never positive is described as a positive load along the opposite axis.
+    """
+    where, _, axis = load.where.rpartition(" along ")
+    if load.values.min(initial=0.0) < 0.0 and load.values.max(initial=0.0) <= 0.0:
+        return f"{_format_load(-load.values, load.unit)} {where} along {MINUS}{axis}"
+    return f"{_format_load(load.values, load.unit)} {load.where}"
+
+
+def _format_load(values: Array, unit: str) -> str:
+    """Format a load as ``up to`` the value farthest from zero.
+
+    A load that changes sign is formatted as its least to its largest value.  `unit` is the unit of `values`, without a
+    prefix.
+    """
+    low, high = float(values.min(initial=0.0)), float(values.max(initial=0.0))
+    if low < 0.0 < high:
+        return f"{format_quantity(low, unit)} to {format_quantity(high, unit)}"
+    return f"up to {format_quantity(high or low, unit)}"
+
+
+def format_range(low: float, high: float, unit: str) -> str:
+    """Format the range `low` to `high`, rounded to 0.01; if both are equal after rounding, format one value.
+
+    `unit` is appended without a space, so it has to begin with a space if one is needed.
+    """
+    low, high = (round(float(end), 2) for end in (low, high))
+    return f"{format_input(low)} to {format_input(high)}{unit}" if high > low else f"{format_input(low)}{unit}"
+
+
+def _body_rows(result: RunResult) -> Rows:
+    """Yield rows with dimensions and mass of each body, then a row with all models and one with all yield stresses."""
+    masses = {mass["name"]: mass["mass"] for mass in result.summary.get("masses", ())}
+    models, limits = dict[str, None](), dict[str, None]()
+    for member, (name, part) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
+        called = name or "structure"
+        properties = [f"box of {SceneWords().describe(box)}"] if (box := part.body.box) is not None else []
+        properties += [_format_mass(masses[name])] if name in masses else []
+        if properties:
+            yield called, ", ".join(properties)
+        models[structural_model_words(model_of(member), part.body.walls)] = None
+        if (limit := part.body.material.yield_stress) is not None:
+            limits[format_quantity(limit, "Pa")] = None
+    measured = result.summary.get("chosen_model")
+    why = "" if measured is None else f"; {choice_clause(measured)}"
+    yield "modelled as", "; ".join(models) + why
+    if limits:
+        yield "yield stress", "; ".join(limits)
+
+
+def _mass_rows(result: RunResult) -> Rows:
+    """Yield a row for each point mass, and a row with the total mass of the bodies and all that is attached."""
+    for name, part in result.scene.bodies.items():
+        for mass in part.masses:
+            yield qualified_name(name, mass.name), f"{format_input(mass.mass, 'kg')} on {mass.on}"
+    if masses := result.summary.get("masses"):
+        attached = ", ".join(mass.name for part in result.scene.bodies.values() for mass in part.masses)
+        of = f" with {attached}" if attached else ""
+        yield (
+            "total mass",
+            _format_mass(sum(mass_of_body["mass"] + mass_of_body["attached"] for mass_of_body in masses)) + of,
+        )
+
+
+def _pad_rows(result: RunResult) -> Rows:
+    """Yield a row for each body's supports, then a row for each group of bodies whose pads are alike."""
+    alike = dict[tuple[int, str], list[str]]()
+    for name, part in result.scene.bodies.items():
+        if rings := rings_of(part):
+            count = sum(sum(len(places) for places in ring.faces.values()) if ring.faces else 1 for ring in rings)
+            stiffness = dict.fromkeys(describe_plain(ring.stiffness, "N/m") for ring in rings)
+            ways = dict.fromkeys("only pushing" if ring.unilateral else "holding both ways" for ring in rings)
+            alike.setdefault((count, ", ".join((*stiffness, *ways))), []).append(name)
+        if part.supports:
+            supports = (f"{support.name} {_describe_support(support)}".strip() for support in part.supports)
+            yield " ".join(filter(None, (name, "held by"))), "; ".join(supports)
+    for (count, pad_text), names in alike.items():
+        of = ", ".join(filter(None, names))
+        yield f"pads of {of}" if of else "pads", f"{count}{' each' if len(names) > 1 else ''}, {pad_text}"
+
+
+def _describe_support(support: Support) -> str:
+    """Describe a support: its kind or the directions it holds, its position and its stiffness."""
+    where = f"on its {support.on}" if isinstance(support.on, str) else f"at {format_input(support.on, 'm')}"
+    along = support.kind if support.directions is None else f"along {', '.join(support.directions)}"
+    return f"{along} {where}, {SceneWords().describe_value(support, 'stiffness', support.stiffness)}"
+
+
+def _format_mass(mass: float) -> str:
+    """Format a mass in kg, rounded to 0.1 kg."""
+    return format_input(round(mass, 1), "kg")

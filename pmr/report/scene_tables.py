@@ -1,0 +1,194 @@
+"""Tables of a scene's input: its keys in words, with values in the units that the scene declares for them.
+
+A new key of a scene is shown without any change here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+
+from pydantic import BaseModel
+
+from pmr.report.blocks import Table
+from pmr.report.numbers import SPACE, format_input, unit_for
+from pmr.report.subject import structural_model_words
+from pmr.scene import Scene
+from pmr.scene.choice import choose_model, is_undecided, model_of
+from pmr.scene.keys import quantity_of, usual_ranges
+from pmr.scene.members import members
+from pmr.scene.signals import SignalBase
+
+#: Largest number of values of a list that are shown one by one; of a longer list, number and range are shown.
+MOST_VALUES = 6
+#: Units of numbers of a signal other than its values.
+SIGNAL_UNITS = {"time": "s", "times": "s", "frequency": "Hz", "frequencies": "Hz", "phase": "rad", "degree": ""}
+#: Units of the signals of forces and moments on a machine, which the scene does not declare.
+UNITS = {"force": "N", "moment": "N m"}
+#: Units that get a prefix, and stiffnesses in N/m or N m/rad by their units in millions.
+PREFIXED = ("m", "s", "N", "N m", "Pa")
+MILLIONS = {"N/m": "kN/mm", "N m/rad": "MN m/rad"}
+#: Words for keys that are symbols or names of persons.
+WORDS = {"young": "Young's modulus", "poisson": "Poisson's ratio", "rho_inf": "ρ∞ of generalised-α"}
+#: Keys of a reduction that only POD of eigenmodes uses; keys of a mesh that beams do not use, and that others do not.
+OF_POD, OF_CELLS, OF_BEAMS = ("snapshots", "modes", "positions"), ("size", "along", "cells"), ("elements", "grading")
+#: Keys without effect where a body is given by its stiffnesses; the last one has an effect for beams alone.
+OF_MATERIAL = ("material", "shear_correction")
+#: Keys of pads that have an effect only with friction.
+OF_FRICTION = ("stribeck_speed", "shear_stiffness")
+#: Keys that are shown even if their values are the defaults.
+ALWAYS = ("stiffness", "basis", "against", "ancf_elements")
+#: Tables of a scene of which only those keys are shown whose values differ from their defaults.
+SETTINGS = ("observe", "simulation", "compare", "recovery", "published", "fatigue", "budget", "accuracy")
+Rows = Iterator[tuple[str, str]]
+
+
+def input_tables(scene: Scene) -> list[Table]:
+    """Build a table for each body, with a row for each of its parts, and a table of what holds for the whole run."""
+    tables = list[Table]()
+    words = SceneWords("rad" if scene.frame is None else scene.frame.unit)
+    for member, (name, part) in zip(members(scene), scene.bodies.items(), strict=True):
+        model, choice = model_of(member), choose_model(member)
+        at_least = ", or a larger one by measurement" if is_undecided(member) else ""
+        why = f": {'; '.join(choice.reasons)}{at_least}" if part.body.model == "auto" else ""
+        beam, by_stiffness = model.startswith("beam"), part.body.profile is not None or model == "matrices"
+        without_cells = () if beam and part.mesh.file is None else OF_BEAMS
+        unused = {"": ("name",), "mesh": (*without_cells, *(OF_CELLS if beam or part.mesh.file else ()))}
+        unused |= {"body": ("model", *(OF_MATERIAL if by_stiffness else () if beam else OF_MATERIAL[1:]))}
+        unused |= {"reduction": () if part.reduction.uses_pod else OF_POD}
+        rows = (("model", f"{structural_model_words(model)}{why}"), *words.rows(part, unused))
+        tables.append(Table(name or "Body, pads and loads", rows))
+    unused = {"": ("title", "section", "sections", "published"), "frame": ("unit",)}
+    run = words.rows(scene, unused | {"compare": () if "ancf" in scene.compare.against else ("ancf_elements",)})
+    return [*tables, Table("Time stepping and settings", (*run, ("steps", format_input(scene.time.steps))))]
+
+
+@dataclass(frozen=True)
+class SceneWords:
+    """Words for the tables of a scene; `angles` is the unit of the angles of its frame, ``rad`` or ``degrees``."""
+
+    angles: str = "rad"
+
+    def rows(self, tables: BaseModel, unused: Mapping[str, Sequence[str]]) -> Rows:
+        """Yield rows (name, text) about the tables within `tables`, which is a whole scene or a section of it.
+
+        `unused` names, for the key of each table, keys without effect; they are left out.  The names for an empty key
+        are those of whole tables.
+        """
+        for key, part in _telling_values(tables, unused[""]):
+            hidden, defaults = unused.get(key, ()), key not in SETTINGS
+            name = key_words(key)
+            if isinstance(part, BaseModel) and not isinstance(part, SignalBase):
+                for inner, value in _telling_values(part, hidden, defaults):
+                    yield from self._rows_of_value(part, inner, value, f"{name} {key_words(inner)}", defaults)
+            else:
+                yield from self._rows_of_value(tables, key, part, name, defaults)
+
+    def _rows_of_value(self, table: BaseModel, key: str, value: object, name: str, defaults: bool) -> Rows:
+        """Yield a row with the value of a key under `name`; for a list of tables, a row for each of these."""
+        if isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
+            single = name.removesuffix("es" if name.endswith("sses") else "s")
+            for entry in value:
+                yield f"{single} {getattr(entry, 'name', '')}".strip(), self.describe(entry, "", defaults)
+        else:
+            if text := self.describe_value(table, key, value):
+                yield name, text.removeprefix("(").removesuffix(")") if isinstance(value, BaseModel) else text
+
+    def describe(self, table: BaseModel, unit: str = "", defaults: bool = True) -> str:
+        """Describe a table by its keys and their values, separated by commas; its name is left out.
+
+        `unit` is the unit of numbers for which the table declares none, such as the values of a signal.  If `defaults`
+        is false, keys with their default values are left out.
+        """
+        parts = [
+            str(value).replace("_", " ") if key == "kind" else f"{key_words(key)} {text}".strip()
+            for key, value in _telling_values(table, ("name",), defaults)
+            if (text := self.describe_value(table, key, value, unit))
+        ]
+        return ", ".join(parts)
+
+    def describe_value(self, table: BaseModel, key: str, value: object, unit: str = "") -> str:
+        """Describe the value of a key of a table; `unit` is that of numbers for which the table declares none."""
+        unit = self._unit(table, key) or (SIGNAL_UNITS.get(key, unit) if isinstance(table, SignalBase) else unit)
+        if isinstance(value, BaseModel):
+            text = self.describe(value, unit)
+            return text if isinstance(value, SignalBase) else f"({text})"
+        if isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
+            return "; ".join(self.describe(part, unit) for part in value)
+        return describe_plain(value, unit)
+
+    def _unit(self, table: BaseModel, key: str) -> str:
+        """Return the unit that a table declares for the numbers of a key, or for the values of its signal."""
+        quantity, usual = quantity_of(type(table), key), usual_ranges(type(table), key)
+        units = [quantity.unit] if quantity is not None else [limits.unit for limits in usual] or [""]
+        straight, _, turning = units[0].partition(", of angles ")
+        unit = (turning or units[-1]) if _turns(table, key) else straight
+        if unit in ("rad", "degrees") and not isinstance(table, SignalBase):
+            unit = self.angles
+        return "" if unit == "1" else unit.replace("frame.unit", self.angles) or UNITS.get(key, "")
+
+
+def _turns(table: BaseModel, key: str) -> bool:
+    """Whether the numbers of a key are about a rotation: by the key (``rx``), or by the table's directions."""
+    directions = getattr(table, "held_directions", None) or (getattr(table, "direction", None) or key,)
+    return all(str(direction) in ("rx", "ry", "rz") for direction in directions)
+
+
+def key_words(key: str) -> str:
+    """Return a key of a scene in words, such as ``tail taper`` for ``tail_taper``."""
+    return WORDS.get(key, key.replace("_", " "))
+
+
+def describe_plain(value: object, unit: str = "") -> str:
+    """Describe a number with its `unit`, a word, a switch, a list of these, or a mapping to these."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int | float):
+        return _format_numbers([value], unit)
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {describe_plain(part, unit)}" for key, part in value.items())
+    if isinstance(value, tuple) and value and all(type(part) in (int, float) for part in value):
+        return _format_numbers(value, unit)
+    if isinstance(value, tuple):
+        return ", ".join(describe_plain(part, unit) for part in value) or "none"
+    return PurePath(value).name if isinstance(value, PurePath) else str(value).replace("_", " ")
+
+
+def _format_numbers(values: Sequence[float], unit: str) -> str:
+    """Format numbers with one unit for all; more than `MOST_VALUES` are described by their number and range."""
+    largest, size = max(map(abs, values)), 1.0
+    if unit in MILLIONS and largest >= 1e6:
+        size, unit = 1e6, MILLIONS[unit]
+    elif unit in PREFIXED:
+        prefixed = unit_for(largest, unit)
+        size, unit = prefixed.size, prefixed.name
+    texts = [format_input(float(f"{value / size:.7g}")) for value in values]
+    if len(values) > MOST_VALUES:
+        ends = (format_input(float(f"{end(values) / size:.7g}")) for end in (min, max))
+        text = f"({len(values)} values, {' to '.join(ends)})"
+    else:
+        text = texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
+    unit = unit.replace("^2", "²").replace("^3", "³").replace(" ", SPACE)
+    return f"{text}°" if unit == "degrees" else f"{text}{SPACE}{unit}".rstrip(SPACE)
+
+
+def _telling_values(
+    table: BaseModel, unused: Sequence[str] = (), defaults: bool = True
+) -> Iterator[tuple[str, object]]:
+    """Yield key and value of those keys of a table whose values say something.
+
+    Left out are the keys `unused`, empty values, zeros, words and switches with their default values and, unless
+    `defaults`, all default values.
+    """
+    unused = (*unused, *(OF_FRICTION if not getattr(table, "friction", True) else ()))
+    fields = type(table).model_fields
+    for key in sorted(fields, key=lambda key: key != "kind"):
+        value, field = getattr(table, key), fields[key]
+        is_default = not field.is_required() and value == field.get_default(call_default_factory=True)
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        is_kind = key == "kind" and getattr(table, "directions", None) is None
+        is_number = is_number and value not in (0, 1)
+        matters = is_kind or (key in ALWAYS and value) or (defaults and is_number)
+        if value is not None and key not in unused and (not is_default or matters or isinstance(value, BaseModel)):
+            yield key, value
