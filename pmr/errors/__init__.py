@@ -21,7 +21,7 @@ class InputError(ValueError):
     `allowed` says in words what is accepted.
     """
 
-    def __init__(self, source: str, key: str, value: Any, allowed: str) -> None:
+    def __init__(self, source: str, key: str, value: object, allowed: str) -> None:
         self.source, self.key, self.value, self.allowed = source, key, value, allowed
         super().__init__(self._line())
 
@@ -54,7 +54,7 @@ class InputError(ValueError):
 class NotHeldError(InputError):
     """A part can move freely; `short` is a clause that names it, such as ``"middle and fly can move along y"``."""
 
-    def __init__(self, source: str, key: str, value: Any, allowed: str, short: str) -> None:
+    def __init__(self, source: str, key: str, value: object, allowed: str, short: str) -> None:
         super().__init__(source, key, value, allowed)
         self.short = short
 

@@ -8,7 +8,6 @@ from difflib import get_close_matches
 from math import floor, isfinite, log10
 from os.path import isdir
 from pathlib import Path
-from typing import Any
 
 #: Control characters, which change how a text is displayed: control codes, line ends, marks that change the direction
 #: of writing, marks without width, halves of surrogate pairs, and characters that XML and Unicode exclude.
@@ -117,7 +116,7 @@ def duration_text(seconds: float) -> str:
     return f"{seconds / 3600.0:.1f} h"
 
 
-def non_finite_names(data: Any, name: str = "") -> Iterator[str]:
+def non_finite_names(data: object, name: str = "") -> Iterator[str]:
     """Yield the dotted names of all numbers in `data` that are not finite, such as ``errors.reduced_vs_full.tip``.
 
     `name` is the name of `data` itself, with which all these names begin.
@@ -132,6 +131,6 @@ def non_finite_names(data: Any, name: str = "") -> Iterator[str]:
             yield from non_finite_names(value, f"{name}[{number}]")
 
 
-def non_finite_remarks(data: Any) -> list[str]:
+def non_finite_remarks(data: object) -> list[str]:
     """Return a sentence for each number in `data` that is not finite."""
     return [f"{name} is not finite; in summary.json it is null" for name in non_finite_names(data)]

@@ -75,7 +75,7 @@ def write_page(text: str, folder: Path) -> ReportFiles:
     return ReportFiles.in_folder(folder)
 
 
-def with_date(kind: str, summaries: Sequence[Mapping[str, Any]]) -> str:
+def with_date(kind: str, summaries: Sequence[Mapping[str, object]]) -> str:
     """Append the date of the summaries, or their range of dates, to `kind`, the name of a kind of report."""
     dates = sorted({str(summary["date"]) for summary in summaries if summary.get("date")})
     return f"{kind} · {' to '.join(dict.fromkeys([dates[0], dates[-1]]))}" if dates else kind

@@ -278,7 +278,7 @@ def trust_table(result: RunResult) -> Table:
     return Table("How far to trust it", (*texts.items(), *gaps), bars, decades, note if bars else "")
 
 
-def _step_words(step: Mapping[str, Any]) -> str:
+def _step_words(step: Mapping[str, object]) -> str:
     """Words before the error of the time step: whether it is at least so large, or that of the mean motion."""
     least = "at least " if not step.get("settled", True) else ""
     return f"{'of the mean motion, ' if step.get('by') == 'mean' else ''}{least}"
@@ -303,20 +303,20 @@ def _estimate_words(result: RunResult) -> str:
     return words + (f", at most {format_percent(probes)} of what a probe measures" if probes is not None else "")
 
 
-def _reason_without_model_error(model: Mapping[str, Any]) -> str:
+def _reason_without_model_error(model: Mapping[str, object]) -> str:
     """Clause with the reason why the model's own error is not known, or with the scene's key that has it measured."""
-    reason = model.get("reason") or "compare.richer measures it"
-    return str(reason) if reason.startswith("not ") else f"not known: {reason}"
+    reason = str(model.get("reason") or "compare.richer measures it")
+    return reason if reason.startswith("not ") else f"not known: {reason}"
 
 
-def _errors_by_label(part: Mapping[str, Any]) -> dict[str, float]:
+def _errors_by_label(part: Mapping[str, float | None]) -> dict[str, float]:
     """Relative errors of one source, by the labels of the quantities in which they are measured, the largest first.
 
     `part` is the mapping of this source in the summary; its keys are kinds of errors.  Other keys, and values that are
     None, are left out.
     """
     kinds = ("beam", "largest", *COMPARED[2:], "tip")
-    errors = {QUANTITIES[kind].label: float(part[kind]) for kind in kinds if part.get(kind) is not None}
+    errors = {QUANTITIES[kind].label: error for kind in kinds if (error := part.get(kind)) is not None}
     return dict(sorted(errors.items(), key=lambda item: -item[1]))
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from pmr.report.overview import format_range
 from pmr.report.subject import direction_words, drive_of, has_pushing_pads, is_alone, moving_part
 from pmr.report.subject import reach as reach_of
 from pmr.results import RunResult
+from pmr.results.field_stress import PeakSummary
 from pmr.results.quantities import QUANTITIES
 from pmr.results.response import Extreme, Extremes
 from pmr.results.tables import FORCE_OF
@@ -86,7 +86,7 @@ def _stress_rows(result: RunResult) -> Rows:
         yield "largest stress over yield stress", f"{share}, {_peak_clause(result, used)}"
 
 
-def _peak_clause(result: RunResult, peak: Mapping[str, Any]) -> str:
+def _peak_clause(result: RunResult, peak: PeakSummary) -> str:
     """Clause with the point and the time of a largest stress, and with the boom's angles at that time."""
     where = [sentences.peak_part_name(peak), f"{_round(peak['position'][0])}{SPACE}m from the tail"]
     return f"{', '.join(filter(None, where))}, at {_round(peak['t'])}{SPACE}s{_angles_clause(result, peak['t'])}"

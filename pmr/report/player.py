@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -297,7 +297,7 @@ def _body_data(result: RunResult, name: str, surface: Surface, shifts: Array, mo
         "faces": len(surface.faces),
         "along": encode_array(shifts),
         "motion": motion,
-        "stress": None if stress is None else compress(stress, most_values)[0],
+        "stress": None if stress is None else compress(stress, most_values).factors,
         "lost": lost,
     }
 
@@ -312,7 +312,14 @@ def drawing_sentence(data: dict[str, Any]) -> str:
     return f"{drawn}, from {shapes} out {lost} of the motion."
 
 
-def compress(frames: NDArray[np.float32], most_values: int) -> tuple[dict[str, Any], float]:
+class CompressedFrames(NamedTuple):
+    """Factors of frames, ready for JSON, and the share of the frames that their product leaves out."""
+
+    factors: dict[str, Any]
+    lost: float
+
+
+def compress(frames: NDArray[np.float32], most_values: int) -> CompressedFrames:
     """Factorise frames (F, n) into coefficients (F, k) and shapes (k, n), and encode both for a page.
 
     The factors and the error are returned.  The error is the RMS difference between the product and the frames, divided
@@ -328,7 +335,8 @@ def compress(frames: NDArray[np.float32], most_values: int) -> tuple[dict[str, A
     shapes = A.T @ X
     lost = float(np.sqrt(squares[count:].sum() / squares.sum())) if squares[0] > 0.0 else 0.0
     each = [encode_array(shape) for shape in shapes]
-    return {"count": count, "coefficients": [encode_array(column) for column in A.T], "shapes": each}, lost
+    factors = {"count": count, "coefficients": [encode_array(column) for column in A.T], "shapes": each}
+    return CompressedFrames(factors, lost)
 
 
 def _encode_indices(values: NDArray[np.int64]) -> str:

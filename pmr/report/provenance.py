@@ -87,7 +87,7 @@ def run_rows(result: RunResult) -> Rows:
     yield from _flatten_times(summary.get("machine", {}))
 
 
-def _flatten_times(values: Mapping[str, Any]) -> Rows:
+def _flatten_times(values: Mapping[str, object]) -> Rows:
     """Yield (name, text) of all entries of nested mappings that are not None; the names of the levels are joined."""
     for name, value in values.items():
         if isinstance(value, Mapping):

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from pmr.report.numbers import (
 from pmr.report.subject import force_words, moving_part, reduced_size, scope_words, slider_offsets, structural_model
 from pmr.report.subject import reach as reach
 from pmr.results import RunResult
+from pmr.results.field_stress import PeakSummary
 
 #: Largest number of further points with the largest stress that are named; if there are more, only their number is
 #: stated.
@@ -174,7 +174,7 @@ def _error_without_impacts(result: RunResult) -> str:
     return f"{below}, {format_percent(impacts['pad_force'])}; {strikes}"
 
 
-def peak_clause(peak: Mapping[str, Any]) -> str:
+def peak_clause(peak: PeakSummary) -> str:
     """Clause on a largest von Mises stress: its time, point, face and section, and other points with this stress."""
     of = peak_part_name(peak)
     of = f", {of}" if of else ""
@@ -183,7 +183,7 @@ def peak_clause(peak: Mapping[str, Any]) -> str:
     )
 
 
-def peak_part_name(peak: Mapping[str, Any]) -> str:
+def peak_part_name(peak: PeakSummary) -> str:
     """Name the face or corner, the region and the section of a largest stress; empty for a body without these."""
     face = peak.get("face", "")
     on = f"{face} {'corner' if ' ' in face else 'face'}" if face else ""

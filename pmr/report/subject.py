@@ -224,7 +224,7 @@ def changing_angles(result: RunResult) -> dict[str, SignalBase]:
     return {name: angles[name] for name, (low, high) in bounds.items() if high > low}
 
 
-def drive_of(rope: Mapping[str, Any]) -> str:
+def drive_of(rope: Mapping[str, object]) -> str:
     """Return ``rope`` or ``cylinder``: the part that carries the force of an entry of ``ropes`` in summary.json.
 
     It is a rope if the entry's section follows another section, or if the entry has a length.  A section with a length

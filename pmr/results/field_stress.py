@@ -21,7 +21,7 @@ where ' is the derivative along x.  Section forces that follow from strains alon
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 import scipy.sparse as sp
@@ -31,6 +31,7 @@ from pmr.results.field_series import Grid
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Position = tuple[float, float, float]  # x, y and z in m
 
 #: Relative difference of stress up to which two points share the largest stress.  Points that are symmetric to each
 #: other have equal stresses only up to the round-off of states.
@@ -123,6 +124,22 @@ class StressRows:
         return components
 
 
+class PeakSummary(TypedDict, total=False):
+    """Entry of summary.json about a largest von Mises stress, as `StressPeak.summary` returns it.
+
+    In the summary of a boom, `section` is the name of the section with this stress.
+    """
+
+    value: float
+    t: float
+    position: list[float]
+    face: str
+    cell: int
+    region: str
+    shared: list[list[float]]
+    section: str
+
+
 @dataclass(frozen=True)
 class StressPeak:
     """Largest von Mises stress `value` in Pa, its time t in s, its position (3,) in m, and its face, cell and region.
@@ -132,13 +149,13 @@ class StressPeak:
 
     value: float
     t: float
-    position: tuple[float, float, float]
+    position: Position
     face: str
     cell: int
     region: str
-    shared: tuple[tuple[float, float, float], ...] = ()
+    shared: tuple[Position, ...] = ()
 
-    def summary(self) -> dict[str, object]:
+    def summary(self) -> PeakSummary:
         """Return the peak as a mapping for summary.json."""
         return {"value": self.value, "t": self.t, "position": list(self.position), "face": self.face,
                 "cell": self.cell, "region": self.region,
@@ -182,7 +199,7 @@ def stress_history(
     p = int(like[0])
     cell, place = int(rows.cell[p]), _point_tuple(rows.points[p])
     near = 1e-6 * float(np.ptp(rows.points, axis=0).max())
-    shared: list[tuple[float, float, float]] = []
+    shared: list[Position] = []
     for q in like[1:]:
         earlier = np.array([place, *shared])
         if np.linalg.norm(earlier - rows.points[q], axis=1).min() > near:  # neighbouring cells have points in common
@@ -207,7 +224,7 @@ def peaks_by_region(rows: StressRows, grid: Grid, most: Array, when: Array) -> d
     return peaks
 
 
-def _point_tuple(point: Array) -> tuple[float, float, float]:
+def _point_tuple(point: Array) -> Position:
     """Return a point (3,) as a tuple of three floats."""
     x, y, z = (float(c) for c in point)
     return x, y, z

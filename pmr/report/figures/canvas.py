@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from html import escape
 from math import ceil, floor, log10
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -132,6 +132,13 @@ def style() -> Iterator[None]:
         yield
 
 
+class Sheet(NamedTuple):
+    """Figure, and its axes in an array (rows, columns) of objects of Matplotlib."""
+
+    figure: Figure
+    axes: Any
+
+
 def make_sheet(
     width: float,
     height: float,
@@ -139,7 +146,7 @@ def make_sheet(
     columns: int = 1,
     margins: Mapping[str, float] | None = None,
     **grid: Any,
-) -> tuple[Figure, Any]:
+) -> Sheet:
     """Make an empty figure of `width` x `height` inches, and its axes (rows, columns).
 
     `margins` (``left``, ``right``, ``top``, ``bottom``) are in inches.  So the axes of different figures line up, and
@@ -159,7 +166,7 @@ def make_sheet(
         ax.yaxis.set_major_locator(MaxNLocator(5, steps=STEPS))
         ax.xaxis.set_major_locator(MaxNLocator(8 if width > HALF else 6, steps=STEPS))
         _place_labels(ax)
-    return figure, axes
+    return Sheet(figure, axes)
 
 
 def _place_labels(ax: Axes) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -66,7 +67,7 @@ class LoadChart:
 
 def load_chart(chart: LoadChart) -> Figure:
     """Draw a load chart: a coloured cell around each position of the tip, and curves of constant load."""
-    return _draw_chart(chart)[0]
+    return _draw_chart(chart).figure
 
 
 def pointer_cells(chart: LoadChart, texts: Sequence[str]) -> str:
@@ -92,13 +93,21 @@ def pointer_cells(chart: LoadChart, texts: Sequence[str]) -> str:
     return "".join(cells)
 
 
-def _draw_chart(chart: LoadChart) -> tuple[Figure, Array]:
+class DrawnChart(NamedTuple):
+    """Figure of a load chart, and the corners (E + 1, A + 1, 2) in m of its cells."""
+
+    figure: Figure
+    corners: Array
+
+
+def _draw_chart(chart: LoadChart) -> DrawnChart:
     """Draw a load chart; return the figure and the corners (E + 1, A + 1, 2) in m of its cells."""
     corners = _corners(chart.place)
     low, high = np.minimum(corners.min(axis=(0, 1)), 0.0), np.maximum(corners.max(axis=(0, 1)), 0.0)
     names = [chart.names[k] for k in chart.governing_limits] + ["no limit reached"] * bool((chart.which < 0).any())
     rows = legend_rows(names, WIDE) if names else 0
-    figure, ax = _side_view(low, high, TALLEST, rows)
+    figure = _side_view(low, high, TALLEST, rows)
+    ax = figure.axes[0]
     colours = {
         k: mix_with_white(SECTIONS[(n + 1) % len(SECTIONS)], 1.0 - PALE) for n, k in enumerate(chart.governing_limits)
     }
@@ -118,7 +127,7 @@ def _draw_chart(chart: LoadChart) -> tuple[Figure, Array]:
     equal_axes(ax)
     entries = zip([*colours.values(), SHADE], names, strict=False)
     add_legend(figure, [Line2D([], [], color=of, linewidth=6.0, label=name) for of, name in entries], max(rows, 1))
-    return figure, corners
+    return DrawnChart(figure, corners)
 
 
 def _contour_loads(load: Array) -> list[float]:
@@ -135,8 +144,8 @@ def _contour_loads(load: Array) -> list[float]:
     return inside[-CURVES:] or np.linspace(finite.min(), finite.max(), 5)[1:-1].tolist()
 
 
-def _side_view(low: Array, high: Array, tallest: float, rows: int = 1) -> tuple[Figure, Axes]:
-    """Make axes of radius and height in m from `low` (2,) to `high` (2,).
+def _side_view(low: Array, high: Array, tallest: float, rows: int = 1) -> Figure:
+    """Make a figure with axes of radius and height in m from `low` (2,) to `high` (2,).
 
     Their height is at most `tallest` times the width.  Above the axes there is room for a legend of `rows` rows.
     """
@@ -144,7 +153,7 @@ def _side_view(low: Array, high: Array, tallest: float, rows: int = 1) -> tuple[
     figure, axes = make_sheet(WIDE, tall + top + 0.42, margins={"left": 0.6, "right": 0.16, "top": top, "bottom": 0.42})
     ax: Axes = axes[0, 0]
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="Radius in m", ylabel="Height in m")
-    return figure, ax
+    return figure
 
 
 def _corners(place: Array) -> Array:
@@ -216,7 +225,8 @@ def bent_boom(boom: BentBoom) -> Figure:
     high = np.array([max(x.max(), reach * c, 0.1 * reach), max(z.max(), reach * s, 0.1 * reach)])
     edge = 0.04 * float(np.max(high - low))
     low, high = low - edge, high + edge
-    figure, ax = _side_view(low, high, SIDE_TALLEST)
+    figure = _side_view(low, high, SIDE_TALLEST)
+    ax = figure.axes[0]
     ax.plot([0.0, reach * c], [0.0, reach * s], color=MUTED, linewidth=0.6, zorder=1.0)
     colours = section_colours(boom.names)
     for k, colour in enumerate(colours.values()):

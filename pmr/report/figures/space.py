@@ -119,7 +119,8 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, ground: bool 
     named = [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()]
     named = named * (len(bodies) > 1) + [Line2D([], [], **RAISING, label="luffing cylinder")] * bool(raising)
     drawn = [way, *(getattr(item, view).reshape(-1, 2) for item in bodies), *raising]
-    ax, figure = _make_paper(drawn, across, up, rows := legend_rows([str(item.get_label()) for item in named], HALF))
+    figure = _make_paper(drawn, across, up, rows := legend_rows([str(item.get_label()) for item in named], HALF))
+    ax = figure.axes[0]
     add_legend(figure, named, rows)
     ax.plot(*way.T, color=MUTED, linewidth=0.6, linestyle=(0, (4.0, 2.5)), zorder=1.5)
     moment = 0 if worst is None else int(np.argmax(steps == worst.step))
@@ -242,10 +243,10 @@ def _text_box(centre: Array, text: str, across: str, up: str) -> Array:
     return np.stack([low, low + size])
 
 
-def _make_paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> tuple[Axes, Figure]:
-    """Make axes of one scale that have room for the points `drawn` (..., 2) in m, the pivot and labels.
+def _make_paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> Figure:
+    """Make a figure with axes of one scale that have room for the points `drawn` (..., 2) in m, the pivot and labels.
 
-    Axes and figure are returned.  Above the axes there is room for a legend of `rows` rows.
+    Above the axes there is room for a legend of `rows` rows.
     """
     every = np.concatenate([*drawn, np.zeros((1, 2))])
     low, high = every.min(axis=0), every.max(axis=0)
@@ -263,7 +264,7 @@ def _make_paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> tupl
         limits(middle - half, middle + half)
     ax.set_xlabel(across)
     ax.set_ylabel(up)
-    return ax, figure
+    return figure
 
 
 def drawn_steps(result: RunResult) -> NDArray[np.intp]:

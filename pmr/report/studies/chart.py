@@ -282,7 +282,7 @@ def _case_grid(study: FinishedStudy) -> Grid:
     return Grid("What acts at once: factors of weight and load, pressure of the wind, and loads.", heads, tuple(rows))
 
 
-def _format_amount(limit: Mapping[str, Any], amount: float | None) -> str:
+def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
     """Format the amount of a limit with its unit; None is printed as a dash."""
     if amount is None:
         return "–"

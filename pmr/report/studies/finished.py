@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from pmr.report.blocks import DIFFERENT, SAME, ErrorTable, Mark, Row, mark_for, signed_deviation
 from pmr.report.numbers import SPACE, format_in_unit, format_input, significant
@@ -84,12 +84,19 @@ class FinishedStudy:
         return [run for run in self.results.runs if parameters.items() <= dict(run.parameters).items()]
 
 
-def studies_in(folder: Path) -> tuple[Mapping[str, Any], list[FinishedStudy]]:
+class StudyFolder(NamedTuple):
+    """Content of summary.json in a folder, and the studies in this folder."""
+
+    summary: Mapping[str, Any]
+    studies: list[FinishedStudy]
+
+
+def studies_in(folder: Path) -> StudyFolder:
     """Read a folder and return its summary and its studies: one study, or all studies of a collection."""
     summary = json.loads((folder / "summary.json").read_text())
     if "studies" in summary:
-        return summary, [FinishedStudy.load(folder / name) for name in summary["studies"]]
-    return summary, [FinishedStudy.load(folder)]
+        return StudyFolder(summary, [FinishedStudy.load(folder / name) for name in summary["studies"]])
+    return StudyFolder(summary, [FinishedStudy.load(folder)])
 
 
 class HasPublishedValues(Protocol):
@@ -148,17 +155,24 @@ def _comparison_row(statement: Statement, figure: Scalar) -> Row:
     return Row(statement.text, "", shown, printed, deviation, mark)
 
 
-def _verdict(statement: Statement, figure: Scalar) -> tuple[Mark, str | None]:
+class Verdict(NamedTuple):
+    """Verdict on a value beside a published one, and the relative deviation of the value as text, if there is one."""
+
+    mark: Mark
+    deviation: str | None
+
+
+def _verdict(statement: Statement, figure: Scalar) -> Verdict:
     """Verdict on a value beside the published one, and the relative deviation of the value as text.
 
     The deviation is None if either of the two is a text, or if the value rounds to the published one.
     """
     if isinstance(statement.value, str) or isinstance(figure, str):
-        return (SAME if figure == statement.value else DIFFERENT), None
+        return Verdict(SAME if figure == statement.value else DIFFERENT, None)
     published, value = cell_number(statement.value), cell_number(figure)
     if value == published or not statement.words and round(value, _decimals(published)) == published:
-        return SAME, None
-    return mark_for(value, published, statement.is_error), signed_deviation(value, published)
+        return Verdict(SAME, None)
+    return Verdict(mark_for(value, published, statement.is_error), signed_deviation(value, published))
 
 
 def _decimals(value: float) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from numpy.typing import NDArray
 
 from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber
 from pmr.report.figures.canvas import WIDE, curve_style, drawing, log_axis, log_x, make_sheet
@@ -317,15 +318,13 @@ def _curves(done: Sequence[RunRecord], parameter: str) -> list[tuple[dict[str, A
     return [(curve_style(k, 3.0) | {"label": name}, group) for k, (name, group) in enumerate(groups.items())]
 
 
-def _curve_points(
-    group: Sequence[RunRecord], name: str, places: Mapping[str, float]
-) -> tuple[list[float], list[float]]:
-    """Coordinates (x, y) of the points of a curve, in increasing order of x.
+def _curve_points(group: Sequence[RunRecord], name: str, places: Mapping[str, float]) -> NDArray[np.float64]:
+    """Coordinates x and y of the n points of a curve (2, n), in increasing order of x.
 
     `places` maps the key of each run to its x; y is the value called `name` in the unit of its quantity.
     """
     points = sorted((places[run.key], value_of(run, name) / quantity_of(name).size) for run in runs_with(group, name))
-    return [x for x, _ in points], [y for _, y in points]
+    return np.array(points).reshape(-1, 2).T
 
 
 def _value_axis(ax: Axes, name: str) -> None:
