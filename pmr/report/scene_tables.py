@@ -113,7 +113,7 @@ class SceneWords:
         unit = self._unit(table, key) or (SIGNAL_UNITS.get(key, unit) if isinstance(table, SignalBase) else unit)
         if isinstance(value, BaseModel):
             text = self.describe(value, unit)
-            return text if isinstance(value, SignalBase) else f"({text})"
+            return text if isinstance(value, SignalBase) or not text else f"({text})"
         if isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
             return "; ".join(self.describe(part, unit) for part in value)
         return describe_plain(value, unit)
