@@ -38,7 +38,7 @@ OF_MATERIAL = ("material", "shear_correction")
 #: Keys of pads that have an effect only with friction.
 OF_FRICTION = ("stribeck_speed", "shear_stiffness")
 #: Keys that are shown even if their values are the defaults.
-ALWAYS = ("stiffness", "basis", "against", "ancf_elements")
+ALWAYS = ("stiffness", "basis", "against", "ancf_elements", "on", "direction")
 #: Tables of a scene of which only those keys are shown whose values differ from their defaults.
 SETTINGS = ("observe", "simulation", "compare", "recovery", "published", "fatigue", "budget", "accuracy")
 Rows = Iterator[tuple[str, str]]

@@ -136,8 +136,10 @@ def test_the_cranes_load_pulls_straight_down_however_the_boom_is_turned() -> Non
 def test_info_says_how_a_boom_is_raised_and_turned(tmp_path: Path) -> None:
     RUN.invoke(app, ["new", "crane", str(tmp_path / "mine")])
     said = " ".join(RUN.invoke(app, ["info", str(tmp_path / "mine")]).stdout.split())
-    assert "luffing 20 to 60 degrees; slewing 0 to 90 degrees; tail at (0, 0, 0) m from the pivot" in said
-    assert "hoisting on tip along z of the ground" in said
+    said = said.replace("\u00a0", " ")
+    for text in ("frame pivot (0, 0, 0) m", "luffing smooth ramp, times (1, 9) s, values (20, 60)°", "values (0, 90)°"):
+        assert text in said
+    assert "load hoisting on tip, direction z, axes ground" in said
 
 
 def test_the_meshs_comment_has_the_wall_of_the_scene() -> None:

@@ -122,7 +122,7 @@ def test_parts_of_the_energy_have_one_unit(boom: RunResult) -> None:
         "error of the pad forces",
         "49.0 MPa largest von Mises stress full model 50.0 MPa",
         "pad mouth moving yes, faces bottom (−100, 100) mm, top 0 m",
-        "load gust direction y, signal constant, amount 500 N",
+        "load gust on tip, direction y, signal constant, amount 500 N",
         "The weight acts too, which comes up within the first 1 s.",
         "rows left out cylinder",
     ],
