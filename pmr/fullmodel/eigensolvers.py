@@ -253,8 +253,7 @@ class DenseEigenSolver:
             omega2, phi = all_omega2[:count], elimination.to_scipy() @ z[:, ::-1][:, :count]
             cut = len(all_omega2) > count and are_clustered(all_omega2[count - 1], all_omega2[count])
         omega2, phi, cut = model.comm.bcast((omega2, phi, cut))
-        first, last = model.M.getOwnershipRange()
-        return finish_modes(model, s, omega2, np.ascontiguousarray(phi[first:last]), cut)
+        return finish_modes(model, s, omega2, np.ascontiguousarray(phi[model.share]), cut)
 
 
 class SlepcEigenSolver:

@@ -15,9 +15,8 @@ Static solves take one factor: by MUMPS of the distributed stiffness, or by LAPA
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -30,13 +29,13 @@ from pmr.files import Array
 from pmr.fullmodel.assembly import Assembler, share
 from pmr.fullmodel.eigensolvers import DENSE_UP_TO, Elimination, EliminationOperator, eliminate, is_dense
 from pmr.fullmodel.model import FullModel
-from pmr.models import StructuralModel, is_assembled
+from pmr.models import StructuralModel, UnitState, is_assembled
 from pmr.scene.structures import PointMass
 from pmr.system.body_matrices import CONSTANT, LINEAR, STATES
 from pmr.system.rows import Row, Rows
 
 if TYPE_CHECKING:
-    from pmr.fem.compat import Expr, Function, FunctionSpace
+    from pmr.fem.compat import Expr, Function
 
 
 class SingularError(InputError):
@@ -48,19 +47,6 @@ class SingularError(InputError):
             "singular; parts of the body are loose, or its matrix has negative eigenvalues, by rounding or by itself"
         )
         super().__init__("scene", "body", None, allowed)
-
-
-class StaticSolver(Protocol):
-    """Solves x = T (T^T K T)^-1 T^T g for loads g with the stiffness K; T spans the motions that held rows allow."""
-
-    def solve(self, g: Array) -> Array:
-        """This rank's rows (n_local, k) of k solutions x, for its rows `g` (n_local, k) of the loads; collective.
-
-        The solver may overwrite `g`.
-        """
-
-    def destroy(self) -> None:
-        """Free the factor's memory; collective."""
 
 
 def static_solver(model: FullModel, held_rows: Sequence[Row], choice: str = "auto") -> StaticSolver:
@@ -142,6 +128,10 @@ class _SparseSolver:
         self._factor.destroy()
 
 
+#: Solves x = T (T^T K T)^-1 T^T g for loads g with the stiffness K; T spans the motions that held rows allow.
+StaticSolver = _DenseSolver | _SparseSolver
+
+
 class FrameAssembler:
     """Assembles matrices and loads of a moving frame for a model; the model's function space is made at first use.
 
@@ -196,7 +186,7 @@ class FrameAssembler:
         """
         load, x = STATES[name], np.eye(3)[0]
         forces = [(m.on, -m.mass * (load.acceleration + load.stretch * self._station(m) * x)) for m in self._masses]
-        state = StressState(self, load.acceleration, load.stretch, (*forces, ("tip", load.force)))
+        state = UnitState(load.acceleration, load.stretch, (*forces, ("tip", load.force)), self.displacement)
         form = self._assembler.model.geometric_stiffness(self._assembler.space, state)
         return self._assembler.matrix(form, zeros=False)
 
@@ -204,7 +194,7 @@ class FrameAssembler:
         """Coordinate of a point mass along the axis, m."""
         return float(self._model.centroid(mass.on)[0] if mass.at is None else mass.at[0])
 
-    def displacement(self, state: StressState) -> Function:
+    def displacement(self, state: UnitState) -> Function:
         """Displacement under the loads of `state` with the tail clamped, as a function on the model's function space.
 
         Collective.
@@ -237,27 +227,6 @@ class FrameAssembler:
         if "_clamped_solver" in self.__dict__:
             self._clamped_solver.destroy()
             del self._clamped_solver
-
-
-@dataclass(frozen=True)
-class StressState:
-    """A unit state of stress, an implementation of `pmr.models.UnitState`.
-
-    `assembler` solves for the displacement under the loads of the state.  `acceleration` (3,) in m/s^2 and `stretch` in
-    1/s^2 describe the motion of the frame; each of the `forces` (3,) in N acts at a named place.
-    """
-
-    assembler: FrameAssembler
-    acceleration: Array
-    stretch: float
-    forces: tuple[tuple[str, Array], ...]
-
-    def displacement(self, space: FunctionSpace) -> Function:
-        """Displacement under the state's loads as a function on the model's function space; collective.
-
-        `space` is not used.
-        """
-        return self.assembler.displacement(self)
 
 
 def acceleration_field(name: str, model: StructuralModel) -> tuple[Array, Array]:

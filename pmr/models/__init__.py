@@ -5,7 +5,7 @@ A row is a vector (1, n) of weights of the model's n coordinates; its product wi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TypeGuard
 
@@ -33,23 +33,19 @@ class Forms:
     stiffness: Form
 
 
-class UnitState(Protocol):
+@dataclass(frozen=True)
+class UnitState:
     """A state of stress of a body that is held at its tail; its name is a key of `pmr.system.body_matrices.STATES`."""
 
-    @property
-    def acceleration(self) -> Array:
-        """Acceleration (3,) in m/s^2 of the frame in which the body rests."""
+    acceleration: Array  # (3,) m/s^2, of the frame in which the body rests
+    stretch: float  # 1/s^2: increase of the frame's acceleration along x per metre along x
+    forces: Sequence[tuple[str, Array]]  # pairs of a place on the body and the force (3,) in N that acts there
+    solve: Callable[[UnitState], Function]  # displacement under the loads of this state; collective
 
     @property
-    def stretch(self) -> float:
-        """Increase of the frame's acceleration along x per metre along x, in 1/s^2."""
-
-    @property
-    def forces(self) -> Sequence[tuple[str, Array]]:
-        """Pairs of a place on the body and the force (3,) in N that acts there."""
-
-    def displacement(self, space: FunctionSpace) -> Function:
+    def displacement(self) -> Function:
         """Displacement of the body under the loads of this state, a function on the model's space; collective."""
+        return self.solve(self)
 
 
 class StructuralModel(Protocol):

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 ENDS = {"tail": 0.0, "tip": 1.0}
 
 
-class Beam(ABC):
+class Beam(Line, ABC):
     """A beam model; coordinates are ordered node by node, and on each node by the model's directions.
 
     In shapes, N is the number of nodes, E of elements, K of sections, d of directions, and n = N d that of coordinates
@@ -49,21 +49,6 @@ class Beam(ABC):
     """
 
     body: Profile | Beam3DBody
-
-    @property
-    @abstractmethod
-    def node_stations(self) -> Array:
-        """Coordinates of the nodes along the axis, (N,) m."""
-
-    @property
-    @abstractmethod
-    def directions(self) -> tuple[str, ...]:
-        """Directions along or about which a node can move: some of `DIRECTIONS`, in their order."""
-
-    @property
-    @abstractmethod
-    def reference_frequency(self) -> float:
-        """Scale of the lowest circular frequencies in rad/s."""
 
     @property
     @abstractmethod
@@ -117,13 +102,6 @@ class Beam(ABC):
         """The k section forces at a node per unit force on each of its d coordinates, (E, k, d) for E elements.
 
         They are in the order of `FORCES`.
-        """
-
-    @abstractmethod
-    def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        """Stresses in the profile's corners from section forces at P places; None if there is no profile.
-
-        `element` (P,) is the number of the element of each place.
         """
 
     @cached_property

@@ -20,55 +20,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
 from pmr.errors import InputError
 from pmr.files import Array, Mask
 from pmr.models.mesh_drawing import Drawing, Entity
+from pmr.scene.profile import Pair, Side
 
-Pair = tuple[float, float]
 #: Suffix of the group names of walls that are not parallel to the axis.
 TAPERED = " tapered"
-
-
-class Side(Protocol):
-    """A flat plate of a profile, or the arc of a corner.
-
-    Sides follow each other counter-clockwise, as seen from the tip.
-    """
-
-    @property
-    def name(self) -> str:
-        """Name of the group that the side becomes."""
-
-    @property
-    def start(self) -> Pair:
-        """Coordinates y and z of the start on the mid-surface, m."""
-
-    @property
-    def end(self) -> Pair:
-        """Coordinates y and z of the end on the mid-surface, m."""
-
-    @property
-    def centre(self) -> Pair | None:
-        """Coordinates y and z of the centre of an arc, m; None for a flat side."""
-
-    @property
-    def angle(self) -> float:
-        """Angle of an arc, rad."""
-
-    @property
-    def length(self) -> float:
-        """Length of the mid-line, m."""
-
-    @property
-    def thickness(self) -> float:
-        """Thickness of the wall, m."""
-
-    def cells(self, size: float) -> int:
-        """Number of cells of about `size` (m) into which the side is divided."""
 
 
 @dataclass(frozen=True)

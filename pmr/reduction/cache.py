@@ -199,9 +199,8 @@ class Cache:
         model = self._load(ReducedModel.load, file)
         if model is None:
             return None
-        share = slice(*self.model.M.getOwnershipRange())
-        S = tall(np.asarray(arrays["S"], float)[share], self.model.M)
-        V = tall(np.asarray(arrays["V"], float)[share], self.model.M) if arrays["V"].size else S
+        S = tall(np.asarray(arrays["S"], float)[self.model.share], self.model.M)
+        V = tall(np.asarray(arrays["V"], float)[self.model.share], self.model.M) if arrays["V"].size else S
         snapshots = Snapshots(S, arrays["omega"], arrays["s"], arrays["residuals"], str(arrays["source"]))
         return ReducedBody(snapshots, Basis(V, arrays["sigma"], str(arrays["product"])), model)
 

@@ -95,8 +95,7 @@ class FreeBody:
 
         A ConvergenceError is raised if fewer of them converge.
         """
-        first, last = self.model.M.getOwnershipRange()
-        loads = np.random.default_rng(7).uniform(-1.0, 1.0, (self.model.size, BLOCK))[first:last]
+        loads = np.random.default_rng(7).uniform(-1.0, 1.0, (self.model.size, BLOCK))[self.model.share]
         dimension = self.model.size - len(fixed_rows(self.model)) - self.Z.shape[1]
         return largest_eigenpairs(
             self._relieve, self.model.M, self._relieve(np.asfortranarray(loads)), count, dimension

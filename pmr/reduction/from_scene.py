@@ -49,7 +49,7 @@ def vectors_from_file(model: FullModel, file: Path) -> Snapshots:
         raise InputError(str(file), "V", list(V.shape), allowed)
     if not np.isfinite(V).all():
         raise InputError(str(file), "V", None, "finite entries are allowed")
-    return _snapshots(model, V[slice(*model.M.getOwnershipRange())], f"vectors from {file.name}")
+    return _snapshots(model, V[model.share], f"vectors from {file.name}")
 
 
 def vectors_from_array(model: FullModel, basis: Vectors) -> Snapshots:

@@ -87,7 +87,7 @@ class Recovery:
         self.reduced = reduced
         self._model, modes = model, reduced.size - reduced.cylinder_modes
         self.V = np.ascontiguousarray(V[:, :modes])
-        self._share = slice(*model.M.getOwnershipRange())
+        self._share = model.share
         self._residual: ResidualFlexibility | None = None
         if reduced.flexibility is not None:
             self._inputs = local_csr(model.inputs)

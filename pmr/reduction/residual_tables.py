@@ -330,5 +330,4 @@ def tables(flexibility: LoadFlexibility, shared_carriers: SharedCarriers) -> Fle
 
 def carrier_loads(model: FullModel, carriers: sp.csr_matrix) -> sp.csc_matrix:
     """Unit loads (n_local, L) on the carriers, then on the inputs, this rank's part."""
-    share = slice(*model.M.getOwnershipRange())
-    return sp.hstack([carriers[:, share].T, local_csr(model.inputs)], format="csc")
+    return sp.hstack([carriers[:, model.share].T, local_csr(model.inputs)], format="csc")
