@@ -42,9 +42,8 @@ class UnitState:
     forces: Sequence[tuple[str, Array]]  # pairs of a place on the body and the force (3,) in N that acts there
     solve: Callable[[UnitState], Function]  # displacement under the loads of this state; collective
 
-    @property
-    def displacement(self) -> Function:
-        """Displacement of the body under the loads of this state, a function on the model's space; collective."""
+    def displacement(self, space: FunctionSpace) -> Function:
+        """Displacement of the body under the loads of this state, a function on the model's `space`; collective."""
         return self.solve(self)
 
 

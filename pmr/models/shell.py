@@ -157,7 +157,7 @@ class Shell(MeshedModel):
         E, nu, _, t = self._cellwise(mesh)
         frame = _frame(mesh)
         (u, _), (du, _) = ufl.TrialFunctions(space), ufl.TestFunctions(space)
-        at_rest, turned = ufl.split(state.displacement)
+        at_rest, turned = ufl.split(state.displacement(space))
         sigma = _plane_stress(E, nu, Strains(at_rest, turned, frame).membrane)
         of, by = (_surface_gradient(field, frame) for field in (u, du))
         measure = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 3})

@@ -109,7 +109,7 @@ class Solid(MeshedModel):
         sigma are the stresses of a unit state.
         """
         u, du = ufl.TrialFunction(space), ufl.TestFunction(space)
-        sigma = self._stress(space.mesh, state.displacement)
+        sigma = self._stress(space.mesh, state.displacement(space))
         return ufl.inner(ufl.dot(ufl.grad(u), sigma), ufl.grad(du)) * _measure(space.mesh, 4)
 
     def _stress(self, mesh: Mesh, u: Expr) -> Expr:

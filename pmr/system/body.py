@@ -26,7 +26,7 @@ from pmr.system.body_matrices import Rayleigh, Reactions
 from pmr.system.carriers import CarrierRows
 from pmr.system.polynomials import stack_tables, transpose
 from pmr.system.reduced_model import ReducedModel
-from pmr.system.rows import Row, Rows
+from pmr.system.rows import Rows, SharedCarriers
 from pmr.system.soundness import symmetric_part
 
 
@@ -46,10 +46,8 @@ class BodyWithOutputs(Protocol):
     def output_kinds(self) -> tuple[str, ...]: ...
 
 
-class RowsOnCarriers(Protocol):
-    """Rows on common carriers: those of a reduced body (`CarrierRows`) or of a distributed one (`SharedCarriers`)."""
-
-    def row(self, number: int, name: str) -> Row: ...
+#: Rows on common carriers, of a reduced body or of a distributed one.
+RowsOnCarriers: TypeAlias = CarrierRows | SharedCarriers
 
 
 class Body(Protocol):
