@@ -38,14 +38,14 @@ def observe(
     from pmr.system.system import System
 
     finish_swap(model.parent)
-    wanted, data, system = ObserverFile.read(observer), read_measurements(measured), System.load(model)
+    description, data, system = ObserverFile.read(observer), read_measurements(measured), System.load(model)
     file, budget = scene_file(scene), model.parent / "summary.json"
     summary: Any = json.loads(budget.read_text(encoding="utf-8")) if budget.is_file() else {}
-    estimator = wanted.observer(load_any(file, overrides or ()), system, summary)
-    found = Observation.compute(estimator, data, leave_out)
-    files, figures = found.write(out_dir or Path("reports", scene.stem)), found.summary()
+    estimator = description.observer(load_any(file, overrides or ()), system, summary)
+    observation = Observation.compute(estimator, data, leave_out)
+    files, figures = observation.write(out_dir or Path("reports", scene.stem)), observation.summary()
     table = Table("estimate at the end", "value", "standard deviation", title_justify="left")
-    units = dict(zip(found.observer.model.outputs, found.observer.model.units, strict=True))
+    units = dict(zip(observation.observer.model.outputs, observation.observer.model.units, strict=True))
     for name, last in figures["last"].items():
         table.add_row(escape_controls(name), f"{last['mean']:.5g} {units.get(name, '')}", f"{last['deviation']:.3g}")
     out.print(table)

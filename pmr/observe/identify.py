@@ -73,12 +73,12 @@ def identify(
     if not np.all(np.isfinite(first) & (first != 0.0)):
         raise InputError("identify", "start", dict(start), "finite numbers beside zero are allowed")
     m = max((len(each.frequencies) for each in measured), default=0)
-    wanted = np.full((len(measured), m), np.nan)
-    for row, each in zip(wanted, measured, strict=True):
+    targets = np.full((len(measured), m), np.nan)
+    for row, each in zip(targets, measured, strict=True):
         row[: len(each.frequencies)] = each.frequencies
     held = np.array([each.held_out for each in measured], bool)
-    used = np.isfinite(wanted) & ~held[:, None]
-    if used.sum() < len(names) or not np.all(wanted[np.isfinite(wanted)] > 0.0):
+    used = np.isfinite(targets) & ~held[:, None]
+    if used.sum() < len(names) or not np.all(targets[np.isfinite(targets)] > 0.0):
         allowed = f"frequencies above zero, {len(names)} or more that are not held out, are needed"
         raise InputError("identify", "frequencies", int(used.sum()), allowed)
     deviation = np.array([[each.deviation] for each in measured])
@@ -87,7 +87,7 @@ def identify(
     def relative(shares: Array) -> Array:
         """Relative errors (k, m) of the model's frequencies."""
         values = dict(zip(names, (first * shares).tolist(), strict=True))
-        return np.asarray(frequencies(values, places)[:, :m] / wanted - 1.0)
+        return np.asarray(frequencies(values, places)[:, :m] / targets - 1.0)
 
     fit = scipy.optimize.least_squares(
         lambda shares: (relative(shares) / deviation)[used],

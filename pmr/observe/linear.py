@@ -95,7 +95,7 @@ class Selection(NamedTuple):
     axes: tuple[str, ...]  # x, y or z of a displacement and its rates
 
 
-def select_outputs(scene: Scene, system: System, wanted: Sequence[str]) -> Selection:
+def select_outputs(scene: Scene, system: System, targets: Sequence[str]) -> Selection:
     """Outputs of a system by their names, or by keys of the table of quantities, such as ``tip`` or ``pad_force``.
 
     A displacement may be preceded by ``velocity of``, ``acceleration of`` or, for an accelerometer, which feels
@@ -107,7 +107,7 @@ def select_outputs(scene: Scene, system: System, wanted: Sequence[str]) -> Selec
     grid = excitation.with_stepping(replace(excitation.stepping, end=excitation.stepping.step, schedule=()))
     meanings = {each.name: each for each in march_once(scene, system, grid).outputs}
     names = list[str]()
-    for name in wanted:
+    for name in targets:
         kinds = QUANTITIES[name].kinds if name in QUANTITIES else ()
         of_table = [each for each in available if each in meanings and meanings[each].kind in kinds]
         if name in QUANTITIES and not of_table:
@@ -178,7 +178,7 @@ def linearize(
 
 
 def _gravity_of(scene: Scene, chosen: Selection) -> Array:
-    """What accelerometers (q,) feel at rest in m/s^2: minus gravity along the direction of each; zero for others."""
+    """Gravity (q,) in m/s^2 that accelerometers feel at rest, along the direction of each; zero for other outputs."""
     felt = np.zeros(len(chosen.names))
     for k, (name, axis) in enumerate(zip(chosen.names, chosen.axes, strict=True)):
         if name.startswith(SPECIFIC_FORCE) and scene.gravity is not None and axis == "z":

@@ -83,9 +83,9 @@ class Observation:
         estimates, without = observer.run(measured), dict[str, dict[str, float]]()
         names = (*estimates.unknowns, *estimates.outputs)
         for sensor in observer.sensors if leave_out and len(observer.sensors) > 1 else ():
-            others = [each for each in observer.sensors if each is not sensor]
+            remaining = [each for each in observer.sensors if each is not sensor]
             used = {name: values for name, values in measured.items() if name != sensor.output}
-            fewer = replace(observer, sensors=others).run(used)
+            fewer = replace(observer, sensors=remaining).run(used)
             without[sensor.output] = {
                 name: float(np.mean(fewer.of(name)[1])) / max(float(np.mean(estimates.of(name)[1])), 1e-300)
                 for name in names

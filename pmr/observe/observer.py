@@ -344,7 +344,7 @@ class _Filter:
         mean, deviation = np.zeros((T, q)), np.zeros((T, q))
         unknown, unknown_deviation = np.zeros((2, T, self.unknown.stop - self.unknown.start))
         innovations, alarms = np.full(values.shape, np.nan), np.zeros(values.shape, bool)
-        stuck = _stuck(values, max(2, round(STUCK / self.h)))
+        stuck = find_stuck(values, max(2, round(STUCK / self.h)))
         level, share = np.ones(values.shape[1]), min(1.0, self.h / WINDOW)
         for k in range(T):
             usable = np.isfinite(values[k]) & ~stuck[k]
@@ -361,7 +361,7 @@ class _Filter:
         return Estimates(model.t, *estimated, names, innovations, alarms)
 
 
-def _stuck(values: Array, count: int) -> NDArray[np.bool_]:
+def find_stuck(values: Array, count: int) -> NDArray[np.bool_]:
     """Whether the last `count` measurements (T, p) of a sensor are one and the same number, at each step."""
     stuck = np.zeros(values.shape, bool)
     for column, marked in zip(values.T, stuck.T, strict=True):

@@ -101,8 +101,8 @@ def place_models(
     if measured:
         at = np.array(sorted(measured))
         for k in range(min(len(measured[place]) for place in measured)):
-            wanted = np.array([measured[place][k] for place in at])
-            frequencies[:, k] *= np.interp(places, at, wanted / np.interp(at, places, frequencies[:, k]))
+            target = np.array([measured[place][k] for place in at])
+            frequencies[:, k] *= np.interp(places, at, target / np.interp(at, places, frequencies[:, k]))
     n = 2 * r
     F, H, noise = np.zeros((S, n, n)), np.zeros((S, n)), np.zeros((S, r, n, n))
     for k in range(S):
@@ -224,11 +224,11 @@ class PositionObserver:
         speeds = np.concatenate([-cells[::-1], [0.0], cells])
         spread = np.where(speeds == 0.0, 0.1, 1.0) * settings.spread
         up, down = np.maximum(speeds, 0.0) + spread, np.maximum(-speeds, 0.0) + spread
-        rest, active = (
+        at_rest, in_motion = (
             self._changes(len(speeds), start) for start in (settings.start * settings.quiet, settings.start)
         )
         return Bank(
-            models.F, models.H, gain, variance, up, down, rest, active,
+            models.F, models.H, gain, variance, up, down, at_rest, in_motion,
             settings.temper, settings.attack, settings.decay, settings.floor,
         )  # fmt: skip
 
