@@ -389,10 +389,11 @@ static void name_model(const Unit *unit, char token[48])
 
 int unit_save(Unit *unit, void **state)
 {
-    Head head = {.magic = "PMRUNIT2", .started = unit->started, .stands = unit->stands};
+    Head head = {.started = unit->started, .stands = unit->stands};
     const size_t own = unit->at.states * sizeof(double), given = 2 * (size_t)unit->modes * sizeof(double);
     char *at;
     if (!*state && !(*state = malloc(unit_bytes(unit)))) return refuse(unit, "no memory is left");
+    memcpy(head.magic, "PMRUNIT2", 8);
     name_model(unit, head.token);
     head.step = unit->settings.step;
     head.rho_inf = unit->settings.rho_inf;
