@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import scipy.sparse as sp
 
 from pmr.fem.compat import MPI, PETSc
+from pmr.fem.distributed import sparse
 from pmr.fullmodel.assembly import share
 from pmr.fullmodel.model import FullModel
 from pmr.system.body import FullBody
@@ -37,3 +39,11 @@ def distributed(body: FullBody, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
         output_positions=body.output_positions,
         reference_frequency=1.0,
     )
+
+
+def laplacian(side: int) -> PETSc.Mat:
+    """Five-point stencil on a square of `side` x `side` points, its rows in consecutive shares; collective."""
+    chain, size = sp.diags([-np.ones(side - 1), 2.0 * np.ones(side), -np.ones(side - 1)], [-1, 0, 1]), side**2
+    first, last = share(size, MPI.COMM_WORLD)
+    like = PETSc.Mat().createAIJ(((last - first, size), (last - first, size)), comm=MPI.COMM_WORLD)
+    return sparse(sp.csr_matrix(sp.kronsum(chain, chain))[first:last], like, columns=int(last - first))

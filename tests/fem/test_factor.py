@@ -6,31 +6,22 @@ import logging
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
+from distributed import laplacian
 
 from pmr.errors import InputError
 from pmr.fem import factor
-from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import sparse
+from pmr.fem.compat import MPI
 from pmr.fem.factor import Factor, NotDefiniteError, SequentialFactor, factor_for_steps, refusal
-from pmr.fullmodel.assembly import share
 
 pytestmark = pytest.mark.mpi
 SIDE = 220
-
-
-def laplacian() -> PETSc.Mat:
-    chain = sp.diags([-np.ones(SIDE - 1), 2.0 * np.ones(SIDE), -np.ones(SIDE - 1)], [-1, 0, 1])
-    first, last = share(SIDE**2, MPI.COMM_WORLD)
-    like = PETSc.Mat().createAIJ(((last - first, SIDE**2), (last - first, SIDE**2)), comm=MPI.COMM_WORLD)
-    return sparse(sp.csr_matrix(sp.kronsum(chain, chain))[first:last], like, columns=int(last - first))
 
 
 @pytest.mark.slow
 def test_a_factor_that_does_not_fit_is_kept_in_files_and_solves_as_well(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path, capfd
 ) -> None:
-    A = laplacian()
+    A = laplacian(SIDE)
     g = np.asfortranarray(np.random.default_rng(1).normal(size=(A.getLocalSize()[0], 5)))
     within = Factor(A, "K")
     whole = within._factor.getMumpsInfog(16)
@@ -53,12 +44,12 @@ def test_a_factor_that_does_not_fit_is_kept_in_files_and_solves_as_well(
 def test_a_factor_that_does_not_even_fit_with_files_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(factor, "free_memory", lambda comm: 1)
     with pytest.raises(InputError, match=r"the factor of K takes \d+ MB.*a coarser mesh or more memory is allowed"):
-        Factor(laplacian(), "K")
+        Factor(laplacian(SIDE), "K")
 
 
 @pytest.mark.slow
 def test_files_that_can_not_be_written_are_said_to_be(monkeypatch: pytest.MonkeyPatch, capfd) -> None:
-    A = laplacian()
+    A = laplacian(SIDE)
     within = Factor(A, "K")
     whole, beside = (within._factor.getMumpsInfog(i) for i in (16, 26))
     within.destroy()
@@ -75,7 +66,7 @@ def test_no_memory_is_told_from_a_matrix_without_a_factor(code: int) -> None:
 
 
 def test_a_singular_matrix_is_refused() -> None:
-    A = laplacian()
+    A = laplacian(SIDE)
     A.zeroRowsColumns([0] if MPI.COMM_WORLD.rank == 0 else [], diag=0.0)
     with pytest.raises(NotDefiniteError, match="positive definite"):
         Factor(A, "K")
@@ -83,7 +74,7 @@ def test_a_singular_matrix_is_refused() -> None:
 
 @pytest.mark.slow
 def test_whoever_solves_for_steps_says_the_same() -> None:
-    A = laplacian()
+    A = laplacian(SIDE)
     g = np.asfortranarray(np.random.default_rng(6).normal(size=(A.getLocalSize()[0], 3)))
     plain, stepping = Factor(A, "S"), factor_for_steps(A, "S")
     expected = plain.solve_columns(g)

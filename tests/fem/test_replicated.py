@@ -6,23 +6,14 @@ import logging
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
+from distributed import laplacian
 
 from pmr.fem import factor
-from pmr.fem.compat import MPI, PETSc
-from pmr.fem.distributed import sparse
+from pmr.fem.compat import MPI
 from pmr.fem.factor import Exchange, Factor, NotDefiniteError, ReplicatedFactor, TooLargeError, factor_for_columns
-from pmr.fullmodel.assembly import share
 
 pytestmark = pytest.mark.mpi
 SIDE = 100
-
-
-def laplacian() -> PETSc.Mat:
-    chain = sp.diags([-np.ones(SIDE - 1), 2.0 * np.ones(SIDE), -np.ones(SIDE - 1)], [-1, 0, 1])
-    first, last = share(SIDE**2, MPI.COMM_WORLD)
-    like = PETSc.Mat().createAIJ(((last - first, SIDE**2), (last - first, SIDE**2)), comm=MPI.COMM_WORLD)
-    return sparse(sp.csr_matrix(sp.kronsum(chain, chain))[first:last], like, columns=int(last - first))
 
 
 @pytest.mark.parametrize("count", [0, 1, 5, 2 * factor.BLOCK + 3])
@@ -41,7 +32,7 @@ def test_columns_come_back_as_rows(count: int) -> None:
 @pytest.mark.slow
 @pytest.mark.numerical
 def test_each_rank_answers_its_share_as_all_together_do() -> None:
-    A, rng = laplacian(), np.random.default_rng(3)
+    A, rng = laplacian(SIDE), np.random.default_rng(3)
     for count in (1, factor.BLOCK * MPI.COMM_WORLD.size + 7):
         g = rng.normal(size=(A.getLocalSize()[0], count))
         spread, held = Factor(A, "K"), ReplicatedFactor(A, "K")
@@ -57,7 +48,7 @@ def test_each_rank_answers_its_share_as_all_together_do() -> None:
 def test_what_does_not_fit_on_each_rank_is_spread_over_them_and_said_to_be(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    A = laplacian()
+    A = laplacian(SIDE)
     assert isinstance(factor_for_columns(A, "K"), Factor if MPI.COMM_WORLD.size == 1 else ReplicatedFactor)
     monkeypatch.setattr(factor, "COPIES", 1e-12)
     with pytest.raises(TooLargeError):
@@ -69,7 +60,7 @@ def test_what_does_not_fit_on_each_rank_is_spread_over_them_and_said_to_be(
 
 
 def test_a_singular_matrix_is_refused_on_all_ranks() -> None:
-    A = laplacian()
+    A = laplacian(SIDE)
     A.zeroRowsColumns([0] if MPI.COMM_WORLD.rank == 0 else [], diag=0.0)
     with pytest.raises(NotDefiniteError, match="positive definite"):
         ReplicatedFactor(A, "K")

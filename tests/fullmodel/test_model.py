@@ -5,21 +5,15 @@ import logging
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from gathering import gathered
 from textbook import beam_matrices, relative
 
 from pmr.fem.compat import MPI
-from pmr.fem.distributed import gather
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 
 pytestmark = pytest.mark.mpi
 BENDING = np.array([1, 2])
-
-
-def gathered(A) -> np.ndarray:
-    """Dense copy on every rank."""
-    matrix = gather(A)
-    return MPI.COMM_WORLD.bcast(None if matrix is None else matrix.toarray())
 
 
 @pytest.mark.parametrize("mesh", ["mesh.elements=50", "mesh.elements=1", "mesh.grading=7.3", "mesh.grading=0.2"])
