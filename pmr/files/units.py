@@ -48,7 +48,8 @@ def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str
     """Yield (``M``, reason) if the body is lighter than air in its convex hull, or lighter than foam where it is stiff.
 
     Nodes without coordinates, as at supports, are in the hull too if they are as near to others as coupled nodes are.
-    If the density is too small, masses are probably in t.
+    Of a tetrahedron of which k corners have coordinates, these carry at least (k/4)^2 of the mass, as the mean square
+    of a displacement is at least the square of its mean.  If the density is too small, masses are probably in t.
     """
     T = rigid_motions(body.points[body.node], body.direction)[:, :3]
     mass, distance = float(np.diag(T.T @ (M @ T)).max()), cKDTree(body.points[body.node]).query(body.points)[0]
@@ -64,8 +65,16 @@ def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str
     shape = len(body.points), len(body.node)
     joined = sp.coo_matrix((np.ones(len(body.node)), (body.node, np.arange(len(body.node)))), shape)
     coupled = (joined @ abs(body.K) @ joined.T).tocsr()[nodes][:, nodes]
-    edges = [np.asarray(coupled[cells.simplices[:, i], cells.simplices[:, j]])[0] > 0.0 for i, j in _EDGES]
-    solid = float(volumes[np.all(edges, axis=0)].sum())
+    moves = np.isin(nodes, body.node)[cells.simplices]
+    edges = [
+        np.where(
+            moves[:, i] & moves[:, j],
+            np.asarray(coupled[cells.simplices[:, i], cells.simplices[:, j]])[0] > 0.0,
+            np.linalg.norm(x[:, i] - x[:, j], axis=1) <= 1.2 * body.edges.max(),
+        )
+        for i, j in _EDGES
+    ]
+    solid = float((volumes * moves.mean(axis=1) ** 2)[np.all(edges, axis=0)].sum())
     if mass < max(LIGHTEST * volumes.sum(), LIGHTEST_SOLID * solid):
         yield (
             "M",

@@ -311,3 +311,12 @@ def test_nodes_whose_axes_are_reversed_are_counted(body: str, held: Change | Non
     axes = ", ".join(f"-{axis}" if axis in reversed_axes else axis for axis in "xyz")
     with pytest.raises(InputError, match=f"2 nodes have axes of their own, that at .* along {axes}$"):
         replace(given, K=(D @ given.K @ D).tocsr(), M=(D @ given.M @ D).tocsr())
+
+
+def test_light_bodies_with_few_nodes_that_move_are_told_from_masses_in_t() -> None:
+    """Two cells long, and held at one end: half of the volume is between nodes that have coordinates."""
+    steel = clamped(bricks((2, 2, 2), (0.6, 0.2, 0.3)))
+    for density in (7850.0, 20.0):
+        replace(steel, M=density / 7850.0 * steel.M, K=density / 7850.0 * steel.K)
+    with pytest.raises(InputError, match="masses in kg are allowed: .* are they in t, and forces in kN or N/mm"):
+        replace(steel, M=1e-3 * steel.M, K=1e-3 * steel.K)
