@@ -36,8 +36,8 @@ NUMERICAL = (
     *("compare", "convergence", "fem", "fullmodel", "models", "reduction"),
     *("simulation", "studies/kinds", "system", "errors/test_environment.py", "test_run.py"),
 )
-#: What shows FEniCSx, PETSc and SLEPc at work (weak forms, factors, memory): CI runs its slow tests on both stacks. All
-#: other slow tests take a full model as it is, and run on one.
+#: What shows FEniCSx, PETSc and SLEPc at work (weak forms, factors, memory): CI runs its slow tests on both stacks,
+#: other slow tests on one, unless they are numerical.
 FENICSX = (
     *("convergence", "fem", "models/test_profile_shell.py", "models/test_transverse_plates.py", "simulation/petsc"),
     *("fullmodel/test_memory.py", "fullmodel/test_model.py", "test_random_structures.py"),
