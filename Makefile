@@ -174,7 +174,8 @@ endef
 # What CI runs: the suite on Debian's stack under KERNEL; on the wheel stack, under the last kernel, what needs the other
 # stack and the numerical part; under the kernels between, on Debian's, the tests for two ranks on two, and what else is
 # numerical. So each stack and each kernel has its turn, and no test runs twice for one of them. Left out, as they run
-# on Debian's: what only reads scenes and pages, slow tests but numerical ones and those of FEniCSx itself, slow ones on two ranks. The longest
+# on Debian's: what only reads scenes and pages, slow tests but numerical ones and those of FEniCSx itself, slow ones on
+# two ranks. The longest
 # begin first and the shortest end: a core waits for the last of them. LONGEST and LAST are what .ci/run adds.
 LAST_KERNEL := $(lastword $(KERNELS))
 BETWEEN := $(filter-out $(KERNEL) $(LAST_KERNEL),$(KERNELS))
