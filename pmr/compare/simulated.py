@@ -139,7 +139,9 @@ def join_models(scene: Scene, reduced: ReducedModel | Mapping[str, ReducedModel]
             allowed = "a ReducedModel or a System is allowed with this scene"
         raise InputError("pmr.simulate", "models", models_given, allowed)
     if ALONE in names:
-        return system_of(decide_second_order(scene, models), models)
+        scene = decide_second_order(scene, models)
+        joined = system_of(scene, models)
+        return replace(joined, provenance=scene.provenance) if joined.terms else joined
     for number, name in enumerate(names):
         model = models[name]
         if model.section is None or model.section.name != name:
@@ -147,7 +149,8 @@ def join_models(scene: Scene, reduced: ReducedModel | Mapping[str, ReducedModel]
             raise InputError("pmr.simulate", f"models.{name}", is_of, f"the model of section {name} is allowed")
         check_same_scene(model, scene, number)
     ordered_models = {name: models[name] for name in names}
-    return system_of(decide_second_order(scene, ordered_models), ordered_models)
+    scene = decide_second_order(scene, ordered_models)
+    return replace(system_of(scene, ordered_models), provenance=scene.provenance)
 
 
 #: Keys that may differ from the scene that a model was made from: signals, and how reductions are computed and judged.
