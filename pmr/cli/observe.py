@@ -24,7 +24,7 @@ def observe(
     overrides: Overrides = None,
     leave_out: Annotated[bool, typer.Option("--leave-out", help="Estimate without each sensor, too.")] = False,
 ) -> None:
-    """Estimate payload, loads and outputs from measurements; FEniCSx is not needed.
+    """Estimate payload, loads and outputs from measurements.
 
     The first column of the measurements is `t` in s, the others have the names of the sensors' outputs.  DIR then has
     estimates.csv and observe.json.

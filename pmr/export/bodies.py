@@ -31,7 +31,7 @@ import scipy.io
 import scipy.sparse as sp
 
 from pmr.errors import InputError, environment
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.files.whole import replacement_file
 from pmr.results.field_series import FramedBody, NodalBody
 

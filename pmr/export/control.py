@@ -19,7 +19,7 @@ from pmr.errors.environment import check_installed
 from pmr.export.fmi.variables import Identifiers
 from pmr.export.formats import Options
 from pmr.export.state_space import PLACES, StateSpace, load_with_positions, state_space
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.files.whole import replacement_file
 from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
 from pmr.system.assembly import Assembly

@@ -15,7 +15,8 @@ from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
 from pmr.errors.text import escape_controls
-from pmr.files import Array, npz
+from pmr.files import npz
+from pmr.files.arrays import Array
 from pmr.files.whole import replacement_file
 from pmr.scene.choice import SimulatorKey, refuse_unsupported
 from pmr.scene.frame import INERTIA

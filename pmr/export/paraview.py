@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.results.field_series import Boxes, Fields, Grid, Pose
 
 Named = Mapping[str, NDArray[Any]]

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 
 from pmr.errors import InputError
 from pmr.export.formats import Options
-from pmr.files import Array, Mask
+from pmr.files.arrays import Array, Mask
 from pmr.files.whole import replacement_file
 from pmr.scene.built import force_name
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, SLIDER

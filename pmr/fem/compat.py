@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, TypeVar
 from weakref import WeakKeyDictionary
 
 from pmr.errors.environment import check_current_folder, check_temporary, launched_process_count, mpi_without_launcher
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 
 with contextlib.suppress(ImportError):
     import dolfinx_solver  # noqa: F401  (sets up the wheel's libraries)

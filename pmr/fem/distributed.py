@@ -13,7 +13,7 @@ import scipy.linalg
 import scipy.sparse as sp
 
 from pmr.fem.compat import MPI, PETSc
-from pmr.files import Array
+from pmr.files.arrays import Array
 
 #: Entries within this share of the largest one count as equally large when a sign is fixed.
 SIGN_TOLERANCE = 1e-6

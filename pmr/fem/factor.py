@@ -19,7 +19,7 @@ from pmr.errors import InputError
 from pmr.errors.environment import available_memory
 from pmr.fem.compat import HAS_PETSC, MPI, PETSc
 from pmr.fem.distributed import free_objects, view
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 
 _log = logging.getLogger(__name__)
 

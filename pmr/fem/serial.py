@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 
 Value = TypeVar("Value")
 #: Pairs of the local and the global number of rows, and of columns, which are the same here.

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from pmr.fem.compat import MPI, PETSc, assemble, cell_dofs, comm_of, compiled_form, function, original_cells
 from pmr.fem.distributed import free_dropped, free_objects, local_csr, sparse
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
 from pmr.models.matrices import Matrices
 from pmr.scene import Damping

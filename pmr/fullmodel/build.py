@@ -26,7 +26,7 @@ import numpy as np
 
 from pmr.errors import InputError, NotHeldError
 from pmr.fem.compat import MPI
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.files.fit import UNCHECKED
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel, FullSystem

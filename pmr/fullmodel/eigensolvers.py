@@ -22,7 +22,7 @@ from pmr.errors import InputError
 from pmr.fem.compat import HAS_PETSC, PETSc
 from pmr.fem.distributed import free_objects, gather, inner, sparse, subtract, times
 from pmr.fem.factor import cholesky, factor_of
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import (
     BLOCK,

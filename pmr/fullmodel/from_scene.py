@@ -13,7 +13,7 @@ import numpy as np
 
 from pmr.errors import InputError, call_on_first_rank, environment
 from pmr.fem.compat import MPI, check_fenicsx
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.probes import gauges
 from pmr.fullmodel.structure import Action, Clamp, Inertia, PadForce, Structure, Weight

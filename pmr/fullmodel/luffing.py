@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.interpolate import BPoly, PPoly
 
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.models import StructuralModel
 from pmr.scene.frame import LuffingCylinder
 from pmr.scene.keys import LUFFING_CYLINDER

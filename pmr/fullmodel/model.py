@@ -23,7 +23,7 @@ import scipy.sparse as sp
 
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.models import StructuralModel, is_assembled
 from pmr.scene.keys import ALONE, input_name
 from pmr.scene.structures import PointMass

@@ -24,7 +24,7 @@ import scipy.linalg
 from pmr.errors import ConvergenceError, TooManyModesError
 from pmr.fem.compat import MPI, PETSc, SLEPc
 from pmr.fem.distributed import fix_signs, inner, subtract, times
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullModel
 
 logger = logging.getLogger(__name__)

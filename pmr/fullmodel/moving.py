@@ -25,7 +25,7 @@ from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc, compiled_form, constant
 from pmr.fem.distributed import free_objects, gather, times
 from pmr.fem.factor import NotDefiniteError, factor_for_columns
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.fullmodel.assembly import Assembler, share
 from pmr.fullmodel.eigensolvers import DENSE_UP_TO, Elimination, EliminationOperator, eliminate, is_dense
 from pmr.fullmodel.model import FullModel

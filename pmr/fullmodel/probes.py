@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pmr.errors import InputError
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
 from pmr.results.field_stress import StressRows
 from pmr.scene.joints import OneBody

@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import columns, free_objects, sparse, times
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.assembly import Operators, operators_of, pad_pattern, project_matrix, rayleigh, share
 from pmr.fullmodel.model import FullModel, RigidMotions, masses_of
 from pmr.fullmodel.moving import FrameAssembler

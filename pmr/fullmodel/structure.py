@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import free_objects
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.moving import FrameAssembler, acceleration_field
 from pmr.fullmodel.pads import Pads
 from pmr.fullmodel.probes import Gauge

@@ -28,7 +28,8 @@ from pmr.errors import call_on_first_rank, environment
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather
 from pmr.fem.factor import BLOCK, factor_for_columns
-from pmr.files import Array, npz
+from pmr.files import npz
+from pmr.files.arrays import Array
 from pmr.files.whole import NotWrittenError, user_cache_folder
 from pmr.fullmodel.pads import Pad, pad_means
 from pmr.fullmodel.structural import structural_model

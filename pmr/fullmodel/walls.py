@@ -31,7 +31,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.scene.keys import qualified_name
 from pmr.system.rows import Row
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol, TypeGuard
 import scipy.sparse as sp
 
 from pmr.fem.compat import MPI
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.files.rigid import DIRECTIONS, rigid_motions
 from pmr.models.trace import Strip, Window
 from pmr.results.field_series import Grid

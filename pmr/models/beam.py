@@ -23,7 +23,7 @@ import ufl
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, cellwise, constant, create_mesh
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.models import DIRECTIONS, Cut, Line, UnitState, rigid_motions
 from pmr.models.meshed import CellValues, cell_values
 from pmr.models.sections_along import SectionsAlong

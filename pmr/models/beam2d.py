@@ -28,7 +28,7 @@ import ufl
 
 from pmr.errors import InputError
 from pmr.fem.compat import hermite_space
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.models import Forms, UnitState, ufl_product
 from pmr.models.beam import Beam, measure
 from pmr.models.sections_along import (

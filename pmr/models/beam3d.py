@@ -38,7 +38,7 @@ import numpy as np
 import ufl
 
 from pmr.fem.compat import cellwise, hermite_space
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.models import DIRECTIONS, Forms, UnitState, ufl_product
 from pmr.models.beam import Beam, measure
 from pmr.models.profile_section import RingMasses, ring_masses

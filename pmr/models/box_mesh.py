@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from pmr.errors import InputError
-from pmr.files import Array, Mask
+from pmr.files.arrays import Array, Mask
 from pmr.models.mesh_drawing import Drawing, Entity
 from pmr.scene.profile import Pair, Side
 

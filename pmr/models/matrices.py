@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from scipy.spatial import Delaunay
 
 from pmr.errors import InputError
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.files.matrices import GivenMatrices
 from pmr.files.rigid import elastic_energies
 from pmr.models import DIRECTIONS, rigid_motions

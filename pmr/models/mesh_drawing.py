@@ -14,7 +14,7 @@ import numpy as np
 
 from pmr.errors import InputError
 from pmr.errors.environment import import_package
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.models.named_mesh import read_mesh_file
 
 Entity = tuple[int, int]  # dimension and tag

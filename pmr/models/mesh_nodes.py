@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pmr.fem.compat import cell_topology
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 
 
 def codes(entities: Indices, points: int) -> Indices:

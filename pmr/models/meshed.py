@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, cell_dofs, original_cells, tabulate, tabulation_space, unrolled_cell_dofs
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.models import DIRECTIONS, StructuralModel, is_assembled, rigid_motions
 from pmr.models.mesh_nodes import Nodes, number_nodes
 from pmr.models.named_mesh import CELLS_OF_KIND, NamedMesh

@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name
 from pmr.fem.compat import MPI, cell_topology, create_mesh
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.files.decks import KINDS, read_deck
 from pmr.models.mesh_nodes import codes
 

@@ -42,7 +42,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.models.box_mesh import shifted_ends
 from pmr.scene.box import Box
 from pmr.scene.profile import BoxProfile, Side

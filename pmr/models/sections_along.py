@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.models.profile_section import MidLine, section_of
 from pmr.results.field_stress import FIBRE, FORCES, ForceRows, StressRows
 from pmr.scene.box import Box, Stretch

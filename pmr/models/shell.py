@@ -46,7 +46,7 @@ import numpy as np
 import ufl
 
 from pmr.fem.compat import cellwise, constant, rule_points, shell_space
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.models import Forms, UnitState
 from pmr.models.box_mesh import TAPERED, BoxBoom, BoxStretch
 from pmr.models.meshed import (

@@ -33,7 +33,7 @@ import numpy as np
 import ufl
 
 from pmr.fem.compat import cell_topology, cellwise, lagrange_rule, lagrange_space, rule_points
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.models import Forms, UnitState
 from pmr.models.mesh_nodes import codes
 from pmr.models.meshed import (

@@ -27,7 +27,7 @@ import scipy.sparse as sp
 
 from pmr.errors import InputError
 from pmr.fem.compat import cell_topology, lagrange_rule
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.models.mesh_nodes import Nodes
 from pmr.models.named_mesh import Group, NamedMesh
 

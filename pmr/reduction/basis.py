@@ -37,7 +37,7 @@ from scipy.interpolate import PPoly
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import fix_signs, gather, inner, local_csr, subtract, tall, times
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.fullmodel.eigensolvers import is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.snapshots import Snapshots

@@ -26,7 +26,7 @@ import scipy.sparse as sp
 from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.fem.distributed import free_dropped, inner, tall, times
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import Basis, modal_basis

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from pmr.errors import InputError, NotHeldError, environment
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import tall
-from pmr.files import Array, npz
+from pmr.files import npz
+from pmr.files.arrays import Array
 from pmr.files.whole import NotWrittenError
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import Basis

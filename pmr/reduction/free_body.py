@@ -34,7 +34,7 @@ import scipy.sparse as sp
 from scipy.interpolate import PPoly
 
 from pmr.fem.distributed import inner, local_csr, subtract, times
-from pmr.files import Array, Mask
+from pmr.files.arrays import Array, Mask
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import BLOCK, Eigenpairs, largest_eigenpairs
 from pmr.fullmodel.moving import StaticSolver, static_solver

@@ -14,7 +14,8 @@ import numpy as np
 from pmr.errors import InputError, environment
 from pmr.fem.compat import versions
 from pmr.fem.distributed import inner, tall, times
-from pmr.files import Array, npz
+from pmr.files import npz
+from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import Basis, modal_basis, pod, reduced_model, with_held_coordinates, with_rigid_modes
 from pmr.reduction.cache import ReducedBody

@@ -24,7 +24,7 @@ import scipy.sparse as sp
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather, sparse, times
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.assembly import operators_of
 from pmr.fullmodel.build import AssembledBody, build
 from pmr.fullmodel.eigensolvers import eigensolver

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.assembly import share
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel

@@ -11,7 +11,7 @@ from scipy.interpolate import PPoly
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import free_dropped, inner, local_csr, times
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import RANK_CHECKS, Basis, galerkin, without_rows
 from pmr.reduction.free_body import FreeBody

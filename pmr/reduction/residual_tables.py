@@ -37,7 +37,7 @@ import scipy.sparse as sp
 from pmr.errors import InputError, environment
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, inner, local_csr, sparse, subtract, times
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structural import MirroredLoads, images_of
 from pmr.reduction.free_body import FreeBody, fixed_rows

@@ -29,7 +29,7 @@ import scipy.sparse.linalg as spla
 
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.fullmodel.assembly import operators_of
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel

@@ -23,7 +23,7 @@ import numpy as np
 from pmr.errors import ConvergenceError, InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import inner, local_csr, tall, times
-from pmr.files import Array, Indices, Mask
+from pmr.files.arrays import Array, Indices, Mask
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, DependentRowsError, eigensolver, is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes, finish_modes

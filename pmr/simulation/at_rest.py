@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.results import Energy, Response
 from pmr.results.response import FORCES, Output
 from pmr.scene import Scene

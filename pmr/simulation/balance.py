@@ -27,7 +27,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pmr.errors import GrowthError
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.system.body import SlidingBody, Trajectory
 
 #: Surplus over the largest energy from which on a motion is not compared with others.  Sound motions that

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse.linalg as spla
 
 from pmr.errors.text import two_digits, two_digits_below
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.kernel.laws import SchemeFactors
 from pmr.simulation import contact_step
 from pmr.simulation.excitation import Excitation, side_positions

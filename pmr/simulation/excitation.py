@@ -10,7 +10,7 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.choice import is_accelerated
 from pmr.scene.keys import SLIDER as SLIDER

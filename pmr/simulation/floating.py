@@ -11,7 +11,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.simulation.frame_motion import skew
 
 _E = np.eye(3)

@@ -25,7 +25,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.built import Load
 from pmr.scene.choice import inertia_fields, input_directions

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.frame import DIRECTIONS, BaseMotion, boom_rotation
 from pmr.scene.signals import SignalBase

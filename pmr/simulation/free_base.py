@@ -45,7 +45,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pmr.errors import InputError
-from pmr.files import Array, Mask
+from pmr.files.arrays import Array, Mask
 from pmr.scene import Scene
 from pmr.scene.choice import motion_directions
 from pmr.scene.frame import INERTIA

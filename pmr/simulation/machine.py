@@ -19,7 +19,7 @@ import numpy as np
 import scipy.linalg
 
 from pmr.errors import SimulationError
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.kernel.further import AXES
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.machine import Machine, MachineSimulation

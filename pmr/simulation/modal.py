@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
 from pmr.errors import InputError
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.simulation.start import InitialState, dense
 from pmr.system.body import SlidingBody, Trajectory, projected
 from pmr.system.body_matrices import Rayleigh, Reactions

@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 
 from pmr.errors import InputError
 from pmr.errors.text import escape_controls
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.kernel.further import ANGLES, AXES
 from pmr.scene import Scene
 from pmr.scene.built import Gravity

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.results.response import Output
 from pmr.scene import Scene

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pmr.files import Array, Mask
+from pmr.files.arrays import Array, Mask
 from pmr.scene.choice import SimulatorNeeds
 from pmr.system.body import Body
 from pmr.system.contacts import Contact, Friction, friction_joints

@@ -29,7 +29,7 @@ import scipy.sparse.linalg as spla
 from numpy.typing import ArrayLike
 
 from pmr.errors import InputError
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.kernel.laws import JointCylinder, slide_pads
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody

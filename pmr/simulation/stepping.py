@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.errors.text import two_digits, two_digits_below
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.scene.signals import SignalBase, Table
 from pmr.system.states import SystemTrajectory
 

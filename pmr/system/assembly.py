@@ -11,7 +11,7 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.system.body import SlidingBody
 from pmr.system.contact_rows import ContactRows, add_springs, clear_rows, free_motions, is_round_off
 from pmr.system.contacts import Place

@@ -44,7 +44,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.system.body_matrices import Reactions
 from pmr.system.carriers import CarrierFlexibility, CylinderResponses, EnrichmentModes
 from pmr.system.polynomials import stack_tables

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.interpolate import PPoly
 
-from pmr.files import Array, Indices, Mask
+from pmr.files.arrays import Array, Indices, Mask
 from pmr.results.response import FORCES
 from pmr.system.body_matrices import Rayleigh, Reactions
 from pmr.system.carriers import CarrierRows

@@ -23,7 +23,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.interpolate import PPoly
 
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.system.polynomials import select_columns
 
 

@@ -33,7 +33,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.interpolate import PPoly
 
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.system.polynomials import apply_table, join_columns, select_columns, select_rows, transpose
 from pmr.system.rows import Row, RowPolynomials
 from pmr.system.soundness import symmetric_part

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows, clear_rows, is_round_off
 from pmr.system.system import Side

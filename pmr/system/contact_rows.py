@@ -21,7 +21,7 @@ import scipy.linalg
 import scipy.sparse as sp
 
 from pmr.errors import SimulationError
-from pmr.files import Array, Mask
+from pmr.files.arrays import Array, Mask
 from pmr.system.body import SlidingBody
 from pmr.system.polynomials import power_contributions
 

@@ -51,7 +51,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pmr.errors import InputError
-from pmr.files import Array, Indices, Mask
+from pmr.files.arrays import Array, Indices, Mask
 from pmr.scene.joints import SHEAR_STIFFNESS, STRIBECK_SPEED
 from pmr.scene.keys import ALONE as ALONE
 from pmr.scene.keys import SLIDER as SLIDER

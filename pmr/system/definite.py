@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.system.soundness import pivoted_cholesky
 
 #: Norm of A - L L^T, over the norm of A, up to which the difference is round-off.

@@ -25,7 +25,7 @@ from functools import cached_property, partial
 import numpy as np
 import scipy.sparse as sp
 
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.scene import Scene
 from pmr.scene.built import force_name
 from pmr.scene.choice import has_driven_tail, motion_directions, pad_faces

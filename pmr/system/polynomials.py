@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, PPoly
 
 from pmr.errors import BEYOND_ENDS
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 
 #: Most products of powers and entries of x that `_sum_powers` forms at once.
 AT_ONCE = 2**18

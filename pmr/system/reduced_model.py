@@ -26,7 +26,8 @@ from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
 from pmr.errors.text import missing_file_reason, overview
-from pmr.files import Array, Indices, npz
+from pmr.files import npz
+from pmr.files.arrays import Array, Indices
 from pmr.system import stored
 from pmr.system.body_matrices import CONSTANT, LINEAR, Rayleigh, Reactions
 from pmr.system.carriers import CarrierRows, EnrichmentModes, Flexibility

@@ -36,7 +36,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.system.polynomials import clip_to_domain, common_breaks, interval_around, refine_table, same_degree
 
 

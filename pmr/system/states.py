@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.system.body import Body, Trajectory
 from pmr.system.contacts import Friction
 from pmr.system.system import BodySystem, System

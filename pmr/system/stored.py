@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.files import Array, npz
+from pmr.files import npz
+from pmr.files.arrays import Array
 from pmr.system.carriers import CarrierRows
 from pmr.system.soundness import describe_misfit
 

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.errors.text import overview
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.system import saved
 from pmr.system.body import Body, SlidingBody, names_of, units_of
 from pmr.system.contacts import (

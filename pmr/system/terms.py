@@ -22,7 +22,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from pmr.errors import InputError
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.scene.mechanism import FrameTerm, frame_terms, tail_outputs

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.system.carriers import CarrierRows, EnrichmentModes, Flexibility
 from pmr.system.polynomials import (
     add_tables,

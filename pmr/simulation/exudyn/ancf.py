@@ -43,7 +43,7 @@ from exudyn.itemInterface import (
 )
 
 from pmr.errors import InputError
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.results import Energy
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.exudyn.items import add_pre_step_function

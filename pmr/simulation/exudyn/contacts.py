@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pmr.errors import InputError, SimulationError
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.kernel.laws import ContactError, solve_contact
 from pmr.simulation.balance import half_form, row_products, step_means
 from pmr.simulation.exudyn.equations import ENTRIES_AHEAD, Equations, Inputs

@@ -17,7 +17,7 @@ from exudyn import graphics
 from exudyn.itemInterface import ObjectGround, SensorUserFunction, VObjectGround
 
 from pmr.errors import InputError
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.scene import Scene
 from pmr.scene.members import member_at
 from pmr.simulation.exudyn.contacts import Contacts

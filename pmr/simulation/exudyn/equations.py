@@ -23,7 +23,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pmr.errors import InputError
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.choice import SimulatorNeeds
 from pmr.scene.signals import SignalBase

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from exudyn.itemInterface import MarkerNodeCoordinates, ObjectGenericODE2
 
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.simulation.exudyn.contacts import Contacts, Pads, Rows
 from pmr.simulation.exudyn.equations import Equations, Inputs
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, add_coordinates, with_contacts

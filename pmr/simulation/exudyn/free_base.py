@@ -47,7 +47,7 @@ from exudyn.rigidBodyUtilities import (
 )
 
 from pmr.errors import InputError
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.scene.keys import LUFFING, input_name

@@ -34,7 +34,7 @@ from exudyn.itemInterface import (
 )
 
 from pmr.errors import InputError
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.simulation.exudyn.free_base import Base
 from pmr.simulation.exudyn.items import SystemItems, add_coordinates
 from pmr.simulation.frame_motion import skew

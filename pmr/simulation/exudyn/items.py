@@ -41,7 +41,7 @@ from exudyn.itemInterface import (
 )
 
 from pmr.errors import InputError
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.simulation.exudyn.equations import Equations, Inputs
 from pmr.simulation.start import InitialState
 

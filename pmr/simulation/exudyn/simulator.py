@@ -16,7 +16,7 @@ import exudyn as exu
 import numpy as np
 
 from pmr.errors import InputError
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.scene.choice import refuse_unsupported
 from pmr.simulation import balance
 from pmr.simulation.contact_step import StepParts, contact_frequency, with_schedule

@@ -14,7 +14,7 @@ import numpy as np
 from exudyn.itemInterface import SensorNode, SensorObject
 
 from pmr.errors import InputError, SimulationError
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.simulation.contact_step import StepParts
 from pmr.simulation.exudyn.items import add_pre_step_function
 from pmr.simulation.stepping import Progress, TimeStepping

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError, call_on_first_rank
 from pmr.fem.factor import product
-from pmr.files import Array, Indices, npz
+from pmr.files import npz
+from pmr.files.arrays import Array, Indices
 from pmr.files.whole import NotWrittenError
 from pmr.fullmodel.model import FullSystem
 from pmr.simulation.excitation import Excitation

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from pmr.errors import SimulationError, call_on_first_rank
 from pmr.fem.compat import MPI
 from pmr.fem.factor import BLOCK, MatrixFactor
-from pmr.files import Array, Mask
+from pmr.files.arrays import Array, Mask
 from pmr.fullmodel.model import FullSystem
 from pmr.kernel.laws import ContactError, SchemeFactors, solve_contact
 from pmr.simulation.petsc.rows import (

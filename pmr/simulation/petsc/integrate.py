@@ -37,7 +37,7 @@ from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
 from pmr.fem.factor import MatrixFactor, factor_for_steps
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.kernel.laws import SchemeFactors
 from pmr.simulation import contact_step

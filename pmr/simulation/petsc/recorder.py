@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import local_csr, without_zeros
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullSystem
 from pmr.results import Energy
 from pmr.simulation import balance

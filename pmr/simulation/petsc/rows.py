@@ -24,7 +24,7 @@ import scipy.sparse as sp
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import without_zeros
 from pmr.fem.factor import MatrixFactor
-from pmr.files import Array, Indices
+from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.system.system import consecutive
 

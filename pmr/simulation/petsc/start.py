@@ -32,7 +32,7 @@ from pmr.errors import SimulationError, call_on_first_rank
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import local_csr
 from pmr.fem.factor import product
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.kernel.laws import FixedPoint, solve_contact
 from pmr.simulation.excitation import Excitation

@@ -43,7 +43,7 @@ import scipy.sparse.linalg as spla
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from pmr.errors import InputError
-from pmr.files import Array, Mask
+from pmr.files.arrays import Array, Mask
 from pmr.kernel.laws import ContactSearch
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows

@@ -29,7 +29,7 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 
-from pmr.files import Array, Mask
+from pmr.files.arrays import Array, Mask
 from pmr.kernel.laws import ContactSearch
 from pmr.simulation.statics.equilibrium import border_matrix
 from pmr.system.definite import FreeMotions, cholesky_root, first_singular

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pmr.files import Array, Indices, Mask
+from pmr.files.arrays import Array, Indices, Mask
 from pmr.results.quantities import Columns
 from pmr.results.response import Output
 from pmr.scene import Scene

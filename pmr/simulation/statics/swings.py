@@ -32,7 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from pmr.files import Array
+from pmr.files.arrays import Array
 from pmr.simulation.statics.equilibrium import border_matrix
 from pmr.simulation.statics.loaded import Form
 
