@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files.arrays import Array
 from pmr.system.attachment import with_attachment_modes
 from pmr.system.body import Trajectory
 from pmr.system.carriers import CarrierRows
@@ -18,7 +18,6 @@ from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 from pmr.system.truncation import extend, is_modal
 
-Array = NDArray[np.float64]
 Models = Mapping[str, ReducedModel]
 
 

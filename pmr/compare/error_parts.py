@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from pmr.compare.attachment_loads import reason_without_estimate
@@ -27,6 +26,7 @@ from pmr.compare.trust import (
 from pmr.errors import InputError, SimulationError
 from pmr.errors.environment import Clock
 from pmr.errors.text import two_digits
+from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.results.run import SummaryPart
 from pmr.scene import Reduction, Scene
@@ -41,8 +41,6 @@ from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 from pmr.system.truncation import extend
-
-Array = NDArray[np.float64]
 
 #: Least number of coordinates of a model that serves to estimate the error of another model.
 FEWEST = 6

@@ -20,13 +20,12 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.compare.round_off import ROUND_OFF, Pair, largest_absolute, zero_round_off
 from pmr.errors import SimulationError
+from pmr.files.arrays import Array
 from pmr.results import Response
 
-Array = NDArray[np.float64]
 #: Function that returns the error of a signal against a reference of the same shape.
 Measure = Callable[[Array, Array], float]
 ResponseFunction = Callable[[Response], Array]

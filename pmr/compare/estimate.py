@@ -21,7 +21,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.compare.attachment_loads import carried_loads, reason_without_estimate
 from pmr.compare.errors import errors_between, relative_error
@@ -51,6 +50,7 @@ from pmr.compare.trust import (
 )
 from pmr.compare.velocities import only_body_motion
 from pmr.errors import GrowthError, SimulationError
+from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.results.quantities import with_unit
 from pmr.scene.keys import ALONE, qualified_name
@@ -64,7 +64,6 @@ from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 from pmr.system.truncation import extend
 
-Array = NDArray[np.float64]
 Models = Mapping[str, ReducedModel]
 
 #: Factor by which estimates multiply the difference to a richer model.

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.compare.errors import refuse_infinite
 from pmr.compare.outputs import output_contacts
 from pmr.compare.round_off import force_round_off, round_off
+from pmr.files.arrays import Array
 from pmr.results import Energy, Response
 from pmr.results.response import Output
 from pmr.scene import Scene
@@ -30,7 +30,6 @@ from pmr.system.system import BodySystem, System
 if TYPE_CHECKING:
     pass
 
-Array = NDArray[np.float64]
 
 #: Fields of a response that have a value for each step; energies are not among them.
 RESPONSE_HISTORIES = (

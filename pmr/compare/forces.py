@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.results.quantities import with_unit
 from pmr.results.response import Extremes
@@ -25,8 +25,6 @@ from pmr.scene.members import EXTENSION, members
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Friction
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 #: A support can't stand in for a cylinder if the cylinder's largest stiffness about the pivot is more than this times
 #: its smallest.

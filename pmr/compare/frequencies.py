@@ -24,6 +24,7 @@ from scipy.optimize import brentq
 
 from pmr.compare.outputs import tip_names
 from pmr.errors import InputError
+from pmr.files.arrays import Array
 from pmr.results import Frequencies, FrequencyMap, FrequencyResponse, Paths
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
@@ -34,8 +35,6 @@ from pmr.simulation import Excitation
 from pmr.simulation.at_rest import amplitudes_at_rest, critical_luffing
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 #: For a single body: number of frequencies that are compared; number of positions in which they are compared; number of
 #: positions for models of more than `LARGE` coordinates, where each position takes tenths of a second and more;

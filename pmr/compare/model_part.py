@@ -21,11 +21,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.compare.errors import ForceHistories, force_errors, force_histories
 from pmr.compare.moving_frame import with_choice_of_terms
 from pmr.compare.responses import march_once, refuse_growth
+from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.results.quantities import COMPARED
 from pmr.scene import Scene
@@ -33,8 +33,6 @@ from pmr.simulation import Excitation
 from pmr.simulation.excitation import side_positions
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 #: Number of frequencies that are compared, of modes among which they are chosen, and of positions along the path.  The
 #: error of beams with walls that give way is largest on an eighth of the path; nine positions missed this part for two

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files.arrays import Array
 from pmr.results import Frequencies
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
@@ -25,9 +26,6 @@ from pmr.system.body import SlidingBody
 from pmr.system.from_scene import system_of
 from pmr.system.system import System
 from pmr.system.terms import Term, terms_of
-
-Array = NDArray[np.float64]
-
 
 #: Motion across the plane of luffing counts as zero up to this share of the motion in the plane.
 ACROSS = 1e-9

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from pmr.compare.errors import RELATIVE_FLOOR, ResponseFunction, refuse_infinite, relative_error
 from pmr.compare.round_off import Pair, force_round_off, probe_round_off, round_off, zero_round_off
 from pmr.compare.velocities import displacement_rates
+from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE, qualified_name
@@ -31,8 +32,6 @@ from pmr.system.body import force_outputs, length_outputs, other_outputs
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import AnyBody, BodySystem, System
-
-Array = NDArray[np.float64]
 
 #: Names of the kinds of outputs in scenes and summaries, and name of the kind that only sections have.
 OUTPUT_KINDS = ("beam", "tip", "pad_force", "velocity", "probe")

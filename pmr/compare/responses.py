@@ -11,12 +11,13 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pmr.compare.errors import ResponseFunction, observed_quantities
 from pmr.compare.outputs import boom_quantities, fits_in_memory
 from pmr.errors import GrowthError, InputError, environment
 from pmr.errors.environment import Clock, import_package
+from pmr.files.arrays import Indices
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.choice import SIMULATORS, transverse_axes
@@ -35,8 +36,6 @@ from pmr.system.system import System
 if TYPE_CHECKING:
     from pmr.simulation.exudyn import ancf
 from pmr.compare.evaluation import Evaluation, append_machine, evaluate_motion
-
-Indices = NDArray[np.int64]
 
 #: A full model with more coordinates than this is simulated by PETSc, because diagonalising it would take longer.
 #: Exudyn factorises in every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method
@@ -256,9 +255,6 @@ def _prepare_march(
         return Simulation(response, states, parts, trajectory if every else None, response)
 
     return PreparedSimulation(run, lambda count: [march().rerun() for _ in range(count)])
-
-
-Array = NDArray[np.float64]
 
 
 _log = logging.getLogger(__name__)

@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.simulation.start import dense
 from pmr.system.body import SlidingBody, force_outputs, length_outputs, other_outputs, released_rows
-
-Array = NDArray[np.float64]
 
 #: Share of a displacement or force that may remain as round-off if its contributions cancel: tens of thousands of units
 #: of double precision.  BLAS routines leave up to 1.6e-12 of a displacement.

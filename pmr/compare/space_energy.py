@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.compare.outputs import run_from_start
+from pmr.files.arrays import Array
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA, Frame
@@ -20,8 +20,6 @@ from pmr.system.body import SlidingBody
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 from pmr.system.terms import Term
-
-Array = NDArray[np.float64]
 
 #: Coordinates in which fields are linear, "" for constant fields.
 OVER = ("", "x", "y", "z")

@@ -24,12 +24,12 @@ from functools import partial
 from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.compare.errors import ForceHistories, force_errors, relative_error
 from pmr.compare.outputs import RoundOffBounds, differences
 from pmr.compare.stepped_runs import Runs, Sample, SteppedSystem
 from pmr.errors import SimulationError
+from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.simulation import Excitation
 from pmr.system.states import SystemTrajectory
@@ -127,8 +127,6 @@ class ConvergenceSeries(Generic[Compared]):
         below = np.flatnonzero(errors <= limit)
         return int(below[0]) if len(below) else None
 
-
-Array = NDArray[np.float64]
 
 #: Share of the motion above which a step is called too coarse.
 STEP_LIMIT = 0.02

@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.compare.error_parts import SimulatedSystem
 from pmr.compare.evaluation import evaluate_motion
@@ -16,6 +15,7 @@ from pmr.compare.step_error import STEP_LIMIT, StepError, step_error, with_band
 from pmr.compare.trust import FAR, SLIDER_IMPACTS, quantities_not_covered, unsettled_force_clauses
 from pmr.errors import InputError, SimulationError
 from pmr.errors.text import percent, two_digits
+from pmr.files.arrays import Array
 from pmr.results.quantities import QUANTITIES
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
@@ -23,8 +23,6 @@ from pmr.scene.keys import ALONE
 from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.reactions import with_forces_on_machine
-
-Array = NDArray[np.float64]
 
 #: Fields of `StepError` that are entries of ``step`` in summary.json.
 _FIGURES = ("largest", "finest", "settled", "by", "enough", "band", "seconds")

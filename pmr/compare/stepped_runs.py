@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.compare.errors import ForceHistories, band_limit, force_histories
 from pmr.compare.evaluation import evaluate_motion
@@ -22,6 +21,7 @@ from pmr.compare.outputs import (
 )
 from pmr.compare.round_off import round_off, zero_round_off
 from pmr.errors import SimulationError
+from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.simulation import Excitation, TimeStepping, contact_step
 from pmr.simulation.contact_step import contact_frequency
@@ -31,8 +31,6 @@ from pmr.simulation.stepping import is_aliased
 from pmr.system.body import length_outputs
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 #: Limit on the number of steps of all runs together, for halving the step more than twice.
 BUDGET = 300_000

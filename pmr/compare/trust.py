@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.compare.errors import band_of_response, error_below_frequency, force_histories, relative_error
 from pmr.compare.model_part import largest_model_error
 from pmr.compare.round_off import Pair
 from pmr.errors.text import percent, two_digits
+from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.results.quantities import QUANTITIES, error_label, reduction_error
 from pmr.results.response import ROUND_OFF
@@ -27,8 +27,6 @@ from pmr.simulation import TimeStepping
 from pmr.simulation.balance import NOTABLE, describe_surplus
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import AnyBody, BodySystem
-
-Array = NDArray[np.float64]
 
 #: Largest share of a motion that may change its sign with every step, if there is no energy balance that shows growth.
 #: Displacements alternate by such a share only after multipliers (of equations of index 3) have spoilt them.

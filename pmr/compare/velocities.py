@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import signals_in_order
 from pmr.simulation.start import dense
@@ -15,8 +15,6 @@ from pmr.system.polynomials import apply_table, evaluate
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

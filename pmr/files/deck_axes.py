@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pmr.files.arrays import Array
 from pmr.files.cards import Card, DataLine
 
-Array = NDArray[np.float64]
 Point = tuple[float, float, float]
 
 

@@ -16,9 +16,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from pmr.files.arrays import Array, Mask
 from pmr.files.reasons import (
     ALIKE,
     DENSE,
@@ -32,9 +32,6 @@ from pmr.files.reasons import (
 )
 from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, rigid_motions
 from pmr.files.units import check_density, check_speed
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Number of steps of Lanczos' method for the least eigenvalue of a matrix with a diagonal of ones, and the least
 #: eigenvalue that rounding may explain.

@@ -18,19 +18,16 @@ from zipfile import BadZipFile
 import numpy as np
 import scipy.io
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.errors.text import missing_file_reason
 from pmr.files import labelled
+from pmr.files.arrays import Array, Indices
 from pmr.files.cards import Place
 from pmr.files.decks import MOST_DIGITS, TURNED, read_deck
 from pmr.files.labelled import UnreadableError
 from pmr.files.matrices import GivenMatrices
 from pmr.files.rigid import DIRECTIONS
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 #: Errors that readers of SciPy and NumPy raise for damaged files; for a bad Fortran format this is a SyntaxError.
 _OF_VALUES = (ValueError, TypeError, LookupError, AttributeError, OverflowError, NotImplementedError, SyntaxError)

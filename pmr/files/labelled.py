@@ -15,12 +15,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors.environment import import_package
+from pmr.files.arrays import Array, Indices
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 SQUARE, SYMMETRIC = 1, 6
 
 

@@ -16,11 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name, missing_file_reason
 from pmr.files import npz
+from pmr.files.arrays import Array, Indices
 from pmr.files.fit import centre_of_mass, is_uncheckable, misfit
 from pmr.files.rigid import DIRECTIONS, Resistance, rigid_motions
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 FORMAT, FORMAT_VERSION = "pmr-matrices", 1
 #: Largest difference between a matrix (M or K) and its transpose, as a share of the largest entry of the matrix.

@@ -8,14 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from pmr.files.arrays import Array, Indices, Mask
 from pmr.files.rigid import Resistance, rigid_motions
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 #: Largest number of coordinates for which dense matrices are decomposed to find the reason of a refusal.
 DENSE = 3000

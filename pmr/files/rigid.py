@@ -22,8 +22,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from pmr.files.arrays import Array, Indices
 
 #: Names of the directions of a coordinate: displacements along the axes and rotations about them.
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")

@@ -10,12 +10,10 @@ from collections.abc import Iterator
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
+from pmr.files.arrays import Array
 from pmr.files.rigid import Resistance, rigid_motions
-
-Array = NDArray[np.float64]
 
 #: Least and largest speed of sound in m/s that a body may have; in soft plastics it is 500, in diamond 1.8e4.
 SLOWEST, FASTEST = 250.0, 3e4

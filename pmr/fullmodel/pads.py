@@ -39,9 +39,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.luffing import cylinder_row
 from pmr.fullmodel.walls import Walls
 from pmr.models import StructuralModel
@@ -52,9 +52,6 @@ from pmr.system.rows import Row, StraightRows, fixed_row, row_on_coordinates
 
 if TYPE_CHECKING:
     from pmr.models.beam2d import Beam2D
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 def slider_row(beam: Beam2D, offset: float = 0.0, name: str = "slider") -> Row:

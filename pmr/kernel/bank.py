@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.kernel import pointer
-
-Array = NDArray[np.float64]
 
 
 class BankRecord(NamedTuple):

@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.kernel.block_file import lines
 from pmr.kernel.further import (
     NEGLIGIBLE,
@@ -28,8 +29,6 @@ from pmr.scene.mechanism import CYLINDER
 from pmr.system.from_scene import CombinedRings, combine_rings
 from pmr.system.rows import Row
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

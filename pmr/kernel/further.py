@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
+from pmr.files.arrays import Array
 from pmr.kernel.block_file import lines
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.mechanism import CYLINDER, ground_contact_wrenches, pin_and_cylinder
@@ -35,7 +36,6 @@ from pmr.system.polynomials import add_tables, common_breaks, refine_table, same
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
-Array = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any] | str]
 #: Entries of a term's matrix below this share of its largest entry are round-off.
 NEGLIGIBLE = 1e-13
@@ -261,7 +261,7 @@ class Frame(Protocol):
         """Quantities (q,) that occur in the products; each has a kind, followed by its numbers or its name."""
 
     @property
-    def factors(self) -> NDArray[np.float64]:
+    def factors(self) -> Array:
         """Constant factor (p,) of each product."""
 
     @property

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import InputError
+from pmr.files.arrays import Array
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.block_file import LINE, pack, seal
 from pmr.kernel.data import Modal, system_data
@@ -17,7 +18,6 @@ from pmr.kernel.further import Frame
 from pmr.system.from_scene import CombinedRings
 from pmr.system.system import System
 
-Array = NDArray[np.float64]
 Integers = NDArray[np.int32]
 
 

@@ -6,15 +6,12 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
+from pmr.files.arrays import Array, Mask
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.block_file import LINE
 from pmr.kernel.kernel import integer_pointer, pointer
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class ContactError(SimulationError):

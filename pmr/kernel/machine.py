@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
+from pmr.files.arrays import Array
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.kernel import pointer
 from pmr.kernel.state import State
 
-Array = NDArray[np.float64]
 Integers = NDArray[np.int32]
 
 

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
+from pmr.files.arrays import Array, Indices
 from pmr.system.carriers import CarrierFlexibility
 from pmr.system.contact_rows import clear_rows, is_round_off
 from pmr.system.contacts import SLIDER, Friction
@@ -38,8 +39,6 @@ from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Row, RowPolynomials
 from pmr.system.system import Side, System
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 #: Count of numbers in a register: the modes of each body are padded with zeros to a multiple of this count.
 LANES = 4
 

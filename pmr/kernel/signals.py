@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.kernel._native import ffi, lib
-
-Array = NDArray[np.float64]
 
 
 class Signal(Protocol):

@@ -15,11 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.optimize
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
-
-Array = NDArray[np.float64]
+from pmr.files.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from pmr.compare.responses import march_once
 from pmr.compare.simulated import excitation_of_scene
 from pmr.errors import InputError
+from pmr.files.arrays import Array
 from pmr.kernel.state import State
 from pmr.results.quantities import QUANTITIES
 from pmr.scene.built import force_name
@@ -37,8 +38,6 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 #: Words before the name of an output, by the derivative with respect to time that they ask for.
 VELOCITY, ACCELERATION, SPECIFIC_FORCE = "velocity of ", "acceleration of ", "specific force of "

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 import pydantic
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.errors.text import missing_file_reason
+from pmr.files.arrays import Array
 from pmr.files.whole import replacement_file
 from pmr.observe.budget import output_errors
 from pmr.observe.linear import linearize
@@ -23,7 +23,6 @@ from pmr.observe.observer import Estimates, Observer, Payload, Sensor, UnknownLo
 from pmr.scene.scene import Scene
 from pmr.system.system import System
 
-Array = NDArray[np.float64]
 TIME = "t"
 
 

@@ -22,9 +22,8 @@ import scipy.stats
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.files.arrays import Array
 from pmr.observe.linear import LinearMotion
-
-Array = NDArray[np.float64]
 
 #: Innovation over its standard deviation from which a measurement counts less: its variance is enlarged to this bound.
 GATE = 5.0

@@ -15,13 +15,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pmr.errors import InputError
 from pmr.export.state_space import StateSpace
+from pmr.files.arrays import Array
 from pmr.kernel.bank import Bank, advance_bank
 
-Array = NDArray[np.float64]
 #: w in rad/s: parts of a state have one size at 100 Hz.
 SCALE = 2.0 * np.pi * 100.0
 #: Points in a step at which noise of accelerations is added up.

@@ -6,9 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pmr.compare.accuracy import order
 from pmr.compare.error_parts import (
     ReductionError,
@@ -32,6 +29,7 @@ from pmr.compare.summary import (
 from pmr.compare.trust import reduction_warnings, rigid_contacts
 from pmr.errors import ConvergenceError, InputError, call_on_first_rank
 from pmr.errors.environment import Clock
+from pmr.files.arrays import Array
 from pmr.fullmodel.build import AssembledBody, build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder, References
 from pmr.reduction.bodies import cached_body, join_bodies, reduce_bodies, reduce_with, with_stress_flags
@@ -46,8 +44,6 @@ from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 from pmr.simulation.machine import with_machine_motion
 from pmr.simulation.petsc import Checkpoint
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

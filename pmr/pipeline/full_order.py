@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
 
 from pmr.compare.evaluation import MotionOutputs, append_friction, response_to_motion
 from pmr.compare.outputs import output_contacts
@@ -21,6 +20,7 @@ from pmr.compare.responses import Simulation, cable_response, full_simulator, si
 from pmr.compare.trust import reason_for_distrust, rigid_contacts
 from pmr.errors import SimulationError, call_on_first_rank
 from pmr.errors.environment import Clock
+from pmr.files.arrays import Array
 from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.results import Response
@@ -41,8 +41,6 @@ from pmr.system.from_scene import contacts_of
 from pmr.system.states import BodyStates, friction_on_body
 from pmr.system.system import System
 from pmr.system.terms import add_terms, terms_of
-
-Array = NDArray[np.float64]
 
 #: (rad/s)^2: shift below all eigenvalues, at which the shifted stiffness is not singular.
 SHIFT = -1.0

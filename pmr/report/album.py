@@ -10,8 +10,8 @@ from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.report.blocks import Picture
 from pmr.report.bodies import (
     Block,
@@ -33,8 +33,6 @@ from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.renderer import NoPictureError, Piece, Shot, frame_shots, render_shots
 from pmr.report.subject import is_alone
 from pmr.results import RunResult
-
-Array = NDArray[np.float64]
 
 WIDTH = 1500  # px, of a picture
 SIDE = (0.34, -0.88, 0.30)  # direction from the body to the camera

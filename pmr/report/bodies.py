@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.files.arrays import Array, Indices
 from pmr.report.columns import interpolate
 from pmr.report.numbers import enlargement
 from pmr.report.subject import is_alone, reach
@@ -16,9 +17,6 @@ from pmr.results import Fields, RunResult
 from pmr.results.pads import THICK, pad_corners
 from pmr.scene.box import Box
 from pmr.scene.built import PadRing
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 #: Faces of each kind of cell, as indices of the cell's vertices in VTK's order.
 _FACES = {
@@ -142,7 +140,7 @@ class Block:
     """Cuboid to be drawn: corners (8, 3) in m, and k sides (k, 4) as indices of corners."""
 
     corners: Array
-    sides: NDArray[np.int64]
+    sides: Indices
 
 
 @dataclass(frozen=True)
@@ -182,7 +180,7 @@ def _pads(ring: PadRing, low: Array, high: Array, box: Box | None) -> list[Block
     return [Block(pad_corners(ring, place, body, box, _CUBE + 0.5), _SIDES) for place in ring.named_pads]
 
 
-def _block(start: Array, end: Array, sides: NDArray[np.int64]) -> Block:
+def _block(start: Array, end: Array, sides: Indices) -> Block:
     """Build a block from its opposite corners `start` and `end` (3,) in m."""
     return Block((start + end) / 2.0 + _CUBE * (end - start), sides)
 
@@ -283,7 +281,7 @@ def place_of_peak(result: RunResult, moment: Moment) -> PointOfBody:
     return PointOfBody(body, stressed_fields.points[cell].mean(axis=0))
 
 
-def _largest(values: Array, candidates: NDArray[np.int64], preferred: int | None) -> int:
+def _largest(values: Array, candidates: Indices, preferred: int | None) -> int:
     """Index of the largest of `values` among the indices `candidates`, or `preferred` if its value is equally large.
 
     Two values count as equally large if they differ by no more than the share `SINGLE`.

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pmr.files.arrays import Array
 from pmr.report.numbers import NOTHING, round_number
 from pmr.report.subject import is_alone
 from pmr.results import Response, RunResult
@@ -86,7 +87,7 @@ def _pieces(count: int, bins: int) -> list[tuple[int, int]]:
     return list(zip(edges[:-1], edges[1:], strict=True))
 
 
-def encode_array(values: NDArray[np.float64]) -> dict[str, Any]:
+def encode_array(values: Array) -> dict[str, Any]:
     """Encode an array for a page as whole numbers.
 
     ``data`` are these numbers as little-endian 16-bit integers in base64, and ``count`` is the value that the number 1
@@ -108,7 +109,6 @@ def playback_speeds(duration: float) -> dict[str, Any]:
     return {"first": first, "choices": [float(f"{choice:.3g}") for choice in choices]}
 
 
-Array = NDArray[np.float64]
 ResponseFunction = Callable[[Response], Array]
 
 #: Share of the largest displacement up to which a displacement is round-off; used if a response states no bound.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.report.columns import axis_points, body_axes, spread_indices
 from pmr.report.numbers import MINUS, SPACE, format_input, format_quantity, significant
 from pmr.report.scene_tables import SceneWords, describe_plain
@@ -26,7 +26,6 @@ from pmr.scene.choice import model_of
 from pmr.scene.keys import qualified_name
 from pmr.scene.members import members
 
-Array = NDArray[np.float64]
 PLACES = 400  # number of times at which the position of the tip is evaluated
 Rows = Iterator[tuple[str, str]]
 

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.report.bodies import (
     Block,
     Surface,
@@ -75,7 +76,7 @@ def axis_motion(result: RunResult) -> dict[str, Any]:
     motion in m, seen from the `side` and in `plan` (from above; None if the boom does not slew).
     """
     response, frame = result.responses["reduced"], result.scene.frame
-    t, axis, aside = response.t, axis_points(result, response), dict[str, NDArray[np.float64]]()
+    t, axis, aside = response.t, axis_points(result, response), dict[str, Array]()
     frames, models = spread_indices(len(t), FRAMES), responses_in_drawing_order(result)
     if frame is not None:
         aside, models = (
@@ -119,7 +120,7 @@ def _load_data(result: RunResult, axis: list[AxisPoints], frames: NDArray[np.int
     The components of a force along the axes of the boom form one vector (frames, 3).
     """
     by_load, sections = dict[tuple[str, str], dict[str, Any]](), [of.body for of in axis]
-    forces = dict[tuple[str, str], NDArray[np.float64]]()
+    forces = dict[tuple[str, str], Array]()
     for load in input_loads(result):
         turns = load.direction == "turn"
         key, values = (load.body, load.name if turns else load.axis_of), load.values[frames]
@@ -134,7 +135,7 @@ def _load_data(result: RunResult, axis: list[AxisPoints], frames: NDArray[np.int
     return list(by_load.values())
 
 
-def _view_extent(views: list[NDArray[np.float64]]) -> list[float]:
+def _view_extent(views: list[Array]) -> list[float]:
     """Least and largest coordinate to the right, then least and largest coordinate upwards, in m.
 
     They cover the points (S, n, 2) of all `views`, and the pivot at 0.
@@ -143,9 +144,7 @@ def _view_extent(views: list[NDArray[np.float64]]) -> list[float]:
     return [float(end) for k in (0, 1) for end in (every[:, k].min(), every[:, k].max())]
 
 
-def _lane_data(
-    result: RunResult, name: str, frames: NDArray[np.int64], lateral: Mapping[str, NDArray[np.float64]]
-) -> dict[str, Any]:
+def _lane_data(result: RunResult, name: str, frames: NDArray[np.int64], lateral: Mapping[str, Array]) -> dict[str, Any]:
     """Data of one model's lane: the axis of each body with its colour and width, and its displacements.
 
     Sections of a boom have their own colours, and outer sections are drawn thicker.  A body alone is drawn in the style
@@ -197,8 +196,6 @@ def scale_words(data: dict[str, Any]) -> str:
     bars = " Bars are the forces of pads above and below." if data["pads"] else ""
     return f"Deflection is drawn {drawn_as}; it reaches {format_quantity(data['largest'], 'm')}.{bars}"
 
-
-Array = NDArray[np.float64]
 
 EXACT = 1e-4  # size of a shape, as a share of the size of the largest one, below which the shape is left out
 MOST_SHAPES = 32

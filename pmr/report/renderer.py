@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pmr.files.arrays import Array
+
 Vector = tuple[float, float, float]
 
 LONGEST = 600.0  # s, longest time that all pictures of a run may take together

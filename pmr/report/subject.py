@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.report.numbers import format_input, format_percent
 from pmr.results import BodyResult, RunResult
 from pmr.scene.built import PadRing
@@ -21,8 +21,6 @@ from pmr.scene.keys import ALONE, input_name
 from pmr.scene.members import member_at, members
 from pmr.scene.scene import BoomSection
 from pmr.scene.signals import SignalBase
-
-Array = NDArray[np.float64]
 
 MODELS = {
     "beam2d": "a planar beam",

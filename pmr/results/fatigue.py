@@ -18,11 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import rainflow
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
-
-Array = NDArray[np.float64]
+from pmr.files.arrays import Array
 
 #: Cycles with a range below this share of the largest range are left out.  Damage grows with the third power of the
 #: range or faster, so each of them does less than a millionth of the damage of the largest cycle.

@@ -22,9 +22,8 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from pmr.files import npz
+from pmr.files.arrays import Array, Indices
 
-Indices = NDArray[np.int64]
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 MOST_EXPANSION = 100.0  # largest size of fields as a multiple of their compressed file; moving fields take 4/3 of it
 ROOM = 2**28  # bytes that fields may take whatever the size of their file; fields at rest take up to 1000 times of it
@@ -103,7 +102,7 @@ class Fields:
         return self.grid.points
 
     @property
-    def cells(self) -> NDArray[np.int64]:
+    def cells(self) -> Indices:
         """Indices (C, k) of the k points of each cell of the grid, in VTK's order."""
         return self.grid.cells
 

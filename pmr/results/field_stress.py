@@ -25,12 +25,10 @@ from typing import Any, TypedDict
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array, Indices
 from pmr.results.field_series import Grid
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Position = tuple[float, float, float]  # x, y and z in m
 
 #: Relative difference of stress up to which two points share the largest stress.  Points that are symmetric to each

@@ -6,16 +6,14 @@ The mouth of this section stays at x = 0, and the body moves by -s, where s is t
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.results.field_series import Boxes, Fields
 from pmr.results.run import RunResult
 from pmr.results.tables import FORCE_OF
 from pmr.scene.box import Box
 from pmr.scene.built import Face, PadRing
 from pmr.scene.keys import ALONE
-
-Array = NDArray[np.float64]
 
 THICK = 0.025  # m, thickness of a pad in drawings: the gap between both sections
 #: Corners of the unit cube in VTK's order of a hexahedron.

@@ -16,15 +16,14 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.results.response import Extreme, Extremes, Output, Response
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.keys import cylinder_name
 from pmr.scene.mechanism import AT_PIVOT, CYLINDER, drive_rows, rope_shares
 from pmr.scene.scene import Scene
 
-Array = NDArray[np.float64]
 #: Function from the values (T, c) of all c columns at T times to one quantity (T,).
 Measure = Callable[[Array], Array]
 

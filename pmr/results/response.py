@@ -6,17 +6,15 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors.text import overview
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.choice import pad_faces, transverse_axes
 from pmr.scene.joints import OneBody
 from pmr.scene.keys import ALONE, cylinder_name, qualified_name
 from pmr.scene.members import member_at
-
-Array = NDArray[np.float64]
 
 #: Kinds of outputs, in this order: displacements of points along a body and of its tip; forces of pads (a slider counts
 #: as a pad without faces), of cylinders and of elastic supports; measurements of probes; reactions of rigid supports;

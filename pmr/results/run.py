@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pmr.errors.text import non_finite_remarks, overview
 from pmr.files import npz
+from pmr.files.arrays import Array
 from pmr.files.whole import finish_swap
 from pmr.results.field_series import Fields, Pose
 from pmr.results.field_stress import Envelope
@@ -23,8 +24,6 @@ from pmr.results.response import Response
 from pmr.scene import Scene
 from pmr.scene.files import stored_scene
 from pmr.scene.keys import ALONE, SLIDER
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

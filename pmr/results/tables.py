@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.errors.environment import import_package
+from pmr.files.arrays import Array
 from pmr.files.whole import finish_swap
 from pmr.results.fatigue import rainflow_cycles
 from pmr.results.response import ROUND_OFF, Extremes, Response
@@ -28,7 +28,6 @@ from pmr.scene.keys import ALONE, qualified_name
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 Cell = str | float
 
 #: Beginning of the names of forces of pads, sliders and elastic supports in a response, and beginning of the names of

@@ -31,16 +31,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.choice import axis_loads, has_axial_motion, has_driven_tail, motion_directions, transverse_axes
 from pmr.scene.frame import LuffingCylinder
 from pmr.scene.keys import LUFFING, LUFFING_CYLINDER, SLIDER, cylinder_name, qualified_name
 from pmr.scene.members import Member, member_at, members
 from pmr.scene.scene import Scene
-
-Array = NDArray[np.float64]
 
 #: Prefix of the names of force and moment at the pivot; names of the luffing moment and of the cylinder's force.
 AT_PIVOT = "pivot"

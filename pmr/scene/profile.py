@@ -26,12 +26,11 @@ from functools import cached_property
 from typing import Annotated, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from pmr.files.arrays import Array
 from pmr.scene.keys import Distance, Length, SceneTable, Thickness, Usual, key_error
 
-Array = NDArray[np.float64]
 Pair = tuple[float, float]
 Face = Literal["bottom", "bottom left", "left", "top left", "top", "top right", "right", "bottom right"]
 Half = Literal["bottom", "top"]

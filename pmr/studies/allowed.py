@@ -8,13 +8,12 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.simulation.statics.loaded import LoadedState, LoadedStates, LoadedStructure
 from pmr.simulation.statics.postures import HOOK, PostureMatrices
 from pmr.studies.limits import Limit, Share
 
-Array = NDArray[np.float64]
 #: Generator that repeatedly yields loads in kg and is sent a limit's used shares under them; returns the load at which
 #: the share reaches 1, or None if it reaches 1 under none of the loads.
 Search = Generator[tuple[float, ...], Sequence[float], float | None]

@@ -11,6 +11,7 @@ from pydantic import TypeAdapter
 
 from pmr.errors import ConvergenceError, InputError, SimulationError
 from pmr.files import npz
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.model_ladder import model_comparison
 from pmr.scene.structures import PointMass
@@ -32,8 +33,6 @@ from pmr.studies.tasks import Arguments, Needs, TaskResult
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 #: Converter of a system's contacts to JSON and back.
 CONTACTS = TypeAdapter(tuple[Contact, ...])

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.compare.errors import relative_error
 from pmr.compare.forces import missing_reaction_warnings, pulled_pad_warnings, ropes_part, unknown_force_warnings
 from pmr.compare.trust import budget_warnings, large_motion_warnings
+from pmr.files.arrays import Array
 from pmr.results import Energy, Response
 from pmr.results.run import SummaryPart, grave_warnings
 from pmr.scene import Scene
@@ -21,8 +21,6 @@ from pmr.simulation.statics.postures import HOOK, PostureMatrices
 from pmr.studies.allowed import JUST_BELOW, Place
 from pmr.studies.chart_models import ChartModels
 from pmr.system.contacts import Contact
-
-Array = NDArray[np.float64]
 
 #: Names of the errors in a budget, by the kind of outputs and contacts.
 KINDS = {"tip": "tip", "pad": "pad_force", "cylinder": "cylinder_force", "support": "support_force"}

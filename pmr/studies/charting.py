@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.files import npz
+from pmr.files.arrays import Array
 from pmr.simulation.statics.loaded import LoadedStructure
 from pmr.simulation.statics.postures import HOOK, WEIGHT, DeflectionOutputs, PostureMatrices
 from pmr.simulation.statics.swings import Rope, lift_off
@@ -23,8 +24,6 @@ from pmr.studies.chart_warnings import unnamed_loads, warnings_of_row
 from pmr.studies.governing import StopMotion, governing_details, largest_governed_rows
 from pmr.studies.limits import Limit
 from pmr.studies.tasks import Arguments, Needs, TaskResult
-
-Array = NDArray[np.float64]
 
 #: Factors on an error that another model indicates: in general, and where buckling decides (docs/load_chart.md).
 MARGIN, MARGIN_OF_BUCKLING = 1.25, 2.0

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from pmr.files.arrays import Array
 from pmr.results.quantities import von_mises_stress
 from pmr.scene.keys import SceneTable, Usual
 from pmr.simulation.statics.loaded import LoadedStates
@@ -17,8 +18,6 @@ from pmr.simulation.statics.postures import HOOK, DeflectionOutputs, PostureMatr
 from pmr.simulation.statics.swings import DecelerationLoads, stopping_swing
 from pmr.studies.allowed import JUST_BELOW, Place
 from pmr.studies.limits import FIELD, Limit
-
-Array = NDArray[np.float64]
 
 
 class Stop(SceneTable):

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from pmr.errors import InputError
+from pmr.files.arrays import Array
 from pmr.results.quantities import LIMITED, Columns, Measure, matches_pattern
 from pmr.scene import Scene
 from pmr.scene.choice import model_of
@@ -39,7 +39,6 @@ from pmr.studies.tipping import Mass, TippingMoments, area
 from pmr.studies.user_limits import amounts_of_states, check_names, expression_function, plugin_function
 from pmr.system.from_scene import force_names
 
-Array = NDArray[np.float64]
 Positive = Annotated[float, Field(gt=0.0)]
 #: Function from p states to the shares (p,) of a limit that they use; at a share of 1 the limit is reached.
 Share = Callable[[LoadedStates], Array]

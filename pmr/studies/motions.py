@@ -11,11 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.compare.accuracy.order import trials_of
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.outputs import divide_steps, run_from_start
+from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.scene import Reduction, Scene
 from pmr.scene.keys import ALONE
@@ -31,8 +31,6 @@ from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 from pmr.system.truncation import MODAL, extend, truncate
-
-Array = NDArray[np.float64]
 
 #: Number of steps of the full motion between two snapshots.
 SNAPSHOT_INTERVAL = 5

@@ -19,16 +19,15 @@ from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from pmr.errors import InputError
+from pmr.files.arrays import Array
 from pmr.scene.frame import boom_rotation
 from pmr.scene.keys import SceneTable, Usual
 from pmr.simulation.statics.loaded import LoadedStates
 from pmr.simulation.statics.postures import HOOK, WEIGHT, PostureMatrices
 
-Array = NDArray[np.float64]
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 

@@ -11,10 +11,10 @@ from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError, environment
 from pmr.errors.text import similar_name_hint
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.keys import qualified_name
 from pmr.simulation.statics.loaded import LoadedStates
@@ -115,9 +115,6 @@ def _operation(function: Callable[..., float], parts: list[Value]) -> Value:
         return value
 
     return apply
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.compare.estimate import MARGIN, Estimate, estimate_error
 from pmr.compare.outputs import (
@@ -41,7 +40,6 @@ from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
 from pmr.system.truncation import extend, truncate
 
-Array = NDArray[np.float64]
 Models = Mapping[str, ReducedModel]
 Sizes = tuple[int, ...]  # modes of each body
 

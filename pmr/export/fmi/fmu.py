@@ -26,6 +26,7 @@ from pmr.errors import BEYOND_ENDS, InputError, environment
 from pmr.export.fmi.description import ModelAttributes, build_description, description_2, description_3
 from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
 from pmr.export.fmi.variables import Drivers, variables
+from pmr.files.arrays import Array
 from pmr.files.whole import replacement_file
 from pmr.kernel.block_file import LINE, lines, pack, seal
 from pmr.kernel.kernel import checksum
@@ -213,9 +214,6 @@ def library_bytes(platform: Platform) -> bytes:
 def _platform_folder(platform: Platform, version: str) -> str:
     """Name of the platform's folder in a version of FMI; empty if that version does not support the platform."""
     return platform.folder_2 if version == "2" else platform.folder_3
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pmr.export.fmi.variables import STARTS, Drivers, Variable
+from pmr.files.arrays import Array
 from pmr.scene.built import force_name
 from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Strand
@@ -23,7 +24,6 @@ from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.stepping import TimeStepping
 
-Array = NDArray[np.float64]
 #: Number of instants at which outputs are written; all steps if there are fewer.
 INSTANTS = 101
 

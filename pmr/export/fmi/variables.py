@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError
+from pmr.files.arrays import Array
 from pmr.kernel.data import SystemData, system_data
 from pmr.kernel.further import AXES
 from pmr.scene.built import force_name
@@ -21,7 +21,6 @@ from pmr.system.body import force_outputs, names_of, units_of
 from pmr.system.contacts import ALONE, SLIDER, qualified_name
 from pmr.system.system import System
 
-Array = NDArray[np.float64]
 #: Name of the only angle without a range.
 SLEWING = "slewing"
 

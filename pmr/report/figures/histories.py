@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.report import subject
 from pmr.report.blocks import Drawing
 from pmr.report.columns import ResponseFunction, envelope_indices, extreme_indices, interpolate, invisible_difference
@@ -34,7 +34,6 @@ from pmr.report.figures.canvas import (
 from pmr.report.numbers import NOTHING, SPACE, format_length, format_percent, unit_for
 from pmr.results import Response, RunResult
 
-Array = NDArray[np.float64]
 SHORT = 400  # samples; in a history with fewer samples no part is enlarged
 PAUSE = 2  # samples; a standstill of so many samples does not divide a motion
 FLATTEST = 1e-3  # least range of an axis as a share of its largest value, so that labels of ticks stay short

@@ -16,6 +16,7 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from pmr.errors.text import escape_controls
+from pmr.files.arrays import Array
 from pmr.report.figures.canvas import (
     INK,
     MUTED,
@@ -31,8 +32,6 @@ from pmr.report.figures.canvas import (
     section_colours,
 )
 from pmr.report.numbers import enlargement
-
-Array = NDArray[np.float64]
 
 #: Largest number of curves of constant load; largest number of cells that show a text under a pointer.
 CURVES, MOST_CELLS = 12, 4000

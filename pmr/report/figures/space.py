@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.report.blocks import Block, Drawing
 from pmr.report.columns import Axis, axis_points, body_axes, frame_rotations, spread_indices
 from pmr.report.figures.canvas import (
@@ -35,8 +36,6 @@ from pmr.report.figures.shapes import exaggeration
 from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.subject import reach
 from pmr.results import RunResult
-
-Array = NDArray[np.float64]
 
 #: Number of moments at which a boom is drawn; they are evenly spaced along the path of its tip.
 MOMENTS = 4

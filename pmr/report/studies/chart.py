@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors.text import two_digits
+from pmr.files.arrays import Array
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Table
 from pmr.report.columns import spread_indices
 from pmr.report.figures.canvas import drawing
@@ -22,8 +22,6 @@ from pmr.studies import charting
 from pmr.studies.cases import LoadCase
 from pmr.studies.charting import governing_limit
 from pmr.studies.limits import KINDS, STABILITY
-
-Array = NDArray[np.float64]
 
 #: Largest numbers of reaches and of angles in the table of loads.
 ROWS, COLUMNS = 14, 7

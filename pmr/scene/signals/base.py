@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from pmr.files.arrays import Array
 from pmr.scene.keys import Usual
 
-Array = NDArray[np.float64]
 #: A number in the unit of the signal's path or load: m, N or N m.
 Real = Annotated[float, Field(strict=True, json_schema_extra={"unit": "the unit of what it drives"})]
 Seconds = Annotated[float, Field(strict=True, json_schema_extra={"unit": "s"}), Usual(0.0, 300.0, "time", "s")]

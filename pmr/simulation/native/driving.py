@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.errors.text import similar_name_hint
+from pmr.files.arrays import Array
 from pmr.kernel.further import AXES
 
-Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 #: Largest angle in rad, except for slewing.  Share of its range, or of a turn, by which a motion may change in a step
 #: without a warning of a jump.  Least change in m or rad without a second rate that is warned of: it has no inertia.

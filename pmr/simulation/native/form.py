@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from pmr.errors import InputError, SimulationError
+from pmr.files.arrays import Array
 from pmr.kernel.data import system_in_modes
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.rows import round_up
@@ -26,8 +27,6 @@ from pmr.system.assembly import Assembly
 from pmr.system.contacts import ALONE, Friction
 from pmr.system.from_scene import CombinedRings
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

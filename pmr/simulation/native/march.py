@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
+from pmr.files.arrays import Array
 from pmr.kernel.signals import Signals
 from pmr.kernel.state import Failure, Record, Settings, State, StepError
 from pmr.scene.choice import refuse_unsupported
@@ -21,7 +22,6 @@ from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress, SimulationEnd, advance_in_blocks
 from pmr.system.assembly import Assembly
 
-Array = NDArray[np.float64]
 #: Most steps in one call of the kernel, between which the user can interrupt; fewer if divided steps take long.
 BLOCK = 16384
 #: Samples of drivers that are computed at once: number of times, and least number of steps.

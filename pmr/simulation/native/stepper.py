@@ -21,9 +21,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
+from pmr.files.arrays import Array
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import BoundStep, Settings, State, StepError
 from pmr.scene.built import force_name
@@ -43,8 +43,6 @@ from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Friction
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
 
 
 class Stepper:

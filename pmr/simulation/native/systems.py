@@ -13,8 +13,8 @@ from time import perf_counter
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array, Indices
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.form import start_of as start_of
@@ -27,9 +27,6 @@ from pmr.system.contacts import Friction
 from pmr.system.polynomials import apply_table, select_columns, select_rows
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

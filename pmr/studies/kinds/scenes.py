@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from pmr import scene as scenes
 from pmr.errors import InputError
+from pmr.files.arrays import Array
 from pmr.results import Frequencies, Response
 from pmr.results.fatigue import rainflow_cycles
 from pmr.results.response import Extremes
@@ -31,7 +31,6 @@ from pmr.studies.tasks import KEY, Arguments, Needs, Plan, Scalar, Task, TaskRes
 if TYPE_CHECKING:
     from pmr.pipeline.bodies import Precomputed
 
-Array = NDArray[np.float64]
 #: Beginning of the names of the columns of section forces, by the unit of the force.
 BEAM_FORCE_COLUMNS = {"N": "beam_forces", "N m": "beam_moments"}
 #: Number of frequencies in the table, and names of the path coordinates there: least, middle and largest.

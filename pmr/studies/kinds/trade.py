@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from pmr import scene as scenes
@@ -25,6 +24,7 @@ from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.outputs import run_from_start
 from pmr.compare.summary import warnings_of_response
 from pmr.errors import InputError, SimulationError
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.studies import shared
 from pmr.studies.motions import SECTION_BASES, FullMotion, model_family, pod_family, simulate_displacement, with_basis
@@ -60,7 +60,6 @@ def coarsest_within(figures: Mapping[str, Scalar], tolerance: float) -> tuple[in
     return None
 
 
-Array = NDArray[np.float64]
 Method = Literal["pod", "visited", "modes", "flexibility", "trajectory"]
 METHODS: tuple[Method, ...] = get_args(Method)
 #: The reference's step, as a share of the smallest step that is tried.
