@@ -170,7 +170,7 @@ def matrices(
 ) -> None:
     """Read matrices that another program assembled, and check them.
 
-    FEniCSx is not needed.      A scene names the file: model = "matrices" in [body], and file in [mesh].
+    FEniCSx is not needed.  A scene names the file: model = "matrices" in [body], and file in [mesh].
 
     Example:
 

@@ -77,7 +77,9 @@ class GrowthError(SimulationError):
         self.rigid_rows = rigid_rows
 
     def refusal(self, step: float, rho_inf: float) -> InputError:
-        """Return this error as an InputError that names the scene's key to change: time step, `rho_inf` or flexibility.
+        """Return this error as an InputError that names the key to change.
+
+        It is time.step, time.rho_inf or reduction.flexibility.
 
         `step` is the scene's time step in s, and `rho_inf` its spectral radius at infinite frequency.
         """

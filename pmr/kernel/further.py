@@ -300,7 +300,7 @@ def _quantity(quantity: tuple[str | int, ...], numbers: dict[str, int]) -> list[
     """Number in `KINDS` of a quantity's kind, followed by two numbers, which are zero if they are not used.
 
     Gravity, named loads and motions of the base become the kind ``motion`` with the number of the motion in `numbers`.
-    Gravity and motions of the base that the scene does not have become the kind ``reach`` over no paths, which is zero.
+    Gravity and motions of the base that the scene does not have become zero: a ``reach`` that sums no paths.
     """
     kind, *of = quantity
     if kind in ("gravity", "load", "shaken"):

@@ -332,7 +332,7 @@ class Beam(Line, ABC):
         return min(max(float(at), 0.0), length)
 
     def centroid(self, place: str | float) -> Array:
-        """Point (3,) m that represents a place: the middle of the walls' mid-line, as the end of a shell has it.
+        """Point (3,) in m that represents a place: the centroid of the walls' mid-line, the same as of a shell's end.
 
         The point is on the axis if the beam has no profile.
         """

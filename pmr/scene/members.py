@@ -95,7 +95,7 @@ class Member:
 
     @cached_property
     def moving_pads(self) -> dict[str, MovingPads]:
-        """Rings of joints with faces on the section, by the names of their pads in the section's model."""
+        """Rings of pads that bear on faces of the section, each with its range of positions, by names of pads."""
         faced, rings = dict[str, list[Seat]](), dict[str, MovingPads]()
         for seat in self._seats:
             if seat.ring.faces is not None:

@@ -279,7 +279,7 @@ class Scene(SectionTables):
         return {"scene": content, "scene_hash": self.hash, "files": files}
 
     def file_key(self, key: str) -> str:
-        """Return a key of the scene as its file spells it: keys of the only body at the top, or in its section."""
+        """Return a key of the scene as its file spells it: without ``sections[0].`` if the file has a single [body]."""
         if len(self.sections) > 1:
             return key
         if not self.sections[0].name:

@@ -32,7 +32,7 @@ def workflows() -> dict[str, Path]:
 
 
 def experiments() -> dict[str, Path]:
-    """Return the scripts of the experiments of the paper by Weyrer et al., by name; each has a function ``main``."""
+    """Return the scripts of the experiments of the paper by Weyrer et al., by name; each is a program."""
     files = [file for folder in (_HERE.parent, _HERE) for file in (folder / "workflows" / "paper").glob("*.py")]
     return {file.stem: file for file in files if "__main__" in file.read_text(encoding="utf-8")}
 

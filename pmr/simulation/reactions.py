@@ -226,7 +226,7 @@ class ColumnNames:
 
 
 def column_names(body: BodyWithOutputs) -> ColumnNames:
-    """Names, units and kinds of a body's outputs."""
+    """Names of all outputs of a body, displacements and forces among them, with units and kinds of the others."""
     kinds, names, units = (np.array(of(body), dtype=object) for of in (kinds_of, names_of, units_of))
     lengths, forces, other = length_outputs(body), force_outputs(body), other_outputs(body)
     return ColumnNames(

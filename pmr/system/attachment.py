@@ -262,9 +262,10 @@ def _load_matrix(part: CarrierFlexibility) -> Array:
 
 
 def _principal_loads(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
-    """Combinations G (K + i, k) of the loads with G^T S G = I; the first ones have the responses with the most inertia.
+    """Combinations G (K + i, k) of loads on K carriers and i inputs, whose responses have the most inertia.
 
-    S (K + i, K + i) is the inertia of the residual part, `loads` are (T, K + i).  At most `MOST` combinations are
+    `loads` (T, K + i) are T loads.  S (K + i, K + i) is the inertia of the residual responses to unit loads, and
+    G^T S G = I.  At most `MOST` combinations are
     returned, which leave out at most a share `left_out` of the inertia.  Loads whose responses are round-off are not
     used.
     """

@@ -135,7 +135,7 @@ class Trials:
 
     @property
     def most_steps(self) -> int:
-        """Largest number of steps of a run."""
+        """Largest number of steps that a run may have."""
         least = FINER * self.excitation.stepping.steps
         return least if self.has_pushing_contacts else max(least, LONGEST if len(self.own) == 1 else LONGEST_OF_SEVERAL)
 

@@ -183,7 +183,7 @@ def varied_parameter(done: Sequence[RunRecord]) -> str | None:
 
 
 def terminal_grid(runs: Sequence[RunRecord], columns: int, rows: int) -> Grid:
-    """Build a table of runs for a terminal that has room for `columns` columns and `rows` rows.
+    """Build a table of runs with at most `columns` columns and `rows` lines, for a terminal; further runs are left out.
 
     The table shows parameters, the error and the largest values of each run; for a study that has none of these, it
     shows the study's own values.  If all runs fit side by side, each run has a column.  If not, each run has a row;

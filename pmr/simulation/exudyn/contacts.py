@@ -306,7 +306,10 @@ class Pads:
         return np.asarray((C - M.T @ rows.slopes)[closed].T @ answers)
 
     def _multipliers(self, rows: Rows, q: Array, f: Array, gap: Array | float) -> Array:
-        """Contact forces (m,) in N with gaps g (m,) in m; zero for rigid contacts."""
+        """Contact forces (m,) in N, by the coordinates q (n,), the inputs f (i,) and clearances `gap` (m,) in m.
+
+        They are zero for rigid contacts.
+        """
         multipliers = np.zeros(len(self.gives))
         gaps = np.broadcast_to(gap, multipliers.shape)[self.gives]
         multipliers[self.gives] = self._contacts.forces_by_motion(

@@ -70,7 +70,9 @@ class ContactState:
         self._closed = ~self.pushes | (state.multipliers > 0.0)
 
     def forces(self, matrix: Array, motion: Array) -> Array:
-        """Multipliers (m,) in N of contacts with the `matrix` (m, m), by their `motion` (m,) in m without multipliers.
+        """Multipliers (m,) in N of the m contacts, which would move by `motion` (m,) in m if there were none.
+
+        `matrix` (m, m) in m/N is what the contacts give way under a multiplier of 1 N.
 
         Raises ContactError if contacts depend on each other, or if it can't be settled which contacts are closed.
         """

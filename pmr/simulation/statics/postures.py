@@ -314,7 +314,7 @@ def _still_scene(scene: Scene, postures: PostureSet, loads: Mapping[str, float] 
 
 
 def acceleration_loads(scene: Scene, system: System, postures: PostureSet, angle: str) -> Array:
-    """Loads (P, i) by an acceleration of 1 rad/s^2 of an `angle`, ``luffing`` or ``slewing``, in units of the i inputs.
+    """Values (P, i) of the i inputs at P postures by an acceleration of 1 rad/s^2 of an `angle`, luffing or slewing.
 
     The scene is one that `with_hook` made.
     """

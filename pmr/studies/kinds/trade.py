@@ -142,10 +142,10 @@ def without_axial(scene: Scene) -> Scene:
 
 
 def simulate_reference(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: compute the full model's displacements ``y`` (T, o) in m with a step `FINER` times the smallest one tried.
+    """Task: compute the full model's displacements ``y`` (T, o) in m with the smallest step tried times `FINER` (< 1).
 
-    Record: ``step``, the estimated relative error that this step still causes.  The task's warnings are those of a run
-    with the scene's step.
+    The record has the estimated relative error by this step, under the key ``step``.  The task's warnings
+    are those of a run with the scene's step.
     """
     case, steps = FullMotion.simulate(shared.scene_of(arguments)), arguments["steps"]
     finest = FINER * steps[-1]
