@@ -62,12 +62,12 @@ def test_the_first_boom(
     assert f"{100.0 * said['estimate']['tip']:.3g} % at the tip" in page
     assert said["warnings"] == []
     model, mesh = said["budget"]["model"], said["budget"]["mesh"]
-    assert largest_model_error(model) <= 0.03 and f"moves by {100.0 * model['beam']:.1f} % differently" in page
+    assert largest_model_error(model) <= 0.03 and f"differs by {100.0 * model['beam']:.1f} %" in page
     assert max(mesh[what] for what in ("tip", "beam", "pad_force")) <= 0.05
-    assert f"changes by {100.0 * mesh['beam']:.1f} %" in page
+    assert f"differs by {100.0 * mesh['beam']:.1f} %" in page
     both = json.loads((tmp_path / "reports" / "both_ways" / "summary.json").read_text())
     for summary, pulling in ((said, 0), (both, 2)):
-        assert f"up to {1e-3 * max(pad['max'] for pad in summary['pads']):.2f} kN" in page
+        assert f"{1e-3 * max(pad['max'] for pad in summary['pads']):.2f} kN" in page
         assert sum(" pull " in line for line in summary["warnings"]) == pulling
     assert said["coordinates"] == {"full": 388, "reduced": 8}
     stress = json.loads((tmp_path / "reports" / "stress" / "summary.json").read_text())
