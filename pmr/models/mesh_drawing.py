@@ -5,7 +5,10 @@ The nodes of a beam are generated, or read from a chain of line cells in a file.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import signal
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -29,6 +32,16 @@ class NotDrawnError(ValueError):
     """gmsh can't draw or mesh its input; gmsh itself raises a bare `Exception`."""
 
 
+@contextmanager
+def _unchanged_sigpipe() -> Iterator[None]:
+    """Keep the handler of SIGPIPE, which gmsh resets: then a pipe that nobody reads would end the process unseen."""
+    is_main = threading.current_thread() is threading.main_thread()  # only this thread can set handlers
+    handler = signal.getsignal(signal.SIGPIPE) if is_main and hasattr(signal, "SIGPIPE") else None
+    yield
+    if handler is not None:
+        signal.signal(signal.SIGPIPE, handler)
+
+
 class Drawing:
     """A gmsh model in which a point, or a curve between two points, is drawn once however often it is requested.
 
@@ -37,7 +50,8 @@ class Drawing:
 
     def __enter__(self) -> Drawing:
         gmsh = import_package("gmsh")
-        gmsh.initialize(interruptible=False)
+        with _unchanged_sigpipe():
+            gmsh.initialize(interruptible=False)
         gmsh.option.setNumber("General.Terminal", 0)
         self._model: Any = gmsh.model
         self._finalize = gmsh.finalize

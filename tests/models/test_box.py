@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import re
+import signal
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -121,3 +124,11 @@ def test_a_solid_with_rounded_corners_has_one_thickness(tmp_path: Path) -> None:
     profile = BoxProfile(width=0.3, height=0.4, wall=walls, radius=0.05)
     with pytest.raises(InputError, match="one thickness of all walls is allowed for a solid with rounded corners"):
         write_solid(BoxBoom(profile.sides, length=0.6, size=0.1), tmp_path / "m.msh")
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="/proc says which signals are ignored")
+def test_a_pipe_that_nobody_reads_does_not_end_the_process_after_a_mesh_was_drawn(tmp_path: Path) -> None:
+    """gmsh gives SIGPIPE its default: a report's process that was killed took the run with it, without a word."""
+    shell(tmp_path)
+    ignored = int(re.findall(r"^SigIgn:\s*(\w+)$", Path("/proc/self/status").read_text(), flags=re.M)[0], 16)
+    assert ignored & 1 << signal.SIGPIPE - 1
