@@ -109,7 +109,7 @@ def describe_scene(scene: Scene) -> dict[str, str]:
         of = f"{table.title} " if table.title in scene.names else ""
         for name, text in table.rows:
             rows[f"{of}{name}"] = f"{rows[f'{of}{name}']}; {text}" if f"{of}{name}" in rows else text
-    return rows
+    return {name: " ".join(text.split()) for name, text in rows.items()}  # a terminal needs no spaces that do not break
 
 
 def describe_model(model: ReducedModel) -> dict[str, str]:

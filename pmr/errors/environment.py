@@ -345,7 +345,6 @@ def code_digest(files: Mapping[str, str], leave_out: Sequence[str] = ()) -> str:
 NOT_COMPUTING = ("report/", "studies/", "cli/", "export/", "simulation/", "compare/")
 
 
-@cache
 def computing_digest() -> str:
     """Return a digest of all code that full and reduced models are computed by: pmr's, numerical packages, plug-ins."""
     return code_digest(source_texts(), NOT_COMPUTING)

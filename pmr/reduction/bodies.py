@@ -177,8 +177,9 @@ def join_bodies(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
     on_modes = {
         name: body.modal for name, body in bodies.items() if body.modal is not body.model and body.has_error_estimate
     }
-    of_scene = scene.provenance if joined_system.terms or ALONE not in joined_system.bodies else {}
-    return replace(joined_system, on_modes=on_modes, provenance=of_scene)
+    alone = ALONE in joined_system.bodies and not joined_system.terms
+    provenance = joined_system.provenance if alone else scene.provenance
+    return replace(joined_system, on_modes=on_modes, provenance=provenance)
 
 
 def reduce_bodies(

@@ -85,7 +85,7 @@ def test_info_says_what_a_file_holds(folder: Path, monkeypatch, capsys) -> None:
     assert "dolfinx" in stack.stdout and "float64" in stack.stdout
     assert "20 coordinates" in model.stdout and "slider" in model.stdout and "F in N" in model.stdout
     assert "estimated error" in model.stdout
-    assert "153" not in scene.stdout and "s from 1.25 to 3.75 m" in scene.stdout
+    assert "153" not in scene.stdout and "values (1.25, 3.75) m" in scene.stdout
 
 
 def test_info_says_which_rows_only_push() -> None:

@@ -188,4 +188,4 @@ def test_info_says_what_a_saved_boom_is(folder: Path, system: System, monkeypatc
     hertz = Assembly(system).frequencies(system.side_coordinates({"fly": 0.6}), 4)
     assert f"frequencies, fly at 0.6 m {', '.join(f'{f:.4g}' for f in hertz)} Hz" in said
     scene = " ".join(called(monkeypatch, capsys, "info", "boom_three").stdout.split())
-    assert "middle beam2d, box of 6 x 0.26 x 0.36 m" in scene and "extended by 0.6 to 4.5 m" in scene
+    assert "middle body box width 260 mm, height 360 mm" in scene and "values (0.6, 4.5, 0.6) m" in scene

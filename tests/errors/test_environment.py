@@ -99,9 +99,10 @@ def test_in_a_folder_that_was_removed_one_line_says_so(tmp_path: Path) -> None:
 def test_letters_that_a_terminal_lacks_are_spelled_out(encoding: str, tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text('extends = "paper_simple"\ntitle = "▲ 漢"\n', encoding="utf-8")
     start = "import io, sys; sys.stdout = io.TextIOWrapper(sys.stdout.buffer, encoding=sys.argv.pop())"
-    done = python("-c", f"{start}; from pmr.cli import main; main()", "info", str(tmp_path), encoding)
+    command = [sys.executable, "-c", f"{start}; from pmr.cli import main; main()", "info", str(tmp_path), encoding]
+    done = subprocess.run(command, capture_output=True, check=False, env=dict(os.environ))
     assert done.returncode == 0, done.stderr
-    assert r"\u25b2 \u6f22" in done.stdout
+    assert r"\u25b2 \u6f22" in done.stdout.decode(encoding)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr.pipeline import scenes as pipeline
+from pmr.pipeline import model_errors as pipeline
 
 pytest.importorskip("gmsh")
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -38,7 +38,7 @@ def test_a_beam_beside_a_shell_is_off_by_what_two_runs_are_apart(tmp_path: Path,
     def never(*_):
         raise AssertionError("what was measured is made again")
 
-    monkeypatch.setattr(pipeline, "_reduce_scene", never)
+    monkeypatch.setattr(pipeline, "reduce_scene", never)
     again = run("boom_beam", "compare.richer='shell'", *cells, cache=tmp_path)
     assert again.summary["budget"]["model"]["beside"] == "shell"
 

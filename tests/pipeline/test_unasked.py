@@ -9,7 +9,7 @@ import pytest
 
 import pmr
 from pmr.compare.accuracy import mesh
-from pmr.pipeline import scenes as pipeline
+from pmr.pipeline import model_errors as pipeline
 from pmr.scene.model_ladder import model_comparison
 
 pytest.importorskip("gmsh")
@@ -32,7 +32,7 @@ def test_a_run_measures_its_model_and_mesh_last_and_the_next_one_finds_both(tmp_
     assert first["model"]["beside"] == "coarse shell" and 0.1 < first["model"]["beam"] < 0.5
     assert 0.0 < first["mesh"]["beam"] < 1e-3 and first["mesh_reason"] is None
     assert 0.0 < first["mesh"]["frequency"] < 1e-3 and first["mesh_not_covered"] == ["stresses"]
-    monkeypatch.setattr(pipeline, "_reduce_scene", lambda *_: pytest.fail("what was measured is made again"))
+    monkeypatch.setattr(pipeline, "reduce_scene", lambda *_: pytest.fail("what was measured is made again"))
     again = pmr.run(scene(), measures=tmp_path).result.summary["budget"]
     assert again["model"]["frequency"] == pytest.approx(first["model"]["frequency"], rel=1e-9)
 
