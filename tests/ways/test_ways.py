@@ -29,10 +29,13 @@ from pmr.studies.files import kind_names
 PAGE = Path(__file__).parents[2] / "docs" / "ways.md"
 RIGHT = "+"
 #: Commands that take no scene and no model, and names of Python that do nothing with one, or what `pmr run` does.
-ELSEWHERE = {"new", "matrices", "schema", "compile"}
+ELSEWHERE = {"new", "matrices", "schema", "compile", "observe"}
 NO_WAY = {
     *(
         "ConvergenceError",
+        "Observer",
+        "PositionObserver",
+        "linearize",
         "InputError",
         "SimulationError",
         "ReducedModel",
