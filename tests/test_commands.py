@@ -49,6 +49,9 @@ TESTED = {
     "sbatch workflows/scale.slurm 0.0125 1 2 4 8 16 32 64": "tests/benchmarks/test_scale.py",
     "mpirun -n 4 pmr run SCENE.toml": "tests/test_run.py",
     "pmr study STUDY.toml --list": "tests/cli/test_study.py",
+    "pmr observe SYSTEM.npz --scene SCENE.toml --measured day.csv --observer sensors.toml --leave-out": (
+        "tests/observe/test_measured.py"
+    ),
     "mpiexec -n 65 python -m mpi4py.futures -m pmr study coordinates": "tests/cli/test_study.py",
 }
 #: Of which something is left out where the text goes on about it.

@@ -86,7 +86,7 @@ def test_a_chart_says_what_a_run_says_with_it() -> None:
     ("change", "message"),
     [
         ({"supports": [{"name": "luff", "on": 1.5, "directions": ["z"], "stiffness": 1e7}]}, "one of both"),
-        ({"length": 1.2}, r"frame\.cylinder\.lug = 1\.5: a place on the base"),
+        ({"length": 1.2}, r"frame\.cylinder\.lug = 1\.5: with a stiffness, a place on the base"),
         ({"model": "shell"}, "whose base is a beam"),
     ],
 )
