@@ -69,7 +69,7 @@ def read_cards(path: Path) -> Iterator[Card]:
             yield _with_data(head, data)
         head, data = _head(place, text), []
         if "INPUT" in head.options and head.keyword != "INCLUDE":
-            listed = files.included(head, (path,))
+            listed = files.include(head, (path,))
             data = [DataLine(at, tuple(part.strip() for part in line.split(","))) for at, line in listed]
     if head:
         yield _with_data(head, data)
@@ -94,22 +94,22 @@ class _Files:
                 continue
             place, text = (Place(str(path), number), line) if pending is None else (pending[0], pending[1] + line)
             if pending is not None and line.startswith("*"):  # nothing went on
-                yield from self._expanded(*pending, (*within, path))
+                yield from self._expand(*pending, (*within, path))
                 place, text = Place(str(path), number), line
             pending = (place, text) if text.startswith("*") and text.endswith(",") else None
             if pending is None:
-                yield from self._expanded(place, text, (*within, path))
+                yield from self._expand(place, text, (*within, path))
         if pending is not None:
-            yield from self._expanded(*pending, (*within, path))
+            yield from self._expand(*pending, (*within, path))
 
-    def _expanded(self, place: Place, text: str, within: Sequence[Path]) -> Iterator[tuple[Place, str]]:
+    def _expand(self, place: Place, text: str, within: Sequence[Path]) -> Iterator[tuple[Place, str]]:
         """Yield a line, or the lines of the file that it includes."""
         if text[:1] == "*" and (card := _head(place, text)).keyword == "INCLUDE":
-            yield from self.included(card, within)
+            yield from self.include(card, within)
         else:
             yield place, text
 
-    def included(self, card: Card, within: Sequence[Path]) -> Iterator[tuple[Place, str]]:
+    def include(self, card: Card, within: Sequence[Path]) -> Iterator[tuple[Place, str]]:
         """Return the lines of the file that the option INPUT of a card names; `within` are the files around it."""
         name = card.options.get("INPUT", "")
         files = [folder / name for folder in (self.folder, within[-1].parent)]

@@ -34,11 +34,11 @@ def read_axes(card: Card) -> Axes | None:
     first = card.lines[0].place
     if len(numbers) not in (3, 6, 9):
         raise first.error("three coordinates of each of one to three points are allowed")
-    a, *others = np.array(numbers).reshape(-1, 3)
-    if not others:
+    a, *further = np.array(numbers).reshape(-1, 3)
+    if not further:
         return Axes(a, np.eye(3))
-    x = others[0] - a
-    across = others[1] - a if len(others) > 1 else np.cross([0.0, 0.0, 1.0], x)
+    x = further[0] - a
+    across = further[1] - a if len(further) > 1 else np.cross([0.0, 0.0, 1.0], x)
     z = np.cross(x, across)
     size = np.linalg.norm(x) * np.linalg.norm(across)
     if not np.linalg.norm(z) > 1e-9 * size > 0.0:
@@ -47,15 +47,15 @@ def read_axes(card: Card) -> Axes | None:
     return Axes(a, np.stack([x, np.cross(z, x), z], axis=1))
 
 
-def rectangular(card: Card, axes: Axes | None, given: Sequence[float]) -> Point:
-    """Return the place in the axes of the whole of a node with the coordinates `given` (3,) on a card `*NODE`.
+def rectangular(card: Card, axes: Axes | None, coordinates: Sequence[float]) -> Point:
+    """Return the place in the axes of the whole of a node with `coordinates` (3,) on a card `*NODE`.
 
     They are x, y, z, or with ``SYSTEM=C`` radius, angle in degrees and z, in the axes of `*SYSTEM`.
     """
     system = card.options.get("SYSTEM", "R").upper()
     if system not in ("R", "C"):
         raise card.place.error(f"SYSTEM={system} is not read; rectangular (R) and cylindrical (C) are allowed")
-    x, y, z = given
+    x, y, z = coordinates
     if system == "C":
         angle = np.deg2rad(y)
         x, y = x * float(np.cos(angle)), x * float(np.sin(angle))
@@ -72,21 +72,21 @@ def move_instance(card: Card, points: Sequence[Point]) -> list[Point]:
     """
     if not points:
         return []
-    moved = np.array(points)
+    places = np.array(points)
     if len(card.lines) > 2:
         raise card.lines[2].place.error("a line with the translation and one with the rotation are allowed")
     for line, count in zip(card.lines, (3, 7), strict=False):
         numbers = [*_numbers(line, count), *[0.0] * count][:count]
         if count == 3:
-            moved = moved + numbers
+            places = places + numbers
             continue
         a, b, angle = np.array(numbers[:3]), np.array(numbers[3:6]), numbers[6]
         length = float(np.linalg.norm(b - a))
         if angle and not length > 0.0:
             raise line.place.error("two points on the axis of rotation, which differ, and an angle are allowed")
         if angle:
-            moved = a + Rotation.from_rotvec(np.deg2rad(angle) * (b - a) / length).apply(moved - a)
-    return [(x, y, z) for x, y, z in moved.tolist()]
+            places = a + Rotation.from_rotvec(np.deg2rad(angle) * (b - a) / length).apply(places - a)
+    return [(x, y, z) for x, y, z in places.tolist()]
 
 
 def _numbers(line: DataLine, most: int) -> list[float]:

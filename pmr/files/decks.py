@@ -46,7 +46,7 @@ class Elements:
     lines: list[Place]
     nodes: list[list[int]]
 
-    def renumbered(self, nodes: Mapping[int, int], elements: Mapping[int, int]) -> Elements:
+    def renumber(self, nodes: Mapping[int, int], elements: Mapping[int, int]) -> Elements:
         """Return these elements with the numbers that `nodes` and `elements` have for theirs."""
         numbers = [elements[number] for number in self.numbers]
         return Elements(self.type, numbers, self.lines, [[nodes[node] for node in of] for of in self.nodes])
@@ -168,9 +168,9 @@ class _Assembly:
         whole, numbers = self.whole, _Numbers.of(content)
         if not whole.nodes.keys().isdisjoint(numbers.nodes):
             whole.renumbered = whole.renumbered or place
-            numbers = replace(numbers, nodes={own: self.last[0] + k for k, own in enumerate(numbers.nodes, 1)})
+            numbers = replace(numbers, nodes={part: self.last[0] + k for k, part in enumerate(numbers.nodes, 1)})
         if not whole.element_numbers.isdisjoint(numbers.elements):
-            numbers = replace(numbers, elements={own: self.last[1] + k for k, own in enumerate(numbers.elements, 1)})
+            numbers = replace(numbers, elements={part: self.last[1] + k for k, part in enumerate(numbers.elements, 1)})
         self.last = (
             max(self.last[0], max(numbers.nodes.values(), default=0)),
             max(self.last[1], max(numbers.elements.values(), default=0)),
@@ -181,15 +181,15 @@ class _Assembly:
             for line, number, of in zip(block.lines, block.numbers, block.nodes, strict=True):
                 if missing := [node for node in of if node not in numbers.nodes]:
                     raise line.error(f"element {number} has node {missing[0]}, which is not in the file")
-            whole.elements.append(block.renumbered(numbers.nodes, numbers.elements))
+            whole.elements.append(block.renumber(numbers.nodes, numbers.elements))
         for ours, theirs, new in (
             (whole.node_sets, content.node_sets, numbers.nodes),
             (whole.element_sets, content.element_sets, numbers.elements),
         ):
             for set_name, members in theirs.items():
-                there = {new[number] for number in members}
+                members_of_whole = {new[number] for number in members}
                 for key in {set_name, f"{name.lower()}.{set_name}" if name else set_name}:
-                    ours.setdefault(key, set()).update(there)
+                    ours.setdefault(key, set()).update(members_of_whole)
         for set_name, spelling in content.set_spellings.items():
             whole.set_spellings.setdefault(set_name, spelling)
             whole.set_spellings.setdefault(f"{name.lower()}.{set_name}", f"{name}.{spelling}")
@@ -239,10 +239,10 @@ def _read_nodes(deck: Deck, card: Card) -> None:
         if node in deck.nodes:
             raise line.place.error(f"node {node} is there a second time; each number once is allowed")
         try:
-            given = [float(field.upper().replace("D", "E") or "0") for field in [*place, "0", "0", "0"][:3]]
+            coordinates = [float(field.upper().replace("D", "E") or "0") for field in [*place, "0", "0", "0"][:3]]
         except ValueError:
             raise line.place.error(f"coordinates of node {node} that are numbers are allowed") from None
-        x, y, z = rectangular(card, deck.axes, given)
+        x, y, z = rectangular(card, deck.axes, coordinates)
         deck.nodes[node] = (x, y, z)
         numbers.append(node)
     if "NSET" in card.options:
@@ -307,9 +307,9 @@ def _read_set(deck: Deck, card: Card, instances: Mapping[str, _Numbers]) -> None
             if instance or within not in instances:
                 within, text = instance, name.lower()
             if _is_label_number(text):
-                there = instances[within].of_kind(of_nodes)
-                _check_existing(line, card, there, [int(text)])
-                members.add(there[int(text)])
+                labels = instances[within].of_kind(of_nodes)
+                _check_existing(line, card, labels, [int(text)])
+                members.add(labels[int(text)])
             elif (key := f"{within}.{text}" if within else text) in sets:
                 members.update(sets[key])
             else:
@@ -324,7 +324,7 @@ def _read_range(line: DataLine, card: Card, fields: list[str], numbers: Mapping[
     first, last, step = [*bounds, 1][:3]
     steps = range(first, last + 1, step)
     _check_existing(line, card, numbers, [*steps[:1], *steps[-1:]])
-    return [number for own, number in numbers.items() if own in steps]
+    return [number for label, number in numbers.items() if label in steps]
 
 
 def _element_set_nodes(deck: Deck, card: Card, instance: str) -> set[int]:

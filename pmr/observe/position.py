@@ -117,8 +117,8 @@ def place_models(
         for j in range(r):
             push = np.concatenate([np.zeros(r), modes[k][:, j] / (np.abs(b @ modes[k][:, j]) * omega[j])])
             for point in range(POINTS):
-                moved = scipy.linalg.expm(A * step * (point + 0.5) / POINTS) @ push
-                noise[k, j] += np.outer(moved, moved) / POINTS
+                response = scipy.linalg.expm(A * step * (point + 0.5) / POINTS) @ push
+                noise[k, j] += np.outer(response, response) / POINTS
     weights = np.array(rows, float).reshape(len(rows), len(space.outputs))
     further = np.einsum("oq,sqr->sor", weights, space.C[:, :, :r])
     return PlaceModels(step, places, frequencies, F, H, noise, np.concatenate([further / SCALE, 0.0 * further], axis=2))
