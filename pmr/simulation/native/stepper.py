@@ -10,8 +10,8 @@
     while running:
         y = stepper.step({"fly": s}, {"fly.tip force": F})
 
-    stepper = Stepper(System.load("crane.npz"), step=1e-3, s={"mid": 0.6, "fly": 0.6}) while running:  # value, rate and
-    second rate of paths and angles
+    stepper = Stepper(System.load("crane.npz"), step=1e-3, s={"mid": 0.6, "fly": 0.6})
+    while running:  # value, rate and second rate of paths and angles
         y = stepper.step({"fly": (s, ds, dds)}, frame={"luffing": (phi, dphi, ddphi)})
 """
 
