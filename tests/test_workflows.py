@@ -23,10 +23,9 @@ ROOT = Path(__file__).parents[1]
 #: How a file begins: its schema for editors, then what it is.
 SAYS = r"#:schema \S*schemas/(scene|study)\.json\n# "
 STUDIES = [file for file in (ROOT / "workflows").rglob("*.toml") if "kind" in tomllib.loads(file.read_text())]
-#: Studies, of which two plan so many scenes that it takes a second and more.
+#: Studies, of which one plans so many scenes that it takes a second and more.
 PLANNED = [
-    pytest.param(file, id=file.stem, marks=[pytest.mark.slow] * (file.stem in ("sections", "trade")))
-    for file in sorted(STUDIES)
+    pytest.param(file, id=file.stem, marks=[pytest.mark.slow] * (file.stem == "sections")) for file in sorted(STUDIES)
 ]
 SIX = sorted({*(ROOT / "workflows" / "residual").glob("*.toml")} - {ROOT / "workflows" / "residual" / "base.toml"})
 COMPLETE = sorted({*(ROOT / "workflows").glob("*.toml")} - {*STUDIES, ROOT / "workflows" / "paper_base.toml"}) + SIX

@@ -21,8 +21,8 @@ from pmr.studies.tasks import Plan, Task
 
 DIALECT = Dialect("study file", references=("file", "files", "scene", "scenes"))
 COLLECTION = "collection"
-#: Kinds of studies of earlier versions whose experiments are scripts in workflows/paper.
-EXPERIMENTS = ("combinations", "error_map", "histories", "residual", "speed")
+#: Kinds of studies of earlier versions that are scripts in workflows/paper.
+EXPERIMENTS = ("combinations", "convergence", "error_map", "histories", "residual", "speed", "trade")
 
 
 class Collection(SceneTable):
@@ -129,7 +129,7 @@ def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
         file.apply(change)
     kind = file.data.get("kind")
     if kind in EXPERIMENTS:
-        allowed = f"the paper's experiments are scripts: `pmr study {kind}` runs workflows/paper/{kind}.py"
+        allowed = f"this experiment is a script: `pmr study {kind}` runs workflows/paper/{kind}.py"
         raise InputError(file.origin("kind"), "kind", kind, allowed)
     if kind not in kind_names():
         allowed = f"{similar_name_hint(kind, kind_names())}one of {', '.join(kind_names())} is allowed"

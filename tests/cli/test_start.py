@@ -75,7 +75,7 @@ def test_shells_complete_what_is_typed() -> None:
 def test_workflows_are_found_by_their_names_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert scene_file(Path("paper_simple")).name == "paper_simple.toml"
-    assert study_file(Path("convergence")).parent.name == "studies"
+    assert study_file(Path("coordinates")).parent.name == "studies"
     Path("stiff.toml").write_text("extends = 'boom_beam'\ntitle = 'stiff'\npads.tail.stiffness = 1e9")
     assert scenes.load("stiff.toml").pads[0].stiffness == 1e9
     for asked in ("paper_simpel", "paper_simpel.toml"):
@@ -86,8 +86,8 @@ def test_workflows_are_found_by_their_names_anywhere(tmp_path: Path, monkeypatch
 
 
 def test_each_command_names_the_other_one_for_its_files() -> None:
-    with pytest.raises(InputError, match="pmr study convergence"):
-        scene_file(Path("convergence"))
+    with pytest.raises(InputError, match="pmr study coordinates"):
+        scene_file(Path("coordinates"))
     with pytest.raises(InputError, match="pmr run paper_simple"):
         study_file(Path("paper_simple"))
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fuzz import toml
-from fuzz.bases import BEAM, BOOM, PAPER
+from fuzz.bases import BEAM, BOOM
 from fuzz.mutations import STRANGE, Random, mutated, scratched, strange
 from fuzz.scenes import prepare as warm
 from fuzz.verdict import NonsenseError
@@ -21,7 +21,6 @@ from pmr.studies.tasks import Plan, Task, TaskResult
 SCENES = {
     "beam.toml": BEAM
     | {"reduction": {"basis": "eigenmodes", "snapshots": 3, "modes": 2, "coordinates": 4, "positions": "nodes"}},
-    "paper.toml": PAPER,
     "boom.toml": BOOM,
 }
 STUDIES: dict[str, dict[str, Any]] = {
@@ -33,18 +32,11 @@ STUDIES: dict[str, dict[str, Any]] = {
         "cases": [{"name": "soft", "change": {"body": {"profile": {"bending_stiffness": 1e4}}}}, {"name": "as-it-is"}],
         "grid": {"reduction": {"coordinates": [3, 4], "basis": ["eigenmodes"]}},
     },
-    "boom": {"kind": "scenes", "title": "Boom", "scenes": ["boom.toml"], "grid": {"mesh": {"elements": [12, 16]}}},
-    "convergence": {
-        "kind": "convergence",
-        "title": "Convergence",
-        "scene": "paper.toml",
-        "ancf": [2, 4],
-        "full": [4, 6],
-    },
+    "sections": {"kind": "scenes", "title": "Boom", "scenes": ["boom.toml"], "grid": {"mesh": {"elements": [12, 16]}}},
     "collection": {
         "kind": "collection",
         "title": "All",
-        "files": ["scenes.toml", "convergence.toml"],
+        "files": ["scenes.toml", "sections.toml"],
         "change": {"scenes": {"title": "A"}},
     },
 }

@@ -375,9 +375,6 @@ def flexible(to: str, subject: Subject) -> None:
 
 STUDIES: dict[str, dict[str, Any]] = {
     "scenes": {"scenes": ["scene.toml"]},
-    "convergence": {"scene": "scene.toml", "full": [4, 6], "ancf": [2, 4]},
-    "trade": {"scenes": ["scene.toml"], "methods": ["modes", "flexibility"], "coordinates": [4, 6]}
-    | {"steps": [2.0, 1.0], "radii": [0.9], "elements": [4]},
     "collection": {"files": ["scenes.toml"]},
     "chart": {"scene": "scene.toml", "up_to": 1e4, "luffing": [0.3, 0.5]},
 }

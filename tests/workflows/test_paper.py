@@ -2,29 +2,38 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from pathlib import Path
 
 import numpy as np
+import one_body
 import pytest
 from finished import WORKFLOWS, short_scene
 from oracle import CASES, full_body, generalized_alpha, nrms_error, paper_basis, project
+from turning_cylinder import Rigid, boom
 
 import pmr
 from pmr.cli.app import main as command
+from pmr.compare.errors import nrms
 from pmr.report.blocks import Chapter
-from pmr.simulation import InitialState, TimeStepping
+from pmr.scene.mechanism import CYLINDER
+from pmr.simulation import Excitation, InitialState, TimeStepping
+from pmr.simulation.modal import modal_form
+from pmr.studies import shared
 
 sys.path.insert(0, str(WORKFLOWS / "paper"))
 
 import combinations
+import convergence
 import error_map
 import histories
 import local_bases
 import nested_models as nested
 import residual
 import speed
+import trade
 from experiment import changed, report
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("undrawn")]
@@ -39,6 +48,29 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(scope="module")
 def short_residual(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(short_scene(tmp_path_factory.mktemp("short"), "evolved_residual"))
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short scene of two sections with coarse meshes."""
+    file = tmp_path_factory.mktemp("two") / "two.toml"
+    scene = (WORKFLOWS / "boom_two.toml").read_text()
+    for old, new in CHANGES.items():
+        assert old in scene
+        scene = scene.replace(old, new)
+    file.write_text(scene)
+    return file
+
+
+#: What is changed in a scene of two sections.
+CHANGES = {
+    "mesh.elements = 40": "mesh.elements = 8",
+    "times = [0.5, 4.0, 7.5], values = [0.6, 4.5, 0.6]": "times = [0.0, 0.2], values = [1.0, 1.3]",
+    "end = 8.0": "end = 0.2",
+    "stiffness = 1e8,": "stiffness = 1e8, unilateral = false,",
+    "amplitude = 1000.0, times = [0.0, 8.0], frequencies = [0.2, 3.0]": "amplitude = 4e3, frequency = 9.0",
+    'kind = "chirp"': 'kind = "sine"',
+}
 
 
 def own_motion(body: object) -> np.ndarray:
@@ -264,6 +296,102 @@ def test_local_bases_are_the_full_model_at_rest_and_need_the_terms_of_a_basis_th
     }
     assert error["resting", "local"] < 1e-5 and error["moving", "local"] < 5e-3
     assert error["moving", "matrices"] > 5.0 * error["moving", "local"]
+
+
+def test_meshes_of_beam_and_cable_converge(short: str, tmp_path: Path) -> None:
+    """The error is that of an integrator elsewhere, and the finest meshes have none."""
+    settings = {"scene": short, "full": [4, 8, 20], "ancf": [4, 8]}
+    chapter = convergence.main(settings, tmp_path, 0)
+    saved = json.loads((tmp_path / "summary.json").read_text())
+    errors = {key: one["e_abs"] for key, one in saved["rows"].items()}
+    sizes = {"ancf-4": 20, "ancf-8": 36, "full-4": 15, "full-8": 27, "full-20": 63}
+    assert {key: one["coordinates"] for key, one in saved["rows"].items()} == sizes
+    assert errors["full-20"] is None and errors["ancf-8"] is None and errors["full-4"] > 3.0 * errors["full-8"] > 0.0
+    tips = [own_motion(full_body(elements))[:, -1] for elements in (4, 20)]
+    assert errors["full-4"] == pytest.approx(np.linalg.norm(tips[0] - tips[1]), rel=1e-6)
+    figures = saved["figures"]
+    assert figures["chosen.ancf"] is None and figures["chosen.full"] is None  # these are the finest
+    assert figures["least.full"] == errors["full-8"] and figures["least.ancf"] == errors["ancf-4"]
+    assert "ANCF cable" in chapter.headline and chapter.blocks[1].errors is not None
+
+
+def test_meshes_of_sections_converge(two: Path, tmp_path: Path) -> None:
+    chapter = convergence.main({"scene": str(two), "full": [2, 4, 16], "ancf": []}, tmp_path, 0)
+    errors = {key: one["e_abs"] for key, one in json.loads((tmp_path / "summary.json").read_text())["rows"].items()}
+    assert errors["full-2"] > 3.0 * errors["full-4"] > 0.0 and errors["full-16"] is None
+    assert "pull" in " ".join(chapter.warnings)
+
+
+@pytest.mark.parametrize(
+    "change", [{"full": [8, 4]}, {"full": [8]}, {"ancf": [4]}, {"scene": "graded_mesh"}, {"scene": "boom_two"}]
+)
+def test_what_has_no_finest_mesh_is_refused(change: dict[str, object]) -> None:
+    with pytest.raises(pmr.InputError):
+        convergence.check(convergence.SETTINGS | change)
+
+
+def test_methods_sizes_and_steps_are_traded(short_residual: str, tmp_path: Path) -> None:
+    """The reference is the full model with a far shorter step; errors of many modes are those of the step."""
+    steps, small = [2.0, 1.0, 0.5], {"coordinates": [4, 8], "elements": [4, 8], "radii": [0.5, 0.9], "studies": []}
+    (chapter,) = trade.main(trade.SETTINGS | small | {"scenes": [short_residual], "steps": steps}, tmp_path, 0)
+    rows = {
+        key.partition(",")[2]: one for key, one in json.loads((tmp_path / "summary.json").read_text())["rows"].items()
+    }
+    errors = {method: rows[method]["reduction.4"] for method in trade.NAMES}
+    assert errors["flexibility"] < 0.5 * errors["modes"] and errors["flexibility"] < errors["visited"]
+    scene = trade.load(short_residual)
+    body, driven = shared.model_of(scene).gather(), Excitation.from_scene(scene)
+    step, rho = driven.stepping.step, driven.stepping.rho_inf
+    motions = [
+        one_body.observe(
+            modal_form(body),
+            driven.with_stepping(TimeStepping(driven.stepping.end, h * step, rho)),
+            every=round(2.0 / h),
+        ).y
+        for h in (0.125, 1 / 32)
+    ]
+    assert rows["pod"]["reference"] == pytest.approx(nrms(*motions), rel=0.5)
+    by_step = [rows["radii"][f"rho.0.9.{h:g}"] for h in steps]
+    assert np.all(np.diff(by_step) < 0.0) and rows["radii"]["rho.0.5.1"] > by_step[1]
+    assert rows["elements"]["tip.4"] > rows["elements"]["tip.8"]
+    fronts, tolerances, energies = chapter.blocks
+    assert fronts.drawings and [row[0] for row in energies.grids[0].rows] == list(trade.NAMES.values())
+    cells = {row[0]: row[1:] for row in tolerances.grids[0].rows}
+    assert cells["residual flexibility"][1].startswith("4 ×") and cells["residual flexibility"][3] == "–"
+    with pytest.raises(pmr.InputError, match="factors that divide"):
+        list(trade.tasks(trade.SETTINGS | {"scenes": [short_residual], "steps": [3.0, 1.0]}))
+
+
+def test_sizes_and_steps_of_sections_are_traded(two: Path, tmp_path: Path) -> None:
+    few = {"coordinates": [1, 3], "steps": [2.0, 1.0], "studies": []}
+    (chapter,) = trade.main(trade.SETTINGS | few | {"scenes": [str(two)]}, tmp_path, 0)
+    modes, flexible = json.loads((tmp_path / "summary.json").read_text())["rows"].values()
+    assert flexible["total.3.1"] < flexible["total.3.2"] and "pull" in " ".join(chapter.warnings)
+    assert flexible["reduction.3"] < flexible["reduction.1"] < modes["reduction.1"]
+
+
+def test_a_coarse_mesh_leaves_enough_to_tell_rigid_overlaps_apart(two: Path, tmp_path: Path) -> None:
+    """The base has twelve modes, of which ten are coordinates and two are left for its two rigid rows."""
+    scene = two.read_text()
+    for old, new in {"elements = 8": "elements = 6", "rho_inf = 1.0": "rho_inf = 0.8"}.items():
+        assert old in scene
+        scene = scene.replace(old, new)
+    (tmp_path / "rigid.toml").write_text(scene.replace("tail = [{", "rigid_overlap = true\ntail = [{"))
+    modes, flexible = (trade.row(str(tmp_path / "rigid.toml"), way, [1.0], [3]) for way in ("modes", "flexibility"))
+    assert flexible["reduction.3"] < 0.01 * modes["reduction.3"]
+
+
+def test_full_order_knows_the_force_of_the_luffing_cylinder() -> None:
+    response = trade.FullMotion.simulate(boom(30.0, "beam2d", 1e9)).response
+    assert response.other(CYLINDER)[0] == pytest.approx(Rigid(0.5235987755982988).force, rel=1e-5)
+
+
+def test_what_holds_a_tolerance_holds_it_with_shorter_steps_too() -> None:
+    totals = {"4.2": 0.5, "4.1": 0.009, "4.0.5": 0.02, "8.2": 0.1, "8.1": 0.02, "8.0.5": 0.004}
+    errors = {f"total.{name}": error for name, error in totals.items()}
+    assert trade.coarsest_within(errors, 0.01) == (8, 0.5) and trade.coarsest_within(errors, 0.02) == (4, 1.0)
+    assert trade.coarsest_within(errors, 0.001) is None
+    assert trade.error_front([(1.0, 0.5), (2.0, 0.6), (3.0, 0.1), (0.5, 0.9)]) == [(0.5, 0.9), (1.0, 0.5), (3.0, 0.1)]
 
 
 def test_settings_are_changed_by_key() -> None:

@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import combinations
+import convergence
 import error_map
 import histories
 import speed
 from experiment import Settings, report, run
 
 from pmr.report.blocks import Chapter
-from pmr.report.studies.document import study_chapter
-from pmr.report.studies.finished import FinishedStudy
 
 TITLE = "Model order reduction of a sliding beam using a global basis: every experiment"
-EXPERIMENTS = {"combinations": combinations, "error_map": error_map, "speed": speed}
-#: Settings of each experiment that differ from its own, and the file of the convergence study.
-SETTINGS = {"histories": {}, "convergence": "convergence", **{name: {} for name in EXPERIMENTS}}
+EXPERIMENTS = {
+    "histories": histories,
+    "convergence": convergence,
+    "combinations": combinations,
+    "error_map": error_map,
+    "speed": speed,
+}
+#: Settings of each experiment that differ from its own.
+SETTINGS = {name: {} for name in EXPERIMENTS}
 
 
 def main(settings: Settings, out: Path, jobs: int) -> list[Chapter]:
-    """Run all experiments and the convergence study, each into a folder of `out`, and return their chapters."""
+    """Run all experiments, each into a folder of `out`, and return their chapters."""
 
     def chapter_of(name: str, module: object) -> Chapter:
         """Run one experiment, write its own report, and return its chapter."""
@@ -33,11 +36,7 @@ def main(settings: Settings, out: Path, jobs: int) -> list[Chapter]:
         report(folder, [own])
         return own
 
-    first = chapter_of("histories", histories)
-    command = [sys.executable, "-m", "pmr", "study", settings["convergence"]]
-    subprocess.run([*command, "--out", str(out / "convergence"), "--jobs", str(jobs)], check=True)
-    converged = study_chapter(FinishedStudy.load(out / "convergence"), "convergence")
-    return [first, converged, *(chapter_of(name, module) for name, module in EXPERIMENTS.items())]
+    return [chapter_of(name, module) for name, module in EXPERIMENTS.items()]
 
 
 if __name__ == "__main__":

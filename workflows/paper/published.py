@@ -164,3 +164,29 @@ def speed(names: list[str]) -> tuple[list[Statement], str, list[str]]:
         "core.",
     ]
     return statements, "Weyrer et al., section Computational Speed", remarks
+
+
+CONVERGENCE = (
+    [
+        Statement(
+            figure="least.ancf",
+            text="smallest error of the ANCF cable",
+            words="plateau from 52 coordinates on",
+            quantity="length",
+            why="No plateau is found here: the ANCF cable goes on converging, with either formulation of its sliding "
+            "joint and with tolerances of Newton's method from 1e-6 N to 1e-2 N.",
+        ),
+        Statement(
+            figure="least.full",
+            text="smallest error of the full beam",
+            words="goes on decreasing",
+            quantity="length",
+        ),
+    ],
+    "Weyrer et al., section Convergence Analysis",
+    [
+        "Both curves zigzag alike: with a multiple of four elements a node lies where the slider rests, at a quarter "
+        "and at three quarters of the beam. Elsewhere it rests in mid-element, and a point support kinks the bending "
+        "moment, which one cubic can't follow.",
+    ],
+)

@@ -10,17 +10,13 @@ from typing import Any
 from pmr.report.blocks import Block, Chapter, Grid, Table
 from pmr.report.document import ReportFiles, render, with_date, write_page
 from pmr.report.numbers import SPACE, format_quantity
-from pmr.report.studies import chart, convergence, runs, trade
+from pmr.report.studies import chart, runs
 from pmr.report.studies.finished import FinishedStudy, comparison, studies_in
 from pmr.report.studies.tables import run_name
 
 #: Functions that build the chapter about a study, by the kind of study; studies of other kinds have a chapter about
 #: their runs.
-CHAPTERS = {
-    "chart": chart.build_chapter,
-    "convergence": convergence.build_chapter,
-    "trade": trade.build_chapter,
-}
+CHAPTERS = {"chart": chart.build_chapter}
 
 
 def write_report(folder: Path) -> ReportFiles:
