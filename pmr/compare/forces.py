@@ -11,7 +11,7 @@ import scipy.sparse.linalg as spla
 
 from pmr.files.arrays import Array
 from pmr.results import Response
-from pmr.results.quantities import with_unit
+from pmr.results.quantities import Columns, columns_by_support, with_unit
 from pmr.results.response import Extremes
 from pmr.results.run import SummaryPart
 from pmr.results.tables import reaction_extremes
@@ -38,22 +38,60 @@ PULLED = 0.01
 
 
 def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart:
-    """Entries ``pads``, ``cylinders`` and ``reactions`` of summary.json: extremes of each force, when and where.
+    """Entries ``pads``, ``cylinders``, ``reactions`` and ``supports`` of summary.json: extremes of each force.
 
-    Cylinders also have the largest ``friction`` in N that they overcome, the energy in J that friction has
-    ``dissipated``, and their impulses at ``kinks``.  Warnings name pads that are pulled and forces that are unknown.
+    Each has its time and place.  Pads have the largest mean ``pressure`` in Pa too, the size of their force over length
+    times width.  Cylinders also have the largest ``friction`` in N that they overcome, the energy in J that friction
+    has ``dissipated``, and their impulses at ``kinks``.  Warnings name pads that are pulled and unknown forces.
     """
     joined, along, figures = len(scene.sections) > 1, scene.path_positions(response.t), dict[str, Any]()
     if joined or scene.pads:
         loads = pad_extremes(scene, response)
-        figures["pads"] = [{"name": name, **extremes.summary()} for name, extremes in loads.items()]
+        pressures = _pad_pressures(scene, loads)
+        figures["pads"] = [
+            {"name": name, **extremes.summary()} | pressures.get(name, {}) for name, extremes in loads.items()
+        ]
     if joined:
         figures["cylinders"] = list(_cylinder_rows(scene, system, response))
     kinks = {row["name"]: row.get("kinks", ()) for row in figures.get("cylinders", ())}
     warnings = _kink_warnings(kinks) + unknown_force_warnings(scene, response)
     warnings += missing_reaction_warnings(scene)
     pulled = pulled_pad_warnings(scene, system.contacts, response)
-    return SummaryPart(figures | reaction_rows(scene, response, along), warnings, pulled)
+    return SummaryPart(
+        figures | reaction_rows(scene, response, along) | support_rows(scene, response), warnings, pulled
+    )
+
+
+def _pad_pressures(scene: Scene, loads: Mapping[str, Extremes]) -> dict[str, dict[str, float]]:
+    """Entry ``pressure`` in Pa of pads by name, the largest size of their force over their area; points have none."""
+    areas = dict[str, float]()
+    for body, part in scene.bodies.items():
+        for key, ring in part.keyed_rings.items():
+            if ring.faces is not None:
+                end = key.partition("[")[0].removeprefix("joint.").removeprefix("pads")
+                areas[" ".join(filter(None, (body, end, ring.name)))] = ring.length * ring.width
+    rings = {name: max((r for r in areas if name.startswith(f"{r} ")), key=len, default=None) for name in loads}
+    return {name: {"pressure": loads[name].size / areas[ring]} for name, ring in rings.items() if ring is not None}
+
+
+def support_rows(scene: Scene, response: Response) -> dict[str, object]:
+    """Entry ``supports`` of summary.json: extremes in N of each support's force, the resultant of all its directions.
+
+    The force of a support that holds a single direction has a sign.  Without such supports the result is empty.
+    """
+    columns, along, rows = Columns.from_scene(scene, response), scene.path_positions(response.t), list[dict[str, Any]]()
+    for name, numbers in columns_by_support(columns, lambda _: True).items():
+        if columns.units[numbers[0]] == "N":
+            forces = np.column_stack([response.clear_round_off(response.column(k)) for k in numbers])
+            force = forces[:, 0] if len(numbers) == 1 else np.linalg.norm(forces, axis=1)
+            body = columns.bodies[numbers[0]]
+            rows.append(
+                {
+                    "name": qualified_name(body, name.removeprefix(f"{body} ")),
+                    **Extremes.from_history(force, response.t, along).summary(),
+                }
+            )
+    return {"supports": rows} if rows else {}
 
 
 def pad_extremes(scene: Scene, response: Response) -> dict[str, Extremes]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -242,18 +241,9 @@ class Block:
     player: Player | None = None
     without_scripts: tuple[Drawing, ...] = ()
     pictures: tuple[Picture, ...] = ()
-    tables: Sequence[Table] = ()  # side by side
+    tables: Sequence[Table] = ()  # in three columns on paper, in two if the block begins a new page
     software: Sequence[str] = ()
     page: bool = False  # whether the block begins a new page on paper
-
-    @property
-    def columns(self) -> Sequence[Sequence[Table]]:
-        """Tables in columns of about equal height: two columns if the block begins a new page, else three."""
-        columns: list[list[Table]] = [[] for _ in range(2 if self.page else 3)]
-        heights = [2 + sum(1 + len(text) // 24 for _, text in table.rows) for table in self.tables]  # lines on paper
-        for table, lines_above in zip(self.tables, accumulate(heights, initial=0), strict=False):
-            columns[len(columns) * lines_above // sum(heights)].append(table)
-        return sorted(columns, key=bool, reverse=True)  # empty ones last
 
     @property
     def drawings(self) -> tuple[Drawing, ...]:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pmr.files.arrays import Array
 from pmr.report.numbers import NOTHING, round_number
-from pmr.report.subject import is_alone
+from pmr.report.subject import is_alone, luffing_support_names
 from pmr.results import Response, RunResult
 from pmr.results.response import outputs_of
 from pmr.results.tables import FORCE_OF
@@ -23,6 +23,8 @@ from pmr.scene.members import body_ring
 
 PLAYING = 30.0  # s in which the whole motion plays at the first speed
 _FULL_SCALE = 32767
+#: Remark on the force of a support that stands in for the luffing cylinder.
+ACROSS = " (its support, across the boom)"
 
 
 def extreme_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
@@ -119,14 +121,21 @@ ROUND_OFF = 1e-12
 class Force:
     """A force or moment on a body.
 
-    `output_name` is its name in a response, `name` its name within a group in the report.  `column` is the number of
-    its column among the slider forces, for responses whose forces have no names.
+    `output_name` is its name in a response, `name` its name within a group in the report, and `remark` is a clause
+    behind its name.  `column` is the number of its column among the slider forces, for responses whose forces have no
+    names.
     """
 
     column: int
     name: str
     output_name: str
     unit: str = "N"
+    remark: str = ""
+
+    @property
+    def full_name(self) -> str:
+        """Name in a table: that of the output, or the name in the group if the output has none, with its remark."""
+        return (self.output_name.replace(FORCE_OF, "", 1) or self.name) + self.remark
 
     def history(self, response: Response) -> Array:
         """Read the force or moment (T,) in its `unit` from a response."""
@@ -290,7 +299,11 @@ def forces_by_group(result: RunResult, kind: str = "pad") -> dict[str, list[Forc
         for body, part in result.scene.bodies.items()
         for support, unit in part.spring_units.items()
     }
-    group = [Force(k, name, called, units.get(called, "N")) for (k, called), name in zip(chosen, names, strict=True)]
+    stand_ins = luffing_support_names(result) if result.scene.holding_cylinder is None else set()
+    group = [
+        Force(k, name, called, units.get(called, "N"), ACROSS if name.replace(FORCE_OF, "", 1) in stand_ins else "")
+        for (k, called), name in zip(chosen, names, strict=True)
+    ]
     return {"": group} if group else {}
 
 

@@ -11,7 +11,14 @@ from pmr.report.blocks import Table
 from pmr.report.columns import is_round_off, tip_displacements
 from pmr.report.numbers import SPACE, format_input, format_length, format_percent, format_quantity, significant
 from pmr.report.overview import format_range
-from pmr.report.subject import direction_words, drive_of, has_pushing_pads, is_alone, moving_part
+from pmr.report.subject import (
+    direction_words,
+    drive_of,
+    has_pushing_pads,
+    is_alone,
+    luffing_support_names,
+    moving_part,
+)
 from pmr.report.subject import reach as reach_of
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
@@ -19,7 +26,6 @@ from pmr.results.quantities import QUANTITIES
 from pmr.results.response import Extreme, Extremes
 from pmr.results.tables import FORCE_OF
 from pmr.scene.keys import cylinder_name, qualified_name
-from pmr.scene.mechanism import supports_at_lug
 
 Rows = Iterator[tuple[str, str]]
 
@@ -60,6 +66,7 @@ def capacity_rows(result: RunResult) -> Rows:
     yield from _deflection_rows(result)
     yield from _frequency_rows(result)
     yield from _luffing_rows(result)
+    yield from _pressure_rows(result)
     yield from _force_rows(result)
     yield from _machine_rows(result)
 
@@ -99,7 +106,7 @@ def _force_rows(result: RunResult) -> Rows:
     """
     for key, forces in _extremes_of_forces(result).items():
         row, unit = QUANTITIES[key].reported, QUANTITIES[key].unit
-        if key == "support" and _luffing_names(result):
+        if key == "support" and "luffing_cylinder" in result.summary:
             row = "largest force of another support"
         name = max(forces, key=lambda name: forces[name].size, default="")  # noqa: B023
         if not forces or (not forces[name].size and key != "support"):
@@ -117,6 +124,16 @@ def _force_rows(result: RunResult) -> Rows:
             yield row, f"{format_quantity(largest.value, unit)}, {name}, {_extreme_clause(result, largest)}"
 
 
+def _pressure_rows(result: RunResult) -> Rows:
+    """Yield a row with the largest mean pressure of a pad; nothing if no pad has a size."""
+    pads = [pad for pad in result.summary.get("pads", ()) if "pressure" in pad]
+    if pads:
+        pad = max(pads, key=lambda pad: float(pad["pressure"]))
+        force = Extremes.from_summary(pad).largest
+        pressure, when = format_quantity(pad["pressure"], "Pa"), _extreme_clause(result, force)
+        yield QUANTITIES["pad_pressure"].reported, f"{pressure}, {pad['name']}, {when}"
+
+
 def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
     """Least and largest forces and moments, by their kinds in `FORCES` and by the names of the parts that bear them.
 
@@ -125,10 +142,13 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
     """
     response, summary = result.responses["reduced"], result.summary
     by_key = {key: dict[str, Extremes]() for key in FORCES}
-    frame = result.scene.frame
+    frame, resultants = result.scene.frame, summary.get("supports", ())
+    for support in resultants:
+        if support["name"] not in luffing_support_names(result):
+            by_key["support"][_full_name(result, support["name"])] = Extremes.from_summary(support)
     for reaction in summary.get("reactions", ()):
         name, place = str(reaction["name"]), "support"
-        if name in _luffing_names(result):
+        if name in luffing_support_names(result):
             continue
         if frame is not None and name.startswith(PIVOT):
             place, name = "machine", name.removeprefix(PIVOT)
@@ -136,9 +156,9 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
             place, name = "ground", name.removeprefix(MACHINE)
         moment = reaction["unit"] == "N m"
         if place == "support":
-            by_key["support_moment" if moment else "support"][_full_name(result, name)] = Extremes.from_summary(
-                reaction
-            )
+            if moment or not resultants:
+                key = "support_moment" if moment else "support"
+                by_key[key][_full_name(result, name)] = Extremes.from_summary(reaction)
         elif name in ("x", "y", "z", "rx", "ry", "rz"):  # the luffing cylinder has another name
             axis = f"about {name[1]}" if moment else f"along {name}"
             by_key[f"{place}_moment" if moment else f"{place}_force"][axis] = Extremes.from_summary(reaction)
@@ -148,7 +168,7 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
             by_key["rope_force"][f"rope of {rope['name']}, all strands"] = extremes
         else:
             by_key["cylinder_force"][f"cylinder of {rope['name']}, {ROPES}"] = extremes
-    elsewhere = {*_luffing_names(result), *(cylinder_name(rope["name"]) for rope in summary.get("ropes", ()))}
+    elsewhere = {*luffing_support_names(result), *(cylinder_name(rope["name"]) for rope in summary.get("ropes", ()))}
     for key, kind in (("pad_force", "pad"), ("cylinder_force", "cylinder"), ("support", "support")):
         if by_key[key]:
             continue
@@ -157,18 +177,6 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
             if output.kind == kind and name not in elsewhere and np.abs(values).max() > response.force_floor:
                 by_key[key][name] = Extremes.from_history(values, response.t, result.abscissa_at(response.t))
     return by_key
-
-
-def _luffing_names(result: RunResult) -> set[str]:
-    """Names of the supports that model the luffing cylinder; empty if the scene has none.
-
-    The force of the luffing cylinder has its own row.
-    """
-    frame = result.scene.frame
-    if frame is None or frame.cylinder is None or result.summary.get("luffing_cylinder") is None:
-        return set()
-    body = next(iter(result.scene.bodies))
-    return {qualified_name(body, name) for name in supports_at_lug(result.scene)}
 
 
 def _full_name(result: RunResult, name: str) -> str:

@@ -15,7 +15,7 @@ from pmr.report.numbers import NOTHING, Unit, format_input, format_quantity, sig
 from pmr.report.subject import drive_of, force_words, has_pushing_pads, is_alone
 from pmr.results import RunResult
 from pmr.results.response import Extremes
-from pmr.results.tables import FORCE_OF, REACTION_OF, reaction_extremes
+from pmr.results.tables import REACTION_OF, reaction_extremes
 
 #: Share of the largest force up to which a force is round-off: a support along which nothing acts has a force that is
 #: not exactly 0.
@@ -133,7 +133,7 @@ def _force_block(result: RunResult, prefix: str, kind: str, heading: str) -> Blo
                 drawn.append((drawing(f"{prefix}-{anchor}-{number}", figures.force_figure, caption, result, panels),))
         named_forces = [force for force in bearing if force.unit == unit and force.output_name]
         grids += [force_extremes_grid(result, kind, named_forces)] if named_forces else []
-    idle = [_force_name(force) for group in groups.values() for force in group if force not in bearing]
+    idle = [force.full_name for group in groups.values() for force in group if force not in bearing]
     text = f"No force at any time on {', '.join(idle)}." if idle else ""
     return Block(heading=heading.capitalize(), text=text, rows=tuple(drawn), grids=tuple(grids))
 
@@ -142,11 +142,6 @@ def exceeds_round_off(result: RunResult, force: Force) -> bool:
     """Whether a force exceeds round-off at any time in any of the models."""
     responses = result.responses.values()
     return any(float(np.abs(force.history(of)).max(initial=0.0)) > of.force_floor for of in responses)
-
-
-def _force_name(force: Force) -> str:
-    """Name of a force in a table: that of the force's output, or its name in the group if the output has none."""
-    return force.output_name.removeprefix(FORCE_OF) or force.name
 
 
 def abscissa_words(result: RunResult) -> str:
@@ -178,7 +173,7 @@ def force_extremes_grid(result: RunResult, kind: str, forces: Sequence[Force]) -
     """
     response, t = result.responses["reduced"], result.responses["reduced"].t
     path, unit = result.abscissa_at(t), forces[0].unit
-    by_name = {_force_name(force): Extremes.from_history(force.history(response), t, path) for force in forces}
+    by_name = {force.full_name: Extremes.from_history(force.history(response), t, path) for force in forces}
     what = "moments" if unit == "N m" else "forces"
     on = " on supports that give way" if kind == "support" else ""
     caption = f"Least and largest {what}{on}, when they occur, and {abscissa_words(result)} then.{SIGNS.get(kind, '')}"

@@ -21,10 +21,12 @@ from pmr.report.subject import (
     structural_model_words,
 )
 from pmr.results import RunResult
-from pmr.scene.built import Support
+from pmr.scene.built import PadRing, Support
 from pmr.scene.choice import model_of
+from pmr.scene.joints import JointPads, OneBody
 from pmr.scene.keys import qualified_name
 from pmr.scene.members import members
+from pmr.scene.structures import PointMass
 
 PLACES = 400  # number of times at which the position of the tip is evaluated
 Rows = Iterator[tuple[str, str]]
@@ -131,7 +133,7 @@ def _mass_rows(result: RunResult) -> Rows:
     """Yield a row for each point mass, and a row with the total mass of the bodies and all that is attached."""
     for name, part in result.scene.bodies.items():
         for mass in part.masses:
-            yield qualified_name(name, mass.name), f"{format_input(mass.mass, 'kg')} on {mass.on}"
+            yield qualified_name(name, mass.name), f"{format_input(mass.mass, 'kg')} on {mass.on}{_offset(part, mass)}"
     if masses := result.summary.get("masses"):
         attached = ", ".join(mass.name for part in result.scene.bodies.values() for mass in part.masses)
         of = f" with {attached}" if attached else ""
@@ -139,6 +141,27 @@ def _mass_rows(result: RunResult) -> Rows:
             "total mass",
             _format_mass(sum(mass_of_body["mass"] + mass_of_body["attached"] for mass_of_body in masses)) + of,
         )
+
+
+def _offset(part: OneBody, mass: PointMass) -> str:
+    """Clause with the distance of a mass's centre from the group that carries it; empty if it is not given or zero.
+
+    Along the axis it is measured from the group if the scene knows where the group is, else from the tail.
+    """
+    if mass.at is None:
+        return ""
+    (x, y, z), place = mass.at, part.position_of(mass.on)
+    along = ("ahead of it", "behind it") if place is not None else ("from the tail",) * 2
+    ways = zip((x - (place or 0.0), y, z), (along, ("to the left", "to the right"), ("above", "below")), strict=True)
+    parts = [f"{format_input(abs(round(d, 3)), 'm')} {words[int(d < 0.0)]}" for d, words in ways if round(d, 3)]
+    return f", its centre {', '.join(parts)}" if parts else ""
+
+
+def _play_words(ring: PadRing | JointPads) -> str:
+    """Clause with the play of pads that only push, their clearance by face; empty if they touch from the start."""
+    by_face = ring.clearance if isinstance(ring.clearance, dict) else {"": ring.clearance}
+    plays = [f"{face} {format_quantity(play, 'm')}".strip() for face, play in by_face.items() if play]
+    return f"play {', '.join(plays)}" if plays else ""
 
 
 def _pad_rows(result: RunResult) -> Rows:
@@ -149,7 +172,13 @@ def _pad_rows(result: RunResult) -> Rows:
             count = sum(sum(len(places) for places in ring.faces.values()) if ring.faces else 1 for ring in rings)
             stiffness = dict.fromkeys(describe_plain(ring.stiffness, "N/m") for ring in rings)
             ways = dict.fromkeys("only pushing" if ring.unilateral else "holding both ways" for ring in rings)
-            alike.setdefault((count, ", ".join((*stiffness, *ways))), []).append(name)
+            sizes = dict.fromkeys(
+                f"{format_input(1e3 * ring.length)} × {format_input(1e3 * ring.width)}{SPACE}mm"
+                for ring in rings
+                if ring.faces
+            )
+            plays = dict.fromkeys(play for ring in rings if (play := _play_words(ring)))
+            alike.setdefault((count, ", ".join((*sizes, *stiffness, *ways, *plays))), []).append(name)
         if part.supports:
             supports = (f"{support.name} {_describe_support(support)}".strip() for support in part.supports)
             yield " ".join(filter(None, (name, "held by"))), "; ".join(supports)

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
+import numpy as np
 from pydantic import BaseModel
 
 from pmr.report.blocks import Table
@@ -29,6 +30,8 @@ UNITS = {"force": "N", "moment": "N m"}
 #: Units that get a prefix, and stiffnesses in N/m or N m/rad by their units in millions.
 PREFIXED = ("m", "s", "N", "N m", "Pa")
 MILLIONS = {"N/m": "kN/mm", "N m/rad": "MN m/rad"}
+#: Units of angles and their rates that are shown in degrees, whatever the scene's unit.
+DEGREES = {"rad": "degrees", "rad/s": "degrees/s"}
 #: Words for keys that are symbols or names of persons.
 WORDS = {"young": "Young's modulus", "poisson": "Poisson's ratio", "rho_inf": "ρ∞ of generalised-α"}
 #: Keys of a reduction that only POD of eigenmodes uses; keys of a mesh that beams do not use, and that others do not.
@@ -157,6 +160,8 @@ def describe_plain(value: object, unit: str = "") -> str:
 
 def _format_numbers(values: Sequence[float], unit: str) -> str:
     """Format numbers with one unit for all; more than `MOST_VALUES` are described by their number and range."""
+    if unit in DEGREES:
+        values, unit = [float(np.rad2deg(value)) for value in values], DEGREES[unit]
     largest, size = max(map(abs, values)), 1.0
     if unit in MILLIONS and largest >= 1e6:
         size, unit = 1e6, MILLIONS[unit]
@@ -170,7 +175,9 @@ def _format_numbers(values: Sequence[float], unit: str) -> str:
     else:
         text = texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
     unit = unit.replace("^2", "²").replace("^3", "³").replace(" ", SPACE)
-    return f"{text}°" if unit == "degrees" else f"{text}{SPACE}{unit}".rstrip(SPACE)
+    return (
+        f"{text}{unit.replace('degrees', '°')}" if unit.startswith("degrees") else f"{text}{SPACE}{unit}".rstrip(SPACE)
+    )
 
 
 def _telling_values(

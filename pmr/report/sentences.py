@@ -22,6 +22,7 @@ from pmr.report.subject import force_words, moving_part, reduced_size, scope_wor
 from pmr.report.subject import reach as reach
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
+from pmr.results.quantities import QUANTITIES
 
 #: Largest number of further points with the largest stress that are named; if there are more, only their number is
 #: stated.
@@ -100,6 +101,9 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     if "reduced" in peak:
         full = f"full model {format_quantity(peak['full'], 'Pa')}" if "full" in peak else ""
         yield KeyNumber(format_quantity(peak["reduced"], "Pa"), "largest von Mises stress", full)
+    if damages := summary.get("fatigue"):
+        worst = damages[0]
+        yield KeyNumber(significant(worst["damage"]), QUANTITIES["damage"].reported, f"of one run, {worst['name']}")
     yield from _simulation_time(result)
 
 

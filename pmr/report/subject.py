@@ -17,7 +17,8 @@ from pmr.results import BodyResult, RunResult
 from pmr.scene.built import PadRing
 from pmr.scene.choice import choose_model, input_directions
 from pmr.scene.joints import JointPads
-from pmr.scene.keys import ALONE, input_name
+from pmr.scene.keys import ALONE, LUFFING_CYLINDER, input_name, qualified_name
+from pmr.scene.mechanism import supports_at_lug
 from pmr.scene.members import member_at, members
 from pmr.scene.scene import BoomSection
 from pmr.scene.signals import SignalBase
@@ -239,6 +240,18 @@ def rings_of(part: BoomSection) -> list[PadRing | JointPads]:
 def has_pushing_pads(result: RunResult) -> bool:
     """Whether any pad is unilateral: such a pad can only push, and may lift off."""
     return any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
+
+
+def luffing_support_names(result: RunResult) -> set[str]:
+    """Names of the luffing cylinder's force and of the supports that model it; empty if the scene has none.
+
+    The force of the luffing cylinder has its own row.
+    """
+    frame = result.scene.frame
+    if frame is None or frame.cylinder is None or result.summary.get("luffing_cylinder") is None:
+        return set()
+    body = next(iter(result.scene.bodies))
+    return {qualified_name(body, name) for name in (LUFFING_CYLINDER, *supports_at_lug(result.scene))}
 
 
 def fixtures(result: RunResult) -> list[Fixture]:

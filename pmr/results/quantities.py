@@ -20,7 +20,7 @@ import numpy as np
 from pmr.files.arrays import Array
 from pmr.results.response import Extreme, Extremes, Output, Response
 from pmr.scene.built import force_name, reaction_name
-from pmr.scene.keys import cylinder_name
+from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import AT_PIVOT, CYLINDER, drive_rows, rope_shares
 from pmr.scene.scene import Scene
 
@@ -78,10 +78,16 @@ class Columns:
     def of_outputs(cls, scene: Scene, outputs: Sequence[Output]) -> Columns:
         """Return the meaning of columns with the names, kinds, units and bodies of `outputs` of a scene's bodies."""
         names = tuple(output.name for output in outputs)
+        springs = {
+            name: unit
+            for body, part in scene.bodies.items()
+            for row, unit in part.spring_units.items()
+            for name in (qualified_name(body, FORCE + row), f"{body} {row}".strip())
+        }
         return cls(
             names,
             tuple(output.kind for output in outputs),
-            tuple(output.unit for output in outputs),
+            tuple(springs.get(output.name, output.unit) for output in outputs),
             tuple(output.body for output in outputs),
             drive_rows(scene, names),
             tuple(rope_shares(scene)),
@@ -204,15 +210,24 @@ def _support_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
     used only if no force column is chosen, and columns at the pivot of a boom are never used.  None is returned if no
     column is chosen.
     """
+    groups = list(columns_by_support(columns, looks_at).values())
+    if not groups:
+        return None
+    return lambda values: np.max([np.linalg.norm(values[:, of], axis=1) for of in groups], axis=0)
+
+
+def columns_by_support(columns: Columns, looks_at: Callable[[str], bool]) -> dict[str, list[int]]:
+    """Return the numbers of the columns of the forces of each support, by its name; of moments if no force is chosen.
+
+    `looks_at` says whether a support is chosen; columns at the pivot of a boom are never chosen.
+    """
     at_pivot = set(columns.pivot_columns().values())
     numbers = [k for k in columns.numbers_of_kind("support", "reaction") if k not in at_pivot]
     chosen = [k for k in numbers if any(looks_at(name) for name in support_names(columns, k))]
     groups = dict[str, list[int]]()
     for k in [k for k in chosen if columns.units[k] == "N"] or chosen:
         groups.setdefault(DIRECTION.sub("", support_names(columns, k)[1]), []).append(k)
-    if not groups:
-        return None
-    return lambda values: np.max([np.linalg.norm(values[:, of], axis=1) for of in groups.values()], axis=0)
+    return groups
 
 
 def support_names(columns: Columns, number: int) -> tuple[str, ...]:
@@ -307,6 +322,7 @@ QUANTITIES: Mapping[str, Quantity] = {
             "pad_force", "pad forces", "N", "pad", ("pad",), "largest pad force",
             sign="pushes the sections apart, or the body inwards", limit="pad", measure=_force_measure("pad"),
         ),
+        Quantity("pad_pressure", "mean pressures of pads", "Pa", "pad", (), "largest mean pressure of a pad"),
         Quantity(
             "cylinder_force", "cylinder forces", "N", "cylinder", ("cylinder",),
             "largest force of a cylinder that extends", sign=PUSHES, limit="cylinder", measure=_cylinder_measure,
@@ -327,11 +343,11 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity("support_moment", "moments of supports", "N m", "support", (), "largest moment of a support"),
         Quantity(
-            "machine_force", "forces on the machine", "N", "machine", (), "largest force of the boom on its machine"
+            "machine_force", "forces on the machine", "N", "machine", (), "largest net force of the boom on its machine"
         ),
         Quantity(
             "machine_moment", "moments on the machine", "N m", "machine", (),
-            "largest moment of the boom on its machine, about the pivot",
+            "largest net moment of the boom on its machine, about the pivot",
         ),
         Quantity(
             "ground_force", "forces on the ground", "N", "ground", (), "largest force of the machine on the ground"

@@ -179,6 +179,10 @@ def test_a_summary_has_all_supports_whether_they_give_way_or_not() -> None:
     assert set(found) == {"base: pivot x", "base: pivot z", "base: luffing"}
     luffing = outcome.result.responses["reduced"].force("base: force of luffing", 0)
     assert found["base: luffing"]["min"] == luffing.min() and found["base: luffing"]["unit"] == "N"
+    resultants = {one["name"]: one for one in outcome.result.summary["supports"]}
+    of_pivot = [outcome.result.responses["reduced"].other(f"reaction of base: pivot {axis}") for axis in "xz"]
+    assert resultants["base: pivot"]["max"] == np.linalg.norm(of_pivot, axis=0).max()
+    assert resultants["base: luffing"]["min"] == luffing.min() and len(resultants) == 2
     assert not any("along x" in line for line in outcome.result.summary["warnings"])
 
 

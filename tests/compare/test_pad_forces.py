@@ -156,6 +156,8 @@ def test_pads_that_are_pulled_are_named(at_rest: RunResult) -> None:
     faces = ("bottom right", "bottom left", "top right", "top left", "left", "right")
     assert list(pads) == [f"{ring} {face}" for ring in ("aft", "tail", "mouth") for face in faces]
     assert set(pads["aft left"].values()) == {"aft left", 0.0, 1.8}  # no force, and the path rests
+    largest = max(pads["mouth bottom left"]["max"], -pads["mouth bottom left"]["min"])
+    assert pads["mouth bottom left"]["pressure"] == pytest.approx(largest / (0.3 * 0.08), rel=1e-15)
     response = at_rest.responses["reduced"]
     for name, pad in pads.items():
         force = response.force(force_name(name), unnamed=0)

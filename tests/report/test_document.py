@@ -357,19 +357,10 @@ def test_on_paper_figures_are_images_and_text_stays_as_it_is(monkeypatch: pytest
     assert ".pair embed {" in text and "<p>svg {</p>" in text and "<svg" not in text
 
 
-@pytest.mark.parametrize(
-    ("heights", "is_page", "columns"),
-    [
-        ((12, 7, 9, 8, 7, 11), False, (2, 2, 2)),
-        ((5, 5), False, (1, 1, 0)),
-        ((30, 1, 1), False, (1, 2, 0)),
-        ((9, 9), True, (1, 1)),
-    ],
-)
-def test_tables_stand_in_columns_in_their_order(
-    heights: tuple[int, ...], is_page: bool, columns: tuple[int, ...]
-) -> None:
-    tables = [Table(f"{k}", (("name", "value"),) * height) for k, height in enumerate(heights)]
-    found = Block("Provenance", tables=tables, page=is_page).columns
-    assert tuple(map(len, found)) == columns
-    assert [table for column in found for table in column] == tables
+@pytest.mark.slow
+def test_a_long_table_goes_on_in_the_next_column_of_a_page() -> None:
+    """105 and 60 rows in three columns, of which one would not hold the longer table."""
+    weasyprint = pytest.importorskip("weasyprint")
+    tables = [Table(f"{k}", tuple((f"name {n}", "value") for n in range(rows))) for k, rows in enumerate((105, 60))]
+    chapter = Chapter(anchor="case-1", title="Boom", blocks=[Block("Provenance", tables=tables)])
+    assert len(weasyprint.HTML(string=render([chapter])).render().pages) == 1

@@ -15,6 +15,7 @@ from pmr.report.document import render_runs as rendered
 from pmr.report.figures import sketch, space
 from pmr.report.figures.canvas import INK
 from pmr.report.first_page import first_page_tables
+from pmr.report.sentences import key_numbers
 from pmr.results import Response, RunResult
 
 SPACE = "\u00a0"
@@ -45,7 +46,7 @@ def test_what_was_asked_is_said_in_rows(result: RunResult) -> None:
     box = f"box of width 300{SPACE}mm, height 400{SPACE}mm, wall 8{SPACE}mm, length 6{SPACE}m"
     assert asked["structure"] == box
     assert asked["modelled as"] == "a shell" and asked["held by"] == "cylinder along x on its tail, rigid"
-    assert asked["pads"] == "7, 300\u00a0kN/mm, holding both ways"
+    assert asked["pads"] == f"7, 300 × 80{SPACE}mm, 300{SPACE}kN/mm, holding both ways"
     assert asked["payload"] == f"250{SPACE}kg on tip" and asked["gust"] == f"up to 500{SPACE}N on tip along y"
     assert asked["tip force"] == f"−2.00{SPACE}kN to 2.00{SPACE}kN on tip along z"
     assert asked["raised by"] == "0°, it lies level" and asked["out of its mouth"] == f"2 to 4.5{SPACE}m"
@@ -61,6 +62,29 @@ def test_each_kind_of_force_has_its_largest_with_when_and_where(result: RunResul
         f"49.0{SPACE}MPa, outer face of bottom, 1.5{SPACE}m from the tail"
     )
     assert bears["lowest natural frequency"] == f"6.50{SPACE}Hz, at 4.5{SPACE}m out"
+
+
+def test_what_a_chief_looks_for_besides_has_a_row(make_space: MakeSpace) -> None:
+    """The pin's force as one figure, pressure and play of pads, a basket beside the axis, and damage at a glance."""
+    when = {"t_min": 0.2, "s_min": 2.0, "t_max": 0.1, "s_max": 1.5}
+    pads = [{"name": name, "min": 0.0, "max": 9e3, "pressure": p, **when} for name, p in (("aft", 3e5), ("fore", 4e5))]
+    summary = SUMMARY | {
+        "reactions": [{"name": "pin x", "unit": "N", "min": 0.0, "max": 8e4, **when}],
+        "supports": [{"name": "pin", "min": 0.0, "max": 1e5, **when}],
+        "pads": pads, "fatigue": [{"name": "root", "damage": 0.02, "life": 50.0}],
+    }  # fmt: skip
+    ring = {"name": "tail", "faces": {"top": [0.0], "bottom": [0.0]}, "unilateral": True, "clearance": {"top": 5e-4}}
+    moving = {"name": "mouth", "moving": True, "faces": {"bottom": [0.0]}}
+    basket = {"name": "basket", "on": "tip", "mass": 250.0, "at": [6.5, 0.8, -0.2]}
+    result = make_space(summary=summary, pads=[ring, moving], masses=[basket])
+    asked, carries = rows(result, "What was asked"), rows(result, "What it carries")
+    assert asked["basket"] == f"250{SPACE}kg on tip, its centre 0.5{SPACE}m ahead of it, 0.8{SPACE}m to the left, " \
+        f"0.2{SPACE}m below"  # fmt: skip
+    assert asked["pads"].endswith(f", play top 500{SPACE}µm")
+    assert carries["largest force of a support"].startswith(f"100{SPACE}kN, pin, at 0.1{SPACE}s")
+    assert carries["largest mean pressure of a pad"].startswith(f"400{SPACE}kPa, fore, at 0.1{SPACE}s")
+    assert carries["largest damage by fatigue"].startswith("0.0200, root")
+    assert "largest damage by fatigue" in [number.label for number in key_numbers(result)]
 
 
 def test_no_figure_is_round_off(result: RunResult) -> None:
@@ -158,8 +182,8 @@ def test_the_machine_bears_all_supports_together(make_space: MakeSpace) -> None:
     ]
     result = make_space(frame={"luffing": ramp, "pivot": [0.0, 0.0, 0.0]}, summary=SUMMARY | {"reactions": reactions})
     carries = rows(result, "What it carries")
-    force = carries["largest force of the boom on its machine"]
-    moment = carries["largest moment of the boom on its machine, about the pivot"]
+    force = carries["largest net force of the boom on its machine"]
+    moment = carries["largest net moment of the boom on its machine, about the pivot"]
     assert force.startswith(f"\u221216.0{SPACE}kN, along z, at 0.2{SPACE}s")
     assert moment.startswith(f"87.0{SPACE}kN m, about y, at 0.1{SPACE}s")
     luffing = {"force": {"min": -5e4, "max": 1e3, **least, **most}, "length": {"min": 1.5, "max": 2.0}}

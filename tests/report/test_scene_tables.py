@@ -30,9 +30,11 @@ def test_numbers_have_the_units_that_the_scene_declares() -> None:
     assert settings["time step"] == f"2{SPACE}ms" and settings["steps"] == "5000"
 
 
-def test_the_unit_of_angles_is_that_of_the_frame_and_rotations_have_theirs() -> None:
+def test_angles_are_in_degrees_and_rotations_have_their_units() -> None:
     settings = "Time stepping and settings"
     assert rows("crane", title=settings)["frame luffing"].endswith("values (10, 60)°, degree 5")
+    radians = rows("crane", "frame.unit=rad", "frame.luffing=0.7", "frame.slewing=0.3", title=settings)
+    assert radians["frame luffing"].endswith("amount 40.10705°")
     machine = "{mass=12e3,free=['z','ry'],stiffness={z=4e6,ry=9e6},damping={},start={ry=2.0},rate={z=1.5}}"
     changes = (f"frame.machine={machine}", "frame.second_order=false")
     shown = rows("crane", *changes, title=settings)["frame machine"]

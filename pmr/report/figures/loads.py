@@ -114,7 +114,7 @@ def _legend(names: Sequence[str], colours: Sequence[str] = _COLOURS, minimum: in
     return [Line2D([], [], label=name, color=colours[i % len(colours)]) for i, name in enumerate(names)]
 
 
-MOST_FORCES = 8  # largest number of panels in one figure
+MOST_FORCES = 6  # largest number of panels in one figure
 
 
 def force_figure(result: RunResult, group: Sequence[Force]) -> Figure:
@@ -133,7 +133,7 @@ def force_figure(result: RunResult, group: Sequence[Force]) -> Figure:
         time.trace(ax, panel, unit.size, weight=0.6 if columns > 1 else 1.0)
         time.frame(ax, "" if k % columns else f"{what} in {unit.name}", last=last)
         ax.tick_params(labelbottom=last)
-        ax.set_title(force.name, loc="left", pad=2.0)
+        ax.set_title(force.name + force.remark, loc="left", pad=2.0)
     for ax in axes.flat[len(group) :]:
         ax.set_visible(False)
     add_legend(figure, time.legend(list(signals[0])))
