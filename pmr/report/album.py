@@ -6,7 +6,7 @@ import base64
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +26,7 @@ from pmr.report.bodies import (
     has_stresses,
     largest_colour_stress,
     moment_of_peak,
+    pad_blocks,
     place_of_peak,
     times,
 )
@@ -33,11 +34,14 @@ from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.renderer import NoPictureError, Piece, Shot, frame_shots, render_shots
 from pmr.report.subject import is_alone
 from pmr.results import RunResult
+from pmr.scene.members import body_ring
 
 WIDTH = 1500  # px, of a picture
 SIDE = (0.34, -0.88, 0.30)  # direction from the body to the camera
 NEAR = 1.0  # m, height of the part of the body that the close picture shows
 STEEL, PAD, MOVING, SECTION = "#b9c4cd", "#3b4a57", "#d55e00", "#9fb0bd"
+GROUND, CYLINDER = "#d9d2c5", "#5b6875"
+ROD = 0.06  # m, half the thickness of a luffing cylinder
 
 
 @dataclass(frozen=True)
@@ -99,7 +103,10 @@ class _Views:
     def shots(self) -> Iterator[View]:
         """Yield the pictures to be rendered, in the order of the page."""
         chosen = drawn_moments(self.result)
-        views = [Shot((*self._body_pieces(m), *self._surrounding_pieces(m)), SIDE, self.limits) for m in chosen]
+        views = [
+            Shot((*self._body_pieces(m), *self._surrounding_pieces(m), *self._ground_pieces(m)), SIDE, self.limits)
+            for m in chosen
+        ]
         for number, (moment, shot) in enumerate(zip(chosen, frame_shots(views, WIDTH), strict=True), start=1):
             yield View(f"view-{number}", shot, self._caption(moment))
         if self.stressed:
@@ -119,14 +126,74 @@ class _Views:
             yield Piece(self._turn_to_ground(moment.frame, points), surface.faces, values, STEEL, edges=edges)
 
     def _surrounding_pieces(self, moment: Moment, opacity: float = 0.22) -> Iterator[Piece]:
-        """Yield the pads and the next outer section at a moment.
+        """Yield the pads at a moment, the next outer section of a body alone, and the luffing cylinder of a boom.
 
         `opacity` (0 to 1) is that of the section; pads are opaque.
         """
         back = np.array([moment.s, 0.0, 0.0])
         pieces = [*_pieces(self.stage.near, PAD), *_pieces(self.stage.tail, PAD, back)]
         pieces += [replace(piece, opacity=opacity, edges=1.0) for piece in _pieces(self.stage.section, SECTION)]
+        pieces += [*_pieces(list(self._joint_pads(moment.frame)), PAD), *self._cylinder_pieces(moment)]
         yield from (replace(piece, points=self._turn_to_ground(moment.frame, piece.points)) for piece in pieces)
+
+    def _joint_pads(self, frame: int) -> Iterator[Block]:
+        """Yield the pads of a boom's joints at the stored time number `frame`, on the outside of the outer sections."""
+        bodies = list(self.result.scene.bodies.items())
+        for (outer, of_outer), (inner, of_inner) in pairwise(bodies):
+            if of_inner.joint is None or outer not in self.surfaces:
+                continue
+            points, box = self.surfaces[outer].points, of_outer.body.box
+            extent, tails = np.array([points.min(axis=0), points.max(axis=0)]), self.places
+            mouth = tails[outer][frame] + of_outer.length
+            at_ends = [(ring, tails[inner][frame] + ring.at) for ring in of_inner.joint.tail]
+            at_ends += [(ring, mouth - ring.at) for ring in of_inner.joint.mouth]
+            for ring, at in at_ends:
+                if ring.faces is not None:
+                    along = self._drawn_displacement(outer, frame, at - tails[outer][frame])
+                    along[0] += at
+                    blocks = pad_blocks(body_ring(ring, "pad"), extent, box)
+                    yield from (replace(block, corners=block.corners + along) for block in blocks)
+
+    def _drawn_displacement(self, body: str, frame: int, x: float) -> Array:
+        """Return the mean displacement (3,) in m, enlarged as drawn, of a body's cross-section nearest to x in m."""
+        surface, fields = self.surfaces[body], self.fields[body]
+        apart = np.abs(surface.points[:, 0] - x)
+        displaced = surface.point_displacements(fields, fields.displacement[frame])[apart <= apart.min() + 1e-6]
+        return np.asarray(self.scale * displaced.mean(axis=0), float)
+
+    def _cylinder_pieces(self, moment: Moment) -> Iterator[Piece]:
+        """Yield the luffing cylinder from its foot to its lug as a bar; nothing without one."""
+        frame = self.result.scene.frame
+        if frame is not None and (cylinder := frame.cylinder) is not None:
+            (angle,) = frame.angles[0].value(np.array([moment.t]))
+            x, z = cylinder.direction(angle)
+            lug = np.array([cylinder.lug[0], 0.0, cylinder.lug[1]]) - frame.tail_position
+            foot = lug - float(cylinder.length_and_arm(angle)[0]) * np.array([x, 0.0, z])
+            lug += self._drawn_displacement(next(iter(self.surfaces)), moment.frame, lug[0])
+            across = ROD * np.array([(-z, 0.0, x), (0.0, 1.0, 0.0), (z, 0.0, -x), (0.0, -1.0, 0.0)])
+            sides = np.array([(k, (k + 1) % 4, 4 + (k + 1) % 4, 4 + k) for k in range(4)])
+            yield Piece(np.concatenate([foot + across, lug + across]), sides, None, CYLINDER)
+
+    def _ground_pieces(self, moment: Moment) -> Iterator[Piece]:
+        """Yield a level plane below a boom, at the foot of its luffing cylinder or at its pivot.
+
+        Nothing is yielded for a body alone, or if no weight acts.
+        """
+        scene, gravity = self.result.scene, self.result.scene.gravity
+        if is_alone(self.result) or gravity is None:
+            return
+        up, pivot, below = -np.array(gravity.direction), np.zeros(3), 0.0
+        if scene.frame is not None:
+            (angle,) = scene.frame.angles[0].value(np.array([moment.t]))
+            up, pivot = np.array([np.sin(angle), 0.0, np.cos(angle)]), -np.array(scene.frame.tail_position)
+            below = 0.0 if scene.frame.cylinder is None else min(scene.frame.cylinder.foot[1], 0.0)
+        ahead = np.array([1.0, 0.0, 0.0]) - up[0] * up
+        if (level := float(np.linalg.norm(ahead))) > 0.1:
+            ahead, aside = ahead / level, np.cross(up, ahead / level)
+            long = moment.extension * level
+            corners = [(-0.1 * long, -1.0), (1.05 * long, -1.0), (1.05 * long, 1.0), (-0.1 * long, 1.0)]
+            points = np.array([pivot + below * up + x * ahead + 0.1 * long * y * aside for x, y in corners])
+            yield Piece(self._turn_to_ground(moment.frame, points), np.array([(0, 1, 2, 3)]), None, GROUND, 0.5)
 
     def _turn_to_ground(self, frame: int, points: Array) -> Array:
         """Turn points (..., 3) in m from the boom's axes into the ground's axes at the stored time number `frame`.
@@ -199,7 +266,8 @@ class _Views:
         stress = f", largest von Mises stress {format_quantity(moment.peak, 'Pa')}" if self.stressed else ""
         length = f"{moment.extension:.2f}{SPACE}m"
         out = f"{length} beyond the mouth" if is_alone(self.result) else f"A reach of {length}"
-        return f"{out}, at {moment.t:.2f}{SPACE}s{stress}; {deformed}."
+        around = "" if is_alone(self.result) else " Pads are drawn on the outside of the section that they slide in."
+        return f"{out}, at {moment.t:.2f}{SPACE}s{stress}; {deformed}.{around}"
 
 
 def _pieces(blocks: Sequence[Block], colour: str, back: Array | float = 0.0) -> list[Piece]:

@@ -165,7 +165,7 @@ def build_surroundings(result: RunResult, body: Surface) -> Surroundings:
         moving: [ring for ring in result.scene.pads if ring.moving is moving] for moving in (False, True)
     }
     near, tail = (
-        tuple(block for ring in rings_by_motion[moving] for block in _pads(ring, low, high, box))
+        tuple(block for ring in rings_by_motion[moving] for block in pad_blocks(ring, np.array([low, high]), box))
         for moving in (True, False)
     )
     ahead = max((ring.at + ring.length / 2.0 for ring in rings_by_motion[True]), default=0.1)
@@ -174,9 +174,8 @@ def build_surroundings(result: RunResult, body: Surface) -> Surroundings:
     return Surroundings((_block(start, end, _SIDES[2:]),), near, tail)
 
 
-def _pads(ring: PadRing, low: Array, high: Array, box: Box | None) -> list[Block]:
-    """Build a block for each pad of a ring; `low` and `high` (3,) in m are opposite corners of the body."""
-    body = np.array([low, high])
+def pad_blocks(ring: PadRing, body: Array, box: Box | None) -> list[Block]:
+    """Build a block for each pad of a ring; `body` (2, 3) in m are opposite corners of the body."""
     return [Block(pad_corners(ring, place, body, box, _CUBE + 0.5), _SIDES) for place in ring.named_pads]
 
 

@@ -4,6 +4,8 @@ import base64
 import io
 import re
 import sys
+from dataclasses import replace
+from pathlib import Path
 from threading import Event
 
 import numpy as np
@@ -11,13 +13,17 @@ import pytest
 from PIL import Image
 from waiting import PATIENCE
 
+from pmr import scene as scenes
 from pmr.report import album as pictures
 from pmr.report import renderer as studio
 from pmr.report import sections
 from pmr.report.album import start_album
+from pmr.report.bodies import drawn_moments
 from pmr.report.document import render_runs as render
 from pmr.report.renderer import NoPictureError, Piece, Shot, frame_shots, render_shots
 from pmr.report.sections import chapter as case
+from pmr.results import BodyResult, Paths
+from pmr.results.pads import THICK
 
 SQUARE = Piece(np.array([(0.0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)]), np.array([(0, 1, 2, 3)]), np.array([1.0]))
 SHOT = Shot((SQUARE,), (0.0, -1.0, 0.0), (0.0, 1.0), centre=(0.5, 0.0, 0.5), height=2.0, size=(80, 40))
@@ -91,3 +97,31 @@ def test_a_page_without_pictures_says_why(monkeypatch, make_space, make_fields) 
     monkeypatch.setattr(pictures, "render_shots", refuse)
     page = render([case(make_space(fields=make_fields("line")), "case-1")])
     assert "There are no pictures: nothing to draw with." in page and 'class="picture"' not in page
+
+
+def test_a_boom_stands_over_the_ground_on_its_cylinder_with_pads_at_their_places(make_space, make_fields) -> None:
+    """Raised by 30 degrees, from 0 to 1 m; lines of fields without deflection, so all places are those of the scene."""
+    scene = scenes.load_any(
+        Path(__file__).parents[2] / "workflows" / "boom_two.toml",
+        ["section.joint.extension=2.0", "time.end=1.0", "gravity={}", "frame.unit=degrees", "frame.luffing=30.0",
+         "frame.pivot=[0.5,0.0,0.2]", "frame.cylinder={foot=[0.4,-1.2],lug=[1.8,-0.1]}"],
+    )  # fmt: skip
+    line, alone = make_fields("line"), make_space(fields=make_fields("line"))
+    still = BodyResult(fields=replace(line, displacement=0.0 * line.displacement))
+    steps = len(alone.responses["reduced"].t)
+    ahead = np.full((steps, 1), 2.0)
+    paths, bodies = Paths(("fly",), ahead, 0.0 * ahead), {"base": still, "fly": still}
+    views = pictures._Views(replace(alone, scene=scene, bodies=bodies, paths=paths, reach=8.0 + 0.0 * ahead[:, 0]))
+    (moment, *_) = drawn_moments(views.result)
+    places = [block.corners.mean(axis=0) for block in views._joint_pads(moment.frame)]
+    assert [place[0] for place in places] == pytest.approx([2.15, 2.15, 5.85, 5.85])
+    assert all(abs(place[2]) == pytest.approx(0.2 + THICK / 2.0) for place in places)  # walls are drawn thin
+    (rod,) = (piece for piece in views._surrounding_pieces(moment) if piece.colour == pictures.CYLINDER)
+    lug = np.array([np.cos(np.pi / 6.0) * 1.8 + 0.05, 0.0, 0.9 - 0.1 * np.cos(np.pi / 6.0)])
+    assert rod.points[:4].mean(axis=0) == pytest.approx([0.4, 0.0, -1.2]) and rod.points[4:].mean(
+        axis=0
+    ) == pytest.approx(lug)
+    (ground,) = views._ground_pieces(moment)
+    assert ground.points[:, 2] == pytest.approx([-1.2] * 4) and ground.points[:, 0].max() == pytest.approx(
+        1.05 * 8.0 * 0.75**0.5
+    )
