@@ -13,6 +13,7 @@ from pmr.fem.distributed import free_dropped, free_objects, local_csr, sparse
 from pmr.files.arrays import Array, Indices
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
 from pmr.models.matrices import Matrices
+from pmr.models.mover import Mover
 from pmr.scene import Damping
 from pmr.system.body_matrices import Rayleigh
 
@@ -37,14 +38,15 @@ def rayleigh(damping: Damping) -> Rayleigh:
 
 
 def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
-    """Mass and stiffness of a model, assembled from its forms or read from the matrices of a file; collective."""
+    """Mass and stiffness of a model, assembled from its forms or given as matrices; collective."""
     if is_assembled(model):
         return assemble_model(model, model.domain(comm))
-    assert isinstance(model, Matrices)
+    assert isinstance(model, Matrices | Mover)
+    M, K = (model.M, model.K) if isinstance(model, Mover) else (model.body_matrices.M, model.body_matrices.K)
     first, last = share(model.size, comm)
     sizes = (int(last - first), model.size)
     matrices = []
-    for A in (model.body_matrices.M, pad_pattern(model.body_matrices.K, model.body_matrices.M)):
+    for A in (M, pad_pattern(K, M)):
         share_of_rank = A[first:last].sorted_indices()
         parts = (
             share_of_rank.indptr.astype(PETSc.IntType),

@@ -21,6 +21,7 @@ from pmr.models import StructuralModel
 from pmr.models.box_mesh import DIMENSIONS, BoxBoom, write_shell, write_solid
 from pmr.models.matrices import Matrices
 from pmr.models.mesh_drawing import NotDrawnError, graded_nodes, read_nodes
+from pmr.models.mover import Mover
 from pmr.models.named_mesh import NamedMesh, read_mesh
 from pmr.scene.box import Box
 from pmr.scene.built import OwnModel, PadRing
@@ -41,7 +42,7 @@ from pmr.scene.structures import Beam3DBody
 from pmr.system.rows import StraightRows
 
 #: Models that need no FEniCSx; the modules of all others load it.
-WITHOUT_FORMS = ("matrices",)
+WITHOUT_FORMS = ("matrices", "mover")
 #: Nodes of a beam that are observed by default: with all nodes, tables of outputs grow with the mesh's square.
 MOST_OBSERVED = 1000
 
@@ -97,7 +98,7 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
             *inertia,
         ),
         outputs=(*line, *tip, *forces, *turned, *gauges(member.part, model)),
-        damping=member.scene.damping,
+        damping=member.scene.damping if member.part.body.mover is None else member.part.body.mover.rayleigh,
         pads=replace(pads, supports=supports),
         ports=(
             *(_port(model, place, d) for place in member.part.reduction.ports for d in model.directions),
@@ -240,10 +241,17 @@ def _matrices(member: Member, comm: MPI.Comm) -> StructuralModel:
     return Matrices.load(member.part.mesh.file)
 
 
+def _mover(member: Member, comm: MPI.Comm) -> StructuralModel:
+    """Structural model of a mass that crosses another section."""
+    assert member.part.body.mover is not None  # the scene's check
+    return Mover(member.part.body.mover)
+
+
 _MODELS: dict[str, Callable[[Member, MPI.Comm], StructuralModel]] = {
     "beam2d": _planar_beam,
     "beam3d": _beam,
     "matrices": _matrices,
+    "mover": _mover,
 }
 
 

@@ -277,4 +277,5 @@ def _residuals(model: FullModel, s: float, omega2: Array, phi: Array) -> Array:
         comm.allgather([np.abs(residual).max(axis=0, initial=0.0), np.abs(phi).max(axis=0, initial=0.0)])
     )
     r, p = largest.max(axis=0)
-    return np.asarray(r / ((norm_K + np.abs(omega2) * norm_M) * p))
+    scale = (norm_K + np.abs(omega2) * norm_M) * p
+    return np.divide(r, scale, out=np.zeros_like(r), where=scale > 0.0)  # 0 without any stiffness

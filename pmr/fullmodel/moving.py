@@ -92,7 +92,8 @@ class _DenseSolver:
         """This rank's rows (n_local, k) of k solutions x, for its rows `g` (n_local, k) of the loads; collective."""
         shares, x = self._comm.gather(g), None
         if shares is not None:
-            x = self._T @ scipy.linalg.cho_solve(self._factor, self._T.T @ np.concatenate(shares))
+            free = self._T.T @ np.concatenate(shares)  # no row of a body that the held rows hold altogether
+            x = self._T @ (scipy.linalg.cho_solve(self._factor, free) if len(free) else free)
         return np.ascontiguousarray(self._comm.bcast(x)[self._share])
 
     def destroy(self) -> None:

@@ -45,6 +45,7 @@ from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.luffing import cylinder_row
 from pmr.fullmodel.walls import Walls
 from pmr.models import StructuralModel
+from pmr.models.mover import Mover
 from pmr.models.trace import Extent, Window
 from pmr.scene.frame import LuffingCylinder
 from pmr.system.polynomials import cardinal_spline, refine_table, value_or_zero
@@ -293,8 +294,12 @@ def _end_row(end: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads)
 def _point_row(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
     """Row of a sliding point on the coordinates z with q = T z.
 
-    Raises an `InputError` if the model is no planar beam.
+    Raises an `InputError` if the model is neither a planar beam nor a mover.
     """
+    if isinstance(model, Mover):
+        weights = np.array([0.0, 1.0]).reshape(2, 1, 1)  # linear with a slope of 0, as a row that travels
+        wheel = [[model.size - 1]]
+        return row_on_coordinates(slider.name, model.node_stations - slider.offset, wheel, weights, model.size)
     from pmr.models.beam2d import Beam2D  # its forms need FEniCSx, which given matrices do without
 
     if not isinstance(model, Beam2D):

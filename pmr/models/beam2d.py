@@ -9,11 +9,12 @@ geometric stiffness g are
     m(w, \delta w) = \int \rho A\, (w\, \delta w + u\, \delta u) \, dx, \qquad
     g(w, \delta w) = \int N\, w' \delta w' \, dx
 
-Shear deformation and rotary inertia are neglected.  Cook, Malkus, Plesha: Concepts and Applications of Finite Element
-Analysis, 3rd ed., 1989, sections 4.2 and 13.3; H. P. Gavin: Structural Element Stiffness, Mass, and Damping Matrices,
-2020.  Coordinates are ordered node by node: [u,] w, w', of a point on the axis, which moves with its section.  If the
-section's centroid is the height :math:`z_c` above the axis, it moves by :math:`u_c = u - z_c w'` along x.  z is up, and
-the rotation about y is -w'.  Constants of a section that tapers are its means over the element.
+A profile's own tension is an N that the stiffness has.  Shear deformation and rotary inertia are neglected.  Cook,
+Malkus, Plesha: Concepts and Applications of Finite Element Analysis, 3rd ed., 1989, sections 4.2 and 13.3; H. P. Gavin:
+Structural Element Stiffness, Mass, and Damping Matrices, 2020.  Coordinates are ordered node by node: [u,] w, w', of a
+point on the axis, which moves with its section.  If the section's centroid is the height :math:`z_c` above the axis, it
+moves by :math:`u_c = u - z_c w'` along x.  z is up, and the rotation about y is -w'.  Constants of a section that
+tapers are its means over the element.
 """
 
 from __future__ import annotations
@@ -148,6 +149,8 @@ class Beam2D(Beam):
         stiffness = self.element_property(mesh, of.bending) * w.dx(0).dx(0) * dw.dx(0).dx(0)
         if of.axial is not None:
             stiffness += self.element_property(mesh, of.axial) * u.dx(0) * du.dx(0)
+        if isinstance(self.body, Profile) and self.body.tension:
+            stiffness += self.element_property(mesh, np.array([self.body.tension])) * w.dx(0) * dw.dx(0)
         return Forms(self.inertia(space, ufl.Identity(3)), stiffness * measure(mesh))
 
     def inertia(self, space: FunctionSpace, S: Expr) -> Form:

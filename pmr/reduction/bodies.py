@@ -266,6 +266,8 @@ def _reduce_section(scene: Scene, member: Member, model: FullModel, cache: Cache
     It has enrichment modes if an error is estimated or terms that vary in time may act.
     """
     choice, stressed = member.part.reduction, may_be_stressed(scene)
+    if member.part.body.mover is not None:  # it keeps both of its coordinates
+        choice = choice.model_copy(update={"coordinates": model.size})
     enrichment = enrichment_of(scene, choice, model)
 
     def make() -> ReducedBody:

@@ -140,10 +140,10 @@ def free_modes(
     """The lowest M-orthonormal modes that a load or slider can excite, rigid-body modes first; collective.
 
     There are `count` modes, followed by up to `enrichment` further modes.  `count` has to be at least the number of
-    rigid-body modes, and less than the number of excited modes, so that flexibility is left.  At least as many modes
-    remain unused as there are rigid sliders and pads, because their flexibility determines the forces of these; so a
-    coarse mesh may give fewer enrichment modes.  Rigid-body modes come from the geometry (`pmr.reduction.free_body`),
-    all others are M-orthogonal to them.
+    rigid-body modes, and less than the number of excited modes, so that flexibility is left; or all coordinates of the
+    model.  At least as many modes remain unused as there are rigid sliders and pads, because their flexibility
+    determines the forces of these; so a coarse mesh may give fewer enrichment modes.  Rigid-body modes come from the
+    geometry (`pmr.reduction.free_body`), all others are M-orthogonal to them.
 
     Modes that no load and no slider can excite stay at rest for ever, such as those along the axis of a straight beam
     with all loads across it.  They are left out.  If axial forces act on the section (`stressed`), enrichment modes
@@ -164,7 +164,7 @@ def free_modes(
     if lowest.rigid > count:
         allowed = f"the fixed supports leave {lowest.rigid} rigid-body modes free; at least as many are allowed"
         raise InputError("scene", "reduction.coordinates", count, allowed)
-    if count_of_modes <= count:
+    if count_of_modes <= count < model.size:
         allowed = f"loads and sliders excite {count_of_modes} modes of this mesh; fewer than these are allowed"
         raise InputError("scene", "reduction.coordinates", count, allowed)
     beyond = np.arange(count, min(count + more, count_of_modes - spare))

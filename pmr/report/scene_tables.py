@@ -55,7 +55,7 @@ def input_tables(scene: Scene) -> list[Table]:
         model, choice = model_of(member), choose_model(member)
         at_least = ", or a larger one by measurement" if is_undecided(member) else ""
         why = f": {'; '.join(choice.reasons)}{at_least}" if part.body.model == "auto" else ""
-        beam, by_stiffness = model.startswith("beam"), part.body.profile is not None or model == "matrices"
+        beam, by_stiffness = model.startswith("beam"), part.body.profile is not None or model in ("matrices", "mover")
         without_cells = () if beam and part.mesh.file is None else OF_BEAMS
         unused = {"": ("name",), "mesh": (*without_cells, *(OF_CELLS if beam or part.mesh.file else ()))}
         unused |= {"body": ("model", *(OF_MATERIAL if by_stiffness else () if beam else OF_MATERIAL[1:]))}

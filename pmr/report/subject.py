@@ -29,6 +29,7 @@ MODELS = {
     "shell": "a shell",
     "solid": "a solid",
     "matrices": "given matrices",
+    "mover": "a mass on a wheel",
 }
 #: Text in the name of a load between the component of a force and the axis of the whole force.
 GROUND = ", of a force"

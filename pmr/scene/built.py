@@ -36,12 +36,12 @@ from pmr.scene.keys import (
 )
 from pmr.scene.profile import Face
 from pmr.scene.signals import Constant, Signal, SignalBase, SmoothRamp
-from pmr.scene.structures import BeamSection, Material, Profile, unit_vector
+from pmr.scene.structures import BeamSection, Material, MoverBody, Profile, unit_vector
 
 GRAVITY = 9.80665  # m/s^2
 #: Name of the input of the weight of all bodies.
 WEIGHT = "gravity"
-OwnModel = Literal["auto", "beam2d", "beam3d", "shell", "solid", "matrices"]
+OwnModel = Literal["auto", "beam2d", "beam3d", "shell", "solid", "matrices", "mover"]
 ModelName = Annotated[OwnModel, or_plugin_name("pmr.models"), AS_WORD]
 #: Names of two pads on a face, by their side of its middle: on bottom and top, and on all other faces.
 SIDES, UPWARDS = dict.fromkeys(("bottom", "top"), ("right", "left")), ("lower", "upper")
@@ -75,6 +75,7 @@ class Body(SceneTable):
     material: Material = Field(default=Material(), description="Material, except in regions that have their own")
     box: Box | None = Field(default=None, description="A box boom by its dimensions")
     profile: Profile | None = Field(default=None, description="A planar beam by its stiffnesses")
+    mover: MoverBody | None = Field(default=None, description="A mass that crosses the section before it on a wheel")
     thickness: Thickness | None = Field(default=None, description="Thickness of a shell whose mesh is read from a file")
     regions: dict[Name, Region] = Field(
         default={}, description="Named regions of the mesh with a material or thickness of their own"
@@ -95,14 +96,14 @@ class Body(SceneTable):
         """Refuse a box together with a thickness or a profile, as these describe the same."""
         if self.box is not None and self.thickness is not None:
             raise ValueError("give box.wall or thickness, one of them")
-        if self.box is not None and self.profile is not None:
-            raise ValueError("give box or profile, one of them")
+        if sum(description is not None for description in (self.box, self.profile, self.mover)) > 1:
+            raise ValueError("give box, profile or mover, one of them")
         return self
 
     @property
     def length(self) -> float | None:
-        """Length along x in m of a box or profile; None for a mesh that is read from a file."""
-        described = self.box or self.profile
+        """Length along x in m of a box, profile or mover; None for a mesh that is read from a file."""
+        described = self.box or self.profile or self.mover
         return described.length if described else None
 
 

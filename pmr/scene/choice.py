@@ -23,6 +23,8 @@ from pmr.scene.profile import FACES, Face
 
 #: Share of a wall's lowest frequency up to which its response is assumed to be quasi-static.
 QUASI_STATIC = 1.0 / 3.0
+#: Models whose motion is in the vertical plane.
+PLANAR = ("beam2d", "mover")
 #: Pairs of faces that mirror each other at y = 0.
 SIDES: tuple[tuple[Face, Face], ...] = (("left", "right"), ("bottom left", "bottom right"), ("top left", "top right"))
 
@@ -42,6 +44,8 @@ def choose_model(member: Member, by_itself: bool = False) -> ModelChoice:
     """
     if member.part.body.model != "auto":
         return ModelChoice(member.part.body.model, ("the scene names it",))
+    if member.part.body.mover is not None:
+        return ModelChoice("mover", ("it is a mass that crosses another section",))
     if member.part.body.profile is not None:
         return ModelChoice("beam2d", ("its stiffnesses are those of a planar beam",))
     if shell := [*_stress_reasons(member), *_wall_reasons(member)]:
@@ -75,7 +79,9 @@ def has_walls_that_could_give(member: Member) -> bool:
 
 def motion_directions(member: Member) -> tuple[Direction, ...]:
     """Return those of x, y, z, rx, ry, rz along or about which a point of the body's model can move."""
-    if model_of(member) != "beam2d":
+    if model_of(member) == "mover":
+        return ("z",)
+    if not is_planar(member):
         return ("x", "y", "z", "rx", "ry", "rz")
     profile = member.part.body.profile
     return ("x", "z", "ry") if profile is None or profile.axial else ("z", "ry")
@@ -171,8 +177,8 @@ def _has_rotary_inertia(member: Member) -> bool:
 
 
 def is_planar(member: Member) -> bool:
-    """Whether a body is modelled as a planar beam."""
-    return model_of(member) == "beam2d"
+    """Whether a body is modelled as a planar beam, or is a mover on one."""
+    return model_of(member) in PLANAR
 
 
 def fewest_rows(member: Member) -> int:
@@ -184,12 +190,12 @@ def fewest_rows(member: Member) -> int:
 
 def pad_faces(member: Member) -> tuple[str, ...]:
     """Names of the faces whose pads act on the chosen model: bottom and top for a planar beam, else all faces."""
-    return ("bottom", "top") if model_of(member) == "beam2d" else FACES
+    return ("bottom", "top") if is_planar(member) else FACES
 
 
 def transverse_axes(member: Member) -> tuple[str, ...]:
     """Axes across the body along which the chosen model has displacements: z, and also y unless it is a planar beam."""
-    return ("z",) if model_of(member) == "beam2d" else ("y", "z")
+    return ("z",) if is_planar(member) else ("y", "z")
 
 
 def wall_frequency(box: Box, young: float, poisson: float, density: float) -> float:
@@ -230,7 +236,7 @@ def _wall_reasons(member: Member) -> list[str]:
 def _other_model_reasons(member: Member) -> list[str]:
     """Reasons for a beam in space from other sections: if one section is no planar beam, all have to be in space."""
     others = [section for section in members(member.scene) if section.number != member.number]
-    spatial = [other for other in others if choose_model(other, by_itself=True).model != "beam2d"]
+    spatial = [other for other in others if choose_model(other, by_itself=True).model not in PLANAR]
     return [f"section {other.part.name} is no planar beam" for other in spatial]
 
 

@@ -92,6 +92,10 @@ UNUSED = {
     "beam3d": (*(f"mesh.{key}" for key in _CELLS), "body.shear_correction"),
     "shell": ("mesh.elements", "mesh.cells", "body.shear", "body.walls"),
     "solid": ("mesh.elements", "body.shear", "body.shear_correction", "body.walls"),
+    "mover": (
+        *(f"mesh.{key}" for key in (*_CELLS, "elements")),
+        *(f"body.{key}" for key in ("material", "regions", "shear", "shear_correction", "walls")),
+    ),
     "matrices": (
         *(f"mesh.{key}" for key in (*_CELLS, "elements")),
         *(f"body.{key}" for key in ("material", "thickness", "regions", "shear", "shear_correction", "walls")),

@@ -187,6 +187,8 @@ def _section_scales(part: BoomSection) -> dict[str, float]:
 def _mass(part: BoomSection) -> float:
     """Return the mass of a section's beam or box in kg without doublers and tapers; 0 for a mesh file."""
     body = part.body
+    if body.mover is not None:
+        return body.mover.mass + body.mover.wheel_mass
     if body.profile is not None:
         return body.profile.mass_per_length * body.profile.length
     if body.box is None:

@@ -280,8 +280,13 @@ def _check_ground_supports(scene: Scene, number: int) -> None:
 
 
 def _check_extension(scene: Scene, number: int) -> None:
-    """Refuse extensions that bring a section behind the next outer one, out of it, or its pads off it."""
+    """Refuse extensions that bring a section behind the next outer one, out of it, or its pads off it.
+
+    A carriage, without pads at a mouth, may go wherever its own pads are on the next outer section (`_check_pads`).
+    """
     joint, name, outer = scene.joint(number), scene.names[number], scene.names[number - 1]
+    if not joint.mouth:
+        return
     path = scene.extension(number)
     (first, last), length = path.bounds(0.0, scene.time.end), scene.sections[number - 1].length
     by = "overlap" if joint.overlap is not None else "follows" if isinstance(path, ScaledSignal) else "extension"

@@ -141,7 +141,9 @@ class Joint(SceneTable):
         default=0.0, description="This extension where that of the section it follows is zero"
     )
     tail: tuple[JointPads, ...] = Field(min_length=1, description="Pads that travel with this section's tail")
-    mouth: tuple[JointPads, ...] = Field(min_length=1, description="Pads at the mouth of the next outer section")
+    mouth: tuple[JointPads, ...] = Field(
+        default=(), description="Pads at the mouth of the next outer section; a carriage on that section has none"
+    )
     cylinder: Cylinder = Field(
         default=Cylinder(), description="Cylinder that holds and drives the section along the boom"
     )
@@ -160,6 +162,8 @@ class Joint(SceneTable):
             raise ValueError("give extension, overlap or follows, one of them")
         if self.rope is not None and self.cylinder.stiffness != "rigid":
             raise ValueError("give rope or cylinder.stiffness, one of them: what moves the section")
+        if not self.mouth and (self.rigid_overlap or self.overlap is not None):
+            raise ValueError("overlap and rigid_overlap need pads at the mouth: a carriage without them has extension")
         return self
 
     @property

@@ -84,6 +84,11 @@ class Member:
         return self.scene.frame
 
     @property
+    def carries_carriages(self) -> bool:
+        """Whether all pads of joints on it belong to a carriage: a section whose joint has no pads at a mouth."""
+        return self.has_joint and not any(self.scene.joint(seat.joint).mouth for seat in self._seats)
+
+    @property
     def cylinder(self) -> LuffingCylinder | None:
         """Luffing cylinder that holds the base; None for other sections, or if supports hold the base."""
         return None if self.number else self.scene.holding_cylinder

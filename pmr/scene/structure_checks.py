@@ -15,7 +15,7 @@ import numpy as np
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.box import Box
 from pmr.scene.built import WEIGHT, Face, PadRing
-from pmr.scene.choice import axis_loads, inertia_fields, model_of, motion_directions
+from pmr.scene.choice import axis_loads, inertia_fields, is_planar, model_of, motion_directions
 from pmr.scene.frame import INERTIA
 from pmr.scene.joints import OneBody
 from pmr.scene.members import Member
@@ -73,7 +73,7 @@ def _check_ground_loads(member: Member) -> None:
 def _check_places(member: Member) -> None:
     """Refuse loads, supports and observed positions off the body; models other than beams need observed positions."""
     observe, length = member.part.observe, member.part.body.length
-    if observe.stations is None and model_of(member) not in BEAMS:
+    if observe.stations is None and model_of(member) not in (*BEAMS, "mover"):
         allowed = "places in m are needed, from observe.start to observe.end: nodes are observed of beams only"
         raise scene_error("observe.start", None, allowed)
     places = [(f"loads[{i}].on", load.on) for i, load in enumerate(member.part.loads)]
@@ -89,17 +89,18 @@ def _check_places(member: Member) -> None:
 
 def _check_sliding_points(member: Member) -> None:
     """Refuse sliding points of other models than planar beams, beside moving pads, off the body, or at a support."""
-    model, length = model_of(member), member.part.body.length
+    length = member.part.body.length
     if not member.points:
         return
     if any(ring.moving for ring in member.pads):
         raise scene_error("slider.offsets", list(member.points), "pads have an `at` of their own: leave it out")
-    if model != "beam2d" or length is None:
+    if not is_planar(member) or length is None:
         raise scene_error("pads", None, "at least one ring of pads with moving = true is allowed: nothing slides")
     if len(set(member.points)) != len(member.points):
         raise scene_error("slider.offsets", list(member.points), "sliders must not share an offset")
     (low, high), slack = member.bounds, SLACK * length
-    held = [member.part.position_of(support.on) for support in member.part.supports if "z" in support.held_directions]
+    supports = () if member.carries_carriages else member.part.supports  # a carriage's wheel has a row of its own there
+    held = [member.part.position_of(support.on) for support in supports if "z" in support.held_directions]
     for offset in member.points:
         which = f" (offset {offset:g} m)" if offset else ""
         for s in (low + offset, high + offset):
@@ -132,6 +133,8 @@ def _check_travel(member: Member) -> None:
 def _check_body(member: Member) -> None:
     """Refuse keys of body and mesh that contradict each other or the body's model."""
     body, file, model = member.part.body, member.part.mesh.file, model_of(member)
+    if body.mover is not None or model == "mover":
+        return _check_mover(member)
     if body.profile is not None and model != "beam2d":
         raise scene_error("body.model", model, "auto or beam2d is allowed with body.profile")
     if body.profile is None and (body.box is None) == (file is None):
@@ -170,6 +173,27 @@ def _check_body(member: Member) -> None:
         raise scene_error("reduction.positions", "nodes", allowed)
     if model == "beam2d":
         _check_planar_beam(member)
+
+
+def _check_mover(member: Member) -> None:
+    """Refuse a mover of another model, one that runs on nothing, and whatever it can't have."""
+    part = member.part
+    if part.body.mover is None:
+        raise scene_error("body.mover", None, "a table with the mass is needed with body.model = 'mover'")
+    if model_of(member) != "mover":
+        raise scene_error("body.model", part.body.model, "auto or mover is allowed with body.mover")
+    joint = part.joint
+    if joint is None or joint.mouth or len(joint.tail) > 1 or joint.tail[0].at or joint.tail[0].faces:
+        allowed = "a joint with one ring in `tail`, at = 0 and without faces, is needed: the wheel"
+        raise scene_error("body.mover", None, allowed)
+    for key in ("masses", "pads", "probes", "supports"):
+        if getattr(part, key):
+            raise scene_error(key, None, "none is allowed on a mover, which has a mass and a wheel alone")
+    for i, load in enumerate(part.loads):
+        if load.direction != "z":
+            raise scene_error(f"loads[{i}].direction", load.direction, "z is allowed on a mover")
+    if member.frame is not None:
+        raise scene_error("frame", None, "none is allowed beside a mover, which has no axial motion")
 
 
 def _check_box_variation(member: Member, box: Box) -> None:
@@ -213,7 +237,15 @@ def _check_flexible_walls(member: Member) -> None:
 
 
 def _check_planar_beam(member: Member) -> None:
-    """Refuse loads, pads and weight that a planar beam can't feel: it moves along x and z and about y alone."""
+    """Refuse loads, pads and weight that a planar beam can't feel: it moves along x and z and about y alone.
+
+    A tension is refused unless rigid supports hold both ends.
+    """
+    held = {s.on for s in member.part.supports if s.stiffness == "rigid" and "z" in s.held_directions}
+    profile = member.part.body.profile
+    if profile is not None and profile.tension and (not {"tail", "tip"} <= held or profile.axial):
+        allowed = "0 is allowed unless rigid supports hold tail and tip along z, and axial = false"
+        raise scene_error("body.profile.tension", profile.tension, allowed)
     planar_directions = motion_directions(member)
     for i, load in enumerate(member.part.loads):
         if load.direction not in planar_directions:

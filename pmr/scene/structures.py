@@ -24,6 +24,7 @@ from pmr.scene.keys import (
     SceneTable,
     Schema,
     SecondMoment,
+    Stiffness,
     Switch,
     Usual,
 )
@@ -201,6 +202,38 @@ class Probe(SceneTable):
         return self
 
 
+class MoverBody(SceneTable):
+    """A mass that crosses the section before it on a wheel, with a spring and a damper between both, if they are given.
+
+    Its displacement along z is unknown; its joint says where the wheel is.  A moving force is a load on a mover of a
+    mass that is small beside the section's.
+    """
+
+    mass: Annotated[Mass, Usual(1e-12, 1e6)] = Field(description="Mass, on which loads act")
+    wheel_mass: Annotated[float, Field(ge=0.0, strict=True), Quantity("kg", 0.0, 1e12), Usual(0.0, 1e6)] = Field(
+        default=0.0, description="Mass of the wheel or axle; more than 0 with a stiffness"
+    )
+    stiffness: Stiffness | Literal["rigid"] = Field(default="rigid", description="Stiffness between mass and wheel")
+    damping: Annotated[float, Field(ge=0.0, strict=True), Quantity("N s/m", 0.0, 1e15), Usual(0.0, 1e9)] = Field(
+        default=0.0, description="Damper between mass and wheel, beside the stiffness"
+    )
+    length: Length = Field(default=1.0, description="Length along x by which the mover is drawn")
+
+    @model_validator(mode="after")
+    def _check_suspension(self) -> MoverBody:
+        """Refuse a spring without a wheel, and a damper without a spring."""
+        if self.stiffness != "rigid" and not self.wheel_mass:
+            raise ValueError("a stiffness needs wheel_mass; of a wheel without mass it is that of joint.tail")
+        if self.stiffness == "rigid" and self.damping:
+            raise ValueError("damping needs a stiffness beside it")
+        return self
+
+    @property
+    def rayleigh(self) -> Damping:
+        """The damper as stiffness-proportional damping, D = (d / k) K."""
+        return Damping(stiffness=0.0 if self.stiffness == "rigid" else self.damping / self.stiffness)
+
+
 class Profile(SceneTable):
     """A straight planar beam by its stiffnesses, along x from 0 to `length`."""
 
@@ -216,6 +249,9 @@ class Profile(SceneTable):
         | None
     ) = Field(default=None, description="Axial stiffness E A")
     axial: Switch = Field(default=False, description="Whether the beam has axial coordinates")
+    tension: Annotated[float, Field(ge=0.0, strict=True), Quantity("N", 0.0, 1e15), Usual(0.0, 1e12)] = Field(
+        default=0.0, description="Axial tension, as of a wire between two supports, which resists its deflection"
+    )
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
         """Return EI of a cantilever that sags by its own length, and EA of a beam in which waves travel at 1 m/s."""

@@ -153,7 +153,8 @@ def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str
     law = {key: getattr(ring, key) for key in FRICTION}
     if ring.faces is None:
         clearance = ring.clearance_on("") if ring.unilateral else None
-        for way, direction in {" above": 1.0, " below": -1.0}.items() if ring.unilateral else {"": 1.0}.items():
+        pressed = 1.0 if scene.joint(number).mouth else -1.0  # a carriage presses down on what it runs on
+        for way, direction in {" above": 1.0, " below": -1.0}.items() if ring.unilateral else {"": pressed}.items():
             arm = _arm(scene.sections[number], "top") if ring.friction else 0.0
             yield JointPad(prefix + way, POINT, ring.at, direction, compliance, clearance, arm=arm, **law)
         return

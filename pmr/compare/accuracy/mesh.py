@@ -69,9 +69,10 @@ def other_mesh(scene: Scene) -> OtherMesh:
 
 
 def has_rigid_beams(scene: Scene) -> bool:
-    """Whether all bodies are beams whose walls don't give way."""
+    """Whether all bodies are beams whose walls don't give way, or movers on them."""
     return all(
-        model_of(member) in ("beam2d", "beam3d") and member.part.body.walls == "rigid" for member in members(scene)
+        model_of(member) in ("beam2d", "beam3d", "mover") and member.part.body.walls == "rigid"
+        for member in members(scene)
     )
 
 

@@ -1,0 +1,259 @@
+"""Forces, masses and carriages that cross a beam, beside series, modal equations and statics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+import pmr
+from pmr.errors import InputError
+from pmr.scene import Scene
+from pmr.scene.checks import check_scene
+from pmr.simulation import Excitation, exudyn
+from pmr.simulation.native import systems
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+
+LENGTH, EI, MASS, FORCE = 20.0, 1e9, 1000.0, 1e4  # m, N m^2, kg/m, N
+#: Lowest circular frequency in rad/s, and the speed in m/s at which half its period takes as long as the crossing.
+FIRST = (np.pi / LENGTH) ** 2 * np.sqrt(EI / MASS)
+CRITICAL = FIRST * LENGTH / np.pi
+STATIC = FORCE * LENGTH**3 / (48.0 * EI)  # m: of the force at midspan
+
+
+def crossing(inner: Mapping[str, Any], path: Mapping[str, Any] | float, end: float, **more: Any) -> Scene:
+    """Scene of a body that crosses a beam on two supports."""
+    supports = [{"on": on, "kind": "roller"} for on in more.pop("held", ("tail", "tip"))]
+    profile = {"length": LENGTH, "bending_stiffness": EI, "mass_per_length": MASS, "tension": more.pop("tension", 0.0)}
+    beam = {"name": "beam", "body": {"profile": profile}, "mesh": {"elements": 40}, "supports": supports}
+    beam |= {"observe": {"start": 10.0, "end": 20.0, "count": 2}, "reduction": {"coordinates": 12}}
+    joint = {"extension": path} | inner.pop("joint")  # type: ignore[attr-defined]
+    time = {"end": end, "step": end / more.pop("steps", 2000), "rho_inf": 0.8}
+    scene = {"title": "Crossing", "time": time, "start": "rest", "gravity": {"acceleration": 1e-9}} | more
+    scene |= {"sections": [beam, {"name": "mover", "joint": joint, **inner}]}
+    checked = Scene.model_validate(scene)
+    check_scene(checked)
+    return checked
+
+
+def mover(path: Mapping[str, Any] | float, end: float, body: Mapping[str, float], **more: Any) -> Scene:
+    """Scene of a mass on a rigid wheel."""
+    wheel = {"tail": [{"at": 0.0, "unilateral": False, "stiffness": more.pop("wheel", "rigid")}]}
+    loads = more.pop("loads", [])
+    return crossing({"body": {"mover": body}, "joint": wheel, "loads": loads}, path, end, **more)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Times (T,), deflection (T,) of midspan in m, and contact forces (T, m) in N."""
+
+    t: Array
+    midspan: Array
+    mover: Array
+    forces: Array
+
+
+def reduced_motion(scene: Scene) -> Motion:
+    """Motion of the scene's reduced system."""
+    system, excitation = pmr.reduce(scene).system, Excitation.from_scene(scene)
+    return motion_of(system, excitation, systems.simulate(system, excitation, start(scene, system, excitation)))
+
+
+def start(scene: Scene, system: System, excitation: Excitation) -> Any:
+    """Initial state of the system, as the scene says."""
+    return systems.static_start(system, excitation) if scene.start == "equilibrium" else None
+
+
+def motion_of(system: System, excitation: Excitation, trajectory: Any) -> Motion:
+    """Motion of midspan and mover."""
+    y = systems.displacements(system, trajectory)
+    return Motion(excitation.times, y["beam"][:, 0], y["mover"][:, 0], trajectory.forces)
+
+
+def path(end: float, first: float = 0.0, last: float = LENGTH) -> dict[str, Any]:
+    """Path at constant speed."""
+    return {"kind": "ramp", "times": [0.0, end], "values": [first, last]}
+
+
+def fryba(alpha: float, t: Array, terms: int = 400, tension: float = 0.0) -> Array:
+    """Deflection (T,) of midspan in m under a moving force, downwards (Fryba 1999, equation 1.31)."""
+    n = np.arange(1, terms + 1)[:, None]
+    omega = np.sqrt((n**2 * FIRST) ** 2 + tension / MASS * (n * np.pi / LENGTH) ** 2)
+    Omega = n * np.pi * alpha * CRITICAL / LENGTH
+    each = (np.sin(Omega * t) - Omega / omega * np.sin(omega * t)) / (omega**2 - Omega**2)
+    return np.asarray(2.0 * FORCE / (MASS * LENGTH) * np.sum(np.sin(n * np.pi / 2.0) * each, axis=0))
+
+
+@pytest.mark.slow
+def test_a_moving_force_is_frybas_series_and_amplified_most_at_0617_of_the_critical_speed() -> None:
+    alpha = 0.617
+    end = LENGTH / (alpha * CRITICAL)
+    load = {"on": "tip", "signal": {"kind": "constant", "amount": -FORCE}}
+    of = reduced_motion(mover(path(end), end, {"mass": 1e-6}, loads=[load], steps=4000))
+    series = fryba(alpha, of.t)
+    assert np.abs(of.midspan + series).max() < 1e-5 * np.abs(series).max()
+    peaks = {a: np.abs(fryba(a, np.linspace(0.0, LENGTH / (a * CRITICAL), 4001), 60)).max() for a in (0.6, alpha, 0.63)}
+    assert max(peaks, key=lambda a: peaks[a]) == alpha
+    assert -of.midspan.min() / STATIC == pytest.approx(1.73166, abs=2e-5)
+    assert np.abs(of.forces - FORCE).max() < 1e-6 * FORCE
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("alpha", [0.1, 0.3])
+def test_a_moving_force_at_other_speeds_is_frybas_series(alpha: float) -> None:
+    end = LENGTH / (alpha * CRITICAL)
+    load = {"on": 0.0, "signal": {"kind": "constant", "amount": -FORCE}}
+    of = reduced_motion(mover(path(end), end, {"mass": 1e-6}, loads=[load], steps=16000))
+    series = fryba(alpha, of.t)
+    assert np.abs(of.midspan + series).max() < 1e-4 * np.abs(series).max()
+
+
+@pytest.mark.slow
+def test_a_force_on_a_tensioned_wire_is_the_series_with_its_frequencies() -> None:
+    tension, alpha = 1e8, 0.5  # the tension's share of the first squared frequency is four times that of bending
+    end = LENGTH / (alpha * CRITICAL)
+    load = {"on": "tip", "signal": {"kind": "constant", "amount": -FORCE}}
+    of = reduced_motion(mover(path(end), end, {"mass": 1e-6}, loads=[load], steps=4000, tension=tension))
+    series = fryba(alpha, of.t, tension=tension)
+    assert np.abs(of.midspan + series).max() < 1e-4 * np.abs(series).max()
+
+
+def test_a_tension_that_nothing_holds_is_refused() -> None:
+    ends = "unless rigid supports hold tail and tip along z"
+    with pytest.raises(InputError, match=ends):
+        mover(1.0, 1.0, {"mass": 1.0}, tension=1.0, held=["tail"])
+
+
+def modal_motion(t: Array, speed: float, body: Mapping[str, float], gravity: float, modes: int = 8) -> Array:
+    """Deflection (T,) of midspan in m under a mover that enters at rest, by modal equations of the beam.
+
+    A rigid mover adds its mass at the wheel, with all convective terms.  A sprung one has the wheel's mass there, and
+    spring and damper to the mass above.  The weight of beam and mover acts from t = 0.
+    """
+    n = np.arange(1, modes + 1)
+    wave, m = n * np.pi / LENGTH, MASS * LENGTH / 2.0
+    stiffness, k, d = m * (n**2 * FIRST) ** 2, body.get("stiffness", 0.0), body.get("damping", 0.0)
+    wheel = body.get("wheel_mass", 0.0) + (0.0 if k else body["mass"])
+    weight = -MASS * gravity / wave * (1.0 - np.cos(n * np.pi))
+
+    def rates(t: float, y: Array) -> Array:
+        q, v = y[:modes], y[modes : 2 * modes]
+        x = speed * t
+        phi, slope, curve = np.sin(wave * x), wave * np.cos(wave * x), -(wave**2) * np.sin(wave * x)
+        carried = -wheel * gravity - wheel * (2.0 * speed * slope @ v + speed**2 * curve @ q)
+        above = []
+        if k:
+            z, rate = y[2 * modes :]
+            spring = k * (z - phi @ q) + d * (rate - phi @ v - speed * slope @ q)
+            carried += spring
+            above = [rate, -gravity - spring / body["mass"]]
+        A = m * np.eye(modes) + wheel * np.outer(phi, phi)
+        return np.concatenate([v, np.linalg.solve(A, weight + phi * carried - stiffness * q), above])
+
+    y0 = np.zeros(2 * modes + (2 if k else 0))
+    solved = solve_ivp(rates, (0.0, t[-1]), y0, "DOP853", t, rtol=1e-8, atol=1e-11)
+    return np.asarray(np.sin(n * np.pi / 2.0) @ solved.y[:modes])
+
+
+@pytest.mark.parametrize(
+    "body",
+    [{"mass": 4000.0}, {"mass": 4000.0, "wheel_mass": 500.0, "stiffness": 2e6, "damping": 2e4}],
+    ids=["mass", "sprung mass with damper"],
+)
+@pytest.mark.slow
+def test_a_moving_mass_is_that_of_modal_equations(body: dict[str, float]) -> None:
+    speed, gravity = 0.3 * CRITICAL, 9.81
+    end = LENGTH / speed
+    of = reduced_motion(mover(path(end), end, body, gravity={"acceleration": gravity, "rise": 0.0}, steps=8000))
+    expected = modal_motion(of.t[::20], speed, body, gravity)
+    assert np.abs(of.midspan[::20] - expected).max() < 1e-3 * np.abs(expected).max()
+
+
+def carriage(*wheels: float, x: float, stiffness: float | str = "rigid", **more: Any) -> Scene:
+    """Scene of a rigid carriage of 4 m and 2,000 kg that stands with its tail at x on wheels at these places of it."""
+    rigid = {"profile": {"length": 4.0, "bending_stiffness": 1e15, "mass_per_length": 500.0}}
+    ring = {"unilateral": False, "stiffness": stiffness}
+    rings = [ring | {"name": f"wheel {k}", "at": at} for k, at in enumerate(wheels)]
+    inner = {"body": rigid, "mesh": {"elements": 4}, "reduction": {"coordinates": 2}, "joint": {"tail": rings}}
+    loads = [{"on": 3.0, "signal": {"kind": "constant", "amount": -FORCE}}]
+    inner |= {"loads": loads, "observe": {"start": 0.0, "end": 4.0, "count": 2}}
+    weight = {"acceleration": 10.0, "rise": 0.0}
+    return crossing(inner, x, 0.01, start="equilibrium", gravity=weight, steps=10, **more)
+
+
+def compliance(x: Array) -> Array:
+    """Deflections (k, k) in m at x (k,) in m by unit forces there, of a beam on two supports."""
+    a, b = np.minimum.outer(x, x), LENGTH - np.maximum.outer(x, x)
+    return np.asarray(a * b * (LENGTH**2 - a**2 - b**2) / (6.0 * EI * LENGTH))
+
+
+@pytest.mark.slow
+def test_the_wheels_of_a_carriage_bear_what_statics_say() -> None:
+    of = reduced_motion(carriage(0.5, 3.5, x=6.0))
+    weight, front = 2000.0 * 10.0, (2000.0 * 10.0 * 1.5 + FORCE * 2.5) / 3.0
+    assert of.forces[0] == pytest.approx([weight + FORCE - front, front], rel=1e-6)
+    under = compliance(np.array([6.5, 9.5, 10.0]))[2, :2] @ of.forces[0]
+    own = 5.0 * MASS * 10.0 * LENGTH**4 / (384.0 * EI)
+    assert -of.midspan[0] == pytest.approx(under + own, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_four_wheels_share_a_load_as_springs_on_the_beam_do() -> None:
+    x, k = np.array([0.0, 1.0, 3.0, 4.0]), 2e8
+    of = reduced_motion(carriage(*x, x=5.0, stiffness=k))
+    sag = own_sag(5.0 + x)
+    A = compliance(5.0 + x) + np.eye(4) / k
+    # wheels: z + theta x = -(A lambda + sag), with the sums of forces and moments
+    rigid = np.column_stack([np.ones(4), x])
+    system = np.block([[A, rigid], [rigid.T, np.zeros((2, 2))]])
+    load = [2000.0 * 10.0 + FORCE, 2000.0 * 10.0 * 2.0 + FORCE * 3.0]
+    expected = np.linalg.solve(system, np.concatenate([-sag, load]))
+    assert of.forces[0] == pytest.approx(expected[:4], rel=1e-6)
+
+
+def own_sag(x: Array) -> Array:
+    """Deflection (k,) in m at x (k,) in m by the beam's own weight."""
+    return np.asarray(MASS * 10.0 * x * (LENGTH**3 - 2.0 * LENGTH * x**2 + x**3) / (24.0 * EI))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ["springs", "multipliers"])
+def test_exudyn_moves_a_sprung_mass_as_the_compiled_simulator_does(way: Literal["springs", "multipliers"]) -> None:
+    pytest.importorskip("exudyn")
+    body = {"mass": 4000.0, "wheel_mass": 500.0, "stiffness": 2e6, "damping": 2e4}
+    end = LENGTH / (0.3 * CRITICAL)
+    scene = mover(path(end), end, body, wheel=1e9, start="equilibrium", gravity={"rise": 0.0}, steps=50)
+    system, excitation = pmr.reduce(scene).system, Excitation.from_scene(scene)
+    initial = start(scene, system, excitation)
+    ours = motion_of(system, excitation, systems.simulate(system, excitation, initial))
+    theirs = exudyn.simulate_system(system, excitation, initial, formulation=way)
+    assert motion_of(system, excitation, theirs).mover == pytest.approx(ours.mover, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"body": {"mover": {"mass": 1.0, "stiffness": 1.0}}}, "needs wheel_mass"),
+        ({"body": {"mover": {"mass": 1.0, "damping": 1.0}}}, "needs a stiffness"),
+        ({"joint": {"tail": [{"at": 0.5}]}}, "one ring in `tail`, at = 0"),
+        ({"joint": {"tail": [{"at": 0.0}, {"at": 0.1, "name": "b"}]}}, "one ring in `tail`, at = 0"),
+        ({"supports": [{"kind": "roller"}]}, "none is allowed on a mover"),
+        ({"loads": [{"direction": "x", "signal": 1.0}]}, "z is allowed on a mover"),
+    ],
+)
+def test_a_mover_that_can_not_be_is_refused(change: dict[str, Any], said: str) -> None:
+    plain = {"body": {"mover": {"mass": 1.0}}, "joint": {"tail": [{"at": 0.0}]}}
+    with pytest.raises((InputError, ValueError), match=said):
+        crossing(plain | change, 1.0, 1.0)
+
+
+def test_a_wheel_that_leaves_the_beam_is_refused() -> None:
+    with pytest.raises(InputError, match="all of a pad has to be on it"):
+        mover(path(1.0, 0.0, 21.0), 1.0, {"mass": 1.0})
