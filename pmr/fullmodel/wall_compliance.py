@@ -32,7 +32,7 @@ from pmr.files import npz
 from pmr.files.arrays import Array
 from pmr.files.whole import NotWrittenError, user_cache_folder
 from pmr.fullmodel.pads import Pad, pad_means
-from pmr.fullmodel.structural import structural_model
+from pmr.fullmodel.structural import MirroredLoads, images_of, structural_model
 from pmr.fullmodel.structure import Clamp, Structure, couple
 from pmr.fullmodel.walls import Sliding, Standing, Walls
 from pmr.models import DIRECTIONS, StructuralModel
@@ -123,7 +123,7 @@ def _compute_compliance(
     fixed_shell, fixed_beam = (
         sp.vstack([model.pads(standing, np.zeros(1)), model.motions(ends)], "csr") for model in (shell, beam)
     )
-    C = fixed_shell @ shell.displacements(fixed_shell) - fixed_beam @ beam.displacements(fixed_beam)
+    C = shell.compliance(fixed_shell, fixed_shell) - beam.compliance(fixed_beam, fixed_beam)
     sliding = []
     for ring in rings:
         u, k = places_along(ring.span, box.layer), len(ring.pads)
@@ -172,12 +172,26 @@ class _HeldModel:
         rows = [self._model.motion(end)[[DIRECTIONS.index(d)]] @ self._T for end, d in ends]
         return sp.csr_matrix(sp.vstack([sp.csr_matrix((0, self._T.shape[1])), *rows]))
 
-    def displacements(self, loaded_rows: sp.csr_matrix) -> Array:
+    def _displacements(self, loaded_rows: sp.csr_matrix) -> Array:
         """Static displacements (n, f) under a unit force on each of the f rows `loaded_rows` (f, n)."""
         f = loaded_rows.T.toarray()
         x = self._factor.solve_columns(np.asfortranarray(f - self._MR @ self._solve_rigid(self._R.T @ f)))
         x -= self._R @ self._solve_rigid(self._MR.T @ x)
         return x
+
+    def compliance(self, loaded_rows: sp.csr_matrix, rows: sp.csr_matrix) -> Array:
+        """What `rows` (m, n) measure under a unit force on each of the `loaded_rows` (f, n): compliance (m, f).
+
+        Forces that are mirror images of others take no solve.
+        """
+        result, images = np.empty((rows.shape[0], loaded_rows.shape[0])), images_of(loaded_rows, self._full.mirrors)
+        orbits = MirroredLoads(np.arange(loaded_rows.shape[0]), images, self._full.M)
+        for start in range(0, len(orbits.representatives), BLOCK):
+            numbers = orbits.representatives[start : start + BLOCK]
+            for answers in orbits.responses(numbers, self._displacements(loaded_rows[numbers])):
+                result[:, answers.numbers] = rows @ answers.columns
+        orbits.free_images()
+        return result
 
     def compliance_along(self, pads: Sequence[Pad], u: Array, fixed_rows: sp.csr_matrix) -> Array:
         """Compliance (p, k + m, k) under unit forces on k pads, after they slid by each of p distances `u` (p,) m.
@@ -185,17 +199,10 @@ class _HeldModel:
         The first k rows are the displacements under these pads, and the last m are what the `fixed_rows` (m, n)
         measure.
         """
-        k = len(pads)
-        rows, compliance = self.pads(pads, u), np.empty((len(u), k + fixed_rows.shape[0], k))
-        block = max(1, BLOCK // k)  # distances whose displacements are solved for at once
-        for start in range(0, len(u), block):
-            x = self.displacements(rows[start * k : (start + block) * k])
-            at_fixed = np.asarray(fixed_rows @ x)
-            for i in range(x.shape[1] // k):
-                columns, place = slice(i * k, (i + 1) * k), start + i
-                compliance[place, :k] = rows[place * k : (place + 1) * k] @ x[:, columns]
-                compliance[place, k:] = at_fixed[:, columns]
-        return compliance
+        rows, p, k = self.pads(pads, u), np.arange(len(u)), len(pads)
+        of_pads, of_fixed = np.split(self.compliance(rows, sp.vstack([rows, fixed_rows], "csr")), [rows.shape[0]])
+        at_fixed = of_fixed.reshape(-1, len(u), k).transpose(1, 0, 2)
+        return np.concatenate([of_pads.reshape(len(u), k, len(u), k)[p, :, p], at_fixed], axis=1)
 
     def _solve_rigid(self, g: Array) -> Array:
         """Solve J x = g for the k free rigid motions, which have the inertia J (k, k)."""

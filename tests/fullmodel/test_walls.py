@@ -7,12 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.sparse as sp
 from gathering import gathered
 
 from pmr.fullmodel.pads import Pad, Pads, Support
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure
-from pmr.fullmodel.wall_compliance import A_LAYER, PlateBody, Ring, places_along, wall_compliance
+from pmr.fullmodel.wall_compliance import (
+    A_LAYER,
+    PlateBody,
+    Ring,
+    _compute_compliance,
+    _HeldModel,
+    places_along,
+    wall_compliance,
+)
 from pmr.fullmodel.walls import Sliding, Standing, Walls, summary
 from pmr.models.beam3d import Beam3D
 from pmr.models.shell import draw_box
@@ -191,6 +200,28 @@ def test_the_shells_compliance_is_symmetric_definite_and_a_mirror_image_of_itsel
     assert np.all(np.linalg.eigvalsh(C) > 0.0)
     mirrored = C[[1, 0, 2, 4, 3]][:, [1, 0, 2, 4, 3]]
     assert C == pytest.approx(mirrored, rel=1e-6, abs=1e-6 * C.max())
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+def test_forces_that_are_mirror_images_take_no_solve(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("gmsh")
+    box, solved, solve = Box(length=2.4, width=0.3, height=0.4, wall=0.008), [], _HeldModel._displacements
+    body = PlateBody(draw_box(box, 0.15, 0.3), box, Material(), 5.0 / 6.0, (Clamp("tail"),))
+    ring = tuple(Pad(f"{on} {y}", on, across=y, width=0.06, at=0.6) for on in ("top", "bottom") for y in (-0.1, 0.1))
+
+    def count(model: _HeldModel, rows: sp.csr_matrix) -> np.ndarray:
+        solved.append(rows.shape[0])
+        return solve(model, rows)
+
+    monkeypatch.setattr(_HeldModel, "_displacements", count)
+    request = body, PRESSED[:2], (("tip", "y"),), (Ring(ring, 0.6),)
+    C, (along,) = _compute_compliance(*request)
+    assert solved == [2, 3, 5, 20]  # shell, then beam, under what stays; the same under the ring at five places
+    monkeypatch.setattr("pmr.fullmodel.wall_compliance.images_of", lambda rows, mirrors: [])
+    expected, (expected_along,) = _compute_compliance(*request)
+    pairs = (C, expected), (along.sliding, expected_along.sliding), (along.standing, expected_along.standing)
+    assert all(one == pytest.approx(other, abs=1e-9 * np.abs(other).max()) for one, other in pairs)
 
 
 @pytest.mark.slow
