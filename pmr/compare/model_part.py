@@ -24,6 +24,7 @@ import numpy as np
 
 from pmr.compare.errors import ForceHistories, force_errors, force_histories
 from pmr.compare.moving_frame import with_choice_of_terms
+from pmr.compare.outputs import probe_errors
 from pmr.compare.responses import march_once, refuse_growth
 from pmr.files.arrays import Array
 from pmr.results import Response
@@ -156,17 +157,28 @@ def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str)
             y, reference = (np.array([of[name] for name in names]) for of in histories)
             shares[kind] = _relative_difference(y, reference)
     shares |= force_errors(motion.forces, richer.forces)
+    probes = _probe_errors(motion, richer)
     directions = motion.mode_motions.any(axis=(0, 2))
     f = {"own": motion.lowest_frequencies(directions), "richer": richer.lowest_frequencies(directions)}
     pushing = any(ring.unilateral for part in scene.sections for ring in part.rings)
     return {
         "beside": richer_name,
         **shares,
+        **({"probe": max(probes.values()), "probes": probes} if probes else {}),
         "largest": _relative_difference(np.array(_largest(motion)), np.array(_largest(richer))),
         "frequency": frequency_error(f["own"], f["richer"]),
         "frequencies": {name: values.tolist() for name, values in f.items()},
         "not_covered": [STRESS, *[IMPACTS] * pushing],
     }
+
+
+def _probe_errors(motion: Motion, richer: Motion) -> dict[str, float]:
+    """Error of each probe that both models have, a fraction (`pmr.compare.outputs.probe_errors`), by its name."""
+    mine, theirs = motion.histories("probe"), richer.histories("probe")
+    names = [name for name in mine if name in theirs]
+    units = {output.name: output.unit for output in motion.response.outputs}
+    y, r = (np.array([of[name] for name in names]).T for of in (mine, theirs))
+    return dict(zip(names, probe_errors(y, r, [units[name] for name in names]).tolist(), strict=True)) if names else {}
 
 
 def frequency_error(f: Array, reference: Array) -> float | None:

@@ -136,7 +136,14 @@ def differences(
 
 
 def probe_differences(outputs: Outputs, reference: Outputs, floors: RoundOffBounds) -> Array:
-    r"""Error of each probe, (k,) fractions; a probe that is round-off in both counts as zero.
+    """Error of each probe, (k,) fractions (`probe_errors`); a probe that is round-off in both counts as zero."""
+    y, r = zero_round_off(outputs.probe, reference.probe, floors.probe)
+    refuse_infinite(y, r)
+    return probe_errors(y, r, reference.units)
+
+
+def probe_errors(y: Array, r: Array, units: Sequence[str]) -> Array:
+    r"""Errors (k,), fractions, of probes y (T, k) beside their references r (T, k), with a unit for each.
 
     .. math:: \mathrm{rms}(y_k - r_k) / \max(\mathrm{rms}(r_k),\ 0.01 \max_j \mathrm{rms}(r_j))
 
@@ -144,11 +151,9 @@ def probe_differences(outputs: Outputs, reference: Outputs, floors: RoundOffBoun
     that across a wall that is bent, is not relative to its own size.  If the denominator is 0, the error is 0 if the
     probe is zero too, else 1.
     """
-    y, r = zero_round_off(outputs.probe, reference.probe, floors.probe)
-    refuse_infinite(y, r)
-    units, error, size = np.array(reference.units), *(np.sqrt(np.mean(x**2, axis=0)) for x in (y - r, r))
+    unit, error, size = np.array(units), *(np.sqrt(np.mean(x**2, axis=0)) for x in (y - r, r))
     scale = np.array(
-        [max(largest, LITTLE * size[units == unit].max()) for largest, unit in zip(size, units, strict=True)]
+        [max(largest, LITTLE * size[unit == name].max()) for largest, name in zip(size, units, strict=True)]
     )
     none = scale == 0.0
     return np.asarray(np.where(none, error > 0.0, error / np.where(none, 1.0, scale)))

@@ -390,7 +390,7 @@ def budget_warnings(scene: Scene, budget: Mapping[str, Any]) -> Iterator[str]:
         better = 'body.walls = "give" adds the compliance of walls under pads' if giving else "a richer model is closer"
         yield f"the model is off by up to {two_digits(100.0 * most)} % beside a {model['beside']}, {beyond}; {better}"
     if scene.goal is None and isinstance(mesh, Mapping) and mesh:
-        kind, most = max(mesh.items(), key=lambda item: item[1])
+        kind, most = max(((kind, mesh[kind]) for kind in mesh if kind in QUANTITIES), key=lambda item: item[1])
         if most > allowed:
             where = QUANTITIES[kind].label
             yield f"the mesh is off by up to {two_digits(100.0 * most)} % in {where}, {beyond}; a finer one is closer"

@@ -6,14 +6,15 @@ shear modulus G of the cell's material:
 
 .. math:: \varepsilon = \frac{(1 + \nu)\, \sigma - \nu \operatorname{tr}(\sigma)\, 1}{E}, \qquad \gamma = \frac{\tau}{G}
 
-The mean over a group gives each of its stress points the same weight.
+The mean over a group gives each of its stress points the same weight.  At a point of a beam stresses are linear between
+the two ends of the element, as moments of loads on nodes are, so that they don't depend on where nodes are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,6 +22,7 @@ import scipy.sparse as sp
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
+from pmr.models.beam import Beam
 from pmr.results.field_stress import StressRows
 from pmr.scene.joints import OneBody
 from pmr.scene.keys import qualified_name
@@ -102,6 +104,13 @@ def _displacements(probe: Probe, model: FiniteElementModel) -> Iterator[Gauge]:
             yield Gauge(f"{probe.name} displacement {name}", UNITS["displacement"], 1e3 * sp.csr_matrix(rows[k]), where)
 
 
+class _Points(NamedTuple):
+    """Stress points of a probe, and what each counts in the mean that the probe measures."""
+
+    numbers: Indices  # (k,)
+    weights: Array  # (k,): their sum is 1
+
+
 @dataclass(frozen=True)
 class _Stresses:
     """Stress rows of a model, and the body with the probes and materials to which they are applied."""
@@ -118,17 +127,18 @@ class _Stresses:
 
     def gauges(self, number: int, measure: str) -> Iterator[Gauge]:
         """Yield gauges of the components of ``stress`` or ``strain`` (`measure`) that probe `number` measures."""
-        stress_rows, probe, points = self.rows, self.part.probes[number], self._points(number)
+        stress_rows, probe, (points, weights) = self.rows, self.part.probes[number], self._points(number)
         count = len(stress_rows.components)
-        stress = sp.csr_matrix(np.vstack([stress_rows.rows[count * points + k].mean(axis=0) for k in range(count)]))
+        mean = sp.csr_matrix(weights)
+        stress = sp.vstack([mean @ stress_rows.rows[count * points + k] for k in range(count)], format="csr")
         if measure == "strain":
             stress = sp.csr_matrix(_hooke(self._material(stress_rows.cell[points[0]]), count) @ stress)
-        where, face = stress_rows.points[points].mean(axis=0), stress_rows.faces[stress_rows.face[points[0]]]
+        where, face = weights @ stress_rows.points[points], stress_rows.faces[stress_rows.face[points[0]]]
         for k, component in enumerate(stress_rows.components):
             yield Gauge(f"{probe.name} {measure} {component}", UNITS[measure], stress[k], where, face)
 
-    def _points(self, number: int) -> Indices:
-        """Numbers of the stress points of probe `number`: the one nearest to its point, or all in its group.
+    def _points(self, number: int) -> _Points:
+        """Stress points of probe `number`: the nearest to its point, on a beam those beside it, or all in its group.
 
         Raises an `InputError` if the probe's face or group does not exist, or has no stress point.
         """
@@ -137,7 +147,8 @@ class _Stresses:
             raise InputError("scene", f"{key}.face", probe.face, f"{', '.join(stress_rows.faces)} are allowed")
         at = stress_rows.points_on(probe.face) if probe.face else np.arange(len(stress_rows.points))
         if probe.at is not None:
-            return at[[int(np.linalg.norm(stress_rows.points[at] - probe.at, axis=1).argmin())]]
+            nearest = at[[int(np.linalg.norm(stress_rows.points[at] - probe.at, axis=1).argmin())]]
+            return self._ends(nearest, probe.at[0]) if isinstance(self.model, Beam) else _Points(nearest, np.ones(1))
         regions = self.model.grid.regions
         if probe.on not in regions:
             names = ", ".join(sorted(regions)) or "none"
@@ -146,7 +157,15 @@ class _Stresses:
         inside = at[np.isin(stress_rows.cell[at], regions[str(probe.on)])]
         if not len(inside):
             raise InputError("scene", f"{key}.face", probe.face, f"no cell of {probe.on} is there")
-        return inside
+        return _Points(inside, np.full(len(inside), 1.0 / len(inside)))
+
+    def _ends(self, nearest: Indices, x: float) -> _Points:
+        """Both ends of the beam's element at `x` m, in the corner of the stress point `nearest` (1,)."""
+        corner = np.flatnonzero(self.rows.face == self.rows.face[nearest]).reshape(-1, 2)
+        first, last = self.rows.points[corner, 0].T
+        element = int(np.maximum(first - x, x - last).argmin())
+        share = np.clip((x - first[element]) / (last[element] - first[element]), 0.0, 1.0)
+        return _Points(corner[element], np.array([1.0 - share, share]))
 
     def _material(self, cell: int) -> Material:
         """Material of a grid cell: that of the cell's region, or of the body if the region has none."""

@@ -23,13 +23,12 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from pmr.compare.responses import march_once
 from pmr.compare.simulated import excitation_of_scene
 from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.kernel.state import State
 from pmr.results.quantities import QUANTITIES
 from pmr.scene.built import force_name
 from pmr.scene.scene import Scene
@@ -66,6 +65,19 @@ class LinearMotion:
     def step(self) -> float:
         """Time step in s."""
         return float(self.t[1] - self.t[0])
+
+    def sample(self, name: str, times: ArrayLike, values: ArrayLike) -> Array:
+        """Values (T,) at the model's steps, NaN where there is none: each of n `values` counts at the nearest step.
+
+        Raises an InputError with the `name` if `times` (n,) in s and values differ in length.
+        """
+        times, values = np.asarray(times, float), np.asarray(values, float)
+        if times.shape != values.shape or times.ndim != 1:
+            raise InputError("observe", f"measured.{name}", values.shape, f"{times.shape} is allowed")
+        steps, sampled = np.rint((times - self.t[0]) / self.step), np.full(len(self.t), np.nan)
+        used = np.isfinite(steps) & (steps >= 0) & (steps < len(self.t))
+        sampled[steps[used].astype(int)] = values[used]
+        return sampled
 
     def output_number(self, name: str) -> int:
         """Number of an output; an InputError is raised for a name that the model does not have."""
@@ -207,10 +219,11 @@ def _differentiate(form: SystemForm, excitation: Excitation, chosen: Selection, 
     u = march.sample_drivers(0, excitation.stepping.steps, 1)
     T, r, q, first_forces = len(u) - 1, len(modes), len(chosen.names), len(form.system.output_names)
     columns, order = np.array(chosen.columns, int), np.array(chosen.orders, int)
+    moving = np.nonzero(order)[0]
     A, B = np.zeros((T, 3 * r, 3 * r)), np.zeros((T, 3 * r, len(loads)))
     C, D, E = np.zeros((T, q, 3 * r)), np.zeros((T, q, len(loads))), np.zeros((T, 3 * r, 3 * r))
     G, reference = np.zeros((T, 3 * r, len(loads))), np.zeros((T, q))
-    shapes, motion = np.zeros((T, q, r)), np.zeros((T, 3, r))  # Y of the outputs, and z, v and accelerations
+    shapes, motion = np.zeros((T, q, r)), np.zeros((T, 3, r))  # Y of outputs in motion; z, v and accelerations
     for k in range(T):
         jacobian = state.linearize(u[k + 1])
         of_state = np.vstack([jacobian.C[:first_forces], form.combined.original_forces(jacobian.L.T).T])
@@ -222,7 +235,7 @@ def _differentiate(form: SystemForm, excitation: Excitation, chosen: Selection, 
         reference[k] = np.concatenate([present.values[:first_forces], present.forces])[columns]
         if order.any():
             E[k], G[k] = jacobian.E[np.ix_(states, states)], jacobian.G[np.ix_(states, loads)]
-            shapes[k] = _output_shapes(state, u[k + 1], modes, first_forces)[columns]
+            shapes[k, moving] = state.output_shapes(u[k + 1], modes)[columns[moving]]
             accelerations = state.evaluate(u[k + 1])["accelerations"]
             motion[k] = state.z[modes], state.v[modes], accelerations[modes]
     if order.any():
@@ -237,24 +250,12 @@ def _differentiate(form: SystemForm, excitation: Excitation, chosen: Selection, 
         for which, rows in by_order.items():
             at = np.nonzero(order == which)[0]
             C[:, at], D[:, at] = rows[:, at] @ E, rows[:, at] @ G
-            moving = np.einsum("tqn,tn->tq", rows[:, at], motion.reshape(T, 3 * r))
-            reference[:, at] = moving + loaded_rates[which - 1][:, at]
+            of_motion = np.einsum("tqn,tn->tq", rows[:, at], motion.reshape(T, 3 * r))
+            reference[:, at] = of_motion + loaded_rates[which - 1][:, at]
     start = np.zeros((3 * r, len(loads)))
     if loads:  # equilibrium under a constant load: the state that the first step keeps
         start = np.linalg.lstsq(np.eye(3 * r) - A[0], B[0], rcond=None)[0]
     return _Steps(reference, A, B, C, D, start)
-
-
-def _output_shapes(state: State, u: Array, modes: NDArray[np.int64], first_forces: int) -> Array:
-    """Outputs and forces of contacts (q', r) for a unit of each of the r modes, with the drivers u (N,)."""
-    kernel, columns = state.kernel, list[Array]()
-    at_rest, still = np.zeros(len(u)), np.zeros(kernel.modes)
-    for mode in modes:
-        unit = np.zeros(kernel.modes)
-        unit[mode] = 1.0
-        along = state.evaluate(u, (at_rest, unit, still))
-        columns.append(np.concatenate([along["outputs"][:first_forces], along["forces"]]))
-    return np.array(columns).T
 
 
 def _rates(values: Array, h: float) -> tuple[Array, Array]:

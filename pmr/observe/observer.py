@@ -99,10 +99,13 @@ class Estimates:
         return self.unknown_mean[:, k], self.unknown_deviation[:, k]
 
     def coverage(self, name: str, truth: Array, share: float = 0.9) -> float:
-        """Share of T true values that lie in the bands of an output or unknown that should hold `share` of them."""
-        mean, deviation = self.of(name)
+        """Share of T true values that lie in the bands of an output or unknown that should hold `share` of them.
+
+        Times at which the true value is NaN are left out.
+        """
+        (mean, deviation), given = self.of(name), np.isfinite(truth)
         width = float(scipy.stats.norm.ppf(0.5 + 0.5 * share))
-        return float(np.mean(np.abs(truth - mean) <= width * deviation))
+        return float(np.mean((np.abs(truth - mean) <= width * deviation)[given]))
 
     def whiteness(self, lags: int = 10) -> dict[str, float]:
         """p-value of the Ljung-Box test of each sensor's innovations: small where they are not white noise."""
@@ -171,13 +174,20 @@ class Observer:
     @property
     def unknowns(self) -> tuple[str, ...]:
         """Names of what is estimated beside outputs: loads, payload, parameters, bias and gain of sensors."""
-        return (
-            *(load.input for load in self.loads),
-            *(() if self.payload is None else ("payload",)),
-            *(parameter.name for parameter in self.parameters),
-            *(f"bias of {sensor.output}" for sensor in self.sensors if sensor.bias),
-            *(f"gain of {sensor.output}" for sensor in self.sensors if sensor.gain),
-        )
+        return tuple(name for name in self.units if name not in self.model.outputs)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each unknown, then of each output, by name; that of a parameter is its change."""
+        of_outputs = dict(zip(self.model.outputs, self.model.units, strict=True))
+        return {
+            **{load.input: "N" for load in self.loads},
+            **({} if self.payload is None else {"payload": "kg"}),
+            **{parameter.name: "1" for parameter in self.parameters},
+            **{f"bias of {each.output}": of_outputs[each.output] for each in self.sensors if each.bias},
+            **{f"gain of {each.output}": "1" for each in self.sensors if each.gain},
+            **of_outputs,
+        }
 
     def total_errors(self) -> Array:
         """Errors (q,) of the outputs over all parts of the budget, as fractions: roots of sums of squares."""
@@ -194,17 +204,12 @@ class Observer:
         `measured` has times (n,) in s and values (n,) by the sensors' outputs; each value counts at the nearest step.
         Raises InputError for a name that no sensor has, and for times and values of different lengths.
         """
-        names, t, h = [sensor.output for sensor in self.sensors], self.model.t, self.model.step
-        values = np.full((len(t), len(names)), np.nan)
+        names = [sensor.output for sensor in self.sensors]
+        values = np.full((len(self.model.t), len(names)), np.nan)
         for name, (times, readings) in measured.items():
             if name not in names:
                 raise InputError("observe", "measured", name, f"one of the sensors is allowed: {', '.join(names)}")
-            times, readings = np.asarray(times, float), np.asarray(readings, float)
-            if times.shape != readings.shape or times.ndim != 1:
-                raise InputError("observe", f"measured.{name}", readings.shape, f"{times.shape} is allowed")
-            steps = np.rint((times - t[0]) / h)
-            used = np.isfinite(steps) & (steps >= 0) & (steps < len(t))
-            values[steps[used].astype(int), names.index(name)] = readings[used]
+            values[:, names.index(name)] = self.model.sample(name, times, readings)
         return values
 
     def run(self, measured: Mapping[str, tuple[Array, Array]]) -> Estimates:
@@ -323,7 +328,7 @@ class _Filter:
         """Mean and variance (q,) of the outputs at step k, after `update`, with the errors of the model."""
         mean = self.observer.model.reference[k] + self.rows @ self.x
         self.square += (mean**2 - self.square) * min(1.0, self.h / self.observer.error_time / 10.0)
-        variance = np.einsum("qn,nm,qm->q", self.rows, self.P, self.rows, optimize=True)
+        variance = np.sum((self.rows @ self.P) * self.rows, axis=1)
         return mean, np.maximum(variance, 0.0) + self.errors**2 * self.square
 
     def predict(self, k: int) -> None:

@@ -315,7 +315,7 @@ def _errors_by_label(part: Mapping[str, float | None]) -> dict[str, float]:
     `part` is the mapping of this source in the summary; its keys are kinds of errors.  Other keys, and values that are
     None, are left out.
     """
-    kinds = ("beam", "largest", *COMPARED[2:], "tip")
+    kinds = ("beam", "largest", *COMPARED[2:], "probe", "tip")
     errors = {QUANTITIES[kind].label: error for kind in kinds if (error := part.get(kind)) is not None}
     return dict(sorted(errors.items(), key=lambda item: -item[1]))
 

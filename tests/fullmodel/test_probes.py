@@ -76,6 +76,24 @@ def test_the_nearest_point_of_the_face_counts_and_of_a_group_the_mean() -> None:
     assert values == pytest.approx(mean.tolist(), rel=1e-9)
 
 
+def test_stress_of_a_beam_is_linear_within_an_element() -> None:
+    """On a cantilever with a force at its tip the moment is linear, whatever nodes there are beside the point."""
+    places, section, curvature = (2.7, 0.0, 6.0), section_of(BoxProfile(width=0.3, height=0.4, wall=0.008), 0.3), 1e-3
+    probes = ",".join(f"{{name='p{at}',at=[{at},0.15,0.2]}}" for at in places)
+    for elements in (3, 4):
+        scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"mesh.elements={elements}", f"probes=[{probes}]"])
+        structure = structure_of(member_at(scene))
+        x, q = np.linspace(0.0, 6.0, elements + 1), np.zeros(structure.model.size)
+        shear = 2.6 * section.second_moment_y / section.shear_area_z * x  # E / G = 2.6
+        q[2::6] = curvature * (x**2 * (18.0 - x) / 6.0 + shear)
+        q[4::6] = -curvature * x * (12.0 - x) / 2.0
+        for at in places:
+            gauge = gauges(structure)[f"p{at} stress axial"]
+            assert gauge.at[0] == pytest.approx(at)
+            stress = -210e9 * curvature * (6.0 - at) * gauge.at[2]
+            assert float((gauge.row @ q)[0]) == pytest.approx(stress, rel=1e-6, abs=1.0)
+
+
 @pytest.mark.slow
 def test_a_simulated_probe_is_the_recovered_stress() -> None:
     """The reduced model's own outputs beside the stresses of the states recovered from it, and the full model's.

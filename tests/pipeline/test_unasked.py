@@ -9,6 +9,7 @@ import pytest
 
 import pmr
 from pmr.compare.accuracy import mesh
+from pmr.fem.compat import MPI
 from pmr.pipeline import model_errors as pipeline
 from pmr.scene.model_ladder import model_comparison
 
@@ -63,6 +64,23 @@ def test_walls_that_give_way_are_compared_with_those_of_coarser_cells_and_with_s
         own, shell, name = model_comparison(one)
         assert (shell.mesh.size, shell.only_section.body.model, name) == (size, "shell", called)
         assert own.only_section.reduction == shell.only_section.reduction  # no more than the models differs
+
+
+@pytest.mark.slow
+def test_the_mesh_of_a_beam_has_an_error_at_each_probe() -> None:
+    """It is 4/3 of the difference to twice as many elements, over the RMS of the probe or 1 % of the largest stress."""
+    probes = "probes=[{name='p',at=[4.0,0.15,0.2]},{name='d',at=[6.0,0.0,0.0],measures=['displacement']}]"
+    coarse = scene("mesh.elements=12", "reduction.estimate=false", "time.end=0.5", probes)
+    systems = [(each, pmr.reduce(each).system) for each in (coarse, mesh.finer_beams(coarse))]
+    (_, system), (own, finer) = systems[0], (pmr.simulate(*each) for each in systems)
+    budget = pipeline.measure_mesh(coarse, system, own, MPI.COMM_WORLD, None)["mesh"]
+    sizes = {name: np.sqrt(np.mean(own.other(name) ** 2)) for name in budget["probes"]}
+    assert set(sizes) == {"p stress axial", "p stress torsion", *(f"d displacement {axis}" for axis in "xyz")}
+    for name, error in budget["probes"].items():
+        least = 0.01 * max(size for other, size in sizes.items() if other[0] == name[0])
+        apart = np.sqrt(np.mean((own.other(name) - finer.other(name)) ** 2)) / max(sizes[name], least)
+        assert error == pytest.approx(4.0 / 3.0 * apart, rel=1e-6, abs=1e-12)
+    assert budget["probe"] == max(budget["probes"].values()) > 1e-5
 
 
 def test_what_costs_more_has_to_be_asked_for() -> None:

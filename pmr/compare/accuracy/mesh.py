@@ -124,8 +124,11 @@ def mesh_budget(
         return {"mesh": None, "mesh_reason": error.allowed}
     errors = simulate_other(lambda: motion_only(other.scene), other.called)
     left_out = {"frequency"} if mesh_warnings(scene) else set[str]()
-    kinds = [kind for kind in COMPARED if errors.get(kind) is not None and kind not in left_out]
-    return {"mesh": {kind: other.share * errors[kind] for kind in kinds} or None, "mesh_reason": errors.get("reason")}
+    kinds = [kind for kind in (*COMPARED, "probe") if errors.get(kind) is not None and kind not in left_out]
+    shares: dict[str, Any] = {kind: other.share * errors[kind] for kind in kinds}
+    if "probes" in errors:
+        shares["probes"] = {name: other.share * error for name, error in errors["probes"].items()}
+    return {"mesh": shares or None, "mesh_reason": errors.get("reason")}
 
 
 def mesh_warnings(scene: Scene) -> list[str]:
