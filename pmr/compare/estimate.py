@@ -8,7 +8,7 @@ modes in the directions of all loads that acted on a body in the first run:
 
 with the outputs y_r of the reduced model and y_second of the second run.  The factor 1.25 is a margin: without it, the
 estimate was 0.98 to 1.2 times the true error in random scenes, damped and not, with one slider, two sliders and twelve
-pads (tests/compare/test_estimate_kinds_sweep.py).  The estimate is no bound (docs/moving_residual_flexibility.md,
+pads (tests/compare/test_estimate.py).  The estimate is no bound (docs/moving_residual_flexibility.md,
 section 12); `pmr.compare.trust` names the cases in which it was seen to fail.  If pads land and lift off, an impact
 that comes a moment earlier changes the whole motion after it.  Then a third run, without the enrichment modes, has to
 be close to the second one.

@@ -1,16 +1,29 @@
-"""A short run of two sections, its page and its verdicts."""
+"""A short run of two sections, its page and its verdicts.
+Two checkouts side by side, with runs that are made up.
+Ways taken in turn, their least and median times, and the exponent of a power law.
+Messages are counted exactly: a program whose messages are known, and the page of made-up records.
+"""
 
 from __future__ import annotations
 
+import json
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from waiting import PATIENCE
 
-from benchmarks import latency, pages, report, requirements, waited_for
+from benchmarks import before_after, latency, messages, page_of_scale, pages, report, requirements, waited_for
+from benchmarks.messages_run import KINDS
+from benchmarks.ranks import HERE, Bounds, record_of
+from benchmarks.scale import STAGES
+from benchmarks.timing import Times, exponent, side_by_side
 from pmr.errors import environment
 
 
@@ -94,3 +107,104 @@ def test_a_requirement_is_met_or_missed() -> None:
     assert [one["holds"] for one in requirements.judged(sections)] == [True]
     sections["fmu"]["seconds"]["boom"] = {"median": 6e-6}
     assert [(one["holds"], one["value"]) for one in requirements.judged(sections)] == [(True, 4e-6), (False, 6e-6)]
+
+
+def test_both_are_run_in_turn_and_compared(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    runs = []
+
+    def made_up(module: str, arguments: list[str], ranks: int, bounds: Bounds, checkout: Path) -> dict[str, Any]:
+        assert module == "benchmarks.scale_run" and 0.0 < bounds.seconds <= 720.0
+        runs.append((float(arguments[0]), ranks, checkout))
+        if arguments[0] == "0.3":
+            return {"notes": ["failed: too coarse"]}
+        seconds = (9.0 if checkout == HERE else 21.0) / ranks
+        stages = dict.fromkeys(STAGES, 1.0) | {"total": seconds}
+        memory = {"peak_MB": [300.0] * ranks, "loaded_MB": [200.0] * ranks}
+        return {"size": 1000, "ranks": ranks, "seconds": stages, "processor": 1.0} | memory
+
+    monkeypatch.setattr(before_after, "record_of", made_up)
+    monkeypatch.setattr(before_after, "difference", lambda one, other: {"rows": 1e-11})
+    monkeypatch.setattr(sys, "argv", ["", str(tmp_path), "--sizes", "0.1", "--alone", "0.3"])
+    assert before_after.main() == 0
+    pairs = [(0.1, ranks, folder) for ranks in (1, 2) for folder in (tmp_path, HERE)]
+    assert runs == 2 * [*pairs, (0.3, 1, HERE), (0.3, 2, HERE)]
+    said = capsys.readouterr().out
+    assert "0.1 m, 1 rank(s): 21.00 -> 9.00 s, 2.33 times; apart: rows 1.0e-11" in said
+    assert "0.1 m: two ranks are 2.00 times as fast as one" in said
+    assert "0.3 m, 2 ranks, now: failed: too coarse" in said and "0.3 m: two" not in said
+
+
+def test_ways_take_turns_and_may_say_how_long_they_took() -> None:
+    order: list[str] = []
+    values = iter([3.0, 1.0, 2.0])
+
+    def one() -> float:
+        order.append("one")
+        return next(values)
+
+    def other() -> None:
+        order.append("other")
+        np.linalg.svd(np.ones((60, 60)))
+
+    times = side_by_side({"one": one, "other": other}, repeats=3)
+    assert order == ["one", "other"] * 3
+    assert times["one"] == Times((3.0, 1.0, 2.0))
+    assert times["one"].summary() == {"min": 1.0, "median": 2.0, "repeats": 3}
+    assert times["other"].least > 0.0
+    assert times["one"].times(10.0).least == 10.0
+
+
+def test_the_exponent_of_a_power_law() -> None:
+    size = np.array([10.0, 100.0, 1000.0])
+    assert exponent(size, 3.0 * size**1.7) == pytest.approx(1.7)
+
+
+KNOWN = """
+import ctypes, json, sys
+counting = ctypes.CDLL(sys.argv[1], ctypes.RTLD_GLOBAL).pmr_messages
+import numpy as np
+from mpi4py import MPI
+comm, before, after = MPI.COMM_WORLD, (ctypes.c_longlong * 5)(), (ctypes.c_longlong * 5)()
+other, doubles = 1 - comm.rank, np.zeros(100)
+answer = np.zeros(100)
+counting(before)
+comm.Sendrecv(doubles, other, recvbuf=answer, source=other)  # 800 bytes
+sending = comm.Send_init(doubles[:50], other)
+receiving = comm.Recv_init(answer[:50], other)
+for _ in range(3):  # 400 bytes each
+    receiving.Start(), sending.Start(), receiving.Wait(), sending.Wait()
+comm.Isend(doubles[:1], comm.rank).Free(), comm.Recv(answer[:1], comm.rank)  # to itself: none
+comm.Allreduce(doubles[:3], answer[:3])  # 24 bytes
+comm.Alltoallv([doubles[:5], ([2, 3] if comm.rank else [3, 2])], [answer[:5], ([2, 3] if comm.rank else [3, 2])])  # 16
+kind = MPI.DOUBLE.Create_vector(4, 1, 2).Commit()
+comm.Alltoallw([doubles, ([1, 1], [0, 400]), [kind, kind]], [answer, ([1, 1], [0, 400]), [kind, kind]])  # 32
+MPI.COMM_SELF.Allreduce(doubles, answer)  # alone: none
+counting(after)
+found = comm.gather([b - a for a, b in zip(before, after)])
+if comm.rank == 0:
+    print(json.dumps({"found": found}))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("mpicc") is None, reason="no MPI compiler")
+def test_what_is_sent_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "known.py").write_text(KNOWN)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    record = record_of("known", [str(messages.library(tmp_path))], 2, Bounds(PATIENCE))
+    assert record["found"] == [[4, 800 + 3 * 400, 3, 24 + 16 + 32, 0]] * 2, json.dumps(record)
+
+
+def test_the_page_shows_the_rank_with_most() -> None:
+    def rank(columns: int, sent: int) -> dict:
+        counts = dict.fromkeys(KINDS, 0) | {"messages": 10, "message_bytes": sent, "collectives": 4}
+        return {"stages": {"modes": [*counts.values(), 1, columns]}, "loaded_MB": 100.0, "peak_MB": 180.0}
+
+    record = {"cells": 0.1, "size": 20_000, "ranks": 4, "each": [rank(90, 5000), rank(94, 7000)]}
+    assert messages.total(record, "columns") == 94 and messages.sent(record) == 7000
+    # Ten messages and four collective calls of two rounds each.
+    assert messages.seconds(record, 1e-3, 1e6) == pytest.approx(18e-3 + 7e-3, rel=1e-12)
+    grid = page_of_scale.shares({"records": [record]}, "x").blocks[0].grids[0]
+    assert grid.rows[0][:4] == ("free modes", "94", "10", "4")

@@ -1,4 +1,7 @@
-"""Standard output that is full or closed: results are computed and stored, and what was not printed is said."""
+"""Standard output that is full or closed: results are computed and stored, and what was not printed is said.
+What a run prints while it computes, where there is no terminal.
+The command of earlier versions, which scripts may still call.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from processes import COMMAND, UNDRAWN
+from processes import COMMAND, UNDRAWN, called
 from waiting import PATIENCE
 
 FULL = "pmr: standard output: No space left on device; results that go to files are there\n"
@@ -53,3 +56,34 @@ def test_a_run_stores_all_it_computes(redirection: str, code: int, says: str, tm
     assert {"summary.json", "report.html", "report.pdf", "trajectories.npz"} <= {
         file.name for file in tmp_path.iterdir()
     }
+
+
+SHORT_PROGRESS = ("--set", "compare.against=[]", "--set", "time.end=0.05", "--set", "mesh.elements=10")
+
+
+def stages(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], folder: Path, quiet: float
+) -> list[str]:
+    """Stages of a short run, as the lines on standard error name them."""
+    monkeypatch.setattr("pmr.cli.run.QUIET", quiet)
+    done = called(monkeypatch, capsys, "run", "boom_beam", *SHORT_PROGRESS, "--out", str(folder))
+    assert done.returncode == 0, done.stderr
+    lines = [line for line in done.stderr.splitlines() if line.startswith(("boom_beam: ", "report: "))]
+    return [line.partition(", after ")[0] for line in lines]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
+def test_a_long_run_says_each_stage_once_and_a_short_one_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], unmeasured
+) -> None:
+    unmeasured(True)
+    found = stages(monkeypatch, capsys, tmp_path, quiet=0.0)
+    assert found[0] == "boom_beam: assemble" and found[-1] == "report: write"
+    assert len(found) == len(set(found)) > 4
+    assert not stages(monkeypatch, capsys, tmp_path, quiet=1000.0)
+
+
+def test_nothing_is_to_be_compiled(monkeypatch, capsys) -> None:
+    done = called(monkeypatch, capsys, "compile")
+    assert done.returncode == 0 and done.stdout.startswith("nothing is to be compiled")

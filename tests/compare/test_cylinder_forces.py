@@ -1,13 +1,19 @@
-"""Forces of cylinders that push sections out with kinks, beside full models and beside the momentum they give."""
+"""Forces of cylinders that push sections out with kinks, beside full models and beside the momentum they give.
+Forces of pads and of cylinders, apart, on booms that were random before any of this was written.
+
+Two as a rule; ``PMR_SWEEP=full`` takes 40.
+"""
 
 from __future__ import annotations
 
+import os
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.integrate
+from random_scenes import driven_boom
 
 from pmr import scene as scenes
 from pmr.compare.estimate import MARGIN
@@ -145,3 +151,19 @@ def test_full_coordinates_are_recovered_from_modes_of_cylinders_too() -> None:
     along = np.flatnonzero(np.asarray(built["fly"].model.rigid.coordinates)[:, 0] > 0.5)
     expected = full.bodies["fly"].q[np.ix_(steps, along)]
     assert np.abs(q[:, along] - expected).max() < 0.02 * np.abs(expected).max()
+
+
+SEEDS = range(40) if os.environ.get("PMR_SWEEP") == "full" else (0, 7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", SEEDS)
+def test_forces_agree_to_a_per_cent_or_the_estimate_is_near_their_error(seed: int) -> None:
+    outcome = run(driven_boom(seed))
+    assert outcome is not None
+    summary = outcome.result.summary
+    true, estimated = summary["errors"]["reduced_vs_full"], summary["estimate"]
+    kinds = [kind for kind in true if kind.startswith(("pad_force", "cylinder_force"))]
+    assert {"pad_force", "cylinder_force"} <= {*kinds, *summary["not_judged"]}
+    for kind in kinds:
+        assert true[kind] <= 0.01 or 0.8 <= estimated[kind] / true[kind] <= 5.0

@@ -1,7 +1,12 @@
-"""The error of the time step, against runs with far smaller steps, closed forms, and another simulator."""
+"""The error of the time step, against runs with far smaller steps, closed forms, and another simulator.
+The error of the time step on random scenes with steps ten times as long, against runs with far smaller ones.
+
+Eight scenes as a rule; ``PMR_SWEEP=full`` takes 60.
+"""
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from warnings import catch_warnings, simplefilter
@@ -14,12 +19,14 @@ from driving import Loads, driven, loads_at
 from numpy.typing import NDArray
 from one_body import displacement
 from oracle import flexible, full_body, paper_basis, project, rich_body
+from random_scenes import random_scene
 
 from pmr import scene as scenes
 from pmr.compare import step_error as step_errors
 from pmr.compare.errors import relative_error
 from pmr.compare.outputs import run_from_start
-from pmr.compare.step_error import STEP_LIMIT, ConvergenceSeries, StepError
+from pmr.compare.simulated import simulate
+from pmr.compare.step_error import NEGLIGIBLE, SETTLED, STEP_LIMIT, ConvergenceSeries, StepError
 from pmr.compare.step_part import step_summary, step_warnings
 from pmr.compare.stepped_runs import SteppedSystem
 from pmr.errors import SimulationError
@@ -27,6 +34,7 @@ from pmr.pipeline import reduce, run
 from pmr.report import errors
 from pmr.report.blocks import Chapter
 from pmr.report.sections import chapter
+from pmr.scene import Scene
 from pmr.scene.signals import Chirp, Constant, SignalBase, Sine, SmoothRamp, Sum
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.contact_step import contact_frequency, count_parts
@@ -311,3 +319,32 @@ def test_of_sections_on_pads_that_push_the_tolerance_of_parts_is_in_it() -> None
         assert (schedule >= made[:, None]).all() and (schedule[1:] >= made[:-1, None]).all()
         assert (schedule[:-1] >= made[1:, None]).all()
         assert schedule.sum() <= 3 * 2**times * made.sum()
+
+
+SEEDS = range(60) if os.environ.get("PMR_SWEEP") == "full" else range(8)
+COARSE_SWEEP, FURTHER = 10, 4
+
+
+def with_step(scene: Scene, step: float) -> Scene:
+    return scene.model_copy(update={"time": scene.time.model_copy(update={"step": step})})
+
+
+@pytest.mark.slow
+def test_what_settles_is_the_error() -> None:
+    """Known to a quarter of itself by the scheme's order, and to what the reference run is off by in turn."""
+    lines, settled = [], 0
+    for seed in SEEDS:
+        given = random_scene(seed)
+        scene, model = with_step(given, COARSE_SWEEP * given.time.step), reduce(given).reduced
+        found = step_error(model, Excitation.from_scene(scene))
+        halved = round(scene.time.step / found.finest) * FURTHER
+        fine = simulate(with_step(scene, scene.time.step / halved), model).displacement[::halved]
+        true = relative_error(simulate(scene, model).displacement, fine)
+        lines.append(
+            f"{seed}: {found.errors['beam']:.2e} said, {true:.2e} true, settled {found.settled},"
+            f" by {found.finest:.1e} s"
+        )
+        settled += found.settled
+        if found.settled:
+            assert found.errors["beam"] == pytest.approx(true, rel=2.0 * SETTLED, abs=NEGLIGIBLE), "\n".join(lines)
+    assert settled >= 0.8 * len(lines), "\n".join(lines)

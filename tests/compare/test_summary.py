@@ -1,12 +1,30 @@
+"""Where it is looked how much axial forces change a boom's stiffness."""
+
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import one_body
 import pytest
 
+import pmr
+from pmr import scene as scenes
+from pmr.compare import evaluation
+from pmr.compare.moving_frame import STRESSED_TIMES, second_order_effect
+from pmr.compare.responses import simulate
 from pmr.compare.summary import origin_part
-from pmr.fullmodel.build import build, warnings
-from pmr.pipeline import run
+from pmr.fullmodel.build import build, build_bodies, warnings
+from pmr.pipeline import reduce, run
 from pmr.results.run import SummaryPart, combine_parts
+from pmr.scene.keys import ALONE
+from pmr.scene.mechanism import stress_terms
+from pmr.simulation import Excitation
+from pmr.simulation.frame import term_signals
+from pmr.simulation.native.march import March
+from pmr.simulation.statics.equilibrium import geometric_stiffness
+from pmr.system.assembly import Assembly
+from pmr.system.from_scene import system_of
 
 
 def test_figures_and_warnings_of_all_parts_are_gathered_in_order() -> None:
@@ -64,3 +82,75 @@ def test_where_a_slider_strikes_the_forces_are_judged_without_the_blows(load_sce
     assert 0.0 < found["pad_force"] < 0.2 * errors["pad_force"] and 1.0 < found["band"] < 100.0
     smooth = run(load_scene("evolved_residual", [*short, kinked.replace("'ramp'", "'smooth_ramp'")]))
     assert smooth is not None and "impacts" not in smooth.result.summary
+
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+SMALL = ("mesh.elements=12", "time.end=0.2", "reduction.coordinates=6", "slider.path=2.0", "simulation.repeats=1")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workflow", ["boom_beam", "boom_two"])
+def test_repeats_time_the_solver_and_evaluate_nothing(workflow: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scenes.load_any(WORKFLOWS / f"{workflow}.toml", ["time.end=0.05"])
+    system, evaluated, taken = reduce(scene).system, [], []
+    whole, once_more = evaluation.response_to_motion, March.rerun
+    monkeypatch.setattr(evaluation, "response_to_motion", lambda *of: evaluated.extend(of[1]) or whole(*of))
+    monkeypatch.setattr(March, "rerun", lambda march: taken.append(march) or once_more(march))
+    made = simulate(scene, system, Excitation.from_scene(scene))
+    assert not taken
+    found = made.with_least_seconds().first
+    assert len(taken) == scene.simulation.repeats - 1
+    assert len(set(evaluated)) == scene.time.steps + 1 and min(np.diff(evaluated)) >= 0.0  # block by block, and once
+    assert found.response.seconds > 0.0
+    march = taken[-1]  # from the same start to the same end
+    repeated, number = march.state.z.copy(), march.state.step_number
+    march.rerun()
+    assert np.allclose(march.state.z, repeated, rtol=1e-9, atol=0.0) and march.state.step_number == number
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("simulator", "bound"), [("march", 1e-12), ("exudyn", 1e-6)])
+def test_states_are_those_of_the_simulation_that_made_the_response(simulator: str, bound: float) -> None:
+    scene = scenes.load(WORKFLOWS / "boom_beam.toml", [*SMALL, f"simulation.simulators=['{simulator}']"])
+    reduction, steps, excitation = reduce(scene), np.array([0, 50, 200]), Excitation.from_scene(scene)
+    found = simulate(scene, reduction.system, excitation, steps=steps.tolist()).first.states[ALONE]
+    expected = one_body.simulate(reduction.reduced, excitation).at(steps)
+    states = {"t": found.t, "s": found.s[:, 0], "q": found.p, "v": found.v, "multipliers": found.multipliers}
+    for name, here in states.items():
+        there = getattr(expected, name)
+        assert here.shape == there.shape and np.abs(here - there).max() <= bound * np.abs(there).max(), name
+
+
+SHORT = ["section.mesh.elements=8", "time.end=2.0", "time.step=1e-3", "frame.pivot=[0.0,0.0,0.0]", "frame.luffing=0.5"]
+KINKED = "sections.fly.joint.extension={kind='ramp',times=[0.5,1.5],values=[0.6,2.6]}"
+
+
+@pytest.mark.slow
+def test_a_kink_of_an_extension_is_no_load_that_lasts() -> None:
+    """Both kinks fall on times that are looked at; the impulse would be 200 g for a step and buckle the boom."""
+    scene = pmr.load_scene("boom_two", [*SHORT, KINKED])
+    found = second_order_effect(scene, {name: body.model for name, body in pmr.reduce(scene).bodies.items()})
+    assert len(found.t) == STRESSED_TIMES - 2 and np.abs(np.subtract.outer(found.t, [0.5, 1.5])).min() > 1e-2
+    assert found.least_factor > 100.0
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+def test_what_pulls_at_the_tip_loads_every_cylinder_as_the_weight_of_a_payload_does() -> None:
+    """An upright boom: 2,000 kg at its tip, or their weight along it, make the same stiffness of axial forces."""
+    upright = ["section.mesh.elements=6", "time.end=0.01", "frame.second_order=true", "frame.pivot=[0.0,0.0,0.0]"]
+    upright += [
+        f"frame.luffing={np.pi / 2.0}",
+        "sections.middle.joint.extension=2.0",
+        "sections.fly.joint.extension=3.0",
+    ]
+    payload = "sections.fly.masses=[{{name='payload',on='tip',mass={}}}]"
+    weight = "sections.fly.loads=[{{name='weight',on='tip',direction='x',signal={}}}]"
+    stiffness = []
+    for mass, force in ((2250.0, 0.0), (250.0, -2000.0 * 9.80665)):
+        scene = pmr.load_scene("boom_three", [*upright, payload.format(mass), weight.format(force)])
+        bodies = {name: built.model.gather() for name, built in build_bodies(scene).items()}
+        assembly = Assembly(system_of(scene, bodies))
+        c = {name: float(signal.value(0.0)) for name, signal in term_signals(scene, stress_terms(scene)).items()}
+        stiffness.append(geometric_stiffness(assembly, c).toarray())
+    np.testing.assert_allclose(*stiffness, rtol=0.0, atol=1e-9 * np.abs(stiffness[0]).max())

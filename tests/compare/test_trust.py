@@ -1,12 +1,16 @@
-"""What is no reference: the run says so, and why, instead of an error that would blame the reduced model."""
+"""What is no reference: the run says so, and why, instead of an error that would blame the reduced model.
+A motion that no linear model describes is said, a small one is not.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pmr import scene as scenes
 from pmr.compare.trust import ALTERNATING, distrust_warnings, missing_reference_warnings, reason_for_distrust
 from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
@@ -136,3 +140,19 @@ def test_responses_keep_their_surplus() -> None:
     older = {name: array for name, array in npz.record_arrays(found).items() if name != "surplus"}
     assert np.isnan(npz.record_from_arrays(Response, older).surplus)
     assert replace(found, surplus=np.inf).surplus == np.inf
+
+
+SHORT = ["mesh.elements=8", "reduction.snapshots=3", "reduction.modes=3", "reduction.coordinates=6", "time.end=0.4"]
+SHORT += ["time.step=4e-3", "slider.path=2.5", "compare.against=[]", "simulation.simulators=['march']"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("force", "times"), [(-50.0, None), (-5e7, True), (-5e4, True)])
+def test_a_motion_as_large_as_the_body_is_said(force: float, times: bool | None) -> None:
+    scene = scenes.load(Path("workflows/paper_simple.toml"), [*SHORT, f"loads=[{{on=5.0,signal={force!r}}}]"])
+    outcome = run(scene)
+    assert outcome is not None
+    said = [line for line in outcome.result.summary["warnings"] if "theory of small motions" in line]
+    assert len(said) == (1 if times else 0)
+    if times:
+        assert outcome.result.summary["max_displacement"] > 0.5

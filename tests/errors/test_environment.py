@@ -1,3 +1,5 @@
+"""Names that are imported when they are first asked for."""
+
 from __future__ import annotations
 
 import os
@@ -14,6 +16,7 @@ from processes import called, python
 
 from pmr.cli import app
 from pmr.errors import InputError, environment
+from pmr.errors.lazy import lazy_names
 from pmr.fem.compat import PETSc
 
 ROOT = Path(__file__).parents[2]
@@ -154,3 +157,24 @@ def test_no_text_asks_an_index_for_pmr() -> None:
     ]
     asks = re.compile(r"pip3? install[^\n`]*\bpmr\b")
     assert [str(file) for file in texts if asks.search(file.read_text(encoding="utf-8"))] == []
+
+
+def test_a_name_is_looked_up_where_it_stands() -> None:
+    find = lazy_names("some", {"Refused": "pmr.errors:InputError"})
+    assert find("Refused") is InputError
+
+
+def test_a_name_that_there_is_not_lists_those_that_there_are() -> None:
+    with pytest.raises(AttributeError, match="module 'some' has no public name 'd'; there are b, c$"):
+        lazy_names("some", {"c": "json:c", "b": "json:b"})("d")
+
+
+def test_nothing_is_imported_where_it_would_be_in_vain() -> None:
+    def missing() -> None:
+        raise InputError("environment", "package", "missing", "nothing")
+
+    find = lazy_names("some", {"x": "no_such_module:x"}, before=missing)
+    with pytest.raises(InputError):
+        find("x")
+    with pytest.raises(AttributeError):  # whatever is installed
+        find("y")

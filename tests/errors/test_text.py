@@ -1,16 +1,19 @@
+"""Numbers in sentences."""
+
 from __future__ import annotations
 
 import io
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from processes import called
 from rich.console import Console
 
 from pmr.cli import console
 from pmr.errors import InputError
-from pmr.errors.text import escape_controls, overview, warning_kind
+from pmr.errors.text import escape_controls, overview, two_digits, two_digits_below, warning_kind
 
 PLAIN = ["[/red]", "[bold]x", "root:x:0", ":smile:", "$x^2$", "\\frac", "<b>&amp;", "ä ß 漢 שלום 😀 F²", "{0} %s", "_F"]
 STEERING = {
@@ -91,3 +94,17 @@ def test_an_overview_shows_the_first_names_and_the_last_one() -> None:
         "  outputs (1): tip z",
         "  others (0)",
     ]
+
+
+def test_large_numbers_are_decimals() -> None:
+    assert [two_digits(x) for x in (122.0, 9870.0, 100.0, 0.061, 2.0, 0.0, 470.4)] == (
+        ["120", "9900", "100", "0.061", "2", "0", "470"]
+    )
+
+
+def test_what_is_small_enough_is_not_rounded_up() -> None:
+    assert [two_digits_below(x) for x in (0.0028525, 0.000286, 0.29, 1.0, 2e-3, 1e-3, 0.1, 0.3)] == (
+        ["0.0028", "0.00028", "0.29", "1", "0.002", "0.001", "0.1", "0.3"]
+    )
+    for value in 10.0 ** np.random.default_rng(0).uniform(-9.0, 9.0, 1000):
+        assert 0.9 * value < float(two_digits_below(value)) <= value * (1.0 + 1e-11)

@@ -1,16 +1,26 @@
+"""Block Lanczos against closed forms, where eigenvalues are many times the same.
+Static solves under held rows against dense matrices.
+"""
+
 from __future__ import annotations
 
 import logging
+from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.sparse as sp
 from textbook import CLOSED_FORM, beam_matrices, subspace_distance
 
-from pmr.errors import ConvergenceError
-from pmr.fem.compat import MPI
-from pmr.fullmodel import modes
-from pmr.fullmodel.build import full_model
+from pmr import scene as scenes
+from pmr.errors import ConvergenceError, InputError
+from pmr.fem.compat import MPI, PETSc
+from pmr.fem.distributed import inner, sparse, times
+from pmr.fem.factor import Factor, refusal
+from pmr.fullmodel import modes, moving
+from pmr.fullmodel.assembly import share
+from pmr.fullmodel.build import build, full_model
 from pmr.fullmodel.eigensolvers import (
     DenseEigenSolver,
     DependentRowsError,
@@ -19,7 +29,9 @@ from pmr.fullmodel.eigensolvers import (
     eigensolver,
 )
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.modes import Modes
+from pmr.fullmodel.modes import Modes, largest_eigenpairs
+from pmr.fullmodel.moving import static_solver
+from pmr.system.rows import fixed_row, sparse_row
 
 pytestmark = pytest.mark.mpi
 SOLVERS = [DenseEigenSolver, SlepcEigenSolver]
@@ -164,3 +176,129 @@ def test_the_automatic_choice_goes_by_size(load_scene, model: FullModel) -> None
     assert isinstance(eigensolver(large, "auto"), SlepcEigenSolver)
     # Round-off in K grows with the fourth power of the elements: 600 leave five digits, 50 leave nine.
     assert eigensolver(large, "auto").lowest(2.5, 2).omega == pytest.approx(CLOSED_FORM[2.5][:2], rel=1e-5)
+
+
+def distributed(A: sp.spmatrix) -> PETSc.Mat:
+    first, last = share(A.shape[0], MPI.COMM_WORLD)
+    like = PETSc.Mat().createAIJ(((last - first, A.shape[0]), (last - first, A.shape[0])), comm=MPI.COMM_WORLD)
+    return sparse(sp.csr_matrix(A)[first:last], like, columns=int(last - first))
+
+
+def cube(n: int) -> tuple[sp.csr_matrix, np.ndarray]:
+    """Laplacian of n^3 points, whose eigenvalues come up to six times over, and all of them in ascending order."""
+    chain = sp.diags([-np.ones(n - 1), 2.0 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1])
+    line = 4.0 * np.sin(np.arange(1, n + 1) * np.pi / (2 * n + 2)) ** 2
+    values = (line[:, None, None] + line[:, None] + line).ravel()
+    return sp.csr_matrix(sp.kronsum(sp.kronsum(chain, chain), chain)), np.sort(values)
+
+
+def start(n: int, columns: int) -> np.ndarray:
+    first, last = share(n, MPI.COMM_WORLD)
+    return np.asfortranarray(np.random.default_rng(3).normal(size=(n, columns))[first:last])
+
+
+@pytest.mark.parametrize("heavy", [1.0, 7.0])
+def test_equal_eigenvalues_are_all_found(heavy: float) -> None:
+    A, expected = cube(9)
+    K, M = distributed(A), distributed(heavy * sp.eye(729))
+    factor = Factor(K, "K")
+    found = largest_eigenpairs(factor.solve_columns, M, factor.solve_columns(start(729, 8)), 17, 729)
+    assert heavy / found.theta == pytest.approx(expected[:17], rel=1e-11)
+    X, comm = found.vectors, MPI.COMM_WORLD
+    assert inner(X, times(M, X), comm) == pytest.approx(np.eye(17), abs=1e-12)
+    assert times(K, X) == pytest.approx(times(M, X) / found.theta, abs=1e-10)
+    factor.destroy()
+
+
+def test_a_space_that_ends_gives_what_it_has() -> None:
+    A, expected = cube(3)
+    K, M = distributed(A), distributed(sp.eye(27))
+    factor = Factor(K, "K")
+    found = largest_eigenpairs(factor.solve_columns, M, factor.solve_columns(start(27, 8)), 40, 27)
+    assert 1.0 / found.theta == pytest.approx(expected, rel=1e-12)
+    factor.destroy()
+
+
+def test_what_does_not_converge_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(modes, "STEPS", 2)
+    K, M = distributed(cube(9)[0]), distributed(sp.eye(729))
+    factor = Factor(K, "K")
+    with pytest.raises(ConvergenceError, match="not all of 17 eigenpairs"):
+        largest_eigenpairs(factor.solve_columns, M, factor.solve_columns(start(729, 8)), 17, 729)
+    factor.destroy()
+
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+
+
+def boom(*overrides: str) -> FullModel:
+    return build(scenes.load(WORKFLOWS / "boom_beam.toml", ["mesh.elements=12", *overrides])).model
+
+
+@pytest.mark.parametrize("stiffness", ["3e8", "'rigid'"])
+def test_modes_are_those_of_lapack(stiffness: str) -> None:
+    pads = "[{name='tail',at=0.15,faces={bottom=[0.0],left=[0.0]}},{name='mouth',moving=true,"
+    model = boom(f"pads={pads}faces={{bottom=[-0.1,0.1],left=[0.0]}},stiffness={stiffness}}}]")
+    one, other = OneFactorEigenSolver(model), DenseEigenSolver(model)
+    for s in (1.5, 2.777, 4.0):
+        few, exact = one.lowest(s, 8), other.lowest(s, 8)
+        assert few.omega == pytest.approx(exact.omega, rel=1e-9)
+        assert few.residuals.max() < 1e-9
+        assert np.abs(few.phi) == pytest.approx(np.abs(exact.phi), abs=1e-6 * np.abs(exact.phi).max())
+
+
+def test_pads_that_give_way_lower_the_frequencies() -> None:
+    firm, soft = (DenseEigenSolver(boom(f"pads={PADS.format(k)}")).lowest(2.5, 6).omega for k in ("3e8", "3e6"))
+    assert np.all(soft < firm) and soft[0] < 0.95 * firm[0]
+
+
+PADS = (
+    "[{{name='tail',at=0.15,faces={{bottom=[-0.1,0.1],left=[0.0]}}}},"
+    "{{name='mouth',moving=true,faces={{bottom=[-0.1,0.1],left=[0.0]}},stiffness={}}}]"
+)
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+def test_large_models_whose_rows_give_way_need_one_factor() -> None:
+    assert isinstance(eigensolver(boom(), "slepc"), OneFactorEigenSolver)
+    assert isinstance(eigensolver(boom(), "auto"), DenseEigenSolver)
+
+
+def held(full: FullModel) -> tuple[list, np.ndarray]:
+    """A coordinate, and two rows that couple others; and the dense inverse on what they leave free."""
+    n = full.size
+    mixed = np.random.default_rng(2).normal(size=(2, 6))
+    at = np.array([[1, 4, 7, 10, 13, 40], [2, 4, 10, 20, 30, 43]])
+    rows = [fixed_row("one", sparse_row(0, 1.0, n), (0.0, 5.0))]
+    rows += [fixed_row(f"mixed {i}", sparse_row(at[i], mixed[i], n), (0.0, 5.0)) for i in range(2)]
+    C = np.vstack([row.carriers.toarray() for row in rows])
+    T = np.linalg.svd(C)[2][3:].T
+    body = full.comm.bcast(full.gather())
+    return rows, T @ np.linalg.solve(T.T @ body.K.toarray() @ T, T.T)
+
+
+@pytest.mark.parametrize("solver", ["dense", "slepc"])
+def test_answers_are_those_of_the_motions_that_the_rows_leave(load_scene, solver: str) -> None:
+    full = full_model(load_scene("paper_simple", ["mesh.elements=20", "compare.against=[]"]))
+    rows, inverse = held(full)
+    g = np.random.default_rng(4).normal(size=(full.size, 3))
+    share = slice(*full.M.getOwnershipRange())
+    solve = static_solver(full, rows, solver)
+    x = solve.solve(np.asfortranarray(g[share]))
+    assert x == pytest.approx((inverse @ g)[share], abs=1e-8 * np.abs(inverse @ g).max())
+    solve.destroy()
+
+
+@pytest.mark.parametrize(("code", "said"), [(-13, "no memory"), (-10, "scene: body: .* singular")])
+def test_no_memory_is_not_called_a_singular_stiffness(
+    load_scene, monkeypatch: pytest.MonkeyPatch, code: int, said: str
+) -> None:
+    full = full_model(load_scene("paper_simple", ["mesh.elements=20", "compare.against=[]"]))
+
+    def refused(A: object, name: str) -> None:
+        raise refusal(name, code)
+
+    monkeypatch.setattr(moving, "factor_for_columns", refused)
+    with pytest.raises(InputError, match=said):
+        static_solver(full, held(full)[0], "slepc")

@@ -1,9 +1,28 @@
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import pytest
 
 from pmr.report import numbers
+from pmr.report.blocks import (
+    BETTER,
+    DIFFERENT,
+    RANKED,
+    SAME,
+    WITHIN,
+    WORSE,
+    ErrorTable,
+    Mark,
+    Row,
+    count_verdicts,
+    deviating_rows,
+    mark_for,
+)
+from pmr.report.errors import error_notes, rows
 from pmr.report.numbers import SPACE, Unit
+from pmr.results import RunResult
 
 
 @pytest.mark.parametrize(
@@ -93,3 +112,92 @@ def test_a_share_that_is_round_off_has_no_digits() -> None:
         numbers.format_percent(0.0) == f"0{SPACE}%"
         and numbers.format_percent(1.2e-8) == f"1.20{SPACE}·{SPACE}10⁻⁶{SPACE}%"
     )
+
+
+@pytest.mark.parametrize(
+    ("here", "published", "mark"),
+    [
+        (0.01, 0.01, WITHIN),
+        (0.0105, 0.01, WITHIN),  # both ends count as within
+        (0.0095, 0.01, WITHIN),
+        (0.00021, 0.0002, WITHIN),
+        (0.0105001, 0.01, WORSE),
+        (0.0094999, 0.01, BETTER),
+        (0.0, 0.01, BETTER),
+        (0.0, 0.0, WITHIN),
+        (1e-9, 0.0, WORSE),
+        (math.nextafter(0.0105, 1.0), 0.01, WITHIN),  # rounding decides nothing
+    ],
+)
+def test_marks_of_errors(here: float, published: float, mark: Mark) -> None:
+    assert mark_for(here, published) is mark
+
+
+@pytest.mark.parametrize(("here", "mark"), [(0.105, WITHIN), (0.106, DIFFERENT), (0.094, DIFFERENT)])
+def test_a_displacement_is_neither_better_nor_worse(here: float, mark: Mark) -> None:
+    assert mark_for(here, 0.1, is_error=False) is mark
+
+
+def test_marks_differ_in_symbol_word_and_class() -> None:
+    marks = (WITHIN, SAME, BETTER, WORSE, DIFFERENT)
+    assert len({mark.symbol for mark in marks}) == len({mark.text for mark in marks}) == len(marks)
+    assert len({mark.kind for mark in marks}) == 4  # what rounds to the published figure is coloured as within
+
+
+def test_rows_stand_in_the_order_of_interest(whole: RunResult) -> None:
+    assert [row.comparison for row in rows(whole)][::2] == [
+        "reduced against full",
+        "reduced against ANCF",
+        "full against ANCF",
+        "largest transverse displacement",
+    ]
+
+
+def test_only_published_figures_are_marked(whole: RunResult) -> None:
+    table = {(row.comparison, row.place): row for row in rows(whole)}
+    unpublished = table["reduced against ANCF", "tip"]
+    assert (unpublished.published, unpublished.deviation, unpublished.mark) == (None, None, None)
+    assert count_verdicts(rows(whole)) == {WITHIN.text: 2, SAME.text: 1, BETTER.text: 1, WORSE.text: 1}
+
+
+def test_published_figures_keep_the_decimals_of_their_publication(whole: RunResult) -> None:
+    printed = [row.published for row in rows(whole) if row.published and "%" in row.published]
+    assert printed == ["1.00\u00a0%", "2.00\u00a0%", "0.07\u00a0%"]
+
+
+def test_a_figure_that_rounds_to_the_published_one_is_explained(whole: RunResult) -> None:
+    first, *others = error_notes(whole, rows(whole))
+    assert first.startswith(
+        "full against ANCF, tip: the published 0.07\u00a0% is a rounded figure; 0.0740\u00a0% rounds"
+    )
+    assert others == ["The published value rests on another step size."]
+
+
+def test_an_unexplained_difference_is_said_to_be_so(make_result) -> None:
+    published = {"source": "a paper", "errors": {"reduced_vs_full": {"tip": 0.02}}}
+    summary = {"errors": {"reduced_vs_full": {"tip": 0.01}}}
+    result = make_result(published=published, summary=summary)
+    assert error_notes(result, rows(result)) == ["No reason is recorded with this result."]
+    close = make_result(published=published, summary={"errors": {"reduced_vs_full": {"tip": 0.0201}}})
+    assert error_notes(close, rows(close)) == [] and deviating_rows(rows(close)) == []
+
+
+def test_a_run_without_reference_has_no_error_to_show(make_result) -> None:
+    result = make_result(responses=("reduced",), summary={"errors": {}, "max_displacement": 0.05, "max_error": None})
+    assert [row.comparison for row in rows(result)] == ["largest transverse displacement"]
+
+
+def test_columns_that_all_lines_leave_empty_are_left_out() -> None:
+    full = Row("a", "b", "1", "2", "+3", WITHIN, "4 m")
+    table = ErrorTable("", [replace(full, published=None, deviation=None, mark=None), full])
+    assert (table.has_published, table.has_deviations, table.has_norms, table.marks) == (True, True, True, [WITHIN])
+    words = ErrorTable("", [replace(full, deviation=None, mark=None, absolute=None)])
+    assert (words.has_published, words.has_deviations, words.has_norms, words.marks) == (True, False, False, [])
+
+
+def test_marks_stand_in_the_order_of_their_worth() -> None:
+    found = {mark: Row(mark.kind, "", "", "1", mark=mark) for mark in RANKED}
+    table = ErrorTable("", [found[mark] for mark in sorted(RANKED, key=lambda mark: mark.symbol)])
+    words = [mark.text for mark in table.marks]
+    assert words == ["better", "same when rounded", "within 5\u00a0%", "different", "worse"]
+    assert list(count_verdicts(table.rows)) == words

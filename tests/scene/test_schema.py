@@ -1,4 +1,6 @@
-"""Schemas for editors: complete, up to date, and of one opinion with what reads the files."""
+"""Schemas for editors: complete, up to date, and of one opinion with what reads the files.
+Every key of a scene says what it is, and every number its unit and what can be computed with.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +8,16 @@ import json
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import jsonschema
 import pytest
+from pydantic import BaseModel
 
 from pmr import scene as scenes
 from pmr.cli.new import scene_kinds, scene_schema, study_schema
 from pmr.errors import InputError
+from pmr.scene.keys import SceneTable, quantity_of
 from pmr.scene.scene import BodyFile, Scene
 
 ROOT = Path(__file__).parents[2]
@@ -148,3 +152,42 @@ def test_files_that_extend_others_need_not_be_complete(kind: str) -> None:
         assert SCENE.is_valid(tomllib.loads(f"extends = '{kind}'\n{text}"))
     for text in ("masses.payload.mas = 3.0", "loads.gust.signal.amplitud = 2.0", "body.box.length = -7.0", "bodi = 1"):
         assert not SCENE.is_valid(tomllib.loads(f"extends = '{kind}'\n{text}"))
+
+
+def parts(annotation: Any) -> Iterator[Any]:
+    """Everything that an annotation is made of."""
+    yield annotation
+    for inner in get_args(annotation):
+        yield from parts(inner)
+
+
+def sections(root: type[SceneTable]) -> dict[str, type[SceneTable]]:
+    """A section and all within it."""
+    found = {root.__name__: root}
+    for field in root.model_fields.values():
+        for part in parts(field.annotation):
+            if isinstance(part, type) and issubclass(part, SceneTable) and part.__name__ not in found:
+                found |= sections(part)
+    return found
+
+
+KEYS = [(section, key) for section in sections(Scene).values() for key in section.model_fields]
+
+
+@pytest.mark.parametrize(("section", "key"), KEYS, ids=[f"{section.__name__}.{key}" for section, key in KEYS])
+def test_a_key_has_a_description_and_its_numbers_a_unit(section: type[SceneTable], key: str) -> None:
+    field = section.model_fields[key]
+    assert field.description
+    numbers = {float, int} & {part for part in parts(field.annotation) if isinstance(part, type)}
+    free = (section.__name__, key) == ("Simulation", "newton")  # names and values are Exudyn's
+    signal = any(isinstance(part, type) and issubclass(part, BaseModel) for part in parts(field.annotation))
+    if numbers and not free and not signal:
+        quantity = quantity_of(section, key)
+        assert quantity is not None and quantity.unit and quantity.low < quantity.high
+
+
+def test_the_schema_tells_units() -> None:
+    known = BodyFile.model_json_schema()["$defs"]
+    assert known["Box"]["properties"]["length"]["unit"] == "m"
+    assert known["Profile"]["properties"]["bending_stiffness"]["unit"] == "N m^2"
+    assert known["Box"]["properties"]["length"]["description"] == "Length along x"

@@ -1,10 +1,16 @@
+"""Words for a start or a step that fails."""
+
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from pmr.errors import InputError
-from pmr.simulation import TimeStepping
+from pmr.errors import BEYOND_ENDS, InputError
+from pmr.scene.signals import Constant, Ramp, Sine, SmoothRamp, Sum
+from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.excitation import clip_path
+from pmr.simulation.refusals import describe_divergence
+from pmr.system.contacts import Contact, Place
 
 
 def test_times_are_all_steps() -> None:
@@ -26,3 +32,97 @@ def test_what_is_no_time_grid_is_refused(values: tuple[float, ...], key: str) ->
     with pytest.raises(InputError) as error:
         TimeStepping(*values)
     assert error.value.key == key
+
+
+def test_forces_that_do_not_converge_are_named() -> None:
+    """Those of terms, and friction by the sections that slide; nothing is said of buckling."""
+    pads = [Contact(f"pad {k}", Place("fly", "w", 0.0), Place("base", "w", 1.0), friction=0.3) for k in range(2)]
+    for terms, contacts, names in (
+        (("axial", "spin"), (), "axial, spin"),
+        ((), pads, "friction of fly"),
+        (("axial",), pads, "axial, friction of fly"),
+    ):
+        said = describe_divergence(terms, contacts, 100)
+        assert said.startswith(f"the forces of {names} do not converge") and "buckl" not in said
+
+
+STEPPING = TimeStepping(0.4, 1e-3)
+PATHS = {"boom": Sine(amplitude=0.5, frequency=1.5, offset=2.0), "jib": Ramp(times=(0.1, 0.3), values=(1.0, 2.0))}
+LOADS = {"F": Constant(amount=2.0), "T": Ramp(times=(0.0, 1.0), values=(0.0, 1.0))}
+
+
+def test_paths_are_sampled_with_their_rates() -> None:
+    found = Excitation(PATHS, LOADS, STEPPING)
+    t, omega = STEPPING.times, 3.0 * np.pi
+    np.testing.assert_allclose(found.s[:, 0], 2.0 + 0.5 * np.sin(omega * t), atol=1e-14)
+    np.testing.assert_allclose(found.rates[:, 0], 0.5 * omega * np.cos(omega * t), atol=1e-12)
+    assert found.s is found.s  # sampled once
+
+
+def test_loads_are_found_by_name_in_whatever_order() -> None:
+    found, t = Excitation(PATHS, LOADS, STEPPING), STEPPING.times
+    np.testing.assert_array_equal(found.f, np.stack([np.full(401, 2.0), t], axis=1))
+    np.testing.assert_array_equal(found.forces(["T", "F"]), found.f[:, ::-1])
+    assert Excitation(PATHS, {}, STEPPING).forces([]).shape == (401, 0)
+
+
+@pytest.mark.parametrize("names", [["F"], ["F", "T", "G"], ["F", "G"]])
+def test_a_load_without_an_input_and_an_input_without_a_load_are_refused(names: list[str]) -> None:
+    with pytest.raises(InputError, match=f"loads: F, T given, one for each input is allowed: {', '.join(names)}"):
+        Excitation(PATHS, LOADS, STEPPING).forces(names)
+
+
+def test_several_paths_are_no_single_one() -> None:
+    with pytest.raises(InputError, match=r"slider\.path: 2 given \(boom, jib\), one path"):
+        _ = Excitation(PATHS, LOADS, STEPPING).path
+    found = Excitation({"jib": PATHS["jib"]}, LOADS, STEPPING)
+    np.testing.assert_array_equal(found.path_within((0.0, 3.0)), found.s[:, 0])
+    np.testing.assert_array_equal(found.path_rate, found.rates[:, 0])
+
+
+def test_signals_have_names_for_messages() -> None:
+    one, two = Excitation({"slider": PATHS["jib"]}, LOADS, STEPPING), Excitation(PATHS, {}, STEPPING)
+    assert [name for name, _ in one.signals] == ["the slider's path", "load F", "load T"]
+    assert two.signals == [("path boom", PATHS["boom"]), ("path jib", PATHS["jib"])]
+
+
+def test_another_time_grid_is_sampled_anew() -> None:
+    whole = Excitation(PATHS, LOADS, STEPPING)
+    fine = whole.with_stepping(STEPPING.divide(4))
+    np.testing.assert_allclose(fine.s[::4], whole.s, rtol=0.0, atol=1e-14)
+    assert whole.with_stepping(STEPPING) is whole
+
+
+def test_a_scene_says_what_drives_it(load_scene) -> None:
+    scene = load_scene("evolved_residual", ["time.end=0.5"])
+    found = Excitation.from_scene(scene)
+    assert list(found.loads) == [load.name for load in scene.loads] and found.path is scene.slider.path
+    assert (found.stepping.end, found.stepping.rho_inf) == (0.5, scene.time.rho_inf)
+
+
+def test_path_outside_its_domain_is_refused_with_the_time() -> None:
+    path, t = Ramp(times=(0.0, 1.0), values=(1.0, 3.0)), np.linspace(0.0, 1.0, 11)
+    np.testing.assert_allclose(clip_path(path, path.value(t), (0.0, 5.0), t), 1.0 + 2.0 * t)
+    with pytest.raises(InputError, match=r"slider\.path = 2\.6: 0 to 2\.5 m is allowed; left at t = 0\.8 s"):
+        clip_path(path, path.value(t), (0.0, 2.5), t)
+
+
+def test_a_path_that_leaves_between_two_steps_is_refused() -> None:
+    path = SmoothRamp(times=(0.0, 0.05, 0.1), values=(1.0, 2.6, 1.0))
+    with pytest.raises(InputError, match="left between two steps"):
+        clip_path(path, path.value(np.array([0.0, 0.1])), (0.0, 2.5), np.array([0.0, 0.1]))
+
+
+@pytest.mark.parametrize("beyond", [1e-12, 0.9 * BEYOND_ENDS * 5.0])
+def test_what_a_measured_path_lies_beyond_the_end_is_cut_off(beyond: float) -> None:
+    path = Constant(amount=5.0 + beyond)
+    np.testing.assert_array_equal(clip_path(path, path.value(np.zeros(1)), (0.0, 5.0), np.zeros(1)), [5.0])
+
+
+@pytest.mark.slow
+def test_a_path_stays_within_its_own_bounds() -> None:
+    """Whose model is made for it: of a sum of tones no sample need lie on a crest."""
+    tones = [Sine(amplitude=0.7 / k, frequency=0.0231 * k**1.5, phase=0.3 * k) for k in range(1, 6)]
+    path, t = Sum(terms=(Constant(amount=3.0), *tones)), np.linspace(0.0, 60.0, 60_001)
+    s, bounds = path.value(t), path.bounds(0.0, 60.0)
+    assert clip_path(path, s, bounds, t) == pytest.approx(s, rel=0.0, abs=1e-12)

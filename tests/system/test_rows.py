@@ -7,8 +7,20 @@ import pytest
 import scipy.sparse as sp
 from scipy.interpolate import PPoly
 
+from pmr.fullmodel.pads import slider_row
+from pmr.models.beam2d import Beam2D
+from pmr.scene.structures import Profile
 from pmr.system.polynomials import evaluate, stack_tables
-from pmr.system.rows import Row, Rows, dense_entries, fixed_row, row_on_coordinates, sparse_row
+from pmr.system.rows import (
+    Row,
+    RowPolynomials,
+    Rows,
+    StraightRows,
+    dense_entries,
+    fixed_row,
+    row_on_coordinates,
+    sparse_row,
+)
 
 RNG = np.random.default_rng(1)
 
@@ -165,3 +177,47 @@ def test_outside_the_path_there_is_no_row(s: float) -> None:
     with pytest.raises(ValueError, match="allowed are 0 to 2 m"):
         row.apply(np.array([1.0, s]), np.zeros((2, 12)))
     assert np.array_equal(dense(row, 2.0 + 1e-12), dense(row, 2.0))
+
+
+RNG_PRODUCTS = np.random.default_rng(3)
+BREAKS = np.array([0.0, 0.4, 1.0, 1.5])
+U = sp.identity(7, format="csr")
+
+
+def rows() -> list[Row]:
+    """Two rows of different degree on seven carriers, some of which both touch."""
+    touched = np.array([[0, 1, 2], [2, 3, 3], [5, 4, 0]])
+    first = Row("a", BREAKS, U, touched, RNG_PRODUCTS.normal(size=(4, 3, 3)))
+    return [first, Row("b", BREAKS, U, touched[::-1, :2], RNG_PRODUCTS.normal(size=(2, 3, 2)))]
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+def test_tables_are_products_of_weights_and_what_carriers_measure(sparse: bool) -> None:
+    both, X, half = rows(), RNG_PRODUCTS.normal(size=(7, 5)), RNG_PRODUCTS.normal(size=(7, 7))
+    R, C = half @ half.T, RowPolynomials.from_rows(both)
+    table, squared = C.times(X), C.quadratic_form(sp.csr_matrix(R) if sparse else R)
+    for s in (0.0, 0.2, 0.7, 1.2, 1.5):
+        b = np.vstack([row.weights(s).toarray() for row in both])
+        assert table(s) == pytest.approx(b @ X, abs=1e-12)
+        assert squared(s) == pytest.approx(b @ R @ b.T, abs=1e-12)
+    assert np.array_equal(squared.c, squared.c.swapaxes(2, 3))
+
+
+BEAM = Beam2D(
+    Profile(length=3.0, bending_stiffness=1e6, mass_per_length=10.0, axial=False), np.array([0.0, 0.7, 1.6, 3.0])
+)
+
+
+@pytest.mark.parametrize("end", [0.0, 1.1, 1.6, 3.0])
+@pytest.mark.parametrize("x", [0.2, 0.7, 2.9])
+def test_rows_are_what_bends_between_two_places(end: float, x: float) -> None:
+    """Of a cubic, which the elements hold exactly, on both sides of the place that stays; zero for rigid motions."""
+    w = np.poly1d([0.3, -0.5, 0.2, 0.1])
+    q = np.stack([w(BEAM.nodes), w.deriv()(BEAM.nodes)], axis=1).ravel()
+    first, second = StraightRows(end, ("a", "b")).rows(slider_row(BEAM))
+    chord = w(end) - w(x)
+    assert (first.at(x) @ q).item() == pytest.approx((x - end) * w.deriv()(end) + chord, abs=1e-13)
+    assert (second.at(x) @ q).item() == pytest.approx((x - end) * w.deriv()(x) + chord, abs=1e-13)
+    rigid = np.stack([[1.0, 0.0]] * 4).ravel(), np.stack([BEAM.nodes, np.ones(4)], axis=1).ravel()
+    assert np.abs(np.concatenate([row.at(x) @ one for row in (first, second) for one in rigid])).max() < 1e-14
+    assert (first.name, second.name) == ("a", "b")

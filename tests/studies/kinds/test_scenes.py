@@ -7,13 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 from finished import compute
+from fuzz import toml
+from ways.kinds import HOISTED, PLANE, boom, rings
 
 from pmr import scene
+from pmr import scene as scenes
+from pmr.errors import InputError
+from pmr.files.whole import user_cache_folder
 from pmr.pipeline import run
+from pmr.results import Energy, Response
+from pmr.scene.tomlfiles import Change
 from pmr.studies import files
 from pmr.studies import shared as common
-from pmr.studies.kinds.scenes import run_case
+from pmr.studies.kinds.scenes import grid_points, motion_figures, run_case
 from pmr.studies.results import StudyResults
+from pmr.studies.shared import scene_arguments
 from pmr.studies.tasks import Plan, task_key
 
 NAMES = ("base", "fly")
@@ -207,3 +215,86 @@ section.reduction.flexibility = [true, false]
             figures["moments.base: clamp ry.max"], rel=0.01
         )
         assert figures["forces.fly tail bottom.max"] > 0.0 and figures["frequencies.s_middle.1"] > 0.0
+
+
+def test_all_combinations_the_last_list_fastest() -> None:
+    found = list(grid_points({"reduction": {"modes": [4, 6], "product": ["mass"]}, "time": {"rho_inf": [0.5, 0.9]}}))
+    assert [point.words for point in found[:2]] == [
+        ("modes=4", "product=mass", "rho_inf=0.5"),
+        ("modes=4", "product=mass", "rho_inf=0.9"),
+    ]
+    assert found[3].parameters == {"reduction.modes": 6, "reduction.product": "mass", "time.rho_inf": 0.9}
+    assert found[3].changes[0] == Change({"reduction": {"modes": 6}}, "grid")
+
+
+def test_no_grid_is_one_point_without_changes() -> None:
+    (point,) = grid_points({})
+    assert (point.changes, point.words, point.parameters) == ((), (), {})
+
+
+def test_names_are_as_long_as_they_must_be() -> None:
+    grid = {"mesh": {"elements": [1]}, "compare": {"ancf_elements": [1]}, "load": {"at": [1]}, "support": {"at": [2]}}
+    (point,) = grid_points(grid)
+    assert point.words == ("elements=1", "ancf_elements=1", "load.at=1", "support.at=2")
+
+
+def test_a_value_that_fits_no_file_name_goes_by_its_number() -> None:
+    paths = [{"kind": "constant", "amount": 2.0}, "a/b", [1.0, 2.0]]
+    found = list(grid_points({"slider": {"path": [{"kind": "ramp"}, *paths[1:]]}}))
+    assert next(grid_points({"body": {"axial": [True]}})).words == ("axial=true",)
+    assert [point.words for point in found] == [("path=no1",), ("path=no2",), ("path=no3",)]
+    assert (
+        found[0].parameters == {"slider.path": '{"kind": "ramp"}'}
+        and found[2].parameters["slider.path"] == "[1.0, 2.0]"
+    )
+
+
+@pytest.mark.parametrize("value", [3, "text", []])
+def test_anything_but_a_list_with_values_is_refused(value: object) -> None:
+    with pytest.raises(InputError, match=r"grid\.reduction\.modes.*a list of values"):
+        list(grid_points({"reduction": {"modes": value}}))
+
+
+WORKFLOWS = Path(__file__).parents[3] / "workflows"
+
+
+def test_rows_hold_forces_frequencies_and_probes_with_times_and_places() -> None:
+    scene = scenes.load(WORKFLOWS / "boom_beam.toml", ["slider.path={kind='ramp',times=[0.0,1.0],values=[1.5,2.5]}"])
+    t = np.linspace(0.0, 1.0, 101)
+    forces = np.stack([100.0 * np.sin(2.0 * np.pi * t), -3.0 * t], axis=1)
+    response = Response(
+        t, np.zeros(0), np.zeros((101, 0)), Energy(t, t, t), forces, t, t, 0.0,
+        force_names=("force of mouth top", "force of cylinder"), others=5.0 * np.cos(2.0 * np.pi * t)[:, None],
+        other_names=("weld stress along",), other_units=("Pa",),
+    )  # fmt: skip
+    s, frequencies = np.array([1.5, 2.0, 2.5]), np.array([[1.0, 4.0], [2.0, 5.0], [3.0, np.nan]])
+    found = motion_figures(scene, response, s, frequencies)
+    assert found["largest_force"] == pytest.approx(100.0)
+    top = {key: found[f"forces.mouth top.{key}"] for key in ("min", "t_min", "s_min", "max", "t_max", "s_max")}
+    assert top == pytest.approx(
+        {"min": -100.0, "t_min": 0.75, "s_min": 2.25, "max": 100.0, "t_max": 0.25, "s_max": 1.75}
+    )
+    assert (found["forces.cylinder.min"], found["forces.cylinder.t_min"]) == (-3.0, 1.0)
+    assert [found[f"frequencies.{at}.1"] for at in ("s_min", "s_middle", "s_max")] == pytest.approx([1.0, 2.0, 3.0])
+    assert found["frequencies.s_max.2"] is None
+    assert (found["path.s_min"], found["path.s_max"]) == (1.5, 2.5)
+    assert found["probes.weld stress along.range"] == pytest.approx(10.0)
+    assert found["probes.weld stress along.t_min"] == 0.5
+
+
+@pytest.mark.slow
+def test_a_row_has_ropes_and_the_warnings_of_the_run(tmp_path: Path) -> None:
+    """A planar boom on pads that hold both ways, whose fly follows: beside a run of the same scene."""
+    described = boom("On a rope", "beam2d", rings(faces=PLANE) | HOISTED)
+    described["sections"][2]["joint"] = {"follows": "mid"}
+    (tmp_path / "boom.toml").write_text(toml.written(described | {"compare": {"against": []}}))
+    scene = scenes.load_any(tmp_path / "boom.toml")
+    outcome, row = run(scene, measures=user_cache_folder()), run_case(scene_arguments(scene), {})
+    assert outcome is not None
+    summary = outcome.result.summary
+    ropes = {one["name"]: one["force"] for one in summary["ropes"]}
+    assert set(ropes) == {"mid", "fly"} and ropes["fly"]["max"] - ropes["fly"]["min"] > 1.0
+    for name, force in ropes.items():
+        assert [row.record[f"ropes.{name}.{key}"] for key in ("min", "max")] == [force["min"], force["max"]]
+    assert row.warnings == tuple(summary["warnings"])
+    assert any("hold both ways and pull" in one for one in row.warnings)
