@@ -5,17 +5,20 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.results import Frequencies
+from pmr.results import Frequencies, Response
+from pmr.results.response import Extremes
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
+from pmr.scene.built import force_name
 from pmr.scene.frame import BaseMotion
-from pmr.scene.mechanism import AXIAL, stress_terms
+from pmr.scene.mechanism import AXIAL, TIPPING_MARGIN, stress_terms
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import side_positions
 from pmr.simulation.frame import term_signals
@@ -132,6 +135,43 @@ def _base_ranges(base: BaseMotion, t: Array) -> dict[str, dict[str, float]]:
 def _signal_range(angle: Array) -> dict[str, float]:
     """Smallest and largest value of a signal (T,), as ``min`` and ``max``."""
     return {"min": float(angle.min()), "max": float(angle.max())}
+
+
+def ground_part(scene: Scene, response: Response) -> SummaryPart:
+    """Entry ``ground`` of summary.json: extremes of ``outriggers`` and ``margins``, and of the polygon's ``use``.
+
+    An outrigger that lifts off has ``lifted``: the time in s at which it first does, and for how long in all.
+    ``tips`` is the time in s at which the machine begins to tip, None if it stands.  Times before the weight acts in
+    full do not count.  Warnings say when outriggers lift off, when the machine tips, and if no force is known.
+    """
+    if scene.frame is None or scene.frame.ground is None:
+        return SummaryPart()
+    loaded = response.t >= (scene.gravity.rise if scene.gravity is not None else 0.0)
+    t, along = response.t[loaded], scene.path_positions(response.t[loaded])
+    rows, lifted = dict[str, list[dict[str, Any]]](), list[str]()
+    for kind in ("outrigger", "margin", "tipping"):
+        rows[kind] = list[dict[str, Any]]()
+        for output in [of for of in response.outputs if of.kind == kind]:
+            history = response.other(output.name)[loaded]
+            name = output.name.removeprefix(force_name("outrigger ")).removeprefix(TIPPING_MARGIN)
+            rows[kind].append({"name": name, **Extremes.from_history(history, t, along).summary()})
+            if kind == "outrigger" and not history.all():
+                first, span = float(t[history == 0.0][0]), float(np.mean(history == 0.0) * (t[-1] - t[0]))
+                rows[kind][-1]["lifted"] = {"t": first, "duration": span}
+                lifted.append(f"{name} at {first:.4g} s, for {span:.3g} s in all")
+    if not rows["tipping"]:
+        unknown = "forces of outriggers are not computed, as force and moment at the pivot are not known"
+        return SummaryPart(grave=[unknown])
+    use = response.of("tipping")[loaded, 0]
+    tips = float(t[use >= 1.0][0]) if use.max() >= 1.0 else None
+    worst = min(rows["margin"], key=lambda row: float(row["min"]))
+    fallen = f"the machine tips at {tips:.4g} s over {worst['name']}: from then on no forces of outriggers hold it"
+    figures = {"outriggers": rows["outrigger"], "margins": rows["margin"], "use": rows["tipping"][0], "tips": tips}
+    return SummaryPart(
+        {"ground": figures},
+        [f"outriggers lift off: {'; '.join(lifted)}"] * bool(lifted and tips is None),
+        [fallen] * (tips is not None),
+    )
 
 
 _log = logging.getLogger(__name__)

@@ -26,6 +26,7 @@ from pmr.results.quantities import QUANTITIES
 from pmr.results.response import Extreme, Extremes
 from pmr.results.tables import FORCE_OF
 from pmr.scene.keys import cylinder_name, qualified_name
+from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
 
 Rows = Iterator[tuple[str, str]]
 
@@ -34,8 +35,10 @@ FORCES = tuple(
     key for key, quantity in QUANTITIES.items() if quantity.unit in ("N", "N m") and quantity.reported
     and key != "luffing_force"
 )  # fmt: skip
-#: Beginning of the names of reactions at the pivot, and beginning of the names of outputs of a machine that moves.
-PIVOT, MACHINE = "pivot ", "machine "
+#: Beginnings of the names of reactions at the pivot, of outputs of a machine that moves, and of forces on the ground.
+PIVOT, MACHINE, GROUND = f"{AT_PIVOT} ", "machine ", f"{AT_GROUND} "
+#: Kinds of the outputs with the forces of a key, unless the summary has them.
+OF_KINDS = {"pad_force": "pad", "cylinder_force": "cylinder", "support": "support", "outrigger_force": "outrigger"}
 #: End of the name of a cylinder that moves sections by ropes.
 ROPES = "which pulls the ropes"
 #: Share of the highest natural frequency up to which a frequency is round-off and is printed as 0.
@@ -69,6 +72,7 @@ def capacity_rows(result: RunResult) -> Rows:
     yield from _pressure_rows(result)
     yield from _force_rows(result)
     yield from _machine_rows(result)
+    yield from _ground_rows(result)
 
 
 def _stress_rows(result: RunResult) -> Rows:
@@ -152,8 +156,8 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
             continue
         if frame is not None and name.startswith(PIVOT):
             place, name = "machine", name.removeprefix(PIVOT)
-        elif frame is not None and frame.machine is not None and name.startswith(MACHINE):
-            place, name = "ground", name.removeprefix(MACHINE)
+        elif frame is not None and name.startswith((MACHINE, GROUND)):
+            place, name = "ground", name.rpartition(" ")[2]
         moment = reaction["unit"] == "N m"
         if place == "support":
             if moment or not resultants:
@@ -169,7 +173,7 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
         else:
             by_key["cylinder_force"][f"cylinder of {rope['name']}, {ROPES}"] = extremes
     elsewhere = {*luffing_support_names(result), *(cylinder_name(rope["name"]) for rope in summary.get("ropes", ()))}
-    for key, kind in (("pad_force", "pad"), ("cylinder_force", "cylinder"), ("support", "support")):
+    for key, kind in OF_KINDS.items():
         if by_key[key]:
             continue
         for number, output in enumerate(response.outputs):
@@ -236,6 +240,23 @@ def _machine_rows(result: RunResult) -> Rows:
         parts.append(f"{key} {format_range(size * motion['min'], size * motion['max'], unit)}")
     if parts:
         yield "motion of the machine", ", ".join(parts)
+
+
+def _ground_rows(result: RunResult) -> Rows:
+    """Yield rows with the smallest force of an outrigger, the least margin against tipping and the polygon's use."""
+    if (ground := result.summary.get("ground")) is None:
+        return
+    for key, rows in (
+        ("outrigger_rest", ground["outriggers"]),
+        ("tipping_margin", ground["margins"]),
+        ("tipping", [ground["use"]]),
+    ):
+        quantity, extremes = QUANTITIES[key], {row["name"]: Extremes.from_summary(row) for row in rows}
+        name = min(extremes, key=lambda name: extremes[name].least)
+        value = quantity.value(extremes[name])
+        text = significant(value.value) if quantity.unit == "1" else format_quantity(value.value, quantity.unit)
+        of = "" if key == "tipping" else f", {name}"
+        yield quantity.reported, f"{text}{of}, {_extreme_clause(result, value)}"
 
 
 def _frequency_rows(result: RunResult) -> Rows:

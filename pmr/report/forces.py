@@ -99,6 +99,38 @@ def pivot_block(result: RunResult, prefix: str) -> Block | None:
     return Block(heading="Forces on the machine", rows=(tuple(row),), grids=grids) if row else None
 
 
+def ground_block(result: RunResult, prefix: str) -> Block | None:
+    """Build the block about forces of outriggers and margins against tipping; None for a machine without a ground."""
+    if (ground := result.summary.get("ground")) is None:
+        return None
+    outputs, row, grids = result.responses["reduced"].outputs, list[Drawing](), list[Grid]()
+    captions = {
+        "outrigger": "Forces of the outriggers on the ground; 0 where one lifts off.",
+        "margin": "Margins against tipping over the edges of the support polygon: moments that hold the machine down.",
+        "tipping": "Use of the support polygon: 0 where the resultant is in its middle, 1 where the machine tips.",
+    }
+    for kind, caption in captions.items():
+        of_kind = [output for output in outputs if output.kind == kind]
+        row.append(drawing(f"{prefix}-ground-{kind}", figures.ground_figure, caption, result, of_kind))
+    for key, unit, what in (
+        ("outriggers", "N", "force of each outrigger"),
+        ("margins", "N m", "margin over each edge"),
+    ):
+        extremes = {of["name"]: Extremes.from_summary(of) for of in ground[key]}
+        largest = max(extreme.size for extreme in extremes.values())
+        caption = f"Least and largest {what}, when they occur, and {abscissa_words(result)} then."
+        grids.append(_grid(extremes, unit, largest, caption))
+    text = "; ".join(
+        f"{of['name']} lifts off at {format_input(round(of['lifted']['t'], 3), 's')}"
+        for of in ground["outriggers"]
+        if "lifted" in of
+    )
+    text += f"{'; ' if text else ''}the machine tips at {ground['tips']:.4g} s" if ground["tips"] is not None else ""
+    sentence = f"{text[:1].upper()}{text[1:]}." if text else "All outriggers press on the ground all the time."
+    rows = (tuple(row[:2]), tuple(row[2:]))
+    return Block(heading="Outriggers and tipping", text=sentence, rows=rows, grids=tuple(grids))
+
+
 def _luffing_grids(result: RunResult) -> Iterator[Grid]:
     """Yield a table with the extremes of force, length, speed and power of the luffing cylinder, if there is one."""
     if (cylinder := result.summary.get("luffing_cylinder")) is None:

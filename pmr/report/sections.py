@@ -262,8 +262,8 @@ OF_ERRORS: tuple[Show, ...] = (error_block, accuracy_block)
 SECTIONS: tuple[Show, ...] = (
     space.space_block, input_block, tip_block, stresses.stress_block,
     stresses.section_force_block, stresses.probe_block, forces.contact_block,
-    forces.cylinder_block, forces.support_block, forces.pivot_block, energy_block, constraint_block, basis_block,
-    response_block, origin_block,
+    forces.cylinder_block, forces.support_block, forces.pivot_block, forces.ground_block,
+    energy_block, constraint_block, basis_block, response_block, origin_block,
 )  # fmt: skip
 
 

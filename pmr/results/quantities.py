@@ -21,7 +21,7 @@ from pmr.files.arrays import Array
 from pmr.results.response import Extreme, Extremes, Output, Response
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.keys import cylinder_name, qualified_name
-from pmr.scene.mechanism import AT_PIVOT, CYLINDER, drive_rows, rope_shares
+from pmr.scene.mechanism import AT_GROUND, AT_PIVOT, CYLINDER, drive_rows, rope_shares
 from pmr.scene.scene import Scene
 
 #: Function from the values (T, c) of all c columns at T times to one quantity (T,).
@@ -207,8 +207,8 @@ def _support_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
     """Return a function from the values (T, c) of all columns to the largest resultant force (T,) of a support.
 
     Supports may be rigid or elastic; `looks_at` says whether a limit depends on the support of a name.  Moments are
-    used only if no force column is chosen, and columns at the pivot of a boom are never used.  None is returned if no
-    column is chosen.
+    used only if no force column is chosen, and columns at the pivot and on the ground are never used.  None is returned
+    if no column is chosen.
     """
     groups = list(columns_by_support(columns, looks_at).values())
     if not groups:
@@ -219,10 +219,10 @@ def _support_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
 def columns_by_support(columns: Columns, looks_at: Callable[[str], bool]) -> dict[str, list[int]]:
     """Return the numbers of the columns of the forces of each support, by its name; of moments if no force is chosen.
 
-    `looks_at` says whether a support is chosen; columns at the pivot of a boom are never chosen.
+    `looks_at` says whether a support is chosen; columns at the pivot and on the ground are never chosen.
     """
-    at_pivot = set(columns.pivot_columns().values())
-    numbers = [k for k in columns.numbers_of_kind("support", "reaction") if k not in at_pivot]
+    numbers = columns.numbers_of_kind("support", "reaction")
+    numbers = [k for k in numbers if not columns.names[k].startswith((PIVOT, reaction_name(f"{AT_GROUND} ")))]
     chosen = [k for k in numbers if any(looks_at(name) for name in support_names(columns, k))]
     groups = dict[str, list[int]]()
     for k in [k for k in chosen if columns.units[k] == "N"] or chosen:
@@ -301,8 +301,19 @@ def _luffing_measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measu
     return _largest_measure([k for k in columns.pivot_columns().values() if columns.names[k] == CYLINDER])
 
 
+def _least_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Measure | None]:
+    """Return the function `MeasureOf` for columns of one kind; its measure is the smallest of them."""
+
+    def measure(columns: Columns, looks_at: Callable[[str], bool]) -> Measure | None:
+        """Return the measure of the columns whose names `looks_at` accepts; None if there are none."""
+        chosen = [k for k in columns.numbers_of_kind(kind) if looks_at(columns.names[k])]
+        return (lambda values: values[:, chosen].min(axis=1)) if chosen else None
+
+    return measure
+
+
 #: Meaning of a positive force of a part that moves a section or raises the boom.
-PUSHES = "pushes"
+PUSHES, PRESSES = "pushes", "presses on the ground"
 
 #: All quantities, by their keys.
 QUANTITIES: Mapping[str, Quantity] = {
@@ -354,6 +365,22 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "ground_moment", "moments on the ground", "N m", "ground", (), "largest moment of the machine on the ground"
+        ),
+        Quantity(
+            "outrigger_force", "outrigger forces", "N", "ground", ("outrigger",), "largest force of an outrigger",
+            "most", PRESSES, "outrigger", _force_measure("outrigger"),
+        ),
+        Quantity(
+            "outrigger_rest", "smallest outrigger forces", "N", "ground", (), "smallest force of an outrigger",
+            "least", PRESSES, "lift-off", _least_measure("outrigger"),
+        ),
+        Quantity(
+            "tipping_margin", "margins against tipping", "N m", "ground", ("margin",), "least margin against tipping",
+            "least", "holds the machine down",
+        ),
+        Quantity(
+            "tipping", "use of the support polygon", "1", "ground", ("tipping",), "largest use of the support polygon",
+            "most", limit="tipping", measure=_force_measure("tipping"),
         ),
         # strength
         Quantity(

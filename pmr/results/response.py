@@ -18,8 +18,12 @@ from pmr.scene.members import member_at
 
 #: Kinds of outputs, in this order: displacements of points along a body and of its tip; forces of pads (a slider counts
 #: as a pad without faces), of cylinders and of elastic supports; measurements of probes; reactions of rigid supports;
-#: friction of all pads of a joint along the boom; positions and rates of a machine that moves by itself.
-KINDS = ("beam", "tip", "pad", "cylinder", "support", "probe", "reaction", "friction", "machine")
+#: friction of all pads of a joint along the boom; positions and rates of a machine that moves by itself; forces of
+#: outriggers, margins against tipping, and the use of the support polygon.
+KINDS = (
+    "beam", "tip", "pad", "cylinder", "support", "probe", "reaction", "friction", "machine",
+    "outrigger", "margin", "tipping",
+)  # fmt: skip
 FORCES = ("pad", "cylinder", "support")
 
 

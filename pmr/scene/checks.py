@@ -16,6 +16,7 @@ from pmr.scene.choice import (
     REFERENCE,
     SimulatorNeeds,
     fewest_rows,
+    has_axial_motion,
     input_directions,
     is_pinned_beam,
     model_of,
@@ -69,6 +70,19 @@ def _check_contacts(scene: Scene) -> None:
             raise scene_error(f"{key}.friction", ring.friction, "0 is allowed beside frame.machine")
 
 
+def _check_ground(scene: Scene) -> None:
+    """Refuse a ground that nothing presses on, or on which a base stands whose forces at the pivot are not known."""
+    if scene.gravity is None:
+        raise scene_error("gravity", None, "a table is needed beside frame.ground: the weight presses on the ground")
+    for support in scene.sections[0].supports:
+        if support.points == "all":
+            allowed = "'mean' is allowed beside frame.ground, as forces of 'all' points are not known"
+            raise scene_error(scene.section_key(0, "supports"), "all", allowed)
+    if not has_axial_motion(member_at(scene, 0)):
+        allowed = "true is allowed beside frame.ground, as forces along the boom have a moment about the ground"
+        raise scene_error(scene.section_key(0, "body.profile.axial"), False, allowed)
+
+
 #: An angle may jump by this share of its range, which is round-off.
 JUMP = 1e-9
 #: Least arm of a luffing cylinder as a share of the lug's distance from the pivot; number of times that are checked.
@@ -92,6 +106,8 @@ def check_frame(scene: Scene) -> None:
     _check_cylinder(scene, frame)
     if frame.machine is not None:
         check_machine(scene, frame, frame.machine)
+    if frame.ground is not None:
+        _check_ground(scene)
     for axis, motion in (frame.base.motions if frame.base else {}).items():
         if axis in ("x", "y", "z"):
             _check_smooth(scene, f"base.{axis}", "a motion", motion)

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from pmr.errors import InputError
+from pmr.scene.ground import Ground
 from pmr.scene.joints import ScaledSignal
 from pmr.scene.keys import Direction, Mass, Place, Point, Quantity, SceneTable, Stiffness, Switch, Usual, key_error
 from pmr.scene.signals import Constant, Signal, SignalBase
@@ -286,6 +287,9 @@ class Frame(SceneTable):
     cylinder: LuffingCylinder | None = Field(
         default=None, description="Luffing cylinder, whose force, length and power are computed"
     )
+    ground: Ground | None = Field(
+        default=None, description="Outriggers or wheels below the machine, whose forces are computed"
+    )
     second_order: Switch | Literal["auto"] = Field(
         default=False,
         description="Whether geometric stiffness of axial forces and gyroscopic and centrifugal terms are included; "
@@ -295,8 +299,15 @@ class Frame(SceneTable):
     @model_validator(mode="after")
     def _check_complete(self) -> Self:
         """Refuse a frame without a motion or without a pivot."""
-        if self.luffing is None and self.slewing is None and self.base is None and self.machine is None:
-            raise ValueError("an angle is needed: luffing or slewing, or a motion of the base, or a machine")
+        if not any((self.luffing, self.slewing, self.base, self.machine, self.ground)):
+            raise ValueError("an angle is needed: luffing or slewing, or a motion of the base, a machine or a ground")
+        if self.machine is not None and self.ground is not None:
+            allowed = "none is allowed beside frame.machine: its masses belong to frame.ground, which does not move"
+            raise key_error("ground", None, allowed)
+        for key in ("rx", "ry") if self.ground is not None and any(self.ground.slope) else ():
+            if self.base is not None and key in self.base.motions:
+                allowed = "none is allowed beside frame.ground.slope, which says how the machine is inclined"
+                raise key_error(f"base.{key}", None, allowed)
         if self.pivot is None:
             raise key_error("pivot", None, "a place is needed, [0.0, 0.0, 0.0] for a base whose tail is at the pivot")
         return self
@@ -319,6 +330,9 @@ class Frame(SceneTable):
     def base_angles(self) -> tuple[SignalBase, ...]:
         """Roll, pitch and yaw of the base in rad over time; empty if the base keeps its direction."""
         motions = {} if self.base is None else self.base.motions
+        if self.ground is not None and any(self.ground.slope):
+            along, across = self.ground.slope
+            motions = motions | {"rx": Constant(amount=across), "ry": Constant(amount=-along)}
         turned = tuple(self._in_rad(motions.get(axis)) for axis in ("rx", "ry", "rz"))
         return turned if self.machine is not None or {"rx", "ry", "rz"} & set(motions) else ()
 
@@ -335,6 +349,8 @@ class Frame(SceneTable):
         motions = {} if self.base is None else {f"base.{key}": signal for key, signal in self.base.motions.items()}
         if self.base is not None:
             motions |= {f"base.acceleration.{axis}": signal for axis, signal in self.base.accelerations.items()}
+        if self.ground is not None and self.ground.slope[1]:
+            return "ground.slope"
         out = ("base.y", "base.rx", "base.rz", "base.acceleration.y")
         return next((key for key in ("slewing", *out) if key in motions or (key == "slewing" and self.slewing)), None)
 

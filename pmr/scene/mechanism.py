@@ -40,8 +40,11 @@ from pmr.scene.keys import LUFFING, LUFFING_CYLINDER, SLIDER, cylinder_name, qua
 from pmr.scene.members import Member, member_at, members
 from pmr.scene.scene import Scene
 
-#: Prefix of the names of force and moment at the pivot; names of the luffing moment and of the cylinder's force.
-AT_PIVOT = "pivot"
+#: Prefixes of the names of force and moment at the pivot and on the ground; names of the luffing moment and of the
+#: cylinder's force.
+AT_PIVOT, AT_GROUND = "pivot", "ground"
+#: Prefix of the names of margins against tipping over an edge of the support polygon.
+TIPPING_MARGIN = "tipping margin over "
 MOMENT, CYLINDER = reaction_name(f"{AT_PIVOT} ry"), reaction_name(f"{AT_PIVOT} cylinder")
 #: Greatest distance in m between a support and the lug of the cylinder it stands for, and between a pin and the pivot.
 NEAR = 1e-6

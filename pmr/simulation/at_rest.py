@@ -26,7 +26,7 @@ from pmr.scene.keys import SLIDER
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.frame import term_signals
-from pmr.simulation.reactions import is_reaction, with_forces_on_machine, with_support_reactions
+from pmr.simulation.reactions import is_reaction, with_forces_at_pivot, with_support_reactions
 from pmr.system.assembly import Assembly
 from pmr.system.body import Trajectory, kinds_of, names_of, units_of
 from pmr.system.contact_rows import ContactRows
@@ -104,7 +104,10 @@ def scene_at_rest(
             slider = slider.model_copy(update={"path": _signal_of(extensions[SLIDER])})
         changed.append(part.model_copy(update={"loads": steady, "joint": joint, "slider": slider}))
     still = {"luffing": _signal_of(luffing), "unit": "rad"}
-    still |= {"base": constant_inclination(scene.frame.base, np.pi / 180.0 if scene.frame.unit == "degrees" else 1.0)}
+    unit, ground = np.pi / 180.0 if scene.frame.unit == "degrees" else 1.0, scene.frame.ground
+    still |= {"base": constant_inclination(scene.frame.base, unit)}
+    if ground is not None:
+        still["ground"] = ground.model_copy(update={"slope": tuple(unit * angle for angle in ground.slope)})
     still |= {"slewing": _signal_of(slewing)} if scene.frame.slewing is not None else {}
     frame = scene.frame.model_copy(update=still)
     gravity = scene.gravity.model_copy(update={"rise": 0.0}) if scene.gravity else None
@@ -250,7 +253,7 @@ def _response_at_rest(
         kinds=tuple(force.kind for force in shown),
         bodies=tuple(force.body for force in shown),
     )
-    return with_forces_on_machine(scene, with_support_reactions(response, system, trajectory))
+    return with_forces_at_pivot(scene, with_support_reactions(response, system, trajectory))
 
 
 def outputs_of(system: System) -> list[Output]:

@@ -35,6 +35,7 @@ from pmr.scene.mechanism import (
     pin_and_cylinder,
 )
 from pmr.scene.members import members
+from pmr.simulation.ground import with_ground_forces
 from pmr.simulation.modal import forces_without_rows, inertia_share, support_forces
 from pmr.system.body import (
     BodyWithOutputs,
@@ -207,9 +208,14 @@ def _first_stored_force(response: Response, names: Sequence[str]) -> Array:
     return response.other(name)
 
 
-def with_forces_on_machine(scene: Scene, response: Response) -> Response:
+def with_forces_at_pivot(scene: Scene, response: Response) -> Response:
     """Return the response with force and moment at the pivot and forces of luffing cylinder and pin, if any."""
     return with_force_of_pin(scene, with_luffing_cylinder(scene, with_pivot_force(scene, response)))
+
+
+def with_forces_on_machine(scene: Scene, response: Response) -> Response:
+    """Return the response with the forces at the pivot (`with_forces_at_pivot`) and on the ground, if any."""
+    return with_ground_forces(scene, with_forces_at_pivot(scene, response))
 
 
 @dataclass(frozen=True)

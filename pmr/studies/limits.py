@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
@@ -25,17 +26,19 @@ from pydantic import Field, model_validator
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.results.quantities import LIMITED, Columns, Measure, matches_pattern
+from pmr.results.quantities import FORCE, LIMITED, Columns, Measure, matches_pattern
 from pmr.scene import Scene
 from pmr.scene.choice import model_of
+from pmr.scene.frame import boom_rotation
+from pmr.scene.ground import MachineMass, edge_rows, polygon_area
 from pmr.scene.keys import SceneTable, Usual, qualified_name
 from pmr.scene.mechanism import rope_shares
 from pmr.scene.members import members
 from pmr.scene.structures import Probe
 from pmr.simulation.statics.loaded import Form, LoadedStates
-from pmr.simulation.statics.postures import PostureMatrices
+from pmr.simulation.statics.postures import WEIGHT, PostureMatrices, StandAtRest
 from pmr.studies import shared
-from pmr.studies.tipping import Mass, TippingMoments, area
+from pmr.studies.tipping import TippingMoments, pivot_rows, weight_of_masses
 from pmr.studies.user_limits import amounts_of_states, check_names, expression_function, plugin_function
 from pmr.system.from_scene import force_names
 
@@ -104,6 +107,32 @@ def _share_of_quantity(limit: Limit, at: PostureMatrices, k: int, amounts: Seque
     return lambda states: share_of_unit * measure(np.hstack([states.outputs, states.forces]))
 
 
+def _share_of_ground(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
+    """Return the function from states to the used shares (p,) of a limit on forces of outriggers or on tipping.
+
+    Forces on the ground are those of runs (`pmr.simulation.ground`), at the k-th posture of `at`, where the components
+    ``at.loads`` act by `amounts` (w,).
+    """
+    rest = limit.stand_in(at)
+    outputs = rest.stand.outputs("")
+    names, kinds, units, bodies = (
+        tuple(getattr(output, key) for output in outputs) for key in ("name", "kind", "unit", "body")
+    )
+    measure = limit.measure(Columns(tuple(name.removeprefix(FORCE) for name in names), kinds, units, bodies))
+    turned = boom_rotation(at.place.luffing[k : k + 1], at.place.slewing[k : k + 1])[0]
+    rows = np.kron(np.eye(2), turned) @ pivot_rows(at)
+    resting = amounts[at.loads.names.index(WEIGHT)] * rest.weight[k]
+
+    def share(states: LoadedStates) -> Array:
+        """Used shares (p,) in p states."""
+        value, allowed = measure(rest.stand.columns(states.outputs @ rows.T + resting)), limit.allowed_amount
+        if limit.least is None:
+            return np.asarray(limit.factor / allowed * value)
+        return np.array([_ratio(allowed, smallest) for smallest in value.tolist()])
+
+    return share
+
+
 def _share_of_user_function(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on a user's function or expression.
 
@@ -164,6 +193,11 @@ KINDS: Mapping[str, Kind] = {
     "buckling": Kind("least", "", _share_of_buckling, eigenvalue_load=Form.load_of_factor, grows=True),
     "frequency": Kind("least", "Hz", _share_of_frequency, eigenvalue_load=Form.load_of_frequency, grows=True),
     "overturning": Kind("", "", _share_of_overturning, grows=True),
+    **{
+        key: Kind("least" if q.extreme == "least" else "most", q.unit.removeprefix("1"), _share_of_ground)
+        for key, q in LIMITED.items()
+        if q.place == "ground"
+    },
     "function": Kind("most", "", _share_of_user_function, in_richer_model=False),
     "expression": Kind("most", "", _share_of_user_function, in_richer_model=False),
 }
@@ -189,7 +223,9 @@ class Limit(SceneTable):
         default=None,
         description="Largest allowed value: stress in Pa, force in N, deflection in m, or of expression or function",
     )
-    least: Positive | None = Field(default=None, description="Smallest allowed value: buckling factor, frequency in Hz")
+    least: Positive | None = Field(
+        default=None, description="Smallest allowed value: buckling factor, frequency in Hz, force of an outrigger in N"
+    )
     factor: Positive = Field(default=1.0, description="Safety factor, of your own choice")
     which: tuple[str, ...] = Field(
         default=("*",),
@@ -204,7 +240,9 @@ class Limit(SceneTable):
     height: Annotated[float, Usual(0.0, 3.0, "reach", "m")] = Field(
         default=0.0, description="Height of the pivot above these corners, m"
     )
-    machine: tuple[Mass, ...] = Field(default=(), description="Masses of the machine below the boom")
+    machine: tuple[MachineMass, ...] = Field(
+        default=(), description="Masses of the machine below the boom; without them and `polygon` those of frame.ground"
+    )
 
     @property
     def kind(self) -> Kind:
@@ -224,10 +262,11 @@ class Limit(SceneTable):
         for key in ("most", "least"):
             if (getattr(self, key) is not None) != (key == needed):
                 raise ValueError(f"a limit of {self.of} {f'takes {needed}' if needed else 'takes no amount'}: {key}")
-        if (self.of == "overturning") != bool(self.polygon or self.machine):
-            raise ValueError("polygon and machine belong to a limit of overturning, which needs both")
-        if self.of == "overturning" and (len(self.polygon) < 3 or not self.machine or not area(self.polygon)):
-            raise ValueError("overturning needs a polygon with an area, and masses of the machine")
+        if self.polygon or self.machine:
+            if self.of != "overturning":
+                raise ValueError("polygon and machine belong to a limit of overturning")
+            if len(self.polygon) < 3 or not self.machine or not polygon_area(self.polygon):
+                raise ValueError("overturning needs a polygon with an area, and masses of the machine")
         if self.area is not None and self.of != "pad":
             raise ValueError("area belongs to a limit of pads")
         for key in ("function", "expression"):
@@ -282,7 +321,20 @@ class Limit(SceneTable):
 
         `amounts` (w,) are the amounts by which the w components ``at.loads`` act.
         """
-        return TippingMoments.compute(self.polygon, self.height, self.machine, at, k, np.asarray(amounts))
+        of_components = np.asarray(amounts)
+        if self.polygon:
+            edges, resting = _edges(self.polygon, self.height), weight_of_masses(self.machine, at, k, of_components)
+        else:
+            rest = self.stand_in(at)
+            edges = edge_rows(rest.stand.polygon, rest.stand.height)
+            resting = of_components[at.loads.names.index(WEIGHT)] * rest.weight[k]
+        return TippingMoments.compute(edges, resting, at, k, of_components)
+
+    def stand_in(self, at: PostureMatrices) -> StandAtRest:
+        """Return the outriggers of a scene with a ground; raises InputError without one."""
+        if at.ground is None:
+            raise self._no_ground()
+        return at.ground
 
     def check(self, scene: Scene) -> None:
         """Raise InputError if the limit names a probe, contact, function or quantity that the scene lacks.
@@ -292,6 +344,9 @@ class Limit(SceneTable):
         if self.of == "luffing" and (scene.frame is None or scene.frame.cylinder is None):
             allowed = "a scene with frame.cylinder is allowed, which says where its hinges are"
             raise InputError("study", f"limits.{self.name}.of", self.of, allowed)
+        on_ground = self.of == "overturning" and not self.polygon or self.kind.share is _share_of_ground
+        if on_ground and (scene.frame is None or scene.frame.ground is None):
+            raise self._no_ground()
         if self.of == "function":
             plugin_function(self.name, self.function)
         if self.expression is not None:
@@ -315,6 +370,12 @@ class Limit(SceneTable):
             matches_pattern(self.which, body or WHOLE) or matches_pattern(self.which, qualified_name(body, region))
         )
 
+    def _no_ground(self) -> InputError:
+        """Return the error for a limit on a machine whose outriggers and masses are not known."""
+        of_its_own = " or a polygon and a machine of the limit's own" if self.of == "overturning" else ""
+        allowed = f"a scene with frame.ground{of_its_own} is allowed, which says what the machine stands on"
+        return InputError("study", f"limits.{self.name}.of", self.of, allowed)
+
     def _unknown_name(self, names: Sequence[str]) -> InputError:
         """Return the error for a name in ``which`` that `names` lack; empty `names`: the scene has nothing to limit."""
         allowed = f"names among {', '.join(names)} are allowed" if names else f"the scene has no {self.of} to look at"
@@ -324,6 +385,9 @@ class Limit(SceneTable):
 def _forms_and_loads(states: LoadedStates) -> Iterator[tuple[Form, float]]:
     """Iterate over the states' forms and loads in kg."""
     return zip(states.forms, states.load.tolist(), strict=True)
+
+
+_edges = lru_cache(64)(edge_rows)  # all places of a chart have the same polygon
 
 
 def _ratio(part: float, total: float) -> float:

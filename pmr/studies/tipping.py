@@ -16,30 +16,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.scene.frame import boom_rotation
-from pmr.scene.keys import SceneTable, Usual
+from pmr.scene.ground import MachineMass
 from pmr.simulation.statics.loaded import LoadedStates
 from pmr.simulation.statics.postures import HOOK, WEIGHT, PostureMatrices
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-
-
-class Mass(SceneTable):
-    """A mass of the machine below the boom."""
-
-    name: str = Field(description="Name of the mass, for the report")
-    mass: Annotated[float, Usual(0.02, 1e6, "boom", "kg")] = Field(gt=0.0, description="kg")
-    at: Annotated[tuple[float, float, float], Usual(0.0, 3.0, "reach", "m")] = Field(
-        description="Position of its centre from the pivot, m: X where the boom points unslewed, Y to its left, Z up"
-    )
-    slews: bool = Field(default=False, description="Whether it turns with the boom, as a counterweight does")
 
 
 @dataclass(frozen=True)
@@ -55,37 +42,20 @@ class TippingMoments:
     tip_derivative: Array  # (e, o): change of `tip_moment` by a unit of each output
 
     @classmethod
-    def compute(
-        cls,
-        polygon: Sequence[tuple[float, float]],
-        height: float,
-        machine: Sequence[Mass],
-        at: PostureMatrices,
-        k: int,
-        amounts: Array,
-    ) -> TippingMoments:
-        """Compute the moments at the k-th posture of `at`, about the edges between corners X, Y in m from the pivot.
+    def compute(cls, edges: Array, resting: Array, at: PostureMatrices, k: int, amounts: Array) -> TippingMoments:
+        """Compute the moments at the k-th posture of `at`, about edges with the rows (e, 6) of `edge_rows`.
 
-        The pivot is `height` m above the corners; `machine` are masses below the boom; `amounts` (w,) are the amounts
-        by which the w components ``at.loads`` (weight, load, loads of the scene) act.  Raises InputError if a force or
-        moment at the pivot is not among the outputs.
+        `resting` (6,) is the weight of the machine's masses with its moment about the pivot; `amounts` (w,) are the
+        amounts by which the w components ``at.loads`` (weight, load, loads of the scene) act.  Raises InputError if a
+        force or moment at the pivot is not among the outputs.
         """
         turned = boom_rotation(at.place.luffing[k : k + 1], at.place.slewing[k : k + 1])[0]
-        edges = _edge_rows(tuple(polygon), height)
         about = np.hstack([edges[:, :3] @ turned, edges[:, 3:] @ turned])  # rows for forces in the boom's axes
-        weight, up = amounts[at.loads.names.index(WEIGHT)] * at.gravity, turned @ at.place.up[k]
-        resting = np.zeros(6)
-        c, s = np.cos(at.place.slewing[k]), np.sin(at.place.slewing[k])
-        for part in machine:
-            x, y, z = part.at
-            place = np.array([c * x - s * y, s * x + c * y, z] if part.slews else part.at)
-            force = -part.mass * weight * up
-            resting += np.concatenate([force, np.cross(place, force)])
         pull = amounts[at.loads.names.index(HOOK)] * at.hook_force(k)
         moment = about[:, 3:] @ _cross_matrix(pull)
         return cls(
             machine=edges @ resting,
-            boom=about @ _pivot_rows(at),
+            boom=about @ pivot_rows(at),
             tip_moment=about[:, :3] @ pull + moment @ at.place.tip[k],
             tip_derivative=moment @ _tip_rows(at.output_names, at.output_kinds),
         )
@@ -111,24 +81,17 @@ class TippingMoments:
         return float(states.load[0] * (1.0 + abs(boom[worst]) / (factor * abs(load[worst]))))
 
 
-def area(polygon: Sequence[tuple[float, float]]) -> float:
-    """Return twice the signed area of a polygon in m^2, positive if its corners X, Y run anticlockwise."""
-    x, y = np.array(polygon, float).T
-    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
-
-
-@lru_cache(64)  # all places of a chart have the same polygon
-def _edge_rows(polygon: tuple[tuple[float, float], ...], height: float) -> Array:
-    """Return rows (e, 6) whose product with a force and its moment about the pivot (6,) is the moment about each edge.
-
-    Edges run anticlockwise, whichever way the corners are given.
-    """
-    corners = np.array([(*corner, -height) for corner in polygon], float)
-    if area(polygon) < 0.0:
-        corners = corners[::-1]
-    edges = np.roll(corners, -1, axis=0) - corners
-    edges /= np.linalg.norm(edges, axis=1)[:, None]
-    return np.hstack([-np.cross(edges, corners), edges])
+def weight_of_masses(masses: Sequence[MachineMass], at: PostureMatrices, k: int, amounts: Array) -> Array:
+    """Return the weight of `masses` of the machine and its moment about the pivot (6,) at the k-th posture of `at`."""
+    turned = boom_rotation(at.place.luffing[k : k + 1], at.place.slewing[k : k + 1])[0]
+    weight, up = amounts[at.loads.names.index(WEIGHT)] * at.gravity, turned @ at.place.up[k]
+    resting, (c, s) = np.zeros(6), (np.cos(at.place.slewing[k]), np.sin(at.place.slewing[k]))
+    for part in masses:
+        x, y, z = part.at
+        force = -part.mass * weight * up
+        place = np.array([c * x - s * y, s * x + c * y, z] if part.slews else part.at)
+        resting += np.concatenate([force, np.cross(place, force)])
+    return resting
 
 
 def _cross_matrix(force: Array) -> Array:
@@ -137,7 +100,7 @@ def _cross_matrix(force: Array) -> Array:
     return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
 
 
-def _pivot_rows(at: PostureMatrices) -> Array:
+def pivot_rows(at: PostureMatrices) -> Array:
     """Return the rows (6, o) that select force and moment at the pivot from o outputs.
 
     For a planar boom the rows of y, rx and rz are zero.  Raises InputError if another direction is not among the

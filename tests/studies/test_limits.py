@@ -18,6 +18,7 @@ from pmr.reduction.bodies import join_bodies, reduce_bodies
 from pmr.results.quantities import von_mises_stress
 from pmr.scene import Scene, load_any
 from pmr.scene.built import Load
+from pmr.scene.ground import MachineMass
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.structures import PointMass
 from pmr.simulation import Excitation
@@ -28,7 +29,6 @@ from pmr.studies.allowed import Place, allowed_loads, large_rotation_changes
 from pmr.studies.charting import MARGIN, governing_limit, limits_in_doubt, lower_bounds
 from pmr.studies.governing import StopMotion, governing_details, largest_governed_rows
 from pmr.studies.limits import Limit, with_fields
-from pmr.studies.tipping import Mass
 from pmr.system.body import kinds_of
 from pmr.system.terms import carried_inertia
 
@@ -309,8 +309,8 @@ def test_the_frequency_is_that_of_a_cantilever_with_a_mass_at_its_tip(level: Pos
 
 
 MACHINE = (
-    Mass(name="carrier", mass=3000.0, at=(-0.5, 0.0, -1.0)),
-    Mass(name="weight", mass=500.0, at=(-2.0, 0.0, 0.0), slews=True),
+    MachineMass(name="carrier", mass=3000.0, at=(-0.5, 0.0, -1.0)),
+    MachineMass(name="weight", mass=500.0, at=(-2.0, 0.0, 0.0), slews=True),
 )
 POLYGON = ((2.0, 1.5), (-2.0, 1.5), (-2.0, -1.5), (2.0, -1.5))
 

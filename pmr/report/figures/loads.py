@@ -30,7 +30,9 @@ from pmr.report.numbers import unit_for, with_sign
 from pmr.report.subject import field_times, moving_part, reach, slider_offsets
 from pmr.results import BodyResult, RunResult
 from pmr.results.response import Output
+from pmr.scene.built import force_name
 from pmr.scene.keys import qualified_name
+from pmr.scene.mechanism import TIPPING_MARGIN
 from pmr.scene.signals import SignalBase
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000")
@@ -142,18 +144,31 @@ def force_figure(result: RunResult, group: Sequence[Force]) -> Figure:
 
 def pivot_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
     """Draw the forces, or moments, between the boom and its machine over time, all in one panel."""
+    quantity = "Moment" if outputs[0].unit == "N m" else "Force"
+    return _panel_of_outputs(result, outputs, [output.name.rpartition(" ")[2] for output in outputs], quantity)
+
+
+def ground_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
+    """Draw forces of outriggers, margins against tipping, or the use of the support polygon over time."""
+    quantity = {"outrigger": "Force", "margin": "Margin", "tipping": "Use of the polygon"}[outputs[0].kind]
+    names = [output.name.removeprefix(force_name("outrigger ")).removeprefix(TIPPING_MARGIN) for output in outputs]
+    return _panel_of_outputs(result, outputs, names if len(outputs) > 1 else [], quantity)
+
+
+def _panel_of_outputs(result: RunResult, outputs: Sequence[Output], names: Sequence[str], quantity: str) -> Figure:
+    """Draw outputs of one unit over time in one panel, with their `names` in the legend and the `quantity` beside."""
     time, response = Timeline(result), result.responses["reduced"]
     signals = [response.other(output.name) for output in outputs]
     unit = unit_for(max(float(np.abs(signal).max()) for signal in signals), outputs[0].unit)
-    figure, axes = make_sheet(HALF, 1.9)
-    lines = list(zip(signals, [output.name.rpartition(" ")[2] for output in outputs], SECTIONS[1:], strict=False))
-    for signal, _, colour in lines:
-        shown = extreme_indices(signal, bins_of(axes[0, 0]))
-        axes[0, 0].plot(time.t[shown], signal[shown] / unit.size, color=colour, linewidth=0.8)
-    time.frame(axes[0, 0], f"{'Moment' if outputs[0].unit == 'N m' else 'Force'} in {unit.name}")
+    rows = legend_rows(names, HALF) if len(names) > 3 else 1
+    more = ROW * (rows - 1)
+    figure, axes = make_sheet(HALF, 1.9 + more, margins={"top": 0.28 + more})
+    colours = (*SECTIONS[1:], *_COLOURS)
+    _plot(axes[0, 0], time.t, [signal / unit.size for signal in signals], colours, (0.8,))
+    time.frame(axes[0, 0], f"{quantity} in {unit.name}" if outputs[0].unit != "1" else quantity)
     axes[0, 0].axhline(0.0, linewidth=0.0)
-    shade = time.shade_legend() if len(lines) < 4 else ()  # there is no room for a fifth name
-    add_legend(figure, [*(Line2D([], [], color=colour, label=name) for _, name, colour in lines), *shade])
+    shade = time.shade_legend() if len(names) < 4 else ()  # there is no room for a fifth name
+    add_legend(figure, [*_legend(names, colours, minimum=1), *shade], rows)
     return figure
 
 

@@ -31,6 +31,7 @@ from pmr.simulation.at_rest import (
 )
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.frame_motion import FrameRotation
+from pmr.simulation.ground import Stand, machine_wrench
 from pmr.simulation.statics.loaded import Equations
 from pmr.system.assembly import Assembly
 from pmr.system.body import kinds_of
@@ -169,6 +170,22 @@ class UnitLoads:
 
 
 @dataclass(frozen=True)
+class StandAtRest:
+    """Outriggers, and the weight of the machine's masses in P postures."""
+
+    stand: Stand
+    weight: Array  # (P, 6) N and N m: force and moment about the pivot, along the axes of the machine
+
+    @classmethod
+    def in_postures(cls, still: Scene, postures: PostureSet) -> StandAtRest | None:
+        """Outriggers of a scene made by `scene_at_rest` in these postures; None without a ground."""
+        if still.frame is None or still.frame.ground is None:
+            return None
+        numbers = np.arange(postures.count, dtype=float)
+        return cls(Stand.of_ground(still.frame.ground), machine_wrench(still, numbers))
+
+
+@dataclass(frozen=True)
 class PostureMatrices:
     """Matrices of a system in P postures, and the loads of each of w components.
 
@@ -183,6 +200,7 @@ class PostureMatrices:
     place: PosturePlaces
     columns: Columns  # of the o outputs, of the r forces on supports and on the machine, then of the m contact forces
     gravity: float  # m/s^2
+    ground: StandAtRest | None = None  # of a scene whose frame has a ground
 
     @classmethod
     def from_scene(cls, scene: Scene, system: System, postures: PostureSet) -> PostureMatrices:
@@ -228,6 +246,7 @@ class PostureMatrices:
             ),
             columns=Columns.of_outputs(scene, outputs),
             gravity=scene.gravity.acceleration,
+            ground=StandAtRest.in_postures(still, postures),
         )
 
     @property

@@ -10,14 +10,14 @@ import pytest
 from chart_beside_full import beside, crane, random_places
 
 from pmr.scene import load_any
+from pmr.scene.ground import MachineMass
 from pmr.studies.limits import Limit
-from pmr.studies.tipping import Mass
 
 pytestmark = pytest.mark.slow
 
 TELESCOPE = Path(__file__).with_name("telescope.toml")
 POLYGON = ((2.5, 2.5), (-2.5, 2.5), (-2.5, -2.5), (2.5, -2.5))
-MACHINE = (Mass(name="carrier", mass=14000.0, at=(-0.5, 0.0, -1.0)),)
+MACHINE = (MachineMass(name="carrier", mass=14000.0, at=(-0.5, 0.0, -1.0)),)
 #: Without the luffing cylinder and tipping: forces at the pivot are those of reduced models (`test_chart_beside_run`).
 LIMITS = [
     Limit(name="stress", of="stress", most=120e6),
