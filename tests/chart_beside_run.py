@@ -81,6 +81,7 @@ def chart(
     limits = list[Limit]()
     state = LoadedStates.from_states([place.equilibria.state(at_load)])
     kinds = ["stress", "pad", "cylinder", "support", "luffing", "deflection", "buckling", "frequency", "overturning"]
+    kinds += ["tipping", "outrigger", "lift-off"] if own.ground is not None else []
     kinds += ["rope"] if own.columns.ropes else []
     for kind in kinds:
         if kind == "stress" and not any("stress" in name for name in own.output_names):
@@ -94,7 +95,7 @@ def chart(
             mass = float(max(np.max(more[np.isfinite(more)]), 500.0))
             limits.append(light.model_copy(update={"machine": (light.machine[0].model_copy(update={"mass": mass}),)}))
             continue
-        key = "least" if kind in ("buckling", "frequency") else "most"
+        key = "least" if kind in ("buckling", "frequency", "lift-off") else "most"
         unit = Limit(name=kind, of=kind, **{key: 1.0})
         value = float(unit.share(own, 0, amounts)(state)[0])
         value = 1.0 / value if key == "least" and value > 0.0 else value
@@ -145,6 +146,10 @@ class Run:
             return float(max((ropes if limit.of == "rope" else own | ropes).values()))
         if limit.of == "support":
             return self._support()
+        if limit.of in ("tipping", "outrigger"):
+            return float(response.of(limit.of)[first].max())
+        if limit.of == "lift-off":
+            return float(response.of("outrigger")[first].min())
         if limit.of == "buckling":
             return second_order_effect(self.scene, self.system.bodies).least_factor
         if limit.of == "frequency":
@@ -265,7 +270,7 @@ def beside(seed: int) -> list[tuple[str, float, float, float]]:
         there = runs[near] if near is not None else runs.setdefault(key, run(plain, wind, key))
         if limit.of == "overturning":
             share = there.tipping(limit)
-        elif limit.least is not None and there.lifts:
+        elif limit.of in ("buckling", "frequency") and there.lifts:
             continue
         elif limit.least is not None:
             share = limit.least / there.value(limit)

@@ -47,7 +47,7 @@ def needed(scene: Scene, number: int, t: Array) -> Needed:
         path = scene.extension(k)
         x += np.stack([path.value(t), path.rate(t), path.second_rate(t)])
     along, force, moment = np.eye(3)[0], np.zeros((len(t), 3)), np.zeros((len(t), 3))
-    for point, mass in _points(scene, number):
+    for point, mass in points(scene, number):
         r = np.array(scene.frame.tail_position) + point + x[0, :, None] * along
         v, a = x[1, :, None] * along, x[2, :, None] * along
         second = np.einsum("tij,tj->ti", R2, r) + 2.0 * np.einsum("tij,tj->ti", R1, v) + np.einsum("tij,tj->ti", R, a)
@@ -59,11 +59,11 @@ def needed(scene: Scene, number: int, t: Array) -> Needed:
 
 def of_masses(scene: Scene, number: int) -> tuple[float, float]:
     """Mass in kg of a section with its attached masses, and first moment in kg m about the section's tail."""
-    points = list(_points(scene, number))
-    return sum(mass for _, mass in points), sum(float(mass * point[0]) for point, mass in points)
+    of_section = list(points(scene, number))
+    return sum(mass for _, mass in of_section), sum(float(mass * point[0]) for point, mass in of_section)
 
 
-def _points(scene: Scene, number: int) -> Iterator[tuple[Array, float]]:
+def points(scene: Scene, number: int) -> Iterator[tuple[Array, float]]:
     """Yield points in m from the section's tail with masses in kg that have the section's inertia about each axis."""
     part = scene.sections[number]
     assert part.body.box is not None

@@ -13,6 +13,18 @@ G = 9.80665
 GIVING, SHELLS = 9, 5
 
 
+#: What each machine stands on: outriggers of one stiffness but for one, a carrier and a counterweight that slews.
+LEGS = [("a", [2.6, 2.1]), ("b", [-2.4, 2.1]), ("c", [-2.4, -2.1]), ("d", [2.6, -2.1])]
+STAND = {
+    "height": 1.5,
+    "masses": [
+        {"name": "carrier", "mass": 2e4, "at": [-0.6, 0.0, -0.8]},
+        {"name": "weight", "mass": 3e3, "at": [-1.5, 0.0, 0.2], "slews": True},
+    ],
+    "outriggers": [{"name": name, "at": at, "stiffness": 1e8 if name != "b" else 6e7} for name, at in LEGS],
+}
+
+
 def random_machine(seed: int) -> tuple[dict[str, Any], dict[str, float], float]:
     """Keys of a scene with a frame, extensions in m by section, and a luffing angle in degrees."""
     rng = np.random.default_rng([seed, 46])
@@ -67,6 +79,7 @@ def random_machine(seed: int) -> tuple[dict[str, Any], dict[str, float], float]:
     if rng.random() < 0.5:
         base = {"ry": _still(float(rng.uniform(-5.0, 5.0)))}
         frame["base"] = base if planar else base | {"rx": _still(float(rng.uniform(-4.0, 4.0)))}
+    frame["ground"] = STAND
     scene = {"title": f"machine {seed}", "frame": frame, "sections": sections, "gravity": {}, "start": "equilibrium"}
     scene |= {
         "time": {"end": 0.02, "step": 0.01},

@@ -177,6 +177,16 @@ def leveled_basket(found: Found) -> None:
 
 
 @figures_of
+def emergency_stop(found: Found) -> None:
+    gentle, hard = (result.summary["ground"] for result in found["results"].values())
+    margins = [min(of["min"] for of in stand["margins"]) for stand in (gentle, hard)]
+    assert margins[0] > margins[1] > 0.0 and hard["tips"] is None
+    assert not any("lifted" in of for of in gentle["outriggers"])
+    assert any("lifted" in of for of in hard["outriggers"])
+    assert "Outriggers and tipping" in found["report"]
+
+
+@figures_of
 def load_chart(found: Found) -> None:
     (governs, load), (other, more) = found["charts"].values()
     assert set(governs.tolist()) == {0, 1, 2} and np.isfinite(load).all()  # luffing cylinder, tip and tipping

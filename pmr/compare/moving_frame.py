@@ -156,21 +156,23 @@ def ground_part(scene: Scene, response: Response) -> SummaryPart:
             name = output.name.removeprefix(force_name("outrigger ")).removeprefix(TIPPING_MARGIN)
             rows[kind].append({"name": name, **Extremes.from_history(history, t, along).summary()})
             if kind == "outrigger" and not history.all():
-                first, span = float(t[history == 0.0][0]), float(np.mean(history == 0.0) * (t[-1] - t[0]))
-                rows[kind][-1]["lifted"] = {"t": first, "duration": span}
-                lifted.append(f"{name} at {first:.4g} s, for {span:.3g} s in all")
+                off, span = float(t[history == 0.0][0]), float(np.mean(history == 0.0) * (t[-1] - t[0]))
+                rows[kind][-1]["lifted"] = {"t": off, "duration": span}
+                lifted.append(f"{name} at {off:.4g} s, for {span:.3g} s in all")
     if not rows["tipping"]:
         unknown = "forces of outriggers are not computed, as force and moment at the pivot are not known"
         return SummaryPart(grave=[unknown])
     use = response.of("tipping")[loaded, 0]
-    tips = float(t[use >= 1.0][0]) if use.max() >= 1.0 else None
-    worst = min(rows["margin"], key=lambda row: float(row["min"]))
-    fallen = f"the machine tips at {tips:.4g} s over {worst['name']}: from then on no forces of outriggers hold it"
+    tips, fallen = None, list[str]()
+    if use.max() >= 1.0:
+        first = int(np.argmax(use >= 1.0))
+        over, tips = rows["margin"][int(np.argmin(response.of("margin")[loaded][first]))]["name"], float(t[first])
+        fallen = [f"the machine tips at {tips:.4g} s over {over}: from then on no forces of outriggers hold it"]
     figures = {"outriggers": rows["outrigger"], "margins": rows["margin"], "use": rows["tipping"][0], "tips": tips}
     return SummaryPart(
         {"ground": figures},
         [f"outriggers lift off: {'; '.join(lifted)}"] * bool(lifted and tips is None),
-        [fallen] * (tips is not None),
+        fallen,
     )
 
 

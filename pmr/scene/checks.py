@@ -99,7 +99,10 @@ def check_frame(scene: Scene) -> None:
     if frame is None:
         return
     angles = dict(zip(("luffing", "slewing"), frame.angles, strict=True))
-    angles |= dict(zip(("base.rx", "base.ry", "base.rz"), frame.base_angles, strict=False))
+    keys = ("base.rx", "base.ry", "base.rz")
+    if frame.ground is not None and any(frame.ground.slope):
+        keys = ("ground.slope[1]", "ground.slope[0]", "base.rz")
+    angles |= dict(zip(keys, frame.base_angles, strict=False))
     for key, angle in angles.items():
         frame.refuse_without_unit(f"frame.{key}", angle.bounds(0.0, scene.time.end))
         _check_smooth(scene, key, "an angle", angle)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
-from pmr.scene.keys import Mass, Name, Place, Point, Quantity, SceneTable, Stiffness, Switch, Usual, key_error
+from pmr.scene.keys import Mass, Name, Place, Point, Quantity, SceneTable, Stiffness, Switch, Text, Usual, key_error
 from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
 
 Corner = tuple[Place, Place]
@@ -28,7 +28,7 @@ FLAT = 1e-9
 class MachineMass(SceneTable):
     """A mass of the machine below the boom."""
 
-    name: Name = Field(description="Name of the mass, for the report")
+    name: Text = Field(min_length=1, description="Name of the mass, for the report")
     mass: Annotated[Mass, Usual(0.02, 1e6, "boom")] = Field(gt=0.0, description="Mass")
     at: Annotated[Point, Usual(0.0, 3.0, "reach")] = Field(
         description="Position of its centre from the pivot: X where the boom points unslewed, Y to its left, Z up"
