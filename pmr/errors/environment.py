@@ -182,6 +182,7 @@ _NEEDED = {
     ),
     "gmsh": "it draws the meshes of shells and solids; pip install gmsh installs it (or give mesh.file)",
     "pandas": "it makes frames of results; pip install pandas installs it",
+    "openpyxl": "it writes spreadsheets (duty.xlsx): pip install openpyxl installs it",
     "pyNastran": "it reads files of Nastran: pip install pynastran installs it",
     "ziglang": "it compiles the libraries of FMUs for other systems; pip install ziglang installs it",
     "matplotlib": f"it draws figures; {_REPORTS}",

@@ -134,3 +134,8 @@ def non_finite_names(data: object, name: str = "") -> Iterator[str]:
 def non_finite_remarks(data: object) -> list[str]:
     """Return a sentence for each number in `data` that is not finite."""
     return [f"{name} is not finite; in summary.json it is null" for name in non_finite_names(data)]
+
+
+def letters(number: int) -> str:
+    """Return letters that stand for a number from 0 on: A to Z, then AA, AB and so on."""
+    return (letters(number // 26 - 1) if number >= 26 else "") + chr(ord("A") + number % 26)

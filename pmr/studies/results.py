@@ -220,18 +220,18 @@ class StudyResults:
         """Return one column (runs,) of the table; a run without a value has NaN, or "" in a column of texts."""
         return _column([run.row.get(name) for run in self.runs])
 
-    def save(self, summary: Mapping[str, object], tables: Mapping[str, str] | None = None) -> None:
+    def save(self, summary: Mapping[str, object], tables: Mapping[str, str | bytes] | None = None) -> None:
         """Write runs.csv, runs.npz, seconds.csv, summary.json (`summary` and the runs) and further `tables`.
 
-        `tables` maps file names to texts; for an empty text no file is written.  Old files of these names are replaced
-        or deleted.  An existing report is deleted, since it shows the old results.
+        `tables` maps file names to contents; for an empty one no file is written.  Old files of these names are
+        replaced or deleted.  An existing report is deleted, since it shows the old results.
         """
         rows = [run.row for run in self.runs]
         names = _column_names(rows)
         with replacement_folder(self.folder, (*TABLES, *REPORT, *(tables or {}))) as new:
-            for name, text in (tables or {}).items():
-                if text:
-                    _write(new / name, text)
+            for name, content in (tables or {}).items():
+                if content:
+                    (new / name).write_bytes(content.encode() if isinstance(content, str) else content)
             _write(new / "runs.csv", _csv_of_rows(rows))
             npz.write(new / "runs.npz", {name: self.column(name) for name in names})
             times: list[dict[str, Scalar]] = [{"run": run.key} | dict(run.seconds) for run in self.runs]

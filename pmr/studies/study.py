@@ -66,10 +66,10 @@ class StudyBase(SceneTable):
         """
         return {}
 
-    def tables(self, results: StudyResults) -> Mapping[str, str]:
-        """Return the texts of further tables of the runs that are done, by file name.
+    def tables(self, results: StudyResults) -> Mapping[str, str | bytes]:
+        """Return the contents of further tables of the runs that are done, by file name.
 
-        For an empty text no file is written, and an old file is deleted.
+        For an empty content no file is written, and an old file is deleted.
         """
         return {}
 

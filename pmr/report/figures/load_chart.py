@@ -15,8 +15,9 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
-from pmr.errors.text import escape_controls
+from pmr.errors.text import escape_controls, letters
 from pmr.files.arrays import Array
+from pmr.report.columns import spread_indices
 from pmr.report.figures.canvas import (
     INK,
     MUTED,
@@ -35,6 +36,8 @@ from pmr.report.numbers import enlargement
 
 #: Largest number of curves of constant load; largest number of cells that show a text under a pointer.
 CURVES, MOST_CELLS = 12, 4000
+#: Largest number of boom lengths with a line of allowed loads over the radius.
+LINES = 8
 #: Loads in kg for which curves of constant load are drawn, times a power of ten.
 STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 #: Share (0 to 1) in which the colours of limits are mixed with white.
@@ -62,6 +65,18 @@ class LoadChart:
     def governing_limits(self) -> list[int]:
         """Numbers of the limits that govern at some position, in increasing order."""
         return sorted(int(k) for k in np.unique(self.which) if k >= 0)
+
+    @property
+    def labels(self) -> list[str]:
+        """Letters and names of the governing limits, and words for positions at which no limit is reached."""
+        named = [f"{letters(k)} {self.names[k]}" for k in self.governing_limits]
+        return named + ["no limit reached"] * bool((self.which < 0).any())
+
+    @property
+    def colours(self) -> dict[int, str]:
+        """Colours of the governing limits by number, and of positions at which no limit is reached (-1)."""
+        limits = {k: SECTIONS[(n + 1) % len(SECTIONS)] for n, k in enumerate(self.governing_limits)}
+        return limits | ({-1: MUTED} if (self.which < 0).any() else {})
 
 
 def load_chart(chart: LoadChart) -> Figure:
@@ -103,20 +118,22 @@ def _draw_chart(chart: LoadChart) -> DrawnChart:
     """Draw a load chart; return the figure and the corners (E + 1, A + 1, 2) in m of its cells."""
     corners = _corners(chart.place)
     low, high = np.minimum(corners.min(axis=(0, 1)), 0.0), np.maximum(corners.max(axis=(0, 1)), 0.0)
-    names = [chart.names[k] for k in chart.governing_limits] + ["no limit reached"] * bool((chart.which < 0).any())
+    names = chart.labels
     rows = legend_rows(names, WIDE) if names else 0
     figure = _side_view(low, high, TALLEST, rows)
     ax = figure.axes[0]
-    colours = {
-        k: mix_with_white(SECTIONS[(n + 1) % len(SECTIONS)], 1.0 - PALE) for n, k in enumerate(chart.governing_limits)
-    }
+    colours = {k: mix_with_white(of, 1.0 - PALE) if k >= 0 else SHADE for k, of in chart.colours.items()}
     around = (corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:])
     cells = np.stack([*around, around[0]], axis=2)
     for number in np.unique(chart.which):  # one outline for each colour: single cells take seconds in a PDF
         cells_of_limit = cells[chart.which == number]
         codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY] * len(cells_of_limit)
         outline = Path(cells_of_limit.reshape(-1, 2), codes)
-        ax.add_patch(PathPatch(outline, color=colours.get(int(number), SHADE), linewidth=0.3, zorder=1.0))
+        ax.add_patch(PathPatch(outline, color=colours[int(number)], linewidth=0.3, zorder=1.0))
+        if number >= 0:
+            places = chart.place[chart.which == number]
+            middle = places[np.argmin(np.linalg.norm(places - places.mean(axis=0), axis=1))]
+            ax.text(middle[0], middle[1], letters(int(number)), weight="bold", ha="center", va="center", zorder=4.0)
     levels = _contour_loads(chart.load)
     if min(chart.load.shape) > 1 and levels:
         load = np.ma.masked_invalid(chart.load)
@@ -124,9 +141,37 @@ def _draw_chart(chart: LoadChart) -> DrawnChart:
         ax.clabel(drawn, fmt=lambda value: f"{value:g}", fontsize=7.0, inline_spacing=2)
     ax.plot(0.0, 0.0, marker="o", color=MUTED, markersize=4.0, clip_on=False, zorder=3.0)
     equal_axes(ax)
-    entries = zip([*colours.values(), SHADE], names, strict=False)
+    entries = zip(colours.values(), names, strict=True)
     add_legend(figure, [Line2D([], [], color=of, linewidth=6.0, label=name) for of, name in entries], max(rows, 1))
     return DrawnChart(figure, corners)
+
+
+def duty_lines(chart: LoadChart) -> Figure:
+    """Draw the allowed load over the radius, a line for each of up to `LINES` boom lengths, as manuals print it.
+
+    Colour and letter of a piece of a line say which limit governs.  Where no limit is reached, no load is drawn.
+    """
+    names = chart.labels[: len(chart.governing_limits)]
+    rows = legend_rows(names, WIDE)
+    figure, axes = make_sheet(WIDE, 3.4 + ROW * rows, margins={"left": 0.6, "right": 0.5, "top": 0.12 + ROW * rows})
+    ax: Axes = axes[0, 0]
+    ax.set(xlabel="Radius in m", ylabel="Allowed load in kg")
+    for e in spread_indices(len(chart.load), LINES):
+        radius, load, which = chart.place[e, :, 0], chart.load[e], chart.which[e]
+        ax.plot(radius, load, color="0.75", linewidth=0.5, zorder=1.0)
+        reached = np.flatnonzero(which >= 0)
+        for k in np.unique(which[reached]):
+            of_limit = np.where(which == k, load, np.nan)
+            ax.plot(radius, of_limit, color=chart.colours[int(k)], marker=".", markersize=4.0, linewidth=1.4)
+            first = int(np.argmax(which == k))
+            length = f" {np.linalg.norm(chart.place[e, 0]):.3g} m" if first == reached[0] else ""
+            text, at = f"{letters(int(k))}{length}", (radius[first], load[first])
+            ax.annotate(text, at, (2.0, 3.0), textcoords="offset points", fontsize=7.0)
+    ax.set_ylim(bottom=0.0)
+    colours = [chart.colours[k] for k in chart.governing_limits]
+    entries = zip(colours, names, strict=True)
+    add_legend(figure, [Line2D([], [], color=of, linewidth=2.0, label=name) for of, name in entries], rows)
+    return figure
 
 
 def _contour_loads(load: Array) -> list[float]:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from pmr.errors.text import two_digits
+from pmr.errors.text import letters, two_digits
 from pmr.files.arrays import Array
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Table
 from pmr.report.columns import spread_indices
 from pmr.report.figures.canvas import drawing
-from pmr.report.figures.load_chart import BentBoom, LoadChart, bent_boom, load_chart, pointer_cells
+from pmr.report.figures.load_chart import BentBoom, LoadChart, bent_boom, duty_lines, load_chart, pointer_cells
 from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.studies.finished import FinishedStudy
 from pmr.results.response import FORCES
@@ -21,10 +20,11 @@ from pmr.scene.keys import ALONE
 from pmr.studies import charting
 from pmr.studies.cases import LoadCase
 from pmr.studies.charting import governing_limit
+from pmr.studies.duty import DutyTable, LeastLoads
 from pmr.studies.limits import KINDS, STABILITY
 
-#: Largest numbers of reaches and of angles in the table of loads.
-ROWS, COLUMNS = 14, 7
+#: Largest number of boom lengths in the table of loads.
+COLUMNS = 9
 #: Endings of the names of the arrays with error bars: for the sum of all parts, then for each part.
 PARTS = ("", *(f".{of}" for of in charting.PARTS))
 #: Text in place of a load if no load up to the largest one that was tried reaches the limit.
@@ -40,9 +40,9 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     """
     names = [*(str(limit["name"]) for limit in study.study_file["limits"]), STABILITY]
     parts = [study.results.arrays(run.key) for run in study.results.runs]
-    table = _least_over_slewing(study, parts)
-    load = np.where(np.isnan(table["load"]), np.inf, table["load"])
-    which = governing_limit(table["load"].reshape(-1, len(names))).reshape(load.shape[:2])
+    table = LeastLoads.from_rows(parts, len(study.study_file["slewing"]))
+    load = np.where(np.isnan(table.load), np.inf, table.load)
+    which = governing_limit(table.load.reshape(-1, len(names))).reshape(load.shape[:2])
     least = np.where(which >= 0, load.min(axis=2), np.nan)
     if not np.isfinite(least).any():  # the picture and the table of loads would be empty
         limits, cases = (
@@ -50,14 +50,19 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
             Block("Load cases", grids=(_case_grid(study),)),
         )
         return Chapter(anchor=prefix, title=study.title, headline=_headline(study, least), blocks=[limits, cases])
-    error = np.where(which >= 0, np.take_along_axis(table["error"], np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
-    chart = LoadChart(table["place"], least, which, names)
+    error = np.where(which >= 0, np.take_along_axis(table.error, np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
+    chart = LoadChart(table.place, least, which, names)
     caption = (
         "Load in kg over radius and height of the tip, from the pivot, undeformed, with curves of constant load. "
-        "Colours say which limit governs, grey that none does up to the largest load that is looked for. "
+        "Colours and letters say which limit governs, grey that none does up to the largest load that is looked for. "
         "A pointer on the picture shows values."
     )
     picture = drawing(f"{prefix}-chart", load_chart, caption, chart)
+    caption = "Allowed load over the radius of the tip for boom lengths from the pivot; letters and colours as above."
+    lines, duty = (
+        drawing(f"{prefix}-duty", duty_lines, caption, chart),
+        DutyTable.from_loads(table, float(study.study_file["up_to"])),
+    )
     texts = [_cell_text(study, table, chart, error, number) for number in range(least.size)]
     shown = f"{SCREEN}{pointer_cells(chart, texts)}{END_OF_SCREEN}</svg>"
     picture = replace(picture, svg=picture.svg.removesuffix("</svg>") + shown)
@@ -68,37 +73,15 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
         key_numbers=_key_numbers(study, least, error),
         paragraphs=_paragraphs(study, parts),
         blocks=[
-            Block("Load chart", ((picture,),)),
+            Block("Load chart", ((picture,), (lines,)), grids=tuple(_duty_grids(study, duty))),
             Block("Limits", grids=(_limit_grid(study, names), *_error_bar_grids(study, names, parts))),
             Block("Load cases", grids=(_case_grid(study),)),
-            Block("Loads", grids=(_load_grid(chart, error, table["luffing"]),)),
             *governing_pages(study, names, parts, prefix),
         ],
     )
 
 
-def _least_over_slewing(study: FinishedStudy, parts: Parts) -> Mapping[str, Array]:
-    """Arrays over E reaches in increasing order and A luffing angles, each with the least load over all slewing angles.
-
-    For l limits, ``load`` and ``error`` are (E, A, l) in kg, NaN where a limit is not reached.  ``place`` (E, A, 2) in
-    m is the position of the tip, ``runs`` are the E runs of the reaches, and ``luffing`` (A,) is in degrees.  `parts`
-    are the arrays of the runs.
-    """
-    turns = len(study.study_file["slewing"])
-    table: dict[str, Any] = {}
-    shaped = {n: np.array([p[n].reshape(-1, turns, p[n].shape[1]) for p in parts]) for n in ("load", "error", "place")}
-    limited = np.where(np.isnan(shaped["load"]), np.inf, shaped["load"])
-    at = limited.argmin(axis=2)[:, :, None]
-    table["load"], table["error"] = (np.take_along_axis(shaped[n], at, 2)[:, :, 0] for n in ("load", "error"))
-    table["place"] = shaped["place"][:, :, 0]
-    order = np.argsort(np.linalg.norm(table["place"][:, 0], axis=1), kind="stable")
-    table = {name: array[order] for name, array in table.items()}
-    table["runs"] = [study.results.runs[k] for k in order]
-    table["luffing"] = np.rad2deg(parts[0]["luffing"].reshape(-1, turns)[:, 0])
-    return table
-
-
-def _cell_text(study: FinishedStudy, table: Mapping[str, Any], chart: LoadChart, error: Array, number: int) -> str:
+def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error: Array, number: int) -> str:
     """Text under a pointer on a cell of the chart: position, load, and the load at which each limit is reached.
 
     The cells are counted by `number`: all angles of the first reach, then those of the next one.  `error` (E, A) are
@@ -107,14 +90,14 @@ def _cell_text(study: FinishedStudy, table: Mapping[str, Any], chart: LoadChart,
     i, k = divmod(number, chart.load.shape[1])
     radius, height = chart.place[i, k]
     lines = [f"radius {radius:.2f} m, height {height:.2f} m"]
-    for name, value in table["runs"][i].parameters.items():
+    for name, value in study.results.runs[table.order[i]].parameters.items():
         lines.append(f"{name.removeprefix('extension.')} out {float(value):.3g} m")
-    lines.append(f"raised by {table['luffing'][k]:.3g}°")
+    lines.append(f"raised by {np.rad2deg(table.luffing[k]):.3g}°")
     if chart.which[i, k] < 0:
         return "\n".join([*lines, f"no limit up to {study.study_file['up_to']:g} kg"])
     bar = f"{SPACE}±{SPACE}{error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
     lines.append(f"load {chart.load[i, k]:.5g}{bar} kg, by {chart.names[chart.which[i, k]]}")
-    loads_of_limits = zip(chart.names, table["load"][i, k], strict=True)
+    loads_of_limits = zip(chart.names, table.load[i, k], strict=True)
     return "\n".join(
         [*lines, *(f"{name}: {NOT_REACHED if np.isnan(v) else f'{v:.5g} kg'}" for name, v in loads_of_limits)]
     )
@@ -290,25 +273,30 @@ def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
     return format_quantity(amount, unit) if unit else f"{amount:g}"
 
 
-def _load_grid(chart: LoadChart, error: Array, luffing: Array) -> Grid:
-    """Build the table of loads over at most `ROWS` reaches and at most `COLUMNS` angles.
+def _duty_grids(study: FinishedStudy, duty: DutyTable) -> Iterator[Grid]:
+    """Yield the table of loads over radius and boom length with letters of limits, and that of their lower bounds."""
+    columns = spread_indices(len(duty.lengths), COLUMNS)
 
-    `error` are error bars in kg, and `luffing` (A,) are all A angles in degrees.
-    """
-    E, A = chart.load.shape
-    rows, columns = spread_indices(E, ROWS), spread_indices(A, COLUMNS)
+    def cell(r: int, e: int, values: Array) -> str:
+        """Value in kg at radius number `r` and boom length number `e` with the letter of its limit; empty outside."""
+        if np.isnan(values[r, e]):
+            return ""
+        letter = letters(int(duty.which[r, e])) if duty.which[r, e] >= 0 else "–"
+        return f"{np.floor(values[r, e]):.0f}{SPACE}{letter}"
 
-    def cell(i: int, k: int) -> str:
-        """Load in kg at reach number `i` and angle number `k`, with its error bar."""
-        if chart.which[i, k] < 0:
-            return NOT_REACHED
-        bar = f"{SPACE}±{SPACE}{error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
-        return f"{chart.load[i, k]:.0f}{bar}"
-
-    reach = np.linalg.norm(chart.place[:, 0], axis=1)
-    head = ("reach in m", *(f"{luffing[k]:.3g}°" for k in columns))
-    body = tuple((f"{reach[i]:.2f}", *(cell(i, int(k)) for k in columns)) for i in rows)
-    return Grid("Loads in kg over reach and luffing angle; all of them stand in chart.csv.", head, body)
+    caption = (
+        "Allowed load in kg over radius and boom length, from the pivot, undeformed. The letter is that of the limit "
+        "that governs; – means that none is reached up to the largest load that is looked for. Between two luffing "
+        "angles of the chart the smaller of both loads stands; where nothing stands, the tip does not come. All boom "
+        "lengths are in duty.csv."
+    )
+    named = {caption: duty.load}
+    if study.study_file["error_bars"]:
+        named["The same, less the error bars of all limits."] = duty.lower
+    for text, values in named.items():
+        head = ("radius in m", *(f"{duty.lengths[e]:.3g}{SPACE}m" for e in columns))
+        yield Grid(text, head, tuple((f"{radius:g}", *(cell(r, int(e), values) for e in columns))
+                                     for r, radius in enumerate(duty.radii)))  # fmt: skip
 
 
 #: Arrays by name of each run of a study, one mapping for each run.

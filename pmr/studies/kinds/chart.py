@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 
 from pmr import scene as scenes
 from pmr.errors import InputError
+from pmr.errors.environment import check_installed
 from pmr.scene import Scene
 from pmr.scene.hints import table_hints
 from pmr.scene.keys import SceneTable, Usual, key_error
@@ -23,6 +24,7 @@ from pmr.studies import shared
 from pmr.studies.cases import CLASSES, LoadCase, hoisting_factor
 from pmr.studies.chart_models import compute_postures, compute_richer_postures
 from pmr.studies.charting import allow_row, governing_limit, limits_in_doubt, lower_bounds
+from pmr.studies.duty import DutyTable, LeastLoads
 from pmr.studies.governing import Stop
 from pmr.studies.limits import STABILITY, Limit
 from pmr.studies.results import StudyResults, csv_text
@@ -125,6 +127,9 @@ class Study(StudyBase):
         default=(), description="Stops of luffing or slewing, simulated at the points that limits govern"
     )
     error_bars: bool = Field(default=True, description="Whether the error of the reduction is estimated at each point")
+    spreadsheet: bool = Field(
+        default=False, description="Whether the duty table is also written as duty.xlsx, which needs openpyxl"
+    )
 
     @model_validator(mode="after")
     def _check_names(self) -> Self:
@@ -142,6 +147,8 @@ class Study(StudyBase):
     def plan(self) -> Plan:
         """Return a task for each row of extensions, and the tasks of all rows: postures and a richer model."""
         scene, rows, size = self._scene, self._extension_rows, self._row_size
+        if self.spreadsheet:
+            check_installed("openpyxl")
         for limit in self.limits:
             limit.check(scene)
         if len(rows) * size > MOST_POINTS:
@@ -258,18 +265,28 @@ class Study(StudyBase):
         parts = [results.arrays(run.key) for run in results.runs if run.status == "done"]
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0] if name[:3] != "at."}
 
-    def tables(self, results: StudyResults) -> Mapping[str, str]:
-        """Return ``{"chart.csv": text}`` with a row for each point of the runs that are done; empty if none is."""
+    def tables(self, results: StudyResults) -> Mapping[str, str | bytes]:
+        """Return ``chart.csv`` with a row for each point of the runs that are done, and their duty table.
+
+        The duty table (`pmr.studies.duty`) is ``duty.csv`` and, if the study asks for it, ``duty.xlsx``.  All are empty
+        if no run is done.
+        """
         done = [run.status == "done" for run in results.runs]
         if not any(done):
-            return {"chart.csv": ""}
+            return {"chart.csv": "", "duty.csv": "", "duty.xlsx": ""}
         points = [
             point for point, is_done in zip(self._points, np.repeat(done, self._row_size), strict=True) if is_done
         ]
         table = self.table(results)
         rows = [self._cells(table, k, *point) for k, point in enumerate(points)]
         cells = [[_cell(value) for _, value in row] for row in rows]
-        return {"chart.csv": csv_text([head for head, _ in rows[0]], cells)}
+        done_rows = [results.arrays(run.key) for run in results.runs if run.status == "done"]
+        duty = DutyTable.from_loads(LeastLoads.from_rows(done_rows, len(self.slewing)), self.up_to)
+        return {
+            "chart.csv": csv_text([head for head, _ in rows[0]], cells),
+            "duty.csv": duty.csv(self.names),
+            "duty.xlsx": duty.workbook(self.title, self.names) if self.spreadsheet else "",
+        }
 
     def _cells(
         self, table: Mapping[str, NDArray[Any]], k: int, row: Mapping[str, float], luffing: float, slewing: float

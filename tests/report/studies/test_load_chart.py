@@ -10,7 +10,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pmr.report.figures.canvas import style
-from pmr.report.figures.load_chart import BentBoom, LoadChart, bent_boom, load_chart
+from pmr.report.figures.load_chart import BentBoom, LoadChart, bent_boom, duty_lines, load_chart
 from pmr.report.studies.chart import build_chapter
 
 
@@ -73,4 +73,18 @@ def test_the_legend_names_the_colour_of_places_where_no_limit_is_reached() -> No
     place = np.array([[[1.0, 0.0], [0.7, 0.7]], [[2.0, 0.0], [1.4, 1.4]]])
     chart = LoadChart(place, np.array([[np.nan, 5.0], [4.0, 3.0]]), np.array([[-1, 0], [0, 0]]), ["tip"])
     labels = [text.get_text() for text in load_chart(chart).legends[0].get_texts()]
-    assert labels == ["tip", "no limit reached"]
+    assert labels == ["A tip", "no limit reached"]
+
+
+def test_lines_of_duty_have_length_and_letter_and_end_where_the_tip_does() -> None:
+    """Two boom lengths; the shorter one is limited by `pads` where it is low, and by nothing where it is steep."""
+    angle = np.deg2rad([10.0, 40.0, 70.0])
+    place = np.array([8.0, 12.0])[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    load = np.array([[900.0, 1200.0, np.nan], [500.0, 700.0, 1500.0]])
+    chart = LoadChart(place, load, np.array([[1, 1, -1], [0, 0, 1]]), ["tip", "pads"])
+    ax = duty_lines(chart).axes[0]
+    assert sorted(text.get_text() for text in ax.texts) == ["A 12 m", "B", "B 8 m"]
+    drawn = np.concatenate([line.get_xydata() for line in ax.lines if line.get_marker() == "."])
+    drawn = drawn[np.isfinite(drawn[:, 1])]
+    assert np.allclose(sorted(drawn[:, 0]), sorted([*place[0, :2, 0], *place[1, :, 0]]))
+    assert [text.get_text() for text in ax.figure.legends[0].get_texts()] == ["A tip", "B pads"]
