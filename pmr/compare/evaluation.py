@@ -13,12 +13,13 @@ from pmr.compare.outputs import output_contacts
 from pmr.compare.round_off import force_round_off, round_off
 from pmr.files.arrays import Array
 from pmr.results import Energy, Response
-from pmr.results.response import Output
+from pmr.results.response import LUFFING_ANGLE, Output
 from pmr.scene import Scene
 from pmr.scene.built import force_name, friction_name, reaction_name
-from pmr.scene.keys import ALONE, qualified_name
+from pmr.scene.keys import ALONE, LUFFING_CYLINDER, qualified_name
 from pmr.simulation.balance import load_potential, row_blocks
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
+from pmr.simulation.luffing import CYLINDER_UNITS
 from pmr.simulation.native import systems
 from pmr.simulation.reactions import column_names, with_row_multipliers, with_support_reactions
 from pmr.simulation.stepping import SimulationEnd
@@ -215,8 +216,12 @@ def append_machine(scene: Scene, response: Response) -> Response:
 
     Displacements are in m or rad, rates in m/s or rad/s.  Forces in N or N m are those of springs, dampers and
     constraints, positive along the axes, by the directions of ``[frame.base]``; a direction without any of these has no
-    force.  The response is returned unchanged if the scene has no computed motion of a machine.
+    force.  A luffing angle that moves by itself and its cylinder have columns, too.  The response is returned unchanged
+    if the scene has no computed motion.
     """
+    luffing = None if scene.frame is None else scene.frame.luffing_signal
+    if isinstance(luffing, ComputedMotion):
+        return _append_luffing(scene.names[0], luffing.samples, response)
     motions = {} if scene.frame is None or scene.frame.base is None else scene.frame.base.motions
     free_motions: dict[str, MotionSamples] = {
         key: motion.samples for key, motion in motions.items() if isinstance(motion, ComputedMotion)
@@ -232,4 +237,17 @@ def append_machine(scene: Scene, response: Response) -> Response:
         if motion.force.any():
             unit = "N m" if key.startswith("r") else "N"
             columns[Output(reaction_name(f"{MACHINE} {key}"), "reaction", base, unit=unit)] = motion.force
+    return response.with_others(np.stack(list(columns.values()), axis=1), columns)
+
+
+def _append_luffing(base: str, luffing: MotionSamples, response: Response) -> Response:
+    """Append the luffing angle, its rate and the columns of the cylinder to a response; `base` is the base's name."""
+    columns = {
+        Output(LUFFING_ANGLE, MACHINE, base, unit="rad"): luffing.values[0],
+        Output(f"rate of {LUFFING_ANGLE}", MACHINE, base, unit="rad/s"): luffing.values[1],
+    }
+    for name, values in luffing.cylinder.items():
+        unit = CYLINDER_UNITS[name]
+        kind = {"Pa": "pressure", "m^3/s": "flow", "W": "power"}.get(unit, MACHINE)
+        columns[Output(f"{LUFFING_CYLINDER} {name}", kind, base, unit=unit)] = values
     return response.with_others(np.stack(list(columns.values()), axis=1), columns)

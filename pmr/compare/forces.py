@@ -19,7 +19,7 @@ from pmr.scene import Scene
 from pmr.scene.built import PadRing, force_name, friction_name, reaction_name
 from pmr.scene.choice import has_axial_motion
 from pmr.scene.frame import INERTIA
-from pmr.scene.keys import cylinder_name, qualified_name
+from pmr.scene.keys import LUFFING_CYLINDER, cylinder_name, qualified_name
 from pmr.scene.mechanism import CYLINDER, drive_rows, longest_rope, rope_shares, supports_at_lug
 from pmr.scene.members import EXTENSION, members
 from pmr.system.body import SlidingBody
@@ -31,6 +31,8 @@ from pmr.system.system import System
 TURNED = 1.1
 #: A support lacks a cylinder's force along the boom if this is more than this share of the force across the boom.
 LEANING = 0.1
+#: Pressure in Pa of the surroundings: oil boils where its pressure is lower by this.
+VACUUM = 1e5
 
 #: There is a warning if a pad's pull exceeds this share of its largest push, or of a tenth of the largest force of any
 #: pad if that is more.
@@ -367,10 +369,27 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
     with the length L at the luffing angle :math:`\varphi`, the rotation R, the lug r_1 on the boom, the foot r_0 on the
     machine, the force F, the power P and the moment :math:`\mathfrak M` about the pivot of all forces with which the
     boom presses on its machine (`pmr.simulation.reactions`).  The pivot turns freely, and the cylinder alone keeps the
-    angle, whatever holds the base in the scene.  The part is empty without such a cylinder.
+    angle, whatever holds the base in the scene.  The part is empty without such a cylinder.  Of a cylinder whose force
+    drives the angle all columns are taken from the response, pressures, flows and volumes of oil among them, and there
+    is a warning where a pressure is so low that the oil would boil.
     """
     if scene.frame is None or scene.frame.cylinder is None or CYLINDER not in response.other_names:
         return SummaryPart()
+    prefix = f"{LUFFING_CYLINDER} "
+    driven = {
+        name.removeprefix(prefix): response.other(name) for name in response.other_names if name.startswith(prefix)
+    }
+    if driven:
+        along = scene.path_positions(response.t)
+        extremes = {key: Extremes.from_history(history, response.t, along) for key, history in driven.items()}
+        boiling = [
+            f"the oil on the {key.removeprefix('pressure ')} side of the luffing cylinder would have "
+            f"{with_unit(of.least, 'Pa')} {response.when(of.t_least)}, and boils: the model pulls on it"
+            for key, of in extremes.items()
+            if key.startswith("pressure") and of.least < -VACUUM
+        ]
+        figures = {key.replace(" ", "_"): of.summary() for key, of in extremes.items()}
+        return SummaryPart({LUFFING_CYLINDER.replace(" ", "_"): figures}, grave=boiling)
     t, along = response.t, scene.path_positions(response.t)
     angle, force = scene.frame.angles[0], response.other(CYLINDER)
     length, arm = scene.frame.cylinder.length_and_arm(angle.value(t))

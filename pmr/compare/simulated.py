@@ -27,7 +27,7 @@ from pmr.scene.keys import ALONE, SceneTable
 from pmr.scene.members import EXTENSION, Member, member_at, members
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import clip_path
-from pmr.simulation.machine import with_machine_motion
+from pmr.simulation.luffing import with_free_motion
 from pmr.system.from_scene import system_of
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
@@ -72,9 +72,9 @@ def simulate_with_states(
     system = reduced if isinstance(reduced, System) else join_models(scene, reduced)
     scene = with_choice_of_terms(scene, system.terms)
     with Clock().stage("reduced"), refuse_growth(scene):
-        if scene.frame is not None and scene.frame.machine is not None:
+        if scene.frame is not None and scene.frame.computed_key is not None:
             check_scene_fits(scene, system)
-            scene, system = with_machine_motion(scene, system)
+            scene, system = with_free_motion(scene, system)
         excitation = excitation_of_scene(scene, system)
         simulated = simulate_by(scene, system, excitation, scene.simulation.simulators[0], steps)
         return replace(simulated, response=append_machine(scene, simulated.response))

@@ -18,7 +18,7 @@ from scipy.interpolate import BPoly, PPoly
 
 from pmr.files.arrays import Array
 from pmr.models import StructuralModel
-from pmr.scene.frame import LuffingCylinder
+from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.system.rows import Row
 

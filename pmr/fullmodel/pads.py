@@ -47,7 +47,7 @@ from pmr.fullmodel.walls import Walls
 from pmr.models import StructuralModel
 from pmr.models.mover import Mover
 from pmr.models.trace import Extent, Window
-from pmr.scene.frame import LuffingCylinder
+from pmr.scene.cylinder import LuffingCylinder
 from pmr.system.polynomials import cardinal_spline, refine_table, value_or_zero
 from pmr.system.rows import Row, StraightRows, fixed_row, row_on_coordinates
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,46 @@ REASONS = {
     lib.PMR_LOST: "the machine's motion is not found at step {k}, t = {t:g} s",
     lib.PMR_UPRIGHT: "the machine pitches by 90 degrees at t = {t:g} s, where roll and yaw turn about one axis",
 }
+#: The reasons where the machine is what a free luffing angle turns.
+LUFFING_REASONS = {
+    lib.PMR_LOST: "the luffing angle is not found at step {k}, t = {t:g} s: a shorter time.step",
+    lib.PMR_UPRIGHT: "foot, lug and pivot of the luffing cylinder come in line at t = {t:g} s; without a cylinder, the "
+    "boom has swung by 90 degrees",
+}
+
+
+#: Columns of a luffing cylinder's record, with their units; the force is positive where it pushes, flows and volumes
+#: are of oil into the chambers, volumes since the start.
+CYLINDER_COLUMNS = {
+    "length": "m",
+    "speed": "m/s",
+    "force": "N",
+    "pressure bore": "Pa",
+    "pressure rod": "Pa",
+    "flow bore": "m^3/s",
+    "flow rod": "m^3/s",
+    "volume bore": "m^3",
+    "volume rod": "m^3",
+    "flow supply": "m^3/s",
+}
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A luffing cylinder that drives the pitch of a machine; the fields are those of
+    `pmr_luffing_cylinder`, but for `drive`.
+    """
+
+    kind: int = lib.PMR_NO_CYLINDER
+    angle: float = 0.0
+    foot: tuple[float, float] = (0.0, 0.0)
+    lug: tuple[float, float] = (0.0, 0.0)
+    spring: float = 0.0
+    damping: float = 0.0
+    stroke: tuple[float, float] = (0.0, np.inf)
+    stop_stiffness: float = 0.0
+    oil: Mapping[str, Any] = field(default_factory=dict)  # further fields
+    drive: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (T, 2): force in N, length in m or opening; rate
 
 
 @dataclass(frozen=True)
@@ -57,6 +98,7 @@ class Machine:
     base_motion: Array
     external: Array
     weight: Array
+    cylinder: Cylinder = Cylinder()
 
 
 class MachineSimulation:
@@ -66,17 +108,23 @@ class MachineSimulation:
     that only push, or with settings of several substeps or of energy.
     """
 
-    def __init__(self, state: State, machine: Machine) -> None:
+    def __init__(self, state: State, machine: Machine, reasons: Mapping[int, str] = REASONS) -> None:
+        self._reasons = reasons
         self.state, arrays, scalars = state, dict[str, Any](), dict[str, Any]()
         types = dict(ffi.typeof("pmr_machine").fields)
-        for field in fields(machine):
-            value, kind = getattr(machine, field.name), types[field.name].type
+        cylinder = machine.cylinder
+        values = {of.name: getattr(machine, of.name) for of in fields(machine) if of.name != "cylinder"}
+        for name, value in (values | {"drive": cylinder.drive}).items():
+            kind = types[name].type
             if kind.kind == "pointer":
                 array = np.ascontiguousarray(value, np.int32 if kind.item.cname == "int32_t" else np.float64)
-                arrays[field.name] = array
-                scalars[field.name] = ffi.cast(kind, array.ctypes.data)
+                arrays[name] = array
+                scalars[name] = ffi.cast(kind, array.ctypes.data)
             else:
-                scalars[field.name] = value if kind.kind == "primitive" else np.ravel(value).tolist()
+                scalars[name] = value if kind.kind == "primitive" else np.ravel(value).tolist()
+        apart = ("oil", "drive")
+        scalars["cylinder"] = {of.name: getattr(cylinder, of.name) for of in fields(cylinder) if of.name not in apart}
+        scalars["cylinder"] |= cylinder.oil
         counts = {"sections": len(machine.masses), "shortened_count": len(machine.of_shortened)}
         self._arrays = arrays  # kept as long as the pointers to them
         self._machine = ffi.new("pmr_machine *", scalars | counts | {"inertial_count": len(machine.inertial)})
@@ -92,10 +140,11 @@ class MachineSimulation:
         self.springs = np.zeros((steps, 6))  # N, N m: forces of springs and dampers
         self.momenta = np.zeros((steps, 6))  # linear momentum; angular momentum about the ground's origin
         self.inertia = np.zeros((steps, inertial))  # values of the inputs by which the frame accelerates the boom
+        self.cylinder = np.zeros((steps, len(CYLINDER_COLUMNS)))  # by `CYLINDER_COLUMNS`
 
     def _record_pointers(self, first: int) -> Any:
         """Pointers to the rows of the recorded arrays from row `first` on."""
-        names = ("motion", "held", "springs", "momenta", "inertia")
+        names = ("motion", "held", "springs", "momenta", "inertia", "cylinder")
         return ffi.new("pmr_machine_record *", {name: pointer(getattr(self, name)[first:]) for name in names})
 
     def holding_forces(self, motion: Array, z: Array, v: Array, a: Array) -> Array:
@@ -109,6 +158,10 @@ class MachineSimulation:
         failed = lib.pmr_machine_run_holding_forces(self._run, *map(pointer, arrays), pointer(forces))
         self._raise_unless_done(failed, 0)
         return forces
+
+    def load_cylinder(self, force: float, pressures: tuple[float, float]) -> None:
+        """Set the force of a length's spring in N, and the pressures in Pa of bore and rod side, at the start."""
+        self._machine.cylinder.force, self._machine.cylinder.pressures = force, pressures
 
     def start(self, motion: Array, z: Array, v: Array) -> None:
         """Begin at t = 0 with the machine's `motion` (3, 6), and with coordinates z and rates v (modes,) of the boom.
@@ -137,6 +190,6 @@ class MachineSimulation:
 
     def _raise_unless_done(self, failed: int, k: int) -> None:
         """Raise the error that the kernel's error code `failed` of step k stands for; nothing if it stands for none."""
-        if failed in REASONS:
-            raise SimulationError(REASONS[failed].format(k=k, t=k * self.state.settings.step))
+        if failed in self._reasons:
+            raise SimulationError(self._reasons[failed].format(k=k, t=k * self.state.settings.step))
         self.state.raise_unless_done(failed, f"step {k}")

@@ -42,7 +42,7 @@ from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
-from pmr.simulation.machine import with_machine_motion
+from pmr.simulation.luffing import with_free_motion
 from pmr.simulation.petsc import Checkpoint
 
 
@@ -115,10 +115,10 @@ class Bodies:
         self.bodies = with_stress_flags(self.scene, self.bodies)
         #: the scene as written, with the chosen step; in `scene` the machine's motion is the motion of a frame instead
         self.written_scene, self.system = self.scene, join_bodies(self.scene, self.bodies)
-        if self.scene.frame is not None and self.scene.frame.machine is not None:
+        if self.scene.frame is not None and self.scene.frame.computed_key is not None:
             with clock.stage("machine"):
                 self.scene, self.system = self._comm.bcast(
-                    call_on_first_rank(self._comm, lambda: with_machine_motion(self.scene, self.system))
+                    call_on_first_rank(self._comm, lambda: with_free_motion(self.scene, self.system))
                 )
         self.excitation = Excitation.from_scene(self.scene)
         self.full = FullOrder.join(self.scene, models_of(built))

@@ -45,7 +45,10 @@ UNKNOWN = (InputError, ConvergenceError, SimulationError)
 UNNEEDED = (*UNKNOWN, ValueError, ImportError)
 
 #: Reason for no comparison if a machine's motion is computed: another model would have another motion of its base.
-ON_MACHINE = "not measured for a boom on frame.machine; a run of the same boom without frame.machine measures it"
+ON_MACHINE = (
+    "not measured where the motion of frame.machine or frame.luffing is computed; a run of the same boom with a "
+    "prescribed motion measures it"
+)
 
 _log = logging.getLogger(__name__)
 
@@ -78,7 +81,7 @@ def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None
 
 def measure_model(scene: Scene, comm: MPI.Comm, cache: Cache | None) -> Mapping[str, Any]:
     """Return ``budget.model`` of summary.json: differences to a richer model, or ``reason`` for none; collective."""
-    if scene.frame is not None and scene.frame.machine is not None:
+    if scene.frame is not None and scene.frame.computed_key is not None:
         return {"beside": None, "reason": ON_MACHINE}
     label = "richer model"
     try:
@@ -95,7 +98,7 @@ def measure_mesh(
 
     `system` and `response` belong to the scene itself; `response` is None on other ranks than 0.
     """
-    if scene.frame is not None and scene.frame.machine is not None:
+    if scene.frame is not None and scene.frame.computed_key is not None:
         return {"mesh_reason": ON_MACHINE}
 
     def compare_scene(make: Callable[[], Scene], label: str) -> dict[str, Any]:

@@ -366,7 +366,7 @@ def body_axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
 
     Deflections are enlarged by the factor `scale`.
     """
-    response, frame = result.responses["reduced"], result.scene.frame
+    response, frame = result.responses["reduced"], result.frame
     chosen, aside = np.asarray(steps), {line.body: line for line in axis_points(result, response, "y")}
     turned, positions = frame_rotations(result, response.t[chosen]), []
     sine, cosine = turned[:, 2, 0, None], turned[:, 2, 2, None]  # of the luffing angle
@@ -387,8 +387,8 @@ def frame_rotations(result: RunResult, t: Array) -> Array:
 
     They follow the boom's frame.  If the scene has no frame, the boom has a constant angle, by which gravity is turned.
     """
-    if result.scene.frame is not None:
-        return result.scene.frame.rotation(t)
+    if result.frame is not None:
+        return result.frame.rotation(t)
     gravity = result.scene.gravity
     raised = np.full(len(t), 0.0 if gravity is None else np.deg2rad(gravity.inclination))
     return boom_rotation(raised, np.zeros(len(t)))

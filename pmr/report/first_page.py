@@ -146,7 +146,7 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
     """
     response, summary = result.responses["reduced"], result.summary
     by_key = {key: dict[str, Extremes]() for key in FORCES}
-    frame, resultants = result.scene.frame, summary.get("supports", ())
+    frame, resultants = result.frame, summary.get("supports", ())
     for support in resultants:
         if support["name"] not in luffing_support_names(result):
             by_key["support"][_full_name(result, support["name"])] = Extremes.from_summary(support)
@@ -223,7 +223,7 @@ def _deflection_rows(result: RunResult) -> Rows:
 
 def _machine_rows(result: RunResult) -> Rows:
     """Yield a row with the ranges of a moving machine's free coordinates: displacements of the pivot, and rotations."""
-    frame = result.scene.frame
+    frame = result.frame
     if frame is None or frame.machine is None:
         return
     motions, degrees = (
@@ -283,7 +283,7 @@ def _extreme_clause(result: RunResult, extreme: Extreme) -> str:
 
 def _angles_clause(result: RunResult, t: float) -> str:
     """Clause with the luffing and slewing angle of a boom in a frame at the time `t` in s; empty without a frame."""
-    frame = result.scene.frame
+    frame = result.frame
     if frame is None:
         return ""
     luffing, slewing = (float(np.rad2deg(angle.value(np.array([t]))[0])) for angle in frame.angles)

@@ -14,7 +14,7 @@ from pmr.report.figures.canvas import drawing
 from pmr.report.numbers import NOTHING, Unit, format_input, format_quantity, significant, unit_for
 from pmr.report.subject import drive_of, force_words, has_pushing_pads, is_alone
 from pmr.results import RunResult
-from pmr.results.response import Extremes
+from pmr.results.response import LUFFING_ANGLE, Extremes, Output, Response
 from pmr.results.tables import REACTION_OF, reaction_extremes
 
 #: Share of the largest force up to which a force is round-off: a support along which nothing acts has a force that is
@@ -131,13 +131,45 @@ def ground_block(result: RunResult, prefix: str) -> Block | None:
     return Block(heading="Outriggers and tipping", text=sentence, rows=rows, grids=tuple(grids))
 
 
+#: Units of what a luffing cylinder has, by the first word of its name.
+_LUFFING_UNITS = {
+    "force": "N", "length": "m", "speed": "m/s", "power": "W", "pressure": "Pa", "flow": "m³/s", "volume": "m³",
+}  # fmt: skip
+
+
+def luffing_block(result: RunResult, prefix: str) -> Block | None:
+    """Build the block about a luffing angle that moves by itself: angle, pressures, flows and power over time."""
+    response = result.responses["reduced"]
+    if LUFFING_ANGLE not in response.other_names:
+        return None
+    groups = (
+        ("angle", [output for output in response.outputs if output.name == LUFFING_ANGLE], "The luffing angle."),
+        ("pressure", _of_kind(response, "pressure"), "Pressures of the oil above that of the surroundings."),
+        ("flow", _of_kind(response, "flow"), "Flows into bore and rod side, and out of the supply."),
+        ("power", _of_kind(response, "power"), "Power of the cylinder's force, and power out of the supply."),
+    )
+    drawn = [
+        drawing(f"{prefix}-luffing-{name}", figures.pivot_figure, caption, result, outputs)
+        for name, outputs, caption in groups
+        if outputs
+    ]
+    return Block(heading="Luffing", rows=tuple(tuple(drawn[k : k + 2]) for k in range(0, len(drawn), 2)))
+
+
+def _of_kind(response: Response, kind: str) -> list[Output]:
+    """Outputs of a response whose kind is `kind` and that are not zero at all times; no volumes."""
+    chosen = [output for output in response.outputs if output.kind == kind and output.unit != "m^3"]
+    return [output for output in chosen if np.any(response.other(output.name))]
+
+
 def _luffing_grids(result: RunResult) -> Iterator[Grid]:
     """Yield a table with the extremes of force, length, speed and power of the luffing cylinder, if there is one."""
     if (cylinder := result.summary.get("luffing_cylinder")) is None:
         return
     rows = list[tuple[str, ...]]()
-    for name, base in (("force", "N"), ("length", "m"), ("speed", "m/s"), ("power", "W")):
-        extreme = Extremes.from_summary(cylinder[name])
+    for key, extremes in cylinder.items():
+        name, extreme = key.replace("_", " "), Extremes.from_summary(extremes)
+        base = _LUFFING_UNITS[name.split()[0]]
         unit = unit_for(extreme.size, base)
         rows.append((f"{name} in {unit.name}", *extreme_cells(extreme, unit)))
     caption = "The cylinder that raises the boom, hinged as frame.cylinder says: positive where it presses, and where "
@@ -232,7 +264,7 @@ def _rigid_support_grids(result: RunResult, at_pivot: bool, caption: str) -> Ite
     """
     response, by_unit = result.responses["reduced"], dict[str, dict[str, Extremes]]()
     for of, extreme in reaction_extremes(response, result.abscissa_at(response.t)).items():
-        if (result.scene.frame is not None and of.support.startswith(PIVOT)) == at_pivot:
+        if (result.frame is not None and of.support.startswith(PIVOT)) == at_pivot:
             by_unit.setdefault(of.unit, {})[of.support.removeprefix(PIVOT)] = extreme
     for base, of_unit in by_unit.items():
         largest = max(extreme.size for extreme in of_unit.values())

@@ -42,12 +42,12 @@ def system_rows(result: RunResult) -> Rows:
     scene, gravity = result.scene, result.scene.gravity
     weight = "left out" if gravity is None else f"included, {significant(gravity.acceleration)}{SPACE}m/s²"
     yield "weight of the boom", weight
-    if scene.frame is not None:
+    if scene.frame is not None and result.frame is not None:
         words = SceneWords(scene.frame.unit)
         for name, part in (("machine", scene.frame.machine), ("motion of the base", scene.frame.base)):
             if part is not None:
                 yield name, words.describe(part)
-        for name, angle in zip(("luffing", "slewing"), scene.frame.angles, strict=True):
+        for name, angle in zip(("luffing", "slewing"), result.frame.angles, strict=True):
             low, high = np.rad2deg(angle.bounds(0.0, scene.time.end))
             if low or high:
                 yield name, format_range(low, high, "°")
@@ -69,7 +69,7 @@ def _tip_rows(result: RunResult) -> Rows:
     Nothing is yielded unless a frame, or the angle by which gravity is turned, raises the boom.
     """
     response = result.responses["reduced"]
-    if axis_points(result, response) and (result.scene.frame is not None or is_raised(result)):
+    if axis_points(result, response) and (result.frame is not None or is_raised(result)):
         out, up = body_axes(result, spread_indices(len(response.t), PLACES))[-1].side[:, -1].T
         far, high = (
             format_range(float(coordinate.min()), float(coordinate.max()), f"{SPACE}m") for coordinate in (out, up)

@@ -75,7 +75,7 @@ def axis_motion(result: RunResult) -> dict[str, Any]:
     The data then have the position in m of the `pivot`, luffing and slewing `angles` in rad, and the extent of the
     motion in m, seen from the `side` and in `plan` (from above; None if the boom does not slew).
     """
-    response, frame = result.responses["reduced"], result.scene.frame
+    response, frame = result.responses["reduced"], result.frame
     t, axis, aside = response.t, axis_points(result, response), dict[str, Array]()
     frames, models = spread_indices(len(t), FRAMES), responses_in_drawing_order(result)
     if frame is not None:
@@ -274,7 +274,7 @@ def _along_axis(shifts: Array) -> Array:
 
 def _angle_signals(result: RunResult) -> tuple[SignalBase, ...]:
     """Signals of luffing and slewing of a boom in a frame; empty without a frame."""
-    return () if result.scene.frame is None else result.scene.frame.angles
+    return () if result.frame is None else result.frame.angles
 
 
 def _body_data(result: RunResult, name: str, surface: Surface, shifts: Array, most_values: int) -> dict[str, Any]:

@@ -122,7 +122,7 @@ def motion_block(result: RunResult, prefix: str, pictures: Callable[[], Album]) 
         if not axis_points(result, result.responses["reduced"]):
             return None
         data = player.axis_motion(result)
-        if result.scene.frame is not None:
+        if result.frame is not None:
             shown = Player("space", data, player.scale_words(data))
             return Block(heading="Motion", player=shown, rows=space.space_drawings(result, prefix))
         strip = drawing(f"{prefix}-snapshots", shapes.snapshot_figure, shapes.snapshots_caption(result), result)
@@ -262,7 +262,7 @@ OF_ERRORS: tuple[Show, ...] = (error_block, accuracy_block)
 SECTIONS: tuple[Show, ...] = (
     space.space_block, input_block, tip_block, stresses.stress_block,
     stresses.section_force_block, stresses.probe_block, forces.contact_block,
-    forces.cylinder_block, forces.support_block, forces.pivot_block, forces.ground_block,
+    forces.cylinder_block, forces.support_block, forces.pivot_block, forces.ground_block, forces.luffing_block,
     energy_block, constraint_block, basis_block, response_block, origin_block,
 )  # fmt: skip
 
@@ -273,5 +273,5 @@ def _weight_sentence(result: RunResult) -> str:
     if gravity is None:
         return ""
     rise = f", which comes up within the first {format_input(gravity.rise, 's')}" if gravity.rise else ""
-    turns = ", in a direction that turns with the frame" if result.scene.frame is not None else ""
+    turns = ", in a direction that turns with the frame" if result.frame is not None else ""
     return f" The weight acts too{rise}{turns}."

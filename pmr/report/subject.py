@@ -62,7 +62,7 @@ class AppliedLoad:
 
 def direction_words(result: RunResult, direction: str) -> str:
     """Words for a direction across the axis; z is called vertical unless a boom is raised or in a frame."""
-    raised = result.scene.frame is not None or is_raised(result)
+    raised = result.frame is not None or is_raised(result)
     return "in the plane of luffing, z" if direction == "z" and raised else _ACROSS[direction]
 
 
@@ -218,7 +218,7 @@ def axial_supports(result: RunResult) -> list[str]:
 
 def changing_angles(result: RunResult) -> dict[str, SignalBase]:
     """Signals of the angles of luffing and slewing that change during the run, by name; empty without a frame."""
-    frame, end = result.scene.frame, result.scene.time.end
+    frame, end = result.frame, result.scene.time.end
     angles = {} if frame is None else dict(zip(("luffing", "slewing"), frame.angles, strict=True))
     bounds = {name: angle.bounds(0.0, end) for name, angle in angles.items()}
     return {name: angles[name] for name, (low, high) in bounds.items() if high > low}

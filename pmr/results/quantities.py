@@ -345,6 +345,20 @@ QUANTITIES: Mapping[str, Quantity] = {
             "luffing_force", "forces of the luffing cylinder", "N", "cylinder", (),
             "largest force of the luffing cylinder", sign=PUSHES, limit="luffing", measure=_luffing_measure,
         ),
+        # motion and oil of a luffing cylinder that drives the angle
+        Quantity("luffing_angle", "luffing angles", "rad", "boom", ("machine",)),
+        Quantity(
+            "luffing_pressure", "pressures of the luffing cylinder", "Pa", "cylinder", ("pressure",),
+            "largest pressure of the luffing cylinder", "most", "above that of the surroundings",
+        ),
+        Quantity(
+            "luffing_flow", "flows of the luffing cylinder", "m^3/s", "cylinder", ("flow",),
+            "largest flow of the luffing cylinder", sign="into the chamber, or out of the supply",
+        ),
+        Quantity(
+            "luffing_power", "power of the luffing cylinder", "W", "cylinder", ("power",),
+            "largest power of the luffing cylinder", "most", "raises the boom, or leaves the supply",
+        ),
         # forces on the supports of the boom
         Quantity("support_force", "forces of supports that give way", "N", "support", ("support",)),
         Quantity("reaction", "reactions of rigid supports", "N", "support", ("reaction",)),

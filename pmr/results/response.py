@@ -18,12 +18,15 @@ from pmr.scene.members import member_at
 
 #: Kinds of outputs, in this order: displacements of points along a body and of its tip; forces of pads (a slider counts
 #: as a pad without faces), of cylinders and of elastic supports; measurements of probes; reactions of rigid supports;
-#: friction of all pads of a joint along the boom; positions and rates of a machine that moves by itself; forces of
-#: outriggers, margins against tipping, and the use of the support polygon.
+#: friction of all pads of a joint along the boom; positions and rates of what moves by itself, a machine or a luffing
+#: angle; forces of outriggers, margins against tipping, and the use of the support polygon; pressures, flows and power
+#: of oil.
 KINDS = (
     "beam", "tip", "pad", "cylinder", "support", "probe", "reaction", "friction", "machine",
-    "outrigger", "margin", "tipping",
+    "outrigger", "margin", "tipping", "pressure", "flow", "power",
 )  # fmt: skip
+#: Name of the column of a luffing angle that was computed.
+LUFFING_ANGLE = "luffing angle"
 FORCES = ("pad", "cylinder", "support")
 
 

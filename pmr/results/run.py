@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +21,12 @@ from pmr.files.arrays import Array
 from pmr.files.whole import finish_swap
 from pmr.results.field_series import Fields, Pose
 from pmr.results.field_stress import Envelope
-from pmr.results.response import Response
+from pmr.results.response import LUFFING_ANGLE, Response
 from pmr.scene import Scene
 from pmr.scene.files import stored_scene
+from pmr.scene.frame import Frame
 from pmr.scene.keys import ALONE, SLIDER
+from pmr.scene.signals import Table
 
 
 @dataclass(frozen=True)
@@ -256,9 +259,19 @@ class RunResult:
             if body.fields is not None
         }
 
+    @cached_property
+    def frame(self) -> Frame | None:
+        """Frame of the scene; a free luffing angle is the one that was computed, with lines between steps."""
+        frame, response = self.scene.frame, self.responses["reduced"]
+        if frame is None or frame.luffing != "free":
+            return frame
+        angle = response.other(LUFFING_ANGLE) * (1.0 if frame.unit == "rad" else 180.0 / np.pi)
+        table = Table(times=tuple(response.t), values=tuple(angle), interpolation="linear")
+        return frame.model_copy(update={"luffing": table})
+
     def pose(self, t: Array) -> Pose | None:
         """Return the motion in space of the axes of `moving_fields` at times t (S,) in s; None without a frame."""
-        frame = self.scene.frame
+        frame = self.frame
         if frame is None:
             return None
         origin = np.zeros((len(t), 3)) + frame.tail_position

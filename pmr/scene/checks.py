@@ -22,6 +22,7 @@ from pmr.scene.choice import (
     model_of,
     refuse_unsupported,
 )
+from pmr.scene.cylinder import OPEN
 from pmr.scene.frame import Frame, Machine
 from pmr.scene.joint_checks import check_joints
 from pmr.scene.joints import JointPads
@@ -34,40 +35,84 @@ from pmr.scene.structure_checks import check_loads, check_proportions, check_str
 from pmr.scene.structures import Damping
 
 
-def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
-    """Refuse settings that the equations of a free machine do not cover, and simulators that support no machine."""
+def check_machine(frame: Frame, machine: Machine) -> None:
+    """Refuse a machine that is free in a direction in which its base moves, without a spring between both."""
     motions = {} if frame.base is None else frame.base.motions
     for direction in machine.free:
         if direction in motions and not machine.is_sprung(direction):
             allowed = f"a spring or a damper in {direction} is allowed on what moves: the machine is free there"
             raise scene_error(f"frame.base.{direction}", None, allowed)
+
+
+def _check_computed(scene: Scene, frame: Frame, free: tuple[str, ...], beside: str) -> None:
+    """Refuse settings that the equations of a computed motion do not cover, and simulators that have none of them.
+
+    `free` are the directions that are computed, `beside` is the key with its value in words.
+    """
     if frame.base is not None and frame.base.accelerations:
-        allowed = "x, y and z are allowed beside frame.machine: an acceleration does not say where the ground is"
+        allowed = f"x, y and z are allowed beside {beside}: an acceleration does not say where the ground is"
         raise scene_error("frame.base.acceleration", None, allowed)
     if frame.second_order == "auto":
-        raise scene_error("frame.second_order", "auto", "true or false is allowed beside frame.machine")
+        raise scene_error("frame.second_order", "auto", f"true or false is allowed beside {beside}")
     if scene.goal is not None:
         key = "accuracy" if scene.accuracy is not None else "budget"
-        raise scene_error(key, None, "none is allowed beside frame.machine, whose motion depends on model and step")
+        raise scene_error(key, None, f"none is allowed beside {beside}, whose motion depends on model and step")
     for member in members(scene):
         if model_of(member) == "beam2d":
             key = scene.section_key(member.number, "body.model")
-            raise scene_error(key, "beam2d", "a model in space is allowed beside frame.machine")
-    _check_contacts(scene)
-    for name in scene.simulation.simulators:
-        refuse_unsupported(name, SimulatorNeeds(free_machine_directions=machine.free))
-
-
-def _check_contacts(scene: Scene) -> None:
-    """Refuse pads that only push or have friction, which can't be simulated together with a machine's motion."""
+            raise scene_error(key, "beam2d", f"a model in space is allowed beside {beside}")
     keyed = [(k, key, ring) for k, part in enumerate(scene.sections) for key, ring in part.keyed_rings.items()]
     for number, ring_key, ring in keyed:
         key = f"sections[{number}].{ring_key}"
         if ring.unilateral:
-            allowed = "false is allowed beside frame.machine: pads that hold both ways"
+            allowed = f"false is allowed beside {beside}: pads that hold both ways"
             raise scene_error(f"{key}.unilateral", True, allowed)
         if isinstance(ring, JointPads) and ring.friction:
-            raise scene_error(f"{key}.friction", ring.friction, "0 is allowed beside frame.machine")
+            raise scene_error(f"{key}.friction", ring.friction, f"0 is allowed beside {beside}")
+    for name in scene.simulation.simulators:
+        refuse_unsupported(name, SimulatorNeeds(free_machine_directions=free))
+
+
+def _check_luffing(scene: Scene, frame: Frame) -> None:
+    """Refuse what a free luffing angle does not go with, and a free angle's keys where the angle is prescribed."""
+    cylinder, free = frame.cylinder, "frame.luffing = 'free'"
+    if frame.luffing != "free":
+        for key in ("luffing_start", "luffing_rate"):
+            if getattr(frame, key):
+                raise scene_error(f"frame.{key}", getattr(frame, key), f"{free} is needed with it")
+        keys = () if cylinder is None else (*cylinder.drives, *(k for k in ("damping",) if cylinder.damping))
+        if keys:
+            raise scene_error(f"frame.cylinder.{keys[0]}", None, f"{free} is needed with it: the angle is prescribed")
+        return
+    if frame.machine is not None:
+        raise scene_error("frame.machine", None, f"none is allowed beside {free}")
+    for key in ("rx", "ry", "rz"):
+        if frame.base is not None and key in frame.base.motions:
+            raise scene_error(f"frame.base.{key}", None, f"x, y and z are allowed beside {free}")
+    if cylinder is None:
+        return
+    if cylinder.stiffness is not None:
+        allowed = f"none is allowed beside {free}: oil or spring gives way, a support of the base is at the lug"
+        raise scene_error("frame.cylinder.stiffness", cylinder.stiffness, allowed)
+    if not cylinder.drives:
+        allowed = f"force, length or oil is needed beside {free}; without frame.cylinder the boom swings by itself"
+        raise scene_error("frame.cylinder", None, allowed)
+    if cylinder.oil is not None and cylinder.oil.valve is not None:
+        least, most = cylinder.oil.valve.opening.bounds(0.0, scene.time.end)
+        if max(-least, most) > OPEN:
+            allowed = "openings from -1 to 1 are allowed"
+            raise scene_error("frame.cylinder.oil.valve.opening", least if -least > OPEN else most, allowed)
+    length = float(cylinder.length_and_arm(frame.angles[0].value(np.zeros(1)))[0][0])
+    if cylinder.stroke is not None and not cylinder.stroke[0] <= length <= cylinder.stroke[1]:
+        allowed = f"the length at luffing_start, {length:.4g} m, is needed within the stroke"
+        raise scene_error("frame.cylinder.stroke", list(cylinder.stroke), allowed)
+    reach = [float(np.hypot(*hinge)) for hinge in (cylinder.foot, cylinder.lug)]
+    dead = abs(reach[0] - reach[1]), sum(reach)
+    if cylinder.stroke is not None and not dead[0] < cylinder.stroke[0] < cylinder.stroke[1] < dead[1]:
+        allowed = (
+            f"lengths between {dead[0]:.4g} and {dead[1]:.4g} m are allowed: foot, lug and pivot are in line there"
+        )
+        raise scene_error("frame.cylinder.stroke", list(cylinder.stroke), allowed)
 
 
 def _check_ground(scene: Scene) -> None:
@@ -107,8 +152,12 @@ def check_frame(scene: Scene) -> None:
         frame.refuse_without_unit(f"frame.{key}", angle.bounds(0.0, scene.time.end))
         _check_smooth(scene, key, "an angle", angle)
     _check_cylinder(scene, frame)
+    _check_luffing(scene, frame)
     if frame.machine is not None:
-        check_machine(scene, frame, frame.machine)
+        check_machine(frame, frame.machine)
+        _check_computed(scene, frame, frame.machine.free, "frame.machine")
+    elif frame.computed_key is not None:
+        _check_computed(scene, frame, ("luffing",), "frame.luffing = 'free'")
     if frame.ground is not None:
         _check_ground(scene)
     for axis, motion in (frame.base.motions if frame.base else {}).items():

@@ -23,18 +23,19 @@ from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, FieldSerializationInfo, field_serializer, model_validator
 
 from pmr.errors import InputError
+from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.ground import Ground
 from pmr.scene.joints import ScaledSignal
-from pmr.scene.keys import Direction, Mass, Place, Point, Quantity, SceneTable, Stiffness, Switch, Usual, key_error
+from pmr.scene.keys import Direction, Mass, Point, Quantity, SceneTable, Switch, Usual, key_error
 from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
 
 #: Directions in which a machine moves, as keys of `[frame.base]`: displacements of the pivot, roll, pitch and yaw.
 DIRECTIONS: tuple[Direction, ...] = ("x", "y", "z", "rx", "ry", "rz")
-_PerDirection = Field(ge=0.0, strict=True)
+_PerDirection, _Strict = Field(ge=0.0, strict=True), Field(strict=True)
 Spring = Annotated[float, _PerDirection, Quantity("N/m, of angles N m/rad", 0.0, 1e15)]
 Damper = Annotated[float, _PerDirection, Quantity("N s/m, of angles N m s/rad", 0.0, 1e15)]
 Value = Annotated[float, Field(strict=True), Quantity("m, of angles frame.unit", -1e6, 1e6)]
@@ -156,6 +157,8 @@ TURN = 2.0 * np.pi
 #: Usual ranges of the frame's motions; angles have one range in rad and one in degrees.
 SHAKEN, MOVED = Usual(1e-3, 100.0, unit="m/s^2"), Usual(0.0, 1e3, unit="m")
 ROCKED, TURNED = Usual(0.0, 2.0, "rad", "rad"), Usual(0.0, 40.0, "rad", "rad")
+#: Usual range of a rate at the start.
+SWUNG = Usual(0.0, 20.0, "rad", "rad/s")
 RAISED, SLEWED = Usual(1.6, np.inf, "degrees", "degrees"), Usual(3.2, np.inf, "degrees", "degrees")
 #: Prefix of the inputs by which a moving frame accelerates a body; the field follows: ``inertia x``, ``inertia zx``.
 INERTIA = "inertia "
@@ -219,62 +222,22 @@ class BaseMotion(SceneTable):
         return {axis: signal for axis, signal in signals.items() if signal is not None}
 
 
-class LuffingCylinder(SceneTable):
-    r"""Hinges of the cylinder that raises the boom: x and z from the pivot, z upwards when the boom lies level.
-
-    The cylinder goes from the foot :math:`r_0` on the machine to the lug :math:`r_1` on the boom.  With the rotation
-    :math:`R(\varphi)` by the luffing angle :math:`\varphi` its length is :math:`L = |R(\varphi) r_1 - r_0|`.  By
-    virtual work it carries the moment :math:`\mathfrak M` of the boom about the pivot with the force :math:`\mathfrak M
-    / (dL / d\varphi)`.
-    """
-
-    foot: Annotated[tuple[Place, Place], Usual(0.0, 2.0, "reach")] = Field(
-        description="Hinge on the machine; it slews with the boom and does not luff"
-    )
-    lug: Annotated[tuple[Place, Place], Usual(0.0, 2.0, "reach")] = Field(
-        description="Hinge on the boom, in the axes of the boom"
-    )
-    stiffness: Stiffness | None = Field(
-        default=None,
-        description="Stiffness along the cylinder, which then holds the base at the lug in its true direction; "
-        "without it supports of the base hold it",
-    )
-
-    def lug_position(self, angle: ArrayLike) -> NDArray[np.float64]:
-        """Return the lug's positions (..., 2) in m at luffing angles (...) in rad.
-
-        The two components are x and z from the pivot, along the axes of the foot, which do not luff.
-        """
-        sine, cosine, (x, z) = np.sin(angle), np.cos(angle), self.lug
-        return np.stack([x * cosine - z * sine, x * sine + z * cosine], axis=-1)
-
-    def length_and_arm(self, angle: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return length L and arm dL / dphi about the pivot, both (...) in m, at luffing angles phi (...) in rad.
-
-        The arm is 0 where the length is 0.
-        """
-        lug = self.lug_position(angle)
-        from_foot = lug - self.foot
-        length = np.linalg.norm(from_foot, axis=-1)
-        turned = from_foot[..., 1] * lug[..., 0] - from_foot[..., 0] * lug[..., 1]
-        return length, np.divide(turned, length, out=np.zeros_like(length), where=length > 0.0)
-
-    def direction(self, angle: ArrayLike) -> NDArray[np.float64]:
-        """Return unit vectors (..., 2) from foot to lug, along x and z of the boom, at luffing angles (...) in rad."""
-        along_cylinder = self.lug_position(angle) - self.foot
-        x, z = np.moveaxis(along_cylinder / np.linalg.norm(along_cylinder, axis=-1, keepdims=True), -1, 0)
-        sine, cosine = np.sin(angle), np.cos(angle)
-        return np.stack([x * cosine + z * sine, z * cosine - x * sine], axis=-1)
-
-
 class Frame(SceneTable):
     """A frame that luffs and slews about a pivot: the whole boom moves with it, and gravity keeps pointing down."""
 
     pivot: Annotated[Point, Usual(0.0, 5.0, "reach")] | None = Field(
         default=None, description="Position of the base's tail relative to the pivot, in the axes of the boom"
     )
-    luffing: Annotated[Signal, ROCKED, RAISED] | None = Field(
-        default=None, description="Luffing angle over time: how far the boom is raised"
+    luffing: Annotated[Signal, ROCKED, RAISED] | Literal["free"] | None = Field(
+        default=None,
+        description="Luffing angle over time: how far the boom is raised; free: its motion is computed, with what "
+        "drives the cylinder",
+    )
+    luffing_start: Annotated[float, _Strict, Quantity("frame.unit", -1e6, 1e6), ROCKED, RAISED] = Field(
+        default=0.0, description="Where a free luffing angle begins"
+    )
+    luffing_rate: Annotated[float, _Strict, Quantity("frame.unit/s", -1e6, 1e6), SWUNG] = Field(
+        default=0.0, description="How fast a free luffing angle moves at the start"
     )
     slewing: Annotated[Signal, TURNED, SLEWED] | None = Field(
         default=None, description="Slewing angle over time, about the upward vertical"
@@ -321,10 +284,37 @@ class Frame(SceneTable):
         assert self.pivot is not None  # as the validator says
         return self.pivot
 
+    @field_serializer("luffing")
+    def _dump_luffing(self, luffing: SignalBase | str | None, info: FieldSerializationInfo) -> object:
+        """Return the angle's table of keys, as for an angle that can't be free; pydantic warns of a union otherwise."""
+        if not isinstance(luffing, SignalBase):
+            return luffing
+        return luffing.model_dump(
+            mode=info.mode,
+            by_alias=info.by_alias,
+            exclude_unset=info.exclude_unset,
+            exclude_defaults=info.exclude_defaults,
+            exclude_none=info.exclude_none,
+        )
+
     @property
     def angles(self) -> tuple[SignalBase, SignalBase]:
-        """Luffing and slewing angle in rad over time; a constant 0 for an angle that the scene does not set."""
-        return self._in_rad(self.luffing), self._in_rad(self.slewing)
+        """Luffing and slewing angle in rad over time; a constant 0 for an angle that the scene does not set.
+
+        A free luffing angle is where it begins.
+        """
+        luffing = Constant(amount=self.luffing_start) if self.luffing == "free" else self.luffing_signal
+        return self._in_rad(luffing), self._in_rad(self.slewing)
+
+    @property
+    def luffing_signal(self) -> SignalBase | None:
+        """Luffing angle over time in the frame's unit; None if the scene does not set it, or leaves it free."""
+        return None if self.luffing == "free" else self.luffing
+
+    @property
+    def computed_key(self) -> str | None:
+        """Key within [frame] of the part whose motion is computed with the boom's; None if all motion is prescribed."""
+        return "machine" if self.machine is not None else "luffing" if self.luffing == "free" else None
 
     @property
     def base_angles(self) -> tuple[SignalBase, ...]:
@@ -344,8 +334,8 @@ class Frame(SceneTable):
     @property
     def out_of_plane_key(self) -> str | None:
         """Key within [frame] of the motion that moves the boom out of a vertical plane; None if nothing does."""
-        if self.machine is not None:
-            return "machine"
+        if self.computed_key is not None:
+            return self.computed_key
         motions = {} if self.base is None else {f"base.{key}": signal for key, signal in self.base.motions.items()}
         if self.base is not None:
             motions |= {f"base.acceleration.{axis}": signal for axis, signal in self.base.accelerations.items()}

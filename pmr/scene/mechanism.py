@@ -35,7 +35,7 @@ import numpy as np
 from pmr.files.arrays import Array
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.choice import axis_loads, has_axial_motion, has_driven_tail, motion_directions, transverse_axes
-from pmr.scene.frame import LuffingCylinder
+from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.keys import LUFFING, LUFFING_CYLINDER, SLIDER, cylinder_name, qualified_name
 from pmr.scene.members import Member, member_at, members
 from pmr.scene.scene import Scene

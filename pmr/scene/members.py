@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from pmr.scene.built import WEIGHT, Gravity, PadRing
-from pmr.scene.frame import Frame, LuffingCylinder
+from pmr.scene.cylinder import LuffingCylinder
+from pmr.scene.frame import Frame
 from pmr.scene.joints import BoomSection, JointPads
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase

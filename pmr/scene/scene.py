@@ -16,7 +16,8 @@ from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_ser
 from pmr.errors import InputError
 from pmr.scene import run_settings
 from pmr.scene.built import WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
-from pmr.scene.frame import Frame, LuffingCylinder
+from pmr.scene.cylinder import LuffingCylinder
+from pmr.scene.frame import Frame
 from pmr.scene.joints import BoomSection, Joint, OneBody, ScaledSignal
 from pmr.scene.keys import ALONE, LUFFING, SLIDER, SceneTable, Schema, Text, key_error
 from pmr.scene.signals import Constant, SignalBase

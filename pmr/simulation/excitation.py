@@ -50,9 +50,11 @@ class Excitation:
 
         Raises InputError for a scene with a machine, whose motion is not known in advance.
         """
-        if scene.frame is not None and scene.frame.machine is not None:
-            allowed = "none is allowed here: only pmr run and pmr.simulate, with march, find how a machine moves"
-            raise InputError("scene", "frame.machine", None, allowed)
+        if scene.frame is not None and (key := scene.frame.computed_key) is not None:
+            value = scene.frame.luffing if key == "luffing" else None
+            moves = "how a boom luffs freely" if value else "how a machine moves"
+            allowed = f"none is allowed here: only pmr run and pmr.simulate, with march, find {moves}"
+            raise InputError("scene", f"frame.{key}", value, allowed)
         stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
         loads, paths = dict[str, SignalBase](), scene.paths
         for name, member in zip(scene.names, members(scene), strict=True):

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -280,6 +280,7 @@ class MotionSamples:
     values: Array  # (3, T): motion in m or rad, its rate and its second rate
     force: Array  # (T,) N or N m: force or moment of the machine on the ground in this direction
     inputs: Mapping[str, Array]  # (T,) values of the inertia inputs of the boom, by input name
+    cylinder: Mapping[str, Array] = field(default_factory=dict)  # (T,) of a luffing cylinder, by name
 
 
 class ComputedMotion(SignalBase):
@@ -356,15 +357,18 @@ def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
     not used: generalized-alpha leaves in these an undamped part that alternates from step to step, and this part must
     not be multiplied by quantities that change from step to step.
     """
-    base = None if scene.frame is None else scene.frame.base
-    samples = base.x.samples if base is not None and isinstance(base.x, ComputedMotion) else None
+    frame = scene.frame
+    if frame is None:
+        return {}
+    signals = (frame.luffing_signal, *(frame.base.motions if frame.base else {}).values())
+    samples = next((signal.samples for signal in signals if isinstance(signal, ComputedMotion)), None)
     return {} if samples is None else {name: ComputedInput(samples=samples, name=name) for name in samples.inputs}
 
 
 def has_computed_motion(scene: Scene) -> bool:
     """Whether a machine's motion is or will be computed with the model; False if all its directions are held."""
-    machine = None if scene.frame is None else scene.frame.machine
-    return bool(computed_inputs(scene)) or (machine is not None and bool(machine.free))
+    machine, free = (None, False) if scene.frame is None else (scene.frame.machine, scene.frame.luffing == "free")
+    return bool(computed_inputs(scene)) or free or (machine is not None and bool(machine.free))
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,9 @@ For all further computations, the computed motion is the prescribed motion of a 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 import scipy.linalg
 
@@ -22,7 +25,7 @@ from pmr.errors import SimulationError
 from pmr.files.arrays import Array
 from pmr.kernel.further import AXES
 from pmr.kernel.kernel import Kernel
-from pmr.kernel.machine import Machine, MachineSimulation
+from pmr.kernel.machine import REASONS, Cylinder, Machine, MachineSimulation
 from pmr.kernel.state import Settings, State, StepError
 from pmr.scene import Scene
 from pmr.scene.choice import refuse_unsupported
@@ -30,7 +33,7 @@ from pmr.scene.frame import DIRECTIONS, INERTIA, BaseMotion
 from pmr.scene.keys import LUFFING
 from pmr.scene.signals import Constant
 from pmr.simulation.excitation import Excitation, side_positions, side_velocities
-from pmr.simulation.frame_motion import MachineMotion, with_computed_motion
+from pmr.simulation.frame_motion import MachineMotion
 from pmr.simulation.free_base import FreeBase, with_all_inertia
 from pmr.simulation.moving import OF_BASE, MovingFrame
 from pmr.simulation.native.form import SystemForm, path_text, rest_states, start_modes, step_failure
@@ -141,17 +144,6 @@ TRIALS, DIFFERENCE, ROUND_OFF = 30, 1e-4, 1e-12
 BLOCK = 1024
 
 
-def with_machine_motion(scene: Scene, system: System) -> tuple[Scene, System]:
-    """Scene in which the frame's base has the machine's computed motion, and system in which all modes have inertia.
-
-    Both are unchanged if the scene has no machine.  Errors as `machine_motion`.
-    """
-    if scene.frame is None or scene.frame.machine is None:
-        return scene, system
-    system = with_all_inertia(system)
-    return with_computed_motion(scene, machine_motion(scene, system)), system
-
-
 def machine_motion(scene: Scene, system: System) -> MachineMotion:
     """Compute the motion of the machine of a scene, with the boom.
 
@@ -168,7 +160,9 @@ def machine_motion(scene: Scene, system: System) -> MachineMotion:
 class MachineRun:
     """Simulation of a machine and its boom from the start on, with the kernel's steps."""
 
-    def __init__(self, scene: Scene, system: System) -> None:
+    def __init__(
+        self, scene: Scene, system: System, cylinder: Cylinder | None = None, reasons: Mapping[int, str] = REASONS
+    ) -> None:
         frame = scene.frame
         assert frame is not None and frame.machine is not None  # of a scene with a machine
         still = BaseMotion(**dict.fromkeys(DIRECTIONS, Constant(amount=0.0)))
@@ -183,14 +177,15 @@ class MachineRun:
         self._kernel = Kernel.of(system, self.form.forms, moving)
         modes = modes_in_bodies(self.form, self._kernel.modes)
         state = State(self._kernel, Settings(stepping.step, stepping.rho_inf, energy=False))
-        self.machine = machine = machine_of(scene, system, moving, self._excitation, modes)
+        machine = machine_of(scene, system, moving, self._excitation, modes)
+        self.machine = machine = machine if cylinder is None else replace(machine, cylinder=cylinder)
         self._given, self._first = base_motions(scene, np.zeros(1))[0], machine.motions[0].copy()
         self._angles = [moving.drivers.index(angle) for angle in OF_BASE]
         self._free, self._sprung = np.isin(DIRECTIONS, frame.machine.free), machine.stiffness > 0.0
         begun = [[getattr(of, axis) for axis in DIRECTIONS] for of in (frame.machine.start, frame.machine.rate)]
         self._fill_in_start = np.array(begun) * direction_units(scene)  # (2, 6): motions in free directions, rates
         self._inertial = [system.input_names[k] for k in machine.inertial] if self._free.any() else []
-        self.simulation, self._in_balance = MachineSimulation(state, machine), scene.start == "equilibrium"
+        self.simulation, self._in_balance = MachineSimulation(state, machine, reasons), scene.start == "equilibrium"
 
     def run(self) -> MachineMotion:
         """Take all steps and return the motion; a SimulationError names the step that fails."""
@@ -221,7 +216,12 @@ class MachineRun:
             motion = self._balance_springs(motion)
             states = self._rest_states(motion[0])
         x_rate = side_velocities(self._system, self._excitation)
-        self.simulation.start(motion, *start_modes(self.form, self._x[0], x_rate, states))
+        z, v = start_modes(self.form, self._x[0], x_rate, states)
+        self._load_cylinder(motion[0], z)
+        self.simulation.start(motion, z, v)
+
+    def _load_cylinder(self, place: Array, z: Array) -> None:
+        """Set what a luffing cylinder begins with, for a machine at `place` (6,) and a boom with coordinates z."""
 
     def _rest_states(self, place: Array) -> dict[str, InitialState]:
         """States of the bodies in equilibrium with the loads at t = 0 on a machine at rest at `place` (6,)."""

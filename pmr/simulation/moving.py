@@ -273,7 +273,7 @@ class MovingFrame:
 
     def drives(self, excitation: Excitation) -> bool:
         """Whether an excitation has the paths, loads and amplitudes of terms that the scene has on its time grid."""
-        if self.scene.frame is None or self.scene.frame.machine is not None:
+        if self.scene.frame is None or self.scene.frame.computed_key is not None:
             return False
         of_scene = Excitation.from_scene(self.scene).on_grid(excitation.stepping)
         return all(getattr(of_scene, part) == getattr(excitation, part) for part in ("paths", "loads", "terms"))

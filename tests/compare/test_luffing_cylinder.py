@@ -12,7 +12,7 @@ from pmr.compare.forces import turning_warnings
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
-from pmr.scene.frame import LuffingCylinder
+from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.mechanism import CYLINDER
 
 G, LENGTH, MASS = 9.80665, 6.0, 250.0

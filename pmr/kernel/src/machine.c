@@ -256,6 +256,7 @@ static int end_machine_step(pmr_machine_run *ms, int64_t k)
     }
     past->carrier = now->carrier;
     past->whole = now->whole;
+    past->cylinder = now->cylinder;
     copy(past->momenta, now->whole.momenta, 6);
     copy(past->whole.momenta, momenta, 6);
     copy(past->b, now->b, 18);
@@ -359,6 +360,7 @@ static void record_machine(const pmr_machine_run *ms, const pmr_machine_record *
     record_row(record->springs, row, 6, ms->past.whole.springs);
     record_row(record->momenta, row, 6, ms->past.momenta);
     record_row(record->inertia, row, ms->machine->inertial_count, ms->inertia);
+    record_row(record->cylinder, row, PMR_CYLINDER_COLUMNS, &ms->past.cylinder.length);
 }
 
 static int machine_run_start(pmr_machine_run *ms, const double *given, const double *z, const double *v,
@@ -396,6 +398,7 @@ static int machine_run_start(pmr_machine_run *ms, const double *given, const dou
     for (n = 0; n < m->inertial_count; n++)
         ms->inertia[n] = ms->inertia_smooth[n] = ms->u[y->paths + m->inertial[n]];
     find_whole(ms, 0, b, &past->carrier, ms->u + y->paths, modes, &past->whole);
+    past->cylinder = ms->now.cylinder;
     copy(past->forces, past->whole.forces, 6);
     copy(past->momenta, past->whole.momenta, 6);
     for (n = 0; n < 6; n++) balanced = larger(balanced, fabs(past->whole.springs[n]) / (m->boom_mass + m->mass));

@@ -20,6 +20,11 @@ typedef struct {
     double base_R[9], base_omega[3];
 } carrier;
 
+/* A luffing cylinder: what is recorded; flows into both chambers as the step averages them; its length at the start. */
+typedef struct {
+    double length, speed, force, pressures[2], flows[2], fed[2], supplied, mean[2], begun;
+} cylinder_state;
+
 typedef struct {
     double momenta[6], forces[6], springs[6], axes[9];
 } machine_whole;
@@ -29,6 +34,7 @@ typedef struct {
     double b[18], smooth[6], felt[6], forces[6], fastest[2], slope[36], rates[3][6], momenta[6], held[6];
     carrier carrier;
     machine_whole whole;
+    cylinder_state cylinder;
     int32_t rates_known, slope_known, rows_known;
 } machine_past;
 
@@ -37,6 +43,7 @@ typedef struct {
     double b[18], felt[6], left[6];
     carrier carrier;
     machine_whole whole;
+    cylinder_state cylinder;
 } trial;
 
 struct pmr_machine_run {

@@ -167,6 +167,27 @@ int pmr_step_in_frame(pmr_state *state, const double *motions, const int32_t *ro
 
 /* ---- a machine that carries the frame ---- */
 
+/* What drives a luffing cylinder. */
+enum { PMR_NO_CYLINDER = 0, PMR_CYLINDER_FORCE = 1, PMR_CYLINDER_LENGTH = 2, PMR_CYLINDER_OIL = 3 };
+
+/* A luffing cylinder that drives the pitch of a machine (cylinder.c): the boom is raised by `angle` less the pitch.
+   Pairs are of the bore and of the rod side, or x and z. */
+typedef struct {
+    int32_t kind;
+    double angle, foot[2], lug[2];         /* rad; m from the pivot, the lug where the boom lies level */
+    double force, spring, damping;         /* N at the start; N/m over the length, N s/m */
+    double stroke[2], stop_stiffness;      /* m, N/m */
+    double areas[2], volumes[2];           /* m^2; m^3 at the ends of the stroke, hoses included */
+    double bulk_modulus, leakage;          /* Pa, m^3/s/Pa */
+    double supply, tank, pressures[2];     /* Pa; the chambers' at the start */
+    double gain[2], dead_band, laminar;    /* m^3/s/Pa^0.5 of the valve's edges, 1, Pa */
+    double setting, ratio, range, counterbalance; /* Pa, 1, Pa, m^3/s/Pa^0.5: 0 without such a valve */
+} pmr_luffing_cylinder;
+
+/* Columns of what a cylinder is recorded by: m, m/s and N, pushing; Pa and flows into the chambers in m^3/s; volumes in
+   m^3 that have flowed into them since the start; m^3/s out of the supply. */
+enum { PMR_CYLINDER_COLUMNS = 10 };
+
 /* A machine below the boom of a system with a frame, whose motion is found with the boom's (machine.c).  Its directions
    are x, y, z of the pivot along the ground's axes in m, and roll, pitch and yaw in rad.  Arrays stay as long as what is
    opened with them; those over T steps, t = 0 the first, say what drives it. */
@@ -194,6 +215,8 @@ typedef struct {
     const double *base_motion;     /* (T, 3, 6): directions that are held, and what springs stand on */
     const double *external;        /* (T, 6) N and N m: forces and moments on the pivot, along the ground's axes */
     const double *weight;          /* (T,) m/s^2 */
+    pmr_luffing_cylinder cylinder;
+    const double *drive;           /* (T, 2): of the cylinder a force in N, a length in m or an opening, and its rate */
 } pmr_machine;
 
 typedef struct pmr_machine_run pmr_machine_run;
@@ -205,6 +228,7 @@ typedef struct {
     double *springs; /* (., 6): of springs and dampers, by the directions */
     double *momenta; /* (., 6): linear and angular momentum about the ground's origin */
     double *inertia; /* (., inertial_count): inputs by which the frame accelerates the boom */
+    double *cylinder; /* (., PMR_CYLINDER_COLUMNS) */
 } pmr_machine_record;
 
 /* PMR_REFUSED for a system whose frame has no base that moves or whose contacts push, and for steps in parts or with

@@ -32,6 +32,7 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "advance.c"
 #include "machine.h"
 #include "moments.c"
+#include "cylinder.c"
 #include "whole.c"
 #include "machine.c"
 #include "continuous.c"

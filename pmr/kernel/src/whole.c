@@ -145,6 +145,7 @@ static void find_whole(pmr_machine_run *ms, int64_t k, const double *b, const ca
     add_cross(1.0, lever, linear, L);
     add_cross(1.0, b, P, L);
     find_springs(m, k, b, w->springs);
+    if (m->cylinder.kind) push_by_cylinder(ms, k, b, w->springs);
     push(ms, k, c->R, w->axes, f, w->springs, lever, w->forces, w->forces + 3);
     add_cross(1.0, b, w->forces, w->forces + 3);
 }
@@ -195,6 +196,7 @@ static void find_holding_forces(pmr_machine_run *ms, int64_t k, const double *b,
     turn_out(base.R, rolled, rolled);
     add_cross(1.0, lever, own, rolled);
     find_springs(m, k, b, springs);
+    if (m->cylinder.kind) push_by_cylinder(ms, k, b, springs);
     push(ms, k, turned.R, axes, f, springs, lever, F, M);
     for (i = 0; i < 3; i++) {
         needed[i] = linear[i] + own[i] - F[i];

@@ -142,9 +142,13 @@ def force_figure(result: RunResult, group: Sequence[Force]) -> Figure:
     return figure
 
 
+#: Names of what has a unit, other than forces.
+_NAMES = {"N m": "Moment", "Pa": "Pressure", "m^3/s": "Flow", "W": "Power", "rad": "Angle"}
+
+
 def pivot_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
-    """Draw the forces, or moments, between the boom and its machine over time, all in one panel."""
-    quantity = "Moment" if outputs[0].unit == "N m" else "Force"
+    """Draw outputs of one unit over time, all in one panel: forces or moments on the machine, what a cylinder has."""
+    quantity = _NAMES.get(outputs[0].unit, "Force")
     return _panel_of_outputs(result, outputs, [output.name.rpartition(" ")[2] for output in outputs], quantity)
 
 
@@ -165,7 +169,7 @@ def _panel_of_outputs(result: RunResult, outputs: Sequence[Output], names: Seque
     figure, axes = make_sheet(HALF, 1.9 + more, margins={"top": 0.28 + more})
     colours = (*SECTIONS[1:], *_COLOURS)
     _plot(axes[0, 0], time.t, [signal / unit.size for signal in signals], colours, (0.8,))
-    time.frame(axes[0, 0], f"{quantity} in {unit.name}" if outputs[0].unit != "1" else quantity)
+    time.frame(axes[0, 0], f"{quantity} in {unit.name.replace('^3', '³')}" if outputs[0].unit != "1" else quantity)
     axes[0, 0].axhline(0.0, linewidth=0.0)
     shade = time.shade_legend() if len(names) < 4 else ()  # there is no room for a fifth name
     add_legend(figure, [*_legend(names, colours, minimum=1), *shade], rows)

@@ -122,9 +122,7 @@ def draw_sketch(result: RunResult) -> Figure:
 
 def _is_boom(result: RunResult) -> bool:
     """Whether the sketch shows the system in true position, as for a boom of sections or a body alone in a frame."""
-    return not is_alone(result) or (
-        result.scene.frame is not None and bool(axis_points(result, result.responses["reduced"]))
-    )
+    return not is_alone(result) or (result.frame is not None and bool(axis_points(result, result.responses["reduced"])))
 
 
 def sketch_caption(result: RunResult) -> str:

@@ -72,7 +72,7 @@ def tip_figure(result: RunResult) -> Figure:
 
 def buckling_figure(result: RunResult, abscissa: str) -> Figure:
     """Draw the buckling factor during the run over `abscissa`: the ``reach``, or the ``angle`` of luffing."""
-    over_way, frame, times = result.summary["buckling"]["over"], result.scene.frame, result.responses["reduced"].t
+    over_way, frame, times = result.summary["buckling"]["over"], result.frame, result.responses["reduced"].t
     assert frame is not None  # only a boom in a frame has a factor
     t, factor = np.array(over_way["t"]), np.array([np.nan if value is None else value for value in over_way["factor"]])
     figure, axes = make_sheet(HALF, 2.0)
@@ -146,7 +146,7 @@ def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
 
     The list is empty if the scene has no luffing cylinder.
     """
-    frame, t = result.scene.frame, result.responses["reduced"].t
+    frame, t = result.frame, result.responses["reduced"].t
     if frame is None or frame.cylinder is None:
         return []
     return [
@@ -325,7 +325,7 @@ def space_block(result: RunResult, prefix: str) -> Block | None:
     It is None for all other runs, and for a boom that is in no frame.
     """
     played = any(body.fields is not None for body in result.bodies.values())
-    if result.scene.frame is None or not played or not axis_points(result, result.responses["reduced"]):
+    if result.frame is None or not played or not axis_points(result, result.responses["reduced"]):
         return None
     return Block(heading="The boom in space", rows=space_drawings(result, prefix))
 

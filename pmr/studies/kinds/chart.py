@@ -399,6 +399,8 @@ def _check_at_rest(scene: Scene) -> None:
     assert scene.frame is not None
     if scene.frame.machine is not None:
         raise InputError("scene", "frame.machine", None, "a machine that stands still is allowed in a load chart")
+    if scene.frame.luffing == "free":
+        raise InputError("scene", "frame.luffing", "free", "an angle over time is allowed in a load chart")
     base = scene.frame.base
     moving = [key for key, signal in (base.motions if base else {}).items() if not isinstance(signal, Constant)]
     moving += [f"acceleration.{axis}" for axis in (base.accelerations if base else {})]

@@ -1,0 +1,167 @@
+/* A luffing cylinder between the foot r_0 on the machine and the lug r_1 on the boom, which drives the luffing angle phi
+   with the moment F dL/dphi about the pivot; L = |R(phi) r_1 - r_0| is its length.
+
+   Driven by a length it pushes with F_0 + k (l - l_0 - L + L_0).  Oil pushes with p_1 A_1 - p_2 A_2.  The volumes of
+   bore and rod side are V_1 = V_01 + A_1 (L - L_min) and V_2 = V_02 + A_2 (L_max - L), and with the bulk modulus K
+
+       V_i p_i' / K + V_i' = Q_i
+
+   under the flows Q_i into the chambers.  A step of h from 0 to 1 ends where
+
+       (V_0 + V_1) / 2 (p_1 - p_0) / K + V_1 - V_0 = h Q~_1,    Q~_1 = (2 Q_1 + Q~_0) / 3.
+
+   What is swept is exact, so shut oil is a spring without losses; flows follow backward differences of second order
+   (Q~_0 is the last step's), which damp what is faster than the step. */
+
+enum { MOST_PRESSURES = 60 };
+#define PRESSURE_ROUND_OFF 1e-14
+#define PRESSURE_NEAR 1e-9
+
+/* A flow, and how it grows with the pressures of both chambers. */
+typedef struct {
+    double at, by[2];
+} flow;
+
+/* Flow through an edge of gain g under a pressure drop, g p / (p^2 + laminar^2)^(1/4), and how it grows with the drop. */
+static double through_edge(double g, double drop, double laminar, double *slope)
+{
+    const double square = drop * drop + laminar * laminar, root = sqrt(sqrt(square));
+    *slope = g * (1.0 - 0.5 * drop * drop / square) / root;
+    return g * drop / root;
+}
+
+/* Flow into chamber i from its edge of the valve, at an effective opening; `fed` is by the supply. */
+static flow through_valve(const pmr_luffing_cylinder *c, double opening, int i, const double *p, int *fed)
+{
+    const double open = fabs(opening), source = (*fed = (opening > 0.0) == (i == 0)) ? c->supply : c->tank;
+    double gain = open * c->gain[i], slope, change;
+    flow q = {0.0, {0.0, 0.0}};
+    if (open == 0.0) {
+        *fed = 0;
+        return q;
+    }
+    if (i == 0 && c->counterbalance > 0.0 && p[0] > source) { /* out of the bore: both valves in series */
+        const double lift = (p[0] + c->ratio * p[1] - c->setting) / c->range;
+        const double valve = c->counterbalance * (lift < 0.0 ? 0.0 : lift > 1.0 ? 1.0 : lift);
+        const double both = sqrt(gain * gain + valve * valve), series = gain * valve / both;
+        q.at = through_edge(series, source - p[0], c->laminar, &slope);
+        q.by[0] = -slope;
+        if (lift > 0.0 && lift < 1.0) {
+            change = gain * gain * gain / (both * both * both) * c->counterbalance / c->range;
+            change *= through_edge(1.0, source - p[0], c->laminar, &slope);
+            q.by[0] += change;
+            q.by[1] += c->ratio * change;
+        }
+        return q;
+    }
+    q.at = through_edge(gain, source - p[i], c->laminar, &slope);
+    q.by[i] = -slope;
+    return q;
+}
+
+/* Flows into both chambers at an opening of the valve, and out of the supply. */
+static void find_flows(const pmr_luffing_cylinder *c, double opening, const double *p, flow q[2], double *supplied)
+{
+    const double beyond = fabs(opening) - c->dead_band;
+    const double effective = beyond > 0.0 ? copysign(beyond / (1.0 - c->dead_band), opening) : 0.0;
+    int i, fed;
+    *supplied = 0.0;
+    for (i = 0; i < 2; i++) {
+        q[i] = through_valve(c, effective, i, p, &fed);
+        if (fed) *supplied = q[i].at;
+    }
+    for (i = 0; i < 2; i++) {
+        q[i].at += c->leakage * (p[1 - i] - p[i]);
+        q[i].by[i] -= c->leakage;
+        q[i].by[1 - i] += c->leakage;
+    }
+}
+
+static double chamber(const pmr_luffing_cylinder *c, int i, double length)
+{
+    return c->volumes[i] + c->areas[i] * (i ? c->stroke[1] - length : length - c->stroke[0]);
+}
+
+/* What the chambers' pressures p leave of the law of a step of h, in Pa, and its derivative. */
+static double chambers_left(const pmr_luffing_cylinder *c, double h, double opening, const cylinder_state *old,
+                            cylinder_state *now, double left[2], double slope[4])
+{
+    flow q[2];
+    double size = 0.0;
+    int i, j;
+    find_flows(c, opening, now->pressures, q, &now->supplied);
+    for (i = 0; i < 2; i++) {
+        const double before = chamber(c, i, old->length), after = chamber(c, i, now->length);
+        const double stiffness = after > 0.0 ? 2.0 * c->bulk_modulus / (before + after) : NAN;
+        now->flows[i] = q[i].at;
+        now->mean[i] = (2.0 * q[i].at + old->mean[i]) / 3.0;
+        left[i] = now->pressures[i] - old->pressures[i] + stiffness * (after - before - h * now->mean[i]);
+        for (j = 0; j < 2; j++) slope[2 * i + j] = (i == j) - stiffness * h * 2.0 / 3.0 * q[i].by[j];
+        size = larger(size, fabs(left[i]));
+    }
+    return isnan(left[0] + left[1]) ? NAN : size;
+}
+
+/* Pressures at the end of a step of h, by Newton's method, which halves steps that come no nearer; NAN where there are
+   none. */
+static void find_pressures(const pmr_luffing_cylinder *c, double h, double opening, const cylinder_state *old,
+                           cylinder_state *now)
+{
+    double left[2], slope[4], change[2], size;
+    int tries, i;
+    copy(now->pressures, old->pressures, 2);
+    size = chambers_left(c, h, opening, old, now, left, slope);
+    for (tries = 0; tries < MOST_PRESSURES; tries++) {
+        const double determinant = slope[0] * slope[3] - slope[1] * slope[2];
+        double from[2], part = 1.0, next, scale = 1.0;
+        change[0] = -(slope[3] * left[0] - slope[1] * left[1]) / determinant;
+        change[1] = -(slope[0] * left[1] - slope[2] * left[0]) / determinant;
+        copy(from, now->pressures, 2);
+        for (i = 0; i < 2; i++) scale = larger(scale, fabs(from[i]) + c->supply);
+        if (larger(fabs(change[0]), fabs(change[1])) <= PRESSURE_ROUND_OFF * scale) return;
+        do {
+            for (i = 0; i < 2; i++) now->pressures[i] = from[i] + part * change[i];
+            next = chambers_left(c, h, opening, old, now, left, slope);
+            part /= 2.0;
+        } while (!(next < size) && part > 1e-4 && !isnan(next));
+        if (isnan(next)) break;
+        if (!(next < size) && size <= PRESSURE_NEAR * scale) return; /* round-off of what is swept */
+        size = next;
+    }
+    now->pressures[0] = now->pressures[1] = NAN;
+}
+
+/* Add the cylinder's share to the machine's forces by its directions, at step k with the machine's motion b. */
+static void push_by_cylinder(pmr_machine_run *ms, int64_t k, const double *b, double *springs)
+{
+    const pmr_luffing_cylinder *c = &ms->machine->cylinder;
+    const double *drive = ms->machine->drive + 2 * (size_t)k, *first = ms->machine->drive;
+    const double h = ms->state->settings.step, s = sin(c->angle - b[4]), co = cos(c->angle - b[4]);
+    const double lug[2] = {c->lug[0] * co - c->lug[1] * s, c->lug[0] * s + c->lug[1] * co};
+    const double x = lug[0] - c->foot[0], z = lug[1] - c->foot[1], length = sqrt(x * x + z * z);
+    const double arm = (z * lug[0] - x * lug[1]) / length;
+    const cylinder_state *old = &ms->past.cylinder;
+    cylinder_state *now = &ms->now.cylinder;
+    flow q[2];
+    int i;
+    now->length = length;
+    now->speed = -arm * b[10];
+    now->force = c->damping * ((c->kind == PMR_CYLINDER_LENGTH ? drive[1] : 0.0) - now->speed);
+    if (length < c->stroke[0]) now->force += c->stop_stiffness * (c->stroke[0] - length);
+    if (length > c->stroke[1]) now->force -= c->stop_stiffness * (length - c->stroke[1]);
+    if (c->kind == PMR_CYLINDER_FORCE) now->force += drive[0];
+    now->begun = k ? old->begun : length;
+    if (c->kind == PMR_CYLINDER_LENGTH) now->force += c->force + c->spring * (drive[0] - first[0] - length + now->begun);
+    if (c->kind == PMR_CYLINDER_OIL) {
+        if (k) {
+            find_pressures(c, h, drive[0], old, now);
+            for (i = 0; i < 2; i++) now->fed[i] = old->fed[i] + h * now->mean[i];
+        } else {
+            copy(now->pressures, c->pressures, 2);
+            find_flows(c, drive[0], now->pressures, q, &now->supplied);
+            for (i = 0; i < 2; i++) now->flows[i] = now->mean[i] = q[i].at, now->fed[i] = 0.0;
+        }
+        now->force += now->pressures[0] * c->areas[0] - now->pressures[1] * c->areas[1];
+    }
+    springs[4] -= arm * now->force;
+}

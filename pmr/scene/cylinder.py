@@ -1,0 +1,182 @@
+"""The luffing cylinder: its hinges, and what drives it where it raises the boom by a force, a length or oil."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, model_validator
+
+from pmr.scene.keys import Area, Length, Place, Pressure, Quantity, SceneTable, Stiffness, Usual, key_error
+from pmr.scene.signals import Signal
+
+_NotNegative = Field(ge=0.0, strict=True)
+Volume = Annotated[float, Field(gt=0.0, strict=True), Quantity("m^3", 1e-12, 1e6), Usual(1e-7, 10.0)]
+HoseVolume = Annotated[float, _NotNegative, Quantity("m^3", 0.0, 1e6), Usual(0.0, 1.0)]
+Gauge = Annotated[float, _NotNegative, Quantity("Pa", 0.0, 1e12), Usual(0.0, 1e8)]
+Gain = Annotated[float, Field(gt=0.0, strict=True), Quantity("m^3/s/Pa^0.5", 1e-15, 1e6), Usual(1e-10, 1e-3)]
+Leakage = Annotated[float, _NotNegative, Quantity("m^3/s/Pa", 0.0, 1e6), Usual(0.0, 1e-9)]
+Friction = Annotated[float, _NotNegative, Quantity("N s/m", 0.0, 1e15), Usual(1.0, 1e9)]
+Part = Annotated[float, Field(ge=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)]
+PilotRatio = Annotated[float, _NotNegative, Quantity("1", 0.0, 100.0)]
+#: Largest opening of a valve, in either direction.
+OPEN = 1.0
+
+
+class Valve(SceneTable):
+    r"""Proportional valve of four edges with a closed centre.
+
+    Beyond the dead band d it is open by :math:`e = \operatorname{sign}(u) (|u| - d) / (1 - d)` of its opening u.  With
+    e > 0 the supply feeds the bore and the rod side drains to the tank, with e < 0 the other way round.  A pressure
+    difference p drives the flow :math:`|e|\, g\, p / (p^2 + p_l^2)^{1/4}` through an edge, which is
+    :math:`|e|\, g \sqrt{|p|}` with the sign of p beyond the laminar range :math:`p_l`.
+    """
+
+    opening: Signal = Field(description="Opening over time, -1 to 1; above 0 the cylinder extends")
+    gain: tuple[Gain, Gain] = Field(
+        description="Flow through the fully open edges of bore and rod side, over the square root of the pressure drop"
+    )
+    dead_band: Part = Field(default=0.0, description="Opening up to which the valve stays shut")
+    laminar: Annotated[Pressure, Usual(10.0, 1e6)] = Field(
+        default=1e4, description="Pressure drop below which the flow is laminar"
+    )
+
+
+class Counterbalance(SceneTable):
+    r"""Counterbalance valve on the bore: oil flows in freely, and out only as far as the valve is open.
+
+    It opens by :math:`(p_1 + r p_2 - p_s) / \Delta p`, 0 to 1, with the pressures :math:`p_1` of the bore and
+    :math:`p_2` of the rod side, which pilots it, the ratio r, the setting :math:`p_s` and the range
+    :math:`\Delta p`.  Its flow has the law of the proportional valve, with which it is in series.
+    """
+
+    setting: Annotated[Pressure, Usual(1e5, 2e8)] = Field(
+        description="Pressure of the bore at which it begins to open without a pilot pressure"
+    )
+    ratio: PilotRatio = Field(description="Pilot ratio: by how much the pilot pressure counts more than the bore's")
+    range: Annotated[Pressure, Usual(1e4, 2e8)] = Field(
+        description="Rise of the pressure from where it begins to open to where it is open"
+    )
+    gain: Gain = Field(description="Flow through the open valve over the square root of the pressure drop")
+
+
+class Oil(SceneTable):
+    """Oil in the two chambers of the cylinder, and what feeds it; pairs are of the bore and of the rod side.
+
+    All pressures are above that of the surroundings.
+    """
+
+    areas: tuple[Annotated[Area, Usual(1e-5, 1.0)], Annotated[Area, Usual(1e-5, 1.0)]] = Field(
+        description="Areas of the piston"
+    )
+    dead_volumes: tuple[Volume, Volume] = Field(description="Volumes of the chambers at their end of the stroke")
+    hose_volumes: tuple[HoseVolume, HoseVolume] = Field(
+        default=(0.0, 0.0), description="Volumes of hoses between the chambers and the valve that shuts them"
+    )
+    bulk_modulus: Annotated[Pressure, Usual(1e8, 3e9)] = Field(default=1.4e9, description="Of the oil")
+    leakage: Leakage = Field(default=0.0, description="Flow past the piston over the difference of the pressures")
+    supply: Gauge = Field(default=0.0, description="Pressure of the supply")
+    tank: Gauge = Field(default=0.0, description="Pressure of the tank")
+    back_pressure: Gauge = Field(
+        default=0.0, description="Pressure at the start in the chamber that the load does not press on"
+    )
+    valve: Valve | None = Field(default=None, description="Valve that feeds the chambers; without it they are shut")
+    counterbalance: Counterbalance | None = Field(default=None, description="Counterbalance valve on the bore")
+
+    @model_validator(mode="after")
+    def _check_valves(self) -> Self:
+        """Refuse a counterbalance valve without the valve that it is in series with."""
+        if self.counterbalance is not None and self.valve is None:
+            raise key_error("counterbalance", None, "none is allowed without valve: no oil flows")
+        return self
+
+
+class LuffingCylinder(SceneTable):
+    r"""Hinges of the cylinder that raises the boom: x and z from the pivot, z upwards when the boom lies level.
+
+    The cylinder goes from the foot :math:`r_0` on the machine to the lug :math:`r_1` on the boom.  With the rotation
+    :math:`R(\varphi)` by the luffing angle :math:`\varphi` its length is :math:`L = |R(\varphi) r_1 - r_0|`.  By
+    virtual work it carries the moment :math:`\mathfrak M` of the boom about the pivot with the force :math:`\mathfrak M
+    / (dL / d\varphi)`.
+    """
+
+    foot: Annotated[tuple[Place, Place], Usual(0.0, 2.0, "reach")] = Field(
+        description="Hinge on the machine; it slews with the boom and does not luff"
+    )
+    lug: Annotated[tuple[Place, Place], Usual(0.0, 2.0, "reach")] = Field(
+        description="Hinge on the boom, in the axes of the boom"
+    )
+    stiffness: Stiffness | None = Field(
+        default=None,
+        description="Stiffness along the cylinder, which then holds the base at the lug in its true direction; "
+        "without it supports of the base hold it",
+    )
+    force: Signal | None = Field(
+        default=None, description="Force over time, in N, above 0 where it pushes; drives a free luffing angle"
+    )
+    length: Signal | None = Field(
+        default=None,
+        description="Length over time, in m, whose change from the start drives a free luffing angle over spring",
+    )
+    spring: Stiffness | None = Field(default=None, description="Stiffness between length and cylinder")
+    oil: Oil | None = Field(default=None, description="Oil that drives a free luffing angle")
+    damping: Friction = Field(default=0.0, description="Viscous friction along the cylinder")
+    stroke: tuple[Length, Length] | None = Field(
+        default=None, description="Shortest and greatest length from hinge to hinge, where stops act"
+    )
+    stop_stiffness: Stiffness = Field(default=1e9, description="Stiffness of the stops at both ends of the stroke")
+
+    @model_validator(mode="after")
+    def _check_drive(self) -> Self:
+        """Refuse several drives, and a drive without what it needs."""
+        drives = self.drives
+        if len(drives) > 1:
+            raise key_error(drives[1], None, f"one of force, length and oil is allowed: {drives[0]} is there")
+        if (self.length is None) != (self.spring is None):
+            raise key_error("spring", self.spring, "length and spring are allowed together")
+        if self.stroke is not None and self.stroke[0] >= self.stroke[1]:
+            raise key_error("stroke", list(self.stroke), "a shortest length below the greatest one is allowed")
+        if self.oil is not None and self.stroke is None:
+            raise key_error("stroke", None, "the shortest and the greatest length are needed with oil")
+        return self
+
+    @property
+    def drives(self) -> tuple[str, ...]:
+        """Keys of what drives a free luffing angle: force, length or oil."""
+        return tuple(key for key in ("force", "length", "oil") if getattr(self, key) is not None)
+
+    def square_angle(self, angle: float) -> float:
+        """Return the luffing angle in rad at which the lines from the pivot to foot and lug are square.
+
+        Of both such angles it is the one on the same side of the dead points as `angle` in rad.
+        """
+        between = np.arctan2(self.lug[1], self.lug[0]) + angle - np.arctan2(self.foot[1], self.foot[0])
+        between = (between + np.pi) % (2.0 * np.pi) - np.pi
+        return float(angle - between + np.copysign(np.pi / 2.0, between))
+
+    def lug_position(self, angle: ArrayLike) -> NDArray[np.float64]:
+        """Return the lug's positions (..., 2) in m at luffing angles (...) in rad.
+
+        The two components are x and z from the pivot, along the axes of the foot, which do not luff.
+        """
+        sine, cosine, (x, z) = np.sin(angle), np.cos(angle), self.lug
+        return np.stack([x * cosine - z * sine, x * sine + z * cosine], axis=-1)
+
+    def length_and_arm(self, angle: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return length L and arm dL / dphi about the pivot, both (...) in m, at luffing angles phi (...) in rad.
+
+        The arm is 0 where the length is 0.
+        """
+        lug = self.lug_position(angle)
+        from_foot = lug - self.foot
+        length = np.linalg.norm(from_foot, axis=-1)
+        turned = from_foot[..., 1] * lug[..., 0] - from_foot[..., 0] * lug[..., 1]
+        return length, np.divide(turned, length, out=np.zeros_like(length), where=length > 0.0)
+
+    def direction(self, angle: ArrayLike) -> NDArray[np.float64]:
+        """Return unit vectors (..., 2) from foot to lug, along x and z of the boom, at luffing angles (...) in rad."""
+        along_cylinder = self.lug_position(angle) - self.foot
+        x, z = np.moveaxis(along_cylinder / np.linalg.norm(along_cylinder, axis=-1, keepdims=True), -1, 0)
+        sine, cosine = np.sin(angle), np.cos(angle)
+        return np.stack([x * cosine + z * sine, z * cosine - x * sine], axis=-1)

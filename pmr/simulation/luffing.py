@@ -1,0 +1,167 @@
+r"""A boom that luffs by itself: its angle is computed with the boom's coordinates, driven by the luffing cylinder.
+
+With the luffing angle :math:`\varphi`, the angular momentum L of the boom about the axis of luffing, the moment
+:math:`\mathfrak M` of weight and loads and the length :math:`\ell(\varphi)` of a cylinder that pushes with F,
+
+.. math:: \dot L = \mathfrak M + F\, \frac{d\ell}{d\varphi}
+
+The equations are those of a machine without mass that is free to pitch alone (`pmr.simulation.machine`): it yaws by the
+slewing angle and pitches by a constant angle less :math:`\varphi`.  The cylinder's law is in src/cylinder.c.
+
+For all further computations the computed angle is the prescribed luffing angle of the frame.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pmr.files.arrays import Array
+from pmr.kernel._native import lib
+from pmr.kernel.machine import CYLINDER_COLUMNS, LUFFING_REASONS, Cylinder
+from pmr.scene import Scene
+from pmr.scene.cylinder import LuffingCylinder
+from pmr.scene.frame import BaseMotion, InitialDisplacements, InitialRates, Machine
+from pmr.scene.signals import Constant, SignalBase
+from pmr.simulation.frame_motion import ComputedMotion, MotionSamples, with_computed_motion
+from pmr.simulation.free_base import with_all_inertia
+from pmr.simulation.machine import MachineRun, machine_motion
+from pmr.simulation.stepping import TimeStepping
+from pmr.system.system import System
+
+PITCH = 4  # of the machine's directions
+#: Units of a luffing cylinder's columns by name; the power is that of its force and that out of the supply.
+CYLINDER_UNITS = CYLINDER_COLUMNS | {"power": "W", "power supply": "W"}
+#: Angle in rad about which a boom without a cylinder swings.
+HANGING = -np.pi / 2.0
+
+
+def with_free_motion(scene: Scene, system: System) -> tuple[Scene, System]:
+    """Scene with the computed motion of its machine or its luffing angle, and system in which all modes have inertia.
+
+    Both are unchanged if all motion of the frame is prescribed.
+
+    Raises
+    ------
+    InputError
+        If rows of the system are not on carriers, or supports of the base are not known.
+    SimulationError
+        If a step fails, if a machine pitches until it stands upright, or if the luffing cylinder comes to a dead point
+        or has no equilibrium at the start.
+    """
+    if scene.frame is None or scene.frame.computed_key is None:
+        return scene, system
+    system = with_all_inertia(system)
+    if scene.frame.machine is not None:
+        return with_computed_motion(scene, machine_motion(scene, system)), system
+    return LuffingRun(scene, system).with_luffing(), system
+
+
+class LuffingRun(MachineRun):
+    """Simulation of a boom that luffs by itself."""
+
+    def __init__(self, scene: Scene, system: System) -> None:
+        frame = scene.frame
+        assert frame is not None  # of a scene with a free luffing angle
+        begun = float(frame.angles[0].value(np.zeros(1))[0])
+        hangs = begun if np.cos(begun - HANGING) < 0.0 else HANGING  # above the pivot it falls to one side
+        #: luffing angle in rad at which the machine does not pitch
+        self.level = hangs if frame.cylinder is None else frame.cylinder.square_angle(begun)
+        self._scene, unit = scene, 1.0 if frame.unit == "rad" else 180.0 / np.pi
+        level = Constant(amount=self.level * unit)
+        base: dict[str, Any] = {} if frame.base is None else dict(frame.base.motions)
+        machine = Machine.model_construct(
+            mass=0.0,
+            free=("ry",),
+            start=InitialDisplacements(ry=self.level * unit - frame.luffing_start),
+            rate=InitialRates(ry=-frame.luffing_rate),
+        )
+        moved = {
+            "luffing": level,
+            "slewing": None,
+            "base": BaseMotion.model_construct(**base, rz=frame.slewing or Constant(amount=0.0)),
+            "machine": machine,
+        }
+        of_machine = scene.model_copy(update={"frame": frame.model_copy(update=moved)})
+        t = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf).times
+        cylinder = None if frame.cylinder is None else kernel_cylinder(frame.cylinder, self.level, t)
+        super().__init__(of_machine, system, cylinder, LUFFING_REASONS)
+
+    def with_luffing(self) -> Scene:
+        """Take all steps and return the scene with the computed luffing angle as a signal.
+
+        Raises SimulationError as `with_free_motion`.
+        """
+        track, frame = self.run(), self._scene.frame
+        assert frame is not None
+        angle = -track.values[:, :, PITCH]
+        angle[0] += self.level
+        record = {} if frame.cylinder is None else self._record(frame.cylinder)
+        samples = MotionSamples(track.step, np.ascontiguousarray(angle), np.zeros(angle.shape[1]), track.inputs, record)
+        unit = 1.0 if frame.unit == "rad" else 180.0 / np.pi
+        luffing = ComputedMotion(samples=samples, unit=unit)
+        moved = {"luffing": luffing, "slewing": frame.slewing or Constant(amount=0.0)}
+        return self._scene.model_copy(update={"frame": frame.model_copy(update=moved)})
+
+    def _record(self, cylinder: LuffingCylinder) -> dict[str, Array]:
+        """Columns (T,) of the cylinder by the names in `CYLINDER_UNITS`; those of oil only if oil drives it."""
+        columns = dict(zip(CYLINDER_COLUMNS, self.simulation.cylinder.T, strict=True))
+        columns["power"] = columns["force"] * columns["speed"]
+        if cylinder.oil is None:
+            return {name: columns[name] for name in ("length", "speed", "force", "power")}
+        return columns | {"power supply": cylinder.oil.supply * columns["flow supply"]}
+
+    def _load_cylinder(self, place: Array, z: Array) -> None:
+        """Balance the cylinder's force with weight and loads at rest at the start.
+
+        A SimulationError is raised if a chamber would need a pressure below that of the surroundings.
+        """
+        frame = self._scene.frame
+        assert frame is not None
+        if frame.cylinder is None:
+            return
+        still, at_rest = np.zeros((3, 6)), np.zeros(self._kernel.modes)
+        still[0] = place
+        _, arm = frame.cylinder.length_and_arm(self.level - place[PITCH])
+        force = -float(self.simulation.holding_forces(still, z, at_rest, at_rest)[PITCH] / arm)
+        if frame.cylinder.oil is None:
+            self.simulation.load_cylinder(force, (0.0, 0.0))
+            return
+        (bore, rod), back = frame.cylinder.oil.areas, frame.cylinder.oil.back_pressure
+        pressures = ((force + back * rod) / bore, back)
+        if pressures[0] < 0.0:
+            pressures = (back, (back * bore - force) / rod)
+        self.simulation.load_cylinder(0.0, pressures)
+
+
+def kernel_cylinder(cylinder: LuffingCylinder, level: float, t: Array) -> Cylinder:
+    """Return the kernel's data of a luffing cylinder at times t (T,), for a machine that is level at `level` in rad."""
+    kind, oil = cylinder.drives[0], cylinder.oil
+    drive: SignalBase | None = cylinder.force or cylinder.length
+    further = dict[str, Any]()
+    if oil is not None:
+        further = {
+            "areas": oil.areas,
+            "volumes": [dead + hose for dead, hose in zip(oil.dead_volumes, oil.hose_volumes, strict=True)],
+            **{key: getattr(oil, key) for key in ("bulk_modulus", "leakage", "supply", "tank")},
+        }
+        if oil.valve is not None:
+            drive = oil.valve.opening
+            further |= {"gain": oil.valve.gain, "dead_band": oil.valve.dead_band, "laminar": oil.valve.laminar}
+        if (valve := oil.counterbalance) is not None:
+            further |= {"setting": valve.setting, "ratio": valve.ratio, "range": valve.range}
+            further["counterbalance"] = valve.gain
+    opening = np.zeros((len(t), 2)) if drive is None else np.column_stack([drive.value(t), drive.rate(t)])
+    return Cylinder(
+        kind={"force": lib.PMR_CYLINDER_FORCE, "length": lib.PMR_CYLINDER_LENGTH, "oil": lib.PMR_CYLINDER_OIL}[kind],
+        angle=level,
+        foot=cylinder.foot,
+        lug=cylinder.lug,
+        spring=cylinder.spring or 0.0,
+        damping=cylinder.damping,
+        stroke=cylinder.stroke or (0.0, np.inf),
+        stop_stiffness=cylinder.stop_stiffness,
+        oil=further,
+        drive=opening,
+    )
