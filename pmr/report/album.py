@@ -163,7 +163,7 @@ class _Views:
 
     def _cylinder_pieces(self, moment: Moment) -> Iterator[Piece]:
         """Yield the luffing cylinder from its foot to its lug as a bar; nothing without one."""
-        frame = self.result.scene.frame
+        frame = self.result.frame
         if frame is not None and (cylinder := frame.cylinder) is not None:
             (angle,) = frame.angles[0].value(np.array([moment.t]))
             x, z = cylinder.direction(angle)
@@ -179,14 +179,14 @@ class _Views:
 
         Nothing is yielded for a body alone, or if no weight acts.
         """
-        scene, gravity = self.result.scene, self.result.scene.gravity
+        frame, gravity = self.result.frame, self.result.scene.gravity
         if is_alone(self.result) or gravity is None:
             return
         up, pivot, below = -np.array(gravity.direction), np.zeros(3), 0.0
-        if scene.frame is not None:
-            (angle,) = scene.frame.angles[0].value(np.array([moment.t]))
-            up, pivot = np.array([np.sin(angle), 0.0, np.cos(angle)]), -np.array(scene.frame.tail_position)
-            below = 0.0 if scene.frame.cylinder is None else min(scene.frame.cylinder.foot[1], 0.0)
+        if frame is not None:
+            (angle,) = frame.angles[0].value(np.array([moment.t]))
+            up, pivot = np.array([np.sin(angle), 0.0, np.cos(angle)]), -np.array(frame.tail_position)
+            below = 0.0 if frame.cylinder is None else min(frame.cylinder.foot[1], 0.0)
         ahead = np.array([1.0, 0.0, 0.0]) - up[0] * up
         if (level := float(np.linalg.norm(ahead))) > 0.1:
             ahead, aside = ahead / level, np.cross(up, ahead / level)
