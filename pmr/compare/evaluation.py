@@ -16,6 +16,7 @@ from pmr.results import Energy, Response
 from pmr.results.response import LUFFING_ANGLE, Output
 from pmr.scene import Scene
 from pmr.scene.built import force_name, friction_name, reaction_name
+from pmr.scene.hoist import KINDS, OUTPUTS
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, qualified_name
 from pmr.simulation.balance import load_potential, row_blocks
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
@@ -115,7 +116,8 @@ def _evaluate(system: System, part: SystemTrajectory) -> Response:
     response = response_to_motion(system, part.t, MotionOutputs(outputs, part.forces, peaks, energy))
     position, velocity = (np.abs(values).max(axis=1, initial=0.0) for values in (violation, drift))
     response = replace(response, residual_position=position, residual_velocity=velocity)
-    return append_friction(with_support_reactions(response, system, part), system.contacts, part.friction)
+    response = append_friction(with_support_reactions(response, system, part), system.contacts, part.friction)
+    return response if part.hoist is None else response.with_others(part.hoist, hoist_outputs(system))
 
 
 def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) -> tuple[Array, Array]:
@@ -161,6 +163,12 @@ def append_friction(response: Response, contacts: Sequence[Contact], friction: A
         return response
     added = [Output(friction_name(joint), "friction", joint, unit="N") for joint in joint_friction.joints]
     return response.with_others(joint_friction.joint_totals(friction), added)
+
+
+def hoist_outputs(system: BodySystem[Any]) -> list[Output]:
+    """Meaning of the columns of a hoist, which belong to the last section."""
+    last = [*system.bodies][-1]
+    return [Output(name, KINDS[name], last, unit=unit) for name, unit in OUTPUTS.items()]
 
 
 def response_to_motion(system: BodySystem[Any], t: Array, motion: MotionOutputs) -> Response:

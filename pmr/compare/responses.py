@@ -180,6 +180,8 @@ def full_simulator(scene: Scene, size: int) -> str:
     """Name of the simulator for a full model of `size` coordinates: the one that the scene names, or the fastest."""
     if scene.simulation.full != "auto":
         return scene.simulation.full
+    if scene.hoist is not None:
+        return "march"  # which alone follows its payload
     return "march" if size <= (MARCHED_UP_TO if len(scene.bodies) == 1 else SECTIONS_MARCHED_UP_TO) else "petsc"
 
 

@@ -20,6 +20,7 @@ from pmr.compare.errors import (
 )
 from pmr.compare.forces import forces_part, luffing_part, ropes_part
 from pmr.compare.frequencies import published_part
+from pmr.compare.hoist import hoist_part
 from pmr.compare.moving_frame import frame_part, ground_part
 from pmr.compare.outputs import has_impulsive_force, section_columns
 from pmr.compare.responses import Simulations
@@ -202,10 +203,10 @@ def _utilisations(part: Body, peak: Mapping[str, Any], regions: Mapping[str, Any
 
 
 def parts_of_forces(scene: Scene, system: System, response: Response) -> list[SummaryPart]:
-    """Parts on forces of pads, supports, ropes, cylinders and outriggers, and on fatigue, in a response."""
+    """Parts on forces of pads, supports, ropes, cylinders, hoist and outriggers, and on fatigue, in a response."""
     return [
         forces_part(scene, system, response),
-        *(of(scene, response) for of in (ropes_part, luffing_part, ground_part, fatigue_part)),
+        *(of(scene, response) for of in (ropes_part, luffing_part, hoist_part, ground_part, fatigue_part)),
     ]
 
 

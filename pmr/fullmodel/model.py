@@ -281,7 +281,7 @@ class FullSystem(BodySystem[FullModel]):
                 gathered[id(model)] = model.gather()
         bodies = {name: body for name, model in self.bodies.items() if (body := gathered[id(model)]) is not None}
         terms = tuple(self._gather_term(term) for term in self.terms)
-        return System(bodies, self.contacts, terms=terms) if bodies else None
+        return System(bodies, self.contacts, terms=terms, hoist=self.hoist) if bodies else None
 
     def _gather_term(self, term: Term) -> Term:
         """The `term` with SciPy matrices on rank 0, unchanged on other ranks; collective."""

@@ -43,7 +43,7 @@ class Kernel:
 
     Attributes
     ----------
-    modes, contacts, forces, inputs, outputs, paths, terms, pads, drivers, motions, pushing, further : int
+    modes, contacts, forces, inputs, outputs, paths, terms, pads, drivers, motions, pushing, further, hoist : int
         Sizes as in `pmr_sizes` (src/pmr_kernel.h); `modes` includes padding.
     """
 
@@ -59,6 +59,7 @@ class Kernel:
     motions: int
     pushing: int
     further: int
+    hoist: int
 
     def __init__(self, block: bytes | bytearray) -> None:
         """Copy and open a block; an InputError is raised if the bytes are no block of this kernel, or damaged."""

@@ -32,6 +32,7 @@ class Failure(IntEnum):
     NO_MEMORY = lib.PMR_NO_MEMORY
     LOST = lib.PMR_LOST
     UPRIGHT = lib.PMR_UPRIGHT
+    BLOCKED = lib.PMR_BLOCKED
 
 
 class StepError(SimulationError):
@@ -61,11 +62,11 @@ class Settings:
 class Record:
     """Recorded arrays of T steps, one row for each step; quantities that are not in `names` are not recorded."""
 
-    FIELDS = ("z", "v", "multipliers", "impulses", "peaks", "energy", "friction", "outputs", "drivers")
+    FIELDS = ("z", "v", "multipliers", "impulses", "peaks", "energy", "friction", "outputs", "drivers", "hoist")
 
     def __init__(self, kernel: Kernel, steps: int, names: Sequence[str] = (*FIELDS, "parts")) -> None:
         sizes = (kernel.modes, kernel.modes, kernel.contacts, kernel.contacts, kernel.contacts, 2, kernel.pads)
-        columns = dict(zip(self.FIELDS, (*sizes, kernel.outputs, kernel.drivers), strict=True))
+        columns = dict(zip(self.FIELDS, (*sizes, kernel.outputs, kernel.drivers, kernel.hoist), strict=True))
         self.arrays = {name: np.zeros((steps, columns[name])) for name in names if name != "parts"}
         self.parts: Integers = np.zeros(steps if "parts" in names else 0, np.int32)
         self.steps = steps
@@ -272,6 +273,11 @@ class State:
         lib.pmr_outputs(self._state, pointer(y), pointer(forces))
         return StateOutputs(y, forces)
 
+    @property
+    def hoist(self) -> Array:
+        """Outputs (7,) of the hoist at the end of the last step, by the names `pmr.scene.hoist.OUTPUTS`; else empty."""
+        return self.further()[self.kernel.further - self.kernel.hoist :]
+
     def further(self) -> Array:
         """Further outputs (further,) at the end of the last step.
 
@@ -394,6 +400,7 @@ class State:
             lib.PMR_UNSETTLED: "which contacts are closed was not settled in 1000 solves",
             lib.PMR_UNCONVERGED: "forces of terms or friction do not converge",
             lib.PMR_NOT_FINITE: "a coordinate is no finite number",
+            lib.PMR_BLOCKED: "the hook is at its head sheaves: its rope is too short",
         }
         message = f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}"
         raise StepError(message, Failure(failed), trouble)

@@ -38,6 +38,7 @@ from pmr.system.assembly import Assembly
 from pmr.system.contacts import Friction
 from pmr.system.definite import natural_frequencies
 from pmr.system.from_scene import contacts_of
+from pmr.system.hoist import hoist_of
 from pmr.system.states import BodyStates, friction_on_body
 from pmr.system.system import System
 from pmr.system.terms import add_terms, terms_of
@@ -69,7 +70,7 @@ class FullOrder:
     @classmethod
     def join(cls, scene: Scene, models: Mapping[str, FullModel]) -> FullOrder:
         """Join the full models of a scene, by body, to one system."""
-        full_system = FullSystem(models, contacts_of(scene, models))
+        full_system = FullSystem(models, contacts_of(scene, models), hoist=hoist_of(scene))
         return cls(scene, full_system, full_simulator(scene, full_system.size))
 
     @cached_property

@@ -70,6 +70,7 @@ def capacity_rows(result: RunResult) -> Rows:
     yield from _frequency_rows(result)
     yield from _luffing_rows(result)
     yield from _pressure_rows(result)
+    yield from _hoist_rows(result)
     yield from _force_rows(result)
     yield from _machine_rows(result)
     yield from _ground_rows(result)
@@ -172,6 +173,10 @@ def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
             by_key["rope_force"][f"rope of {rope['name']}, all strands"] = extremes
         else:
             by_key["cylinder_force"][f"cylinder of {rope['name']}, {ROPES}"] = extremes
+    if hoist := summary.get("hoist"):
+        by_key["hoist_force"][f"{significant(hoist['factor'])} times that of the weight"] = Extremes.from_summary(
+            hoist["force"]
+        )
     elsewhere = {*luffing_support_names(result), *(cylinder_name(rope["name"]) for rope in summary.get("ropes", ()))}
     for key, kind in OF_KINDS.items():
         if by_key[key]:
@@ -190,6 +195,18 @@ def _full_name(result: RunResult, name: str) -> str:
             if len(support.held_directions) == 1 and name == qualified_name(body, support.name):
                 return f"{name} along {support.held_directions[0]}"
     return name
+
+
+def _hoist_rows(result: RunResult) -> Rows:
+    """Yield rows with the range of the hook's height and with its largest swing."""
+    if (hoist := result.summary.get("hoist")) is None:
+        return
+    height = Extremes.from_summary(hoist["height"])
+    yield "height of the hook", f"{format_quantity(height.least, 'm')} to {format_quantity(height.most, 'm')}"
+    swings = {way: Extremes.from_summary(hoist[f"swing_{way}"]).largest for way in ("along", "across")}
+    way = max(swings, key=lambda name: abs(swings[name].value))
+    degrees = f"{significant(np.rad2deg(swings[way].value))}°"
+    yield QUANTITIES["swing"].reported, f"{degrees}, {way} the boom, {_extreme_clause(result, swings[way])}"
 
 
 def _luffing_rows(result: RunResult) -> Rows:

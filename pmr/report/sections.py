@@ -13,6 +13,7 @@ import numpy as np
 from pmr.report import (
     first_page,
     forces,
+    hoist,
     player,
     provenance,
     scene_tables,
@@ -263,7 +264,7 @@ SECTIONS: tuple[Show, ...] = (
     space.space_block, input_block, tip_block, stresses.stress_block,
     stresses.section_force_block, stresses.probe_block, forces.contact_block,
     forces.cylinder_block, forces.support_block, forces.pivot_block, forces.ground_block, forces.luffing_block,
-    energy_block, constraint_block, basis_block, response_block, origin_block,
+    hoist.hoist_block, energy_block, constraint_block, basis_block, response_block, origin_block,
 )  # fmt: skip
 
 

@@ -138,7 +138,7 @@ class Quantity:
     unit : str
     place : str
         Part that the quantity belongs to: ``"section"``, ``"tip"``, ``"pad"``, ``"cylinder"``, ``"rope"``,
-        ``"support"``, ``"machine"``, ``"ground"``, ``"probe"`` or ``"boom"``.
+        ``"support"``, ``"machine"``, ``"ground"``, ``"probe"``, ``"hoist"`` or ``"boom"``.
     kinds : tuple of str
         Kinds of the columns of a response that hold the quantity (`pmr.results.response.KINDS`).
     reported : str
@@ -327,6 +327,9 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity("largest", "largest displacement", "m", "section", ("beam", "tip"), "largest displacement"),
         Quantity("velocity", "velocities", "m/s", "section"),
+        Quantity("hook_height", "heights of the hook", "m", "hoist", ("hook_height",)),
+        Quantity("hook_place", "places of the hook", "m", "hoist", ("hook_place",)),
+        Quantity("swing", "swings of the hook", "rad", "hoist", ("swing",), "largest swing of the hook"),
         Quantity("frequency", "natural frequencies", "Hz", "boom", (), "lowest natural frequency", "least"),
         # forces within the boom
         Quantity(
@@ -358,6 +361,10 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity(
             "luffing_power", "power of the luffing cylinder", "W", "cylinder", ("power",),
             "largest power of the luffing cylinder", "most", "raises the boom, or leaves the supply",
+        ),
+        Quantity(
+            "hoist_force", "forces of the hoist rope", "N", "hoist", ("hoist_force",),
+            "largest force of the hoist rope", "most", sign="pulls",
         ),
         # forces on the supports of the boom
         Quantity("support_force", "forces of supports that give way", "N", "support", ("support",)),

@@ -24,6 +24,7 @@ from pmr.scene.choice import (
 )
 from pmr.scene.cylinder import OPEN
 from pmr.scene.frame import Frame, Machine
+from pmr.scene.hoist_places import check_hoist
 from pmr.scene.joint_checks import check_joints
 from pmr.scene.joints import JointPads
 from pmr.scene.keys import LUFFING, check_bounds
@@ -267,6 +268,7 @@ def check_scene(scene: Scene) -> None:
     else:
         _check_single_body(scene)
     check_frame(scene)
+    check_hoist(scene)
     _check_fatigue(scene)
 
 

@@ -11,15 +11,18 @@ InputError for everything else.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from pmr.errors import InputError
 from pmr.scene.box import Box
 from pmr.scene.built import Load
+from pmr.scene.hoist import HOIST
 from pmr.scene.keys import Direction
 from pmr.scene.members import Member, members
 from pmr.scene.profile import FACES, Face
+from pmr.scene.signals import Constant
 
 #: Share of a wall's lowest frequency up to which its response is assumed to be quasi-static.
 QUASI_STATIC = 1.0 / 3.0
@@ -108,12 +111,42 @@ def input_directions(member: Member, load: Load) -> dict[str, Direction]:
 
 
 def axis_loads(member: Member) -> tuple[Load, ...]:
-    """Return one load along an axis of the body for each input that the loads of a body become (`input_directions`)."""
-    return tuple(
+    """Return one load along an axis of the body for each input that the loads of a body become (`input_directions`).
+
+    Those by which the rope of a hoist pulls the body are the last.
+    """
+    of_loads = tuple(
         load.model_copy(update={"name": name, "direction": direction, "axes": "body"})
         for load in member.part.loads
         for name, direction in input_directions(member, load).items()
     )
+    return (*of_loads, *(pull.load for pull in rope_pulls(member)))
+
+
+class RopePull(NamedTuple):
+    """Load by which the rope of a hoist pulls a body at `place`, ``head`` or ``winch``; its signal is zero.
+
+    `lever` is by how much a unit of the displacement or angle that the load works along moves the place, (3,).
+    """
+
+    load: Load
+    place: str
+    lever: tuple[float, float, float]
+
+
+def rope_pulls(member: Member) -> tuple[RopePull, ...]:
+    """Return the loads by which the rope of a hoist pulls a body: forces, and moments of those off the body's axis."""
+    pulls, moves, none = list[RopePull](), motion_directions(member), Constant(amount=0.0)
+    for place, (on, (_, y, z)) in member.rope_places.items():
+        levers: dict[Direction, tuple[float, float, float]] = {
+            "x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0),
+            "rx": (0.0, -z, y), "ry": (z, 0.0, 0.0), "rz": (-y, 0.0, 0.0),
+        }  # fmt: skip
+        for d, lever in levers.items():
+            if d in moves and any(lever):
+                name = f"{HOIST}{d}" if place == "head" else f"{HOIST}{place} {d}"
+                pulls.append(RopePull(Load(name=name, on=on, direction=d, signal=none), place, lever))
+    return tuple(pulls)
 
 
 def is_pinned_beam(member: Member) -> bool:
@@ -269,6 +302,7 @@ class SimulatorNeeds:
     flexible_rows: tuple[str, ...] = ()  #: Rows that give way
     rigid_moving_rows: tuple[str, ...] = ()  #: Rigid rows that travel along a path
     friction_rows: tuple[str, ...] = ()  #: Rows with friction
+    hoist: bool = False  #: A hoist, whose payload swings
     free_machine_directions: tuple[str, ...] = ()  #: Directions in which the machine below the boom is free
     rho_inf: float = 0.0  #: Spectral radius at infinite frequency
 
@@ -281,13 +315,14 @@ class Capabilities:
     rows_that_give_way: bool = True
     rows_that_rub: bool = False
     machine_that_moves: bool = False
+    payload_that_swings: bool = False
     reduced_models: bool = True  # whether it simulates reduced models, as one of `simulation.simulators`
     package: str | None = None  # package that has to be installed for it
 
 
 #: Simulators by their names in `simulation.simulators` and `simulation.full`.
 SIMULATORS = {
-    "march": Capabilities(rows_that_push=True, rows_that_rub=True, machine_that_moves=True),
+    "march": Capabilities(rows_that_push=True, rows_that_rub=True, machine_that_moves=True, payload_that_swings=True),
     "exudyn": Capabilities(rows_that_push=True, rows_that_rub=True, package="exudyn"),
     "exudyn-multiplier": Capabilities(package="exudyn"),
     "exudyn-callback": Capabilities(rows_that_give_way=False, package="exudyn"),
@@ -322,6 +357,7 @@ def refuse_unsupported(name: str, needs: SimulatorNeeds, place: SimulatorKey | N
             needs.free_machine_directions,
             f"knows no machine that moves by itself ({', '.join(needs.free_machine_directions)})",
         ),
+        "payload_that_swings": (needs.hoist, "knows no hoist, whose payload swings"),
     }
     for capability, (needed, reason) in lacking.items():
         if needed and not getattr(can, capability):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,6 +53,13 @@ class MovingPads:
     ring: PadRing
     positions: Interval
     travel: Interval
+
+
+class RopePlace(NamedTuple):
+    """Place of a section on which a rope acts: where a load on it acts, and x, y and z in m from the section's tail."""
+
+    on: float | str
+    at: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -186,6 +194,18 @@ class Member:
         return {WEIGHT: self.gravity.signal} if self.gravity and self.frame is None else {}
 
     @property
+    def rope_places(self) -> dict[str, RopePlace]:
+        """Places of the section on which the rope of a hoist acts, by ``head`` and ``winch``; empty without a hoist."""
+        hoist, name = self.scene.hoist, self.scene.names[self.number]
+        places = dict[str, RopePlace]()
+        if hoist is not None and (hoist.section or self.scene.names[-1]) == name:
+            at = self.part.length if hoist.on == "tip" else float(hoist.on)
+            places["head"] = RopePlace(hoist.on, (at, *hoist.offset))
+        if hoist is not None and hoist.winch.section and hoist.winch.section == name:
+            places["winch"] = RopePlace(hoist.winch.at[0], hoist.winch.at)
+        return places
+
+    @property
     def content(self) -> str:
         """Text that is equal for bodies with equal full models: names and the signals of loads are left out of it."""
         part = self.part.model_dump_json(exclude={"name": True, "joint": True, "loads": {"__all__": {"signal"}}})
@@ -195,7 +215,7 @@ class Member:
         rows = self.pads, self.points, self.bounds, self.travel, moving, dented, self.overlap_ends, self.cylinder
         of_frame = self.frame and (self.frame.out_of_plane_key is None, self.frame.has_angles, self.frame.second_order)
         about = self.gravity and self.gravity.direction, of_frame, self.scene.damping
-        return repr((part, extended, self.has_joint, rows, about))
+        return repr((part, extended, self.has_joint, rows, about, *self.rope_places.items()))
 
     @property
     def joint_rows(self) -> frozenset[str]:

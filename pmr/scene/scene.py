@@ -18,6 +18,7 @@ from pmr.scene import run_settings
 from pmr.scene.built import WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.frame import Frame
+from pmr.scene.hoist import Hoist
 from pmr.scene.joints import BoomSection, Joint, OneBody, ScaledSignal
 from pmr.scene.keys import ALONE, LUFFING, SLIDER, SceneTable, Schema, Text, key_error
 from pmr.scene.signals import Constant, SignalBase
@@ -37,6 +38,9 @@ class CommonTables(SceneTable):
     )
     frame: Frame | None = Field(
         default=None, description="Luffing and slewing of the whole boom, and motion of its base"
+    )
+    hoist: Hoist | None = Field(
+        default=None, description="Rope over head sheaves with a hook and a payload that swings"
     )
     start: Literal["rest", "equilibrium"] = Field(
         default="rest",

@@ -18,10 +18,10 @@ from pmr.scene.keys import input_name
 from pmr.scene.members import EXTENSION, members
 from pmr.scene.run_settings import Simulation
 from pmr.scene.signals import SignalBase
-from pmr.simulation.frame import inertia_loads, load_signals, term_signals
+from pmr.simulation.frame import hoist_signals, inertia_loads, load_signals, term_signals
 from pmr.simulation.frame_motion import Acceleration, computed_inputs
 from pmr.simulation.stepping import TimeStepping
-from pmr.system.system import Body, BodySystem
+from pmr.system.system import Body, BodySystem, System
 
 Load = TypeVar("Load")
 
@@ -38,6 +38,7 @@ class Excitation:
     start: Literal["rest", "equilibrium"] = "rest"  # how motions begin if no initial state is given
     # c_k(t) by the names of the terms that they scale (`pmr.system.terms`)
     terms: Mapping[str, SignalBase] = field(default_factory=dict)
+    hoist: Mapping[str, SignalBase] = field(default_factory=dict)  # what drives a hoist, by name (`pmr.system.hoist`)
 
     @classmethod
     def from_scene(cls, scene: Scene) -> Excitation:
@@ -64,7 +65,8 @@ class Excitation:
             loads |= {input_name(name, load): signal for load, signal in signals.items()}
         loads |= computed_inputs(scene)
         terms = term_signals(scene)
-        return cls(scene.driven_paths, loads, stepping, scene.simulation, scene.start, terms=terms)
+        driven = scene.driven_paths, loads, stepping, scene.simulation, scene.start
+        return cls(*driven, terms=terms, hoist=hoist_signals(scene))
 
     @property
     def path(self) -> SignalBase:
@@ -117,6 +119,11 @@ class Excitation:
         signals = signals_in_order(self.loads, names)
         return self.f if t is None and tuple(names) == tuple(self.loads) else self._columns(signals, t)
 
+    def first_loads(self, system: System) -> Array:
+        """Values at t = 0 of what a user loads, by the names `System.load_names`."""
+        signals = dict(self.loads) | dict(self.hoist)
+        return np.array([float(signals[name].value(0.0)) for name in system.load_names])
+
     def amplitudes(self, names: Sequence[str], t: Array | None = None) -> Array:
         """Amplitudes c (T, k), one column for each of the terms `names`, in this order.
 
@@ -139,7 +146,8 @@ class Excitation:
         """Excitation on another time grid, with accelerations in loads and terms averaged over this grid's steps."""
         loads = {name: load.on_steps(stepping.step) for name, load in self.loads.items()}
         terms = {name: term.on_steps(stepping.step) for name, term in self.terms.items()}
-        return replace(self, loads=loads, terms=terms, stepping=stepping)
+        hoist = {name: signal.on_steps(stepping.step) for name, signal in self.hoist.items()}
+        return replace(self, loads=loads, terms=terms, hoist=hoist, stepping=stepping)
 
     def _columns(self, signals: Iterable[SignalBase], t: Array | None = None) -> Array:
         """Values (T, k) of k signals at the steps or at other times t (T,) in s, one column for each signal."""
@@ -148,15 +156,15 @@ class Excitation:
 
 
 def signals_in_order(
-    loads: Mapping[str, Load], names: Sequence[str], of: Literal["input", "term"] = "input"
+    loads: Mapping[str, Load], names: Sequence[str], of: Literal["input", "term", "hoist"] = "input"
 ) -> tuple[Load, ...]:
     """Return the signals of `loads` in the order of `names`, the names of a system's inputs or terms.
 
-    `of` is ``input`` or ``term``, for the message.  Raises InputError unless `loads` has exactly these names.
+    `of` is ``input``, ``term`` or ``hoist``, for the message.  Raises InputError unless `loads` has just these names.
     """
     if set(loads) != set(names):
         allowed = f"{', '.join(loads) or 'none'} given, one for each {of} is allowed: {', '.join(names) or 'none'}"
-        raise InputError("scene", "loads" if of == "input" else "terms", None, allowed)
+        raise InputError("scene", {"input": "loads", "term": "terms"}.get(of, of), None, allowed)
     return tuple(loads[name] for name in names)
 
 

@@ -28,8 +28,10 @@ from numpy.typing import ArrayLike
 from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.built import Load
-from pmr.scene.choice import inertia_fields, input_directions
+from pmr.scene.choice import inertia_fields, input_directions, rope_pulls
 from pmr.scene.frame import INERTIA, Frame
+from pmr.scene.hoist import ROPE
+from pmr.scene.joints import ScaledSignal
 from pmr.scene.keys import Direction, input_name
 from pmr.scene.mechanism import FrameTerm, frame_terms
 from pmr.scene.members import Member, member_at
@@ -46,6 +48,7 @@ from pmr.simulation.frame_motion import (
     field_products,
     rotation_products,
 )
+from pmr.system.hoist import frame_quantities
 
 #: Number of samples among which the smallest and largest amplitudes are searched.
 SAMPLES = 10_001
@@ -276,7 +279,73 @@ def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
     for load in member.part.loads:
         for name, part in input_directions(member, load).items():
             signals[name] = load.signal if load.axes == "body" else _ground_force_component(scene, member, load, part)
+    return signals | rope_load_signals(scene, member)
+
+
+def rope_load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
+    """Signals of the loads by which the rope of a hoist pulls a section while its payload hangs at rest, by names.
+
+    Along the boom the rope pulls with the weight over the number of its falls.  Simulators that know how the payload
+    moves put the rope's forces in their place.
+    """
+    signals, hoist, gravity = dict[str, SignalBase](), scene.hoist, scene.gravity
+    if hoist is None or gravity is None:
+        return signals
+    for pull in rope_pulls(member):
+        weight, line = hoist.mass, hoist.mass / hoist.falls * (1.0 if pull.place == "winch" else -1.0) * pull.lever[0]
+        hangs = pull.place == "head"
+        if scene.frame is not None:
+            signals[pull.load.name] = RopeWeight(
+                **_angle_signals(scene.frame), gravity=gravity.signal, step=scene.time.step, line=line,
+                share=tuple(-weight * part * hangs for part in pull.lever),
+            )  # fmt: skip
+        else:
+            ratio = line + hangs * weight * float(np.dot(pull.lever, gravity.direction))
+            signals[pull.load.name] = ScaledSignal(signal=gravity.signal, ratio=ratio, offset=0.0)
     return signals
+
+
+class RopeWeight(AngleAmplitude):
+    """Load by a payload that hangs at rest: gravity times `line`, and times `share` along the vertical."""
+
+    gravity: SignalBase
+    line: float  # kg
+    share: tuple[float, float, float]  # kg: along x, y and z of the boom
+
+    @property
+    def signals(self) -> tuple[SignalBase, ...]:
+        return (*super().signals, self.gravity)
+
+    @property
+    def products(self) -> Products:
+        of_share = (Product(s, (("gravity",), ("turned", 2, k))) for k, s in enumerate(self.share) if s)
+        return (*of_share, *([Product(self.line, (("gravity",),))] if self.line else []))
+
+    def quantities(self, t: Array) -> Callable[[Quantity], Array]:
+        of_angles = super().quantities(t)
+        return lambda quantity: np.asarray(self.gravity.value(t)) if quantity[0] == "gravity" else of_angles(quantity)
+
+
+class HoistDriver(SectionAcceleration):
+    """A quantity that drives a hoist: ``gravity``, ``shaken`` along an axis or ``turned``, an entry of the rotation."""
+
+    quantity: tuple[str | int, ...]
+
+    @property
+    def products(self) -> Products:
+        return (Product(1.0, (self.quantity,)),)
+
+
+def hoist_signals(scene: Scene) -> dict[str, SignalBase]:
+    """Signals of all that drives the hoist of a scene, by name; empty without a hoist (`pmr.system.hoist`)."""
+    if scene.hoist is None:
+        return {}
+    signals = {ROPE: scene.hoist.rope_signal, **scene.hoist.wind_signals}
+    if scene.frame is None:
+        return signals
+    about = section_acceleration(scene, 0, "x")
+    fields = {name: getattr(about, name) for name in type(about).model_fields}
+    return signals | {name: HoistDriver(**fields, quantity=of) for name, of in frame_quantities(scene).items()}
 
 
 def _ground_force_component(scene: Scene, member: Member, load: Load, part: Direction) -> GroundForceComponent:

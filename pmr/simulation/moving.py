@@ -26,6 +26,7 @@ from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import MOST_STEPS
 from pmr.scene.files import stored_scene
+from pmr.scene.hoist import ROPE
 from pmr.scene.keys import RECORDED, input_name
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Signal, SignalBase
@@ -45,7 +46,7 @@ class StoredScene:
 
     title: str
     excitation: Excitation
-    #: (i,) array: loads at t = 0 of a stepper, with the full weight even if the weight rises in time
+    #: (i,) array: `System.load_names` at t = 0 of a stepper, with the full weight even if the weight rises in time
     first_loads: Array
     scene: Scene | None = None  #: scene of a boom; None for a single body without a frame
 
@@ -65,7 +66,7 @@ def read_scene(system: System, source: str) -> StoredScene:
         scene = system.provenance["scene"]
         if any(map(_names_a_file, _signals(scene))):
             raise ValueError("a signal in a saved model contains its numbers; it reads no file")
-        if ALONE in system.bodies and not scene.get("frame"):
+        if ALONE in system.bodies and not (scene.get("frame") or scene.get("hoist")):
             return _read_body_scene(scene, system)
         return _read_boom_scene(scene, system)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
@@ -117,7 +118,7 @@ def store_boom_scene(boom: Scene, system: System) -> StoredScene:
     excitation = Excitation.from_scene(boom)
     gravity = boom.gravity and boom.gravity.model_copy(update={"rise": 0.0})
     in_full = Excitation.from_scene(boom.model_copy(update={"gravity": gravity}))
-    return StoredScene(boom.title, excitation, in_full.forces(system.input_names)[0].copy(), boom)
+    return StoredScene(boom.title, excitation, in_full.first_loads(system), boom)
 
 
 def path_ranges(system: System) -> dict[str, tuple[float, float]]:
@@ -171,6 +172,7 @@ class MovingFrame:
     axes: tuple[str, ...]  # `AXES`, or none
     inputs: tuple[Products, ...]  # of the system's i inputs
     terms: tuple[Products, ...]  # of its K terms
+    hoist: tuple[Products, ...] = ()  # of what drives its hoist
 
     @classmethod
     def from_system(cls, system: System) -> MovingFrame | None:
@@ -200,6 +202,7 @@ class MovingFrame:
             axes=AXES if base_accelerations(scene) else (),
             inputs=_products(system.input_names, excitation.loads, {name: name for name in excitation.loads}),
             terms=_products(system.term_names, excitation.terms, of_terms),
+            hoist=_products(tuple(excitation.hoist), excitation.hoist, {name: name for name in excitation.hoist}),
         )
 
     @property
@@ -207,29 +210,34 @@ class MovingFrame:
         """Names of the n drivers: paths, loads, angles, axes."""
         return (*self.paths, *self.loads, *self.angles, *self.axes)
 
+    @property
+    def products(self) -> tuple[Products, ...]:
+        """Products of the inputs, then of the terms, then of what drives a hoist."""
+        return (*self.inputs, *self.terms, *self.hoist)
+
     @cached_property
     def quantities(self) -> tuple[Quantity, ...]:
         """All q quantities of the products, each once; the first is `ONE`."""
-        of = (quantity for products in (*self.inputs, *self.terms) for product in products for quantity in product.of)
+        of = (quantity for products in self.products for product in products for quantity in product.of)
         return tuple(dict.fromkeys([ONE, *of]))
 
     @cached_property
     def factors(self) -> Array:
         """Factors (p,) of all products, those of the inputs first."""
-        return np.array([product.factor for products in (*self.inputs, *self.terms) for product in products])
+        return np.array([product.factor for products in self.products for product in products])
 
     @cached_property
     def numbers(self) -> Indices:
         """Indices (p, 3) of the three quantities in each product, in `quantities`; missing ones are `ONE`."""
         number, rows = {quantity: k for k, quantity in enumerate(self.quantities)}, list[list[int]]()
-        for products in (*self.inputs, *self.terms):
+        for products in self.products:
             rows += [[number[k] for k in (*product.of, *[ONE] * (FACTORS - len(product.of)))] for product in products]
         return np.array(rows, np.int64).reshape(-1, FACTORS)
 
     @cached_property
     def first(self) -> Indices:
-        """Indices (i + K + 1,) of the first product of each input and term; the last entry is the number p."""
-        return np.cumsum([0, *map(len, (*self.inputs, *self.terms))])
+        """Indices of the first product of each of i inputs, K terms and drivers of a hoist, and then the number p."""
+        return np.cumsum([0, *map(len, self.products)])
 
     @property
     def load_numbers(self) -> slice:
@@ -276,7 +284,8 @@ class MovingFrame:
         if self.scene.frame is None or self.scene.frame.computed_key is not None:
             return False
         of_scene = Excitation.from_scene(self.scene).on_grid(excitation.stepping)
-        return all(getattr(of_scene, part) == getattr(excitation, part) for part in ("paths", "loads", "terms"))
+        parts = ("paths", "loads", "terms", "hoist")
+        return all(getattr(of_scene, part) == getattr(excitation, part) for part in parts)
 
 
 def _products(
@@ -302,4 +311,6 @@ def _loads(scene: Scene) -> dict[str, SignalBase]:
     signals: dict[str, SignalBase] = {
         input_name(name, load.name): load.signal for name, part in sections for load in part.loads
     }
+    if scene.hoist is not None:
+        signals |= {ROPE: scene.hoist.rope_signal, **scene.hoist.wind_signals}
     return signals if scene.gravity is None else signals | {GRAVITY: scene.gravity.signal}

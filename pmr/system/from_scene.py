@@ -36,6 +36,7 @@ from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, body_ring, footprint,
 from pmr.system.body import SlidingBody
 from pmr.system.carriers import CarrierFlexibility, CarrierRows
 from pmr.system.contacts import FRICTION, Contact, Joint, JointPad, Place
+from pmr.system.hoist import hoist_of
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Row, dense_entries
 from pmr.system.system import Body, System, ground_contacts
@@ -48,9 +49,10 @@ def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
     `bodies` maps the names of the sections to their reduced or full models.
     """
     terms = partial(terms_of, scene)
+    hoist = hoist_of(scene)
     if ALONE in bodies:
-        return replace(System.of(bodies[ALONE]), terms=terms(bodies), terms_of=terms)
-    return System(bodies, contacts_of(scene, bodies), terms=terms(bodies), terms_of=terms)
+        return replace(System.of(bodies[ALONE]), terms=terms(bodies), terms_of=terms, hoist=hoist)
+    return System(bodies, contacts_of(scene, bodies), terms=terms(bodies), terms_of=terms, hoist=hoist)
 
 
 def with_terms_of(scene: Scene, system: System) -> System:

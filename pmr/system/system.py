@@ -37,6 +37,7 @@ from pmr.system.contacts import (
     input_name,
     qualified_name,
 )
+from pmr.system.hoist import Hoist, recorded_hoist
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Row
 from pmr.system.terms import Term, term_error
@@ -67,6 +68,7 @@ class BodySystem(Generic[AnyBody]):
     bodies: Mapping[str, AnyBody]
     contacts: tuple[Contact, ...]
     terms: tuple[Term, ...] = field(default=(), kw_only=True)  # terms of the equations of motion that vary in time
+    hoist: Hoist | None = field(default=None, compare=False, repr=False, kw_only=True)  # whose rope pulls inputs
 
     def __post_init__(self) -> None:
         for term in self.terms:
@@ -160,6 +162,13 @@ class BodySystem(Generic[AnyBody]):
         return tuple(
             input_name(name, body_input) for name, body in self.bodies.items() for body_input in body.input_names
         )
+
+    @property
+    def load_names(self) -> tuple[str, ...]:
+        """Names of all that a user loads without a frame: inputs that no rope pulls, and what drives a hoist."""
+        if self.hoist is None:
+            return self.input_names
+        return (*(name for name in self.input_names if name not in self.hoist.inputs), *self.hoist.drivers)
 
     @property
     def term_names(self) -> tuple[str, ...]:
@@ -338,8 +347,17 @@ class System(BodySystem[SlidingBody]):
         return self.reduced | dict(self.on_modes)
 
     def ensure_constant(self, source: str) -> System:
-        """Return the system; raise an InputError about `source` if there are terms that vary in time, or friction."""
-        return self.ensure_without_terms(source).ensure_frictionless(source)
+        """Return the system; raise an InputError about `source` if terms vary in time, or with friction or a hoist."""
+        return self.ensure_without_terms(source).ensure_frictionless(source).ensure_without_hoist(source)
+
+    def ensure_without_hoist(self, source: str) -> System:
+        """Return the system; raise an InputError about `source`, which knows no payload that swings, with a hoist."""
+        if self.hoist is not None:
+            allowed = (
+                "a scene without it is allowed here; march, a stepper and an FMU for Co-Simulation follow its payload"
+            )
+            raise InputError(source, "hoist", None, allowed)
+        return self
 
     def ensure_frictionless(self, source: str) -> System:
         """Return the system; raise an InputError about `source`, which can't handle friction, if a contact has any."""
@@ -392,7 +410,12 @@ class System(BodySystem[SlidingBody]):
             if isinstance(content, ReducedModel):
                 return cls.of(content)
             return cls(
-                content.bodies, content.contacts, content.provenance, terms=content.terms, on_modes=content.on_modes
+                content.bodies,
+                content.contacts,
+                content.provenance,
+                terms=content.terms,
+                on_modes=content.on_modes,
+                hoist=recorded_hoist(content.provenance),
             )
         except InputError as error:
             raise InputError(str(path), error.key, error.value, error.allowed) from None
@@ -405,7 +428,8 @@ class System(BodySystem[SlidingBody]):
         of a boom, because the joints that hold it are missing.
         """
         body.ensure_whole("system")
-        return cls({ALONE: body}, ground_contacts(body), body.provenance if isinstance(body, ReducedModel) else {})
+        provenance = body.provenance if isinstance(body, ReducedModel) else {}
+        return cls({ALONE: body}, ground_contacts(body), provenance, hoist=recorded_hoist(provenance))
 
 
 def ground_contacts(body: Body) -> tuple[Contact, ...]:

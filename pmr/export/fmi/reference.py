@@ -61,7 +61,8 @@ def reference(drivers: Drivers, scene: StoredScene) -> Reference:
     system, excitation = drivers.system, scene.excitation
     inputs = input_cubics(drivers, excitation)
     reached = _cubic_excitation(drivers, excitation, inputs)
-    trajectory = systems.simulate(system, reached, systems.static_start(system, reached) if scene.static else {})
+    initial = None if system.hoist is not None else systems.static_start(system, reached) if scene.static else {}
+    trajectory = systems.simulate_form(SystemForm(system, drivers.forms), reached, initial)
     y = list(systems.displacements(system, trajectory).values())
     z, v = (
         np.hstack([getattr(trajectory.bodies[name], what) @ form.inverse.T for name, form in drivers.forms.items()])
@@ -91,7 +92,10 @@ def reference(drivers: Drivers, scene: StoredScene) -> Reference:
 def first_loads(drivers: Drivers, scene: StoredScene) -> Array:
     """Loads (i,) in N or N m at the start, with the full weight."""
     if drivers.frame is None:
-        return scene.first_loads
+        at = dict.fromkeys(drivers.loads, 0.0) | dict(
+            zip(drivers.system.load_names, scene.first_loads.tolist(), strict=True)
+        )
+        return np.array([at[name] for name in drivers.loads])
     return drivers.frame.start[0, drivers.frame.load_numbers]
 
 
@@ -134,7 +138,8 @@ def _cubic_excitation(drivers: Drivers, excitation: Excitation, inputs: Array) -
 
     paths = dict(excitation.paths) | {name: signal_of(k) for k, name in enumerate(drivers.shown_paths)}
     loads = {name: signal_of(drivers.first_load_number + k) for k, name in enumerate(drivers.loads)}
-    return replace(excitation, paths=paths, loads=loads)
+    driven = {name: loads.pop(name) for name in excitation.hoist}
+    return replace(excitation, paths=paths, loads=loads, hoist=driven)
 
 
 def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
@@ -156,7 +161,9 @@ def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
         return orders
     signals = [*(excitation.paths[path] for path in drivers.shown_paths)]
     numbers = [*range(len(drivers.shown_paths)), *(drivers.first_load_number + k for k in range(len(drivers.loads)))]
-    for number, signal in zip(numbers, [*signals, *signals_in_order(excitation.loads, drivers.loads)], strict=True):
+    for number, signal in zip(
+        numbers, [*signals, *signals_in_order({**excitation.loads, **excitation.hoist}, drivers.loads)], strict=True
+    ):
         orders[0, :, number] = signal.value(t)
         ended = signal.rate(np.nextafter(t[1:], 0.0))  # at a kink the rate before it
         x = orders[0, :, number].copy()

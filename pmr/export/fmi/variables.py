@@ -11,9 +11,10 @@ import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.files.arrays import Array
-from pmr.kernel.data import SystemData, system_data
+from pmr.kernel.data import SystemData, hoist_drivers, system_data
 from pmr.kernel.further import AXES
 from pmr.scene.built import force_name
+from pmr.scene.hoist import ROPE, WIND
 from pmr.scene.keys import LUFFING
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.moving import GRAVITY, MovingFrame
@@ -23,6 +24,8 @@ from pmr.system.system import System
 
 #: Name of the only angle without a range.
 SLEWING = "slewing"
+#: Unit of what drives the rope of a hoist: of its length, and of the speed of its winch.
+ROPE_UNITS = ("m", "m/s")
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,7 @@ class Drivers:
     @property
     def loads(self) -> tuple[str, ...]:
         """Names of the loads."""
-        return self.system.input_names if self.frame is None else self.frame.loads
+        return self.frame.loads if self.frame is not None else (*self.system.input_names, *hoist_drivers(self.system))
 
     @property
     def motions(self) -> tuple[str, ...]:
@@ -94,9 +97,14 @@ class Drivers:
         of_inputs = dict(zip(self.system.input_names, units, strict=True))
         # a force along a ground axis has an input for each axis of the body
         of_parts = {name.rpartition(" ")[0]: unit for name, unit in of_inputs.items()}
-        return tuple(
-            "m/s2" if name == GRAVITY and self.frame else of_inputs.get(name) or of_parts[name] for name in self.loads
-        )
+        known = {GRAVITY: "m/s2"} if self.frame else {}
+        known |= {name: "N" for name in WIND} | {ROPE: ROPE_UNITS[self.is_wound]}
+        return tuple(known.get(name) or of_inputs.get(name) or of_parts[name] for name in self.loads)
+
+    @property
+    def is_wound(self) -> bool:
+        """Whether the speed of a winch drives a hoist, and not the length of its rope."""
+        return self.system.hoist is not None and self.system.hoist.is_wound
 
     @property
     def first_load_number(self) -> int:
@@ -110,9 +118,9 @@ class Drivers:
 
     @property
     def is_differential(self) -> bool:
-        """Whether the model is an ordinary differential equation: no contact is rigid, and there is no friction."""
+        """Whether the model is an ordinary differential equation: no contact is rigid, no friction, and no hoist."""
         rows = self.data.rows
-        return rows.friction is None and bool(np.all(rows.gives > 0.0))
+        return rows.friction is None and self.system.hoist is None and bool(np.all(rows.gives > 0.0))
 
     def kinds(self) -> list[int]:
         """Kind of each driver as source/unit.h numbers them: 0 other, 1 path, 2 angle, 3 slewing angle."""
@@ -203,7 +211,8 @@ def _drivers(drivers: Drivers) -> Iterator[_Driver]:
         what = f"path coordinate {what}; up to {BEYOND_ENDS * (high - low):.3g} m beyond an end it is taken there"
         yield _Driver(name, k, what, "m", (low, high))
     for k, (name, unit) in enumerate(zip(drivers.loads, drivers.load_units, strict=True)):
-        yield _Driver(name, drivers.first_load_number + k, f"load {name}", unit)
+        if drivers.system.hoist is None or name not in drivers.system.hoist.inputs:
+            yield _Driver(name, drivers.first_load_number + k, f"load {name}", unit)
     for k, name in enumerate(drivers.motions):
         what, unit = (f"angle {name}", "rad") if name not in AXES else (f"acceleration of the pivot, {name}", "m/s2")
         yield _Driver(name + " acceleration" * (name in AXES), drivers.first_motion_number + k, what, unit)
@@ -258,7 +267,7 @@ def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Itera
     for k, (name, unit, _) in enumerate(called):
         yield Variable(outputs[k], first + k, name, unit=unit)
     for k, (what, unit, moves) in enumerate(called):
-        if moves:
+        if moves and system.hoist is None:  # its rope has no rates
             name = names(f"{outputs[k]}_rate")
             yield Variable(name, first + count + k, f"rate of {what}", unit=rate_unit(unit, 1), is_rate=True)
     for k, contact in enumerate(system.contacts):

@@ -16,6 +16,7 @@ static void record_step(pmr_state *st, const pmr_record *record, int64_t row)
     record_row(record->energy, row, 2, st->energy);
     record_row(record->friction, row, y->pads, st->friction);
     record_row(record->drivers, row, y->drivers, st->u);
+    if (record->hoist && y->hoist) show_hoist(st, record->hoist + row * PMR_HOIST_OUTPUTS);
     if (record->parts) record->parts[row] = st->progress.parts;
     if (record->outputs) outputs(st, record->outputs + (size_t)row * y->outputs, NULL);
 }

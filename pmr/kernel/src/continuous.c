@@ -32,6 +32,7 @@ static int stand_under(pmr_state *st, const double *at)
     else
         copy(st->u, at, y->drivers);
     if (!all_finite(st->u, y->drivers)) return PMR_REFUSED;
+    show_pulls(st);
     st->placed = 0;
     st->moved = 1;
     failed = place(st, st->still, st->u); /* F may be singular */
@@ -146,6 +147,7 @@ static int evaluate_along(pmr_state *st, const double *at, const double *seed_at
     const pmr_system *y = st->system;
     const pmr_progress progress = st->progress;
     int failed;
+    if (seed_at && y->hoist) return PMR_REFUSED;
     memcpy(st->began, st->mark, st->saved * sizeof(double));
     failed = hold && !to->closed ? PMR_REFUSED : stand_under(st, at);
     if (!failed) failed = find_position_forces(st, hold, to->closed);
@@ -157,6 +159,7 @@ static int evaluate_along(pmr_state *st, const double *at, const double *seed_at
             accelerate(st, st->u + y->paths, st->acceleration);
             copy_values(st, to, st->values, st->acceleration);
             if (to->further && y->motions) pmr_frame_outputs(y, at, NULL, st->values, NULL, to->further, NULL);
+            if (to->further && y->hoist) show_hoist(st, to->further + y->reactions + 3 * y->has_tip + (y->sources > 0));
         }
     }
     return return_to(st, &progress, failed);

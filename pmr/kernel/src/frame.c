@@ -176,7 +176,7 @@ void pmr_frame_along(const pmr_system *y, const double *motions, const double *s
     number *quantities = (number *)work;
     int32_t k, n;
     for (k = 0; k < y->quantities; k++) quantities[k] = quantity(&c, &turned, y->quantity_list + 3 * k);
-    for (k = 0; k < y->paths + y->inputs + y->terms; k++) {
+    for (k = 0; k < y->drivers; k++) {
         number sum = constant(0.0);
         if (k < y->paths) {
             sum = motion(&c, y->frame_paths[k], 0);

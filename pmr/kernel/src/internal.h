@@ -110,8 +110,18 @@ struct pmr_system {
     const double
         *cylinder_moments;       /* (sources, 1 + P): moment about the pivot of a unit of each, m, and by each path */
     const int32_t *cylinder_pin; /* (3): reactions of a pin along x and z, less than 0: none; source at the lug */
+    /* a hoist (hoist.c) */
+    int32_t hoist;               /* k: inputs by which its rope pulls the bodies; 0 without one */
+    const int32_t *hoist_inputs; /* (k) */
+    const int32_t *hoist_slots;  /* (PMR_HOIST_SLOTS): drivers that it is driven by, less than 0: by none */
+    const double *hoist_shares;  /* (PMR_HOIST_SLOTS, 2): what a slot is besides, and factor of its driver */
+    const double *hoist_levers;  /* (k, 6): how far a unit along each input moves the head, and the winch */
+    const double *hoist_numbers; /* (PMR_HOIST_NUMBERS) */
+    const double *hoist_reach;   /* (2, P): paths that the head moves along with, and the winch */
     pmr_observed observed[2];    /* outputs, reactions */
 };
+
+enum { PMR_HOIST_SLOTS = 17, PMR_HOIST_NUMBERS = 19, PMR_HOIST_STATE = 29, PMR_HOIST_OUTPUTS = 7 };
 
 /* Kinds of quantities, by two numbers: axes; the motion; number of paths and order of the rate; the path from 1 on. */
 enum { PMR_ONE, PMR_TURNED, PMR_VELOCITY, PMR_TURNING, PMR_GRADIENT, PMR_MOTION, PMR_REACH, PMR_OVER };
@@ -155,6 +165,7 @@ struct pmr_state {
     size_t memory; /* bytes of the block that this struct begins */
     /* numbers that a step which is taken back returns to, one array after the other, filled up to registers */
     double *mark;
+    double *hoist, *pulls; /* (PMR_HOIST_STATE), (k) N: where the rope stands, its forces on the inputs (hoist.c) */
     size_t marked;                                       /* doubles */
     double *z_next, *v_next, *a_next, *z_free, *z, *v;   /* (r') */
     double *lambda, *force, *share, *closed, *impulse;   /* (mp): lambda of moments behind those of contacts */
@@ -187,6 +198,10 @@ struct pmr_state {
     double *u_next, *u_begun;                        /* (N) */
     double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */
     double *values, *changes, *shown; /* (op + hp + forces): outputs, reactions, forces; along a seed; (further) */
+    /* hoist: before a part, slots, forces; R (k, k) and what it is made of, (k, r') and (k, mp); places of inputs */
+    double *hoist_before, *slots, *new_pulls, *receptance, *hoist_units, *hoist_rows, *hoist_held;
+    double *hoist_free, *hoist_moved, *hoist_slope;
+    const pmr_scheme *receptance_of;  /* scheme that R is of where the rows stand, or NULL */
     pmr_scheme *scheme, *still;       /* (levels), and without a step, for which A is F */
     int32_t opened;                   /* levels that there is room for */
     int32_t placed, factored, moved, trouble;

@@ -107,9 +107,10 @@ static void further_outputs(pmr_state *st, double *further)
     find_all(st, st->values);
     copy(further, st->values + y->op, y->reactions);
     if (y->motions) pmr_frame_outputs(y, st->motions, NULL, st->values, NULL, further, NULL);
+    if (y->hoist) show_hoist(st, further + y->reactions + 3 * y->has_tip + (y->sources > 0));
 }
 
-/* Some outputs and forces, by their numbers among all outputs and, behind these, all forces. */
+/* Some outputs and forces, by their numbers among all outputs and, behind these, all forces and outputs of a hoist. */
 static void observe(pmr_state *st, int count, const int32_t *numbers, double *values)
 {
     const pmr_system *y = st->system;
@@ -125,5 +126,6 @@ static void observe(pmr_state *st, int count, const int32_t *numbers, double *va
         find_outputs(st, y->observed, first / PMR_SPAN * PMR_SPAN, PMR_UP(last + 1), st->z, st->u + y->paths, NULL,
                      NULL, st->values);
     if (forces) forces_of(st, st->lambda, st->friction, st->values + y->op);
+    if (forces && y->hoist) show_hoist(st, st->values + y->op + y->forces);
     for (k = 0; k < count; k++) values[k] = st->values[numbers[k] + (numbers[k] < outputs ? 0 : to_forces)];
 }

@@ -50,6 +50,7 @@ enum {
     PMR_NOT_FINITE = 5,  /* a coordinate is infinite or no number */
     PMR_NO_MEMORY = 6,
     PMR_LOST = 7,        /* a machine's motion is not found */
+    PMR_BLOCKED = 9,     /* a hook is at its sheaves: its rope is too short */
     PMR_UPRIGHT = 8      /* a machine pitches by 90 degrees, where roll and yaw turn about one axis */
 };
 
@@ -69,7 +70,9 @@ typedef struct {
     int32_t drivers;   /* N: what drives the system from outside, `u`: paths, then loads, then what else it asks for */
     int32_t motions;   /* n: what a frame that moves is driven by; 0 without one */
     int32_t pushing;   /* contacts that only push */
-    int32_t further;   /* further outputs: reactions of rigid supports; in a frame the tip, and the luffing cylinder */
+    int32_t further;   /* further outputs: reactions of rigid supports; in a frame the tip, and the luffing cylinder; of a
+                          hoist, those of `hoist` */
+    int32_t hoist;     /* outputs of a hoist, 0 without one */
 } pmr_sizes;
 
 /* ---- systems ---- */
@@ -294,6 +297,7 @@ typedef struct {
     double *friction;    /* (., n) N */
     double *outputs;     /* (., o) */
     double *drivers;     /* (., N) */
+    double *hoist;       /* (., 7): as `pmr_further` has them */
     int32_t *parts;      /* (.,) */
 } pmr_record;
 
@@ -308,17 +312,18 @@ int pmr_advance_sampled(pmr_state *state, const double *u, int per, int64_t coun
 
 /* Outputs y (o,) and forces (forces,) of all contacts, either NULL, where the state stands. */
 void pmr_outputs(pmr_state *state, double *y, double *forces);
-/* Some of them, by their numbers (count,): of outputs, and behind these of forces. */
+/* Some of them, by their numbers (count,): of outputs, behind these of forces, and behind these of a hoist's outputs. */
 void pmr_observe(pmr_state *state, int count, const int32_t *numbers, double *values);
 /* Further outputs (further,) where the state stands: in N and N m what a body presses on its rigid supports; in a frame
-   the place of the tip from the pivot along axes of the ground in m, and the force of the luffing cylinder in N.  In a
-   frame the motions are those of the last start or step that was told them. */
+   the place of the tip from the pivot along axes of the ground in m, and the force of the luffing cylinder in N; of a
+   hoist the height of the hook, its place along axes of the ground in m, its swing along and across the boom's plane in
+   rad, and the force of the rope in N.  In a frame the motions are those of the last start or step that was told them. */
 void pmr_further(pmr_state *state, double *further);
 
 /* ---- derivatives ---- */
 
 /* Derivatives of the next step and of its outputs, with the contacts that are closed and the pads that stick or slide
-   staying so; what friction remembers of the step before is no coordinate, and stays too.  With the prediction
+   staying so; what friction remembers of the step before is no coordinate, and stays too.  PMR_REFUSED with a hoist.  With the prediction
    x = (z*, v*, a*) (3 r'), from which a step begins, and drivers u at its end, x_next = A x + ... u:
 
        dx_next = A dx + B du,    dy = C dx + D du,    dforces = L dx + K du,    dw = E dx + G du

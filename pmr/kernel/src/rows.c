@@ -250,6 +250,7 @@ static int place(pmr_state *st, const pmr_scheme *c, const double *s)
     }
     st->moved = 1;
     st->factored = -1;
+    st->receptance_of = NULL;
     st->placed = 0;
     find_intervals(st, s);
     if (y->whole)

@@ -412,6 +412,7 @@ static int begin(pmr_state *st)
     subtract_rows(st, 0, y->contacts, st->pulled);
     load_bodies(st, st->u + y->paths); /* those of `stand` are those of the step before by now */
     account(st, c);                    /* p enters by its square */
+    if (y->hoist) store_hoist_energy(st);
     st->energy[1] = st->energy[2] = 0.0;
     return PMR_DONE;
 }
@@ -448,6 +449,29 @@ static int correct_rates(pmr_state *st, const pmr_scheme *still, const double *r
     return PMR_DONE;
 }
 
+/* Forces of the rope at the start, in equilibrium with the bodies where these are. */
+static int start_hoist(pmr_state *st, int kind, const double *u)
+{
+    const pmr_system *y = st->system;
+    double off, largest;
+    int times, failed, k;
+    for (times = 0; times < HOIST_TIMES; times++) {
+        failed = begin_hoist(st, u);
+        if (failed) return failed;
+        off = largest = 0.0;
+        for (k = 0; k < y->hoist; k++) {
+            off = larger(off, fabs(st->new_pulls[k] - st->pulls[k]));
+            largest = larger(largest, fabs(st->new_pulls[k]));
+            st->pulls[k] = st->new_pulls[k];
+        }
+        load_bodies(st, u + y->paths);
+        if (kind != PMR_IN_EQUILIBRIUM || (times && off <= HOIST_STILL * largest)) break;
+        failed = find_equilibrium(st);
+        if (failed) return failed;
+    }
+    return PMR_DONE;
+}
+
 static int start(pmr_state *st, int kind, const double *u, const double *rates, const double *z, const double *v)
 {
     const pmr_system *y = st->system;
@@ -469,7 +493,10 @@ static int start(pmr_state *st, int kind, const double *u, const double *rates, 
         copy(st->v, v, y->modes);
     }
     if (y->registers) combine_terms(st, u + y->paths + y->inputs);
-    if (kind == PMR_IN_EQUILIBRIUM) failed = find_equilibrium(st);
+    if (!failed && y->hoist)
+        failed = start_hoist(st, kind, u);
+    else if (kind == PMR_IN_EQUILIBRIUM)
+        failed = find_equilibrium(st);
     if (!failed && rates) failed = correct_rates(st, still, rates);
     if (failed) return failed;
     begin_terms(st, u + y->paths + y->inputs);
@@ -492,5 +519,10 @@ static int start(pmr_state *st, int kind, const double *u, const double *rates, 
         }
     }
     for (k = 0; k < y->quasi_static; k++) st->accelerated[y->of_modes[k]] = 0.0;
+    if (y->hoist) { /* by now all forces are known by which the head is displaced */
+        failed = begin_hoist(st, u);
+        if (failed) return failed;
+        show_pulls(st);
+    }
     return begin(st);
 }

@@ -10,6 +10,7 @@ INLINE void load_bodies(pmr_state *st, const double *f)
 {
     const pmr_system *y = st->system;
     int n, l, k;
+    f = with_pulls(st, f);
     for (l = 0; l < y->inputs; l++) st->loads[l] = f[l];
     for (n = 0; n < y->modes; n += VL) {
         vec sum = {0.0};
@@ -138,6 +139,7 @@ static void predict(pmr_state *st, const pmr_scheme *c)
         V(st->a_next + n) = a * (c->a_from_force + c->a_from_share);
     }
     free_motion(st, c);
+    if (y->hoist) predict_payload(st, c);
     for (k = 0; k < y->contacts; k++) st->force[k] = st->share[k] = y->pushing ? st->lambda[k] : 0.0;
 }
 
@@ -274,8 +276,9 @@ static int advance(pmr_state *st, const pmr_scheme *c, const double *f, const do
         expect_terms(st, c, amplitudes);
     else if (y->quasi_static)
         copy(st->z_before, st->z, y->modes);
-    failed = find_multipliers(st, c);
+    failed = y->hoist ? settle_hoist(st, c) : find_multipliers(st, c);
     if (failed) return failed;
+    if (y->hoist) advance_payload(st, c);
     if (y->pushing) remember_forces(st, c);
     if (!y->whole || y->coupled) {
         for (n = 0; n < y->modes; n += VL) V(st->pulled + n) = CV(st->push + n);
@@ -302,12 +305,14 @@ static int make_part(pmr_state *st, const pmr_scheme *c, const double *u)
     const pmr_system *y = st->system;
     const double *f = u + y->paths, *amplitudes = f + y->inputs;
     int failed = place(st, c, u), k;
+    if (y->hoist) expect_hoist(st, c, u);
     if (!failed) failed = advance(st, c, f, amplitudes);
     if (failed) return failed;
     for (k = 0; k < y->quasi_static; k++) st->v[y->of_modes[k]] = 0.0; /* they have no kinetic energy */
     if (st->settings.energy) {
         if (y->registers || y->pads) account_terms(st, c);
         account(st, c);
+        if (y->hoist) account_hoist(st);
     }
     if (y->registers || y->pads) end_terms(st);
     if (y->quasi_static) end_quasi_static(st, c);

@@ -16,6 +16,7 @@ static void accelerate(pmr_state *st, const double *f, double *a)
 {
     const pmr_system *y = st->system;
     int k, n, l;
+    f = with_pulls(st, f);
     for (n = 0; n < y->modes; n += VL) {
         vec sum = CV(y->omega2 + n) * CV(st->z + n);
         if (!y->coupled) sum += CV(y->damping + n) * CV(st->v + n);
@@ -202,6 +203,9 @@ static const double *course_at(pmr_state *st, const pmr_course *course, int part
     return st->u_next;
 }
 
+/* Whether a part that fails has changed what it began with. */
+static int is_iterated(const pmr_system *y) { return y->pushing || y->registers || y->pads || y->hoist; }
+
 /* The parts of a step on a level; `*off` is what one of them misses over what it may. */
 static int make_parts(pmr_state *st, int level, int judged, const pmr_course *course, double *off)
 {
@@ -227,7 +231,7 @@ static int make_parts(pmr_state *st, int level, int judged, const pmr_course *co
             for (k = 0; k < y->contacts; k++)
                 st->peak[k] = part == 1 ? st->lambda[k] : larger(st->peak[k], st->lambda[k]);
         if (judged) *off = larger(*off, missed(st, c, u + y->paths));
-        if (part == count) copy(st->u, u, y->drivers);
+        if (part == count) copy(st->u, u, y->drivers), show_pulls(st);
     }
     return PMR_DONE;
 }
@@ -243,7 +247,7 @@ static int stop(pmr_state *st, int failed)
 {
     const pmr_system *y = st->system;
     const int trouble = st->trouble;
-    if (y->pushing || y->registers || y->pads) memcpy(st->mark, st->began, st->saved * sizeof(double));
+    if (is_iterated(y)) memcpy(st->mark, st->began, st->saved * sizeof(double));
     st->progress.active = st->progress.came = -1;
     st->placed = 0;
     stand(st);
@@ -272,7 +276,7 @@ static int make_step(pmr_state *st, int given_level, const pmr_course *course)
     const int last = st->settings.levels - 1, judged = given_level < 0 && last > 0 && st->settings.contact_omega > 0.0;
     int level = given_level >= 0 ? given_level : st->progress.level, failed = PMR_DONE;
     double off = 0.0;
-    if (last == 0 && !(y->pushing || y->registers || y->pads) && st->settings.parts[0] == 1 && st->progress.active == 0)
+    if (last == 0 && !is_iterated(y) && st->settings.parts[0] == 1 && st->progress.active == 0)
         return make_whole_step(st, course);
     if (y->pushing)
         for (int n = 0; n < y->mp; n += VL) V(st->impulse + n) = (vec){0.0};
@@ -280,7 +284,7 @@ static int make_step(pmr_state *st, int given_level, const pmr_course *course)
         st->progress.came = -1;
     else if (st->progress.active >= 0)
         st->progress.came = st->progress.active;
-    if (y->pushing || y->registers || y->pads) memcpy(st->began, st->mark, st->saved * sizeof(double));
+    if (is_iterated(y)) memcpy(st->began, st->mark, st->saved * sizeof(double));
     for (;;) {
         if (course->samples && st->settings.parts[level] > 1 && course->per % st->settings.parts[level]) {
             st->progress.level = level;

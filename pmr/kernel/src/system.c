@@ -113,7 +113,7 @@ static int check_frame(const pmr_system *y, char *why)
     if (!y->motions) return 0;
     if (!within(y->frame_angles, 5, -1, y->motions) || !within(y->frame_paths, y->paths, 0, y->motions) ||
         !within(y->products, 3 * (int64_t)y->product_count, 0, y->quantities) ||
-        !ascends(y->first_product, y->inputs + y->terms + 1, y->product_count))
+        !ascends(y->first_product, y->drivers - y->paths + 1, y->product_count))
         return pmr_say(why, "damaged: products of a frame"), 1;
     for (k = 0; k < y->quantities; k++) {
         const int32_t kind = y->quantity_list[3 * k], *of = y->quantity_list + 3 * k + 1;
@@ -180,6 +180,23 @@ static int read_further(pmr_system *y, char *why)
     return 0;
 }
 
+/* A hoist and what it is driven by, behind the amplitudes of terms. */
+static int read_hoist(pmr_system *y, char *why)
+{
+    y->hoist = (int32_t)pmr_block_count(y, "hoist_inputs");
+    TAKE(hoist_inputs, PMR_INTEGERS, y->hoist);
+    TAKE(hoist_slots, PMR_INTEGERS, y->hoist ? PMR_HOIST_SLOTS : 0);
+    TAKE(hoist_shares, PMR_NUMBERS, y->hoist ? 2 * PMR_HOIST_SLOTS : 0);
+    TAKE(hoist_levers, PMR_NUMBERS, 6 * (int64_t)y->hoist);
+    TAKE(hoist_numbers, PMR_NUMBERS, y->hoist ? PMR_HOIST_NUMBERS : 0);
+    TAKE(hoist_reach, PMR_NUMBERS, y->hoist ? 2 * (int64_t)y->paths : 0);
+    if (!within(y->hoist_inputs, y->hoist, 0, y->inputs) ||
+        !within(y->hoist_slots, y->hoist ? PMR_HOIST_SLOTS : 0, -1, y->drivers) ||
+        (!y->hoist && y->drivers != y->paths + y->inputs + y->terms))
+        return pmr_say(why, "damaged: inputs or drivers of a hoist"), 1;
+    return 0;
+}
+
 static int read_arrays(pmr_system *y, char *why)
 {
     static const char *const names[] = {"modes",   "rows",  "contacts", "forces", "inputs",
@@ -198,7 +215,7 @@ static int read_arrays(pmr_system *y, char *why)
         if (sizes[k] < 0 || sizes[k] > most) return pmr_say(why, "damaged: %s = %d", names[k], sizes[k]), 1;
         *to[k] = sizes[k];
     }
-    if (y->modes % PMR_LANES || y->rows != y->contacts + y->pads || y->drivers != y->paths + y->inputs + y->terms ||
+    if (y->modes % PMR_LANES || y->rows != y->contacts + y->pads || y->drivers < y->paths + y->inputs + y->terms ||
         y->whole > 1 || y->coupled > 1)
         return pmr_say(why, "damaged: sizes"), 1;
     r = y->modes, m = y->rows, i = y->inputs;
@@ -259,8 +276,8 @@ static int read_arrays(pmr_system *y, char *why)
     TAKE(quantity_list, PMR_INTEGERS, 3 * (int64_t)y->quantities);
     TAKE(products, PMR_INTEGERS, 3 * (int64_t)y->product_count);
     TAKE(factors, PMR_NUMBERS, y->product_count);
-    TAKE(first_product, PMR_INTEGERS, y->motions ? y->inputs + y->terms + 1 : 0);
-    return read_further(y, why) || read_blocks(y, why);
+    TAKE(first_product, PMR_INTEGERS, y->motions ? y->drivers - y->paths + 1 : 0);
+    return read_further(y, why) || read_hoist(y, why) || read_blocks(y, why);
 }
 #undef TAKE
 
@@ -373,7 +390,9 @@ void pmr_system_sizes(const pmr_system *y, pmr_sizes *sizes)
                              .drivers = y->drivers,
                              .motions = y->motions,
                              .pushing = y->pushing,
-                             .further = y->reactions + 3 * y->has_tip + (y->sources > 0)};
+                             .further = y->reactions + 3 * y->has_tip + (y->sources > 0) +
+                                        (y->hoist ? PMR_HOIST_OUTPUTS : 0),
+                             .hoist = y->hoist ? PMR_HOIST_OUTPUTS : 0};
     *sizes = found;
 }
 

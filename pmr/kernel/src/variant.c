@@ -21,6 +21,7 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "extrapolation.c"
 #include "friction.c"
 #include "terms.c"
+#include "hoist.c"
 #include "energy.c"
 #include "step.c"
 #include "substeps.c"

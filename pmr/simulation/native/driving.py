@@ -39,8 +39,8 @@ class Drivers:
     entries.  `rows` (n,) says how many of the three were given for the next step.  Both are arrays that the kernel
     reads; they are written through memory views, which takes a tenth of NumPy's time.
 
-    `names` are the names of paths, of loads, and of motions of the frame (None without a frame).  `ranges` are the
-    smallest and largest coordinate of each path in m.  `in_parts` says whether steps are divided into parts.
+    `names` are the names of paths, of loads with their numbers, and of motions of the frame (None without a frame).
+    `ranges` are the smallest and largest coordinate of each path in m.  `in_parts` says whether steps are divided.
 
     Raises InputError for a number out of its range or not finite, for an unknown name, and for a path that is missing
     at the start.
@@ -50,7 +50,7 @@ class Drivers:
         self,
         motions: Array,
         rows: NDArray[np.int32],
-        names: tuple[Sequence[str], Sequence[str], Sequence[str] | None],
+        names: tuple[Sequence[str], Mapping[str, int], Sequence[str] | None],
         ranges: Mapping[str, tuple[float, float]],
         step: float,
         in_parts: bool,
@@ -61,12 +61,13 @@ class Drivers:
         rows[:] = 1
         paths, loads, frame = names  # in the order of motions; the last is None without a frame
         self._in_frame, self._in_parts = frame is not None, in_parts
-        self.paths, first = list(paths), len(paths)
+        self.paths = list(paths)
         self._ranges = [ranges[path] for path in paths]
         self._path_numbers = _motion_numbers(list(ranges), [self.paths.index(path) for path in ranges])
-        self._load_numbers = _motion_numbers(loads, range(first, first + len(loads)))
-        self._frame_numbers = _motion_numbers(frame or (), range(first + len(loads), motions.shape[1]))
-        self._angles = {first + len(loads) + k: name for k, name in enumerate(frame or ()) if name not in AXES}
+        self._load_numbers = _motion_numbers([*loads], [*loads.values()])
+        of_frame = motions.shape[1] - len(frame or ())
+        self._frame_numbers = _motion_numbers(frame or (), range(of_frame, motions.shape[1]))
+        self._angles = {of_frame + k: name for k, name in enumerate(frame or ()) if name not in AXES}
         #: names, by number, of drivers that have inertia in the frame and no warning yet of a missing second rate
         self._unwarned = (dict(enumerate(self.paths)) | self._angles) if self._in_frame else {}
         self._told, self._placed, self._started = set[str](), False, False

@@ -104,7 +104,7 @@ ITERATIONS = 100
 
 
 def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]:
-    """Signals of the kernel's N drivers in its order: paths, loads, amplitudes of terms.
+    """Signals of the kernel's N drivers in its order: paths, loads, amplitudes of terms, what drives a hoist.
 
     A single body without a path is at the beginning of its domain.  Raises InputError if a path, a load or a term has
     no signal.
@@ -121,7 +121,9 @@ def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]
         signals_in_order(excitation.loads, system.input_names),
         signals_in_order(excitation.terms, system.term_names, "term"),
     )
-    return [*paths, *loads, *terms]
+    drivers = () if system.hoist is None else system.hoist.drivers
+    hoist = signals_in_order(excitation.hoist, drivers, "hoist")
+    return [*paths, *loads, *terms, *hoist]
 
 
 def start_modes(form: SystemForm, x: Array, x_rate: Array, initial: Mapping[str, InitialState]) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import SimulationError
+from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array
 from pmr.kernel.signals import Signals
 from pmr.kernel.state import Failure, Record, Settings, State, StepError
@@ -30,6 +30,8 @@ TIMES, FINE = 2048, 64
 RECORDED = 2**22
 #: Most modes for which the kernel computes the equilibrium at the start; for more modes it is computed sparsely.
 DENSE = 400
+#: Most modes for which it finds the equilibrium with a hoist, whose rope pulls along the deflected boom.
+DENSE_WITH_HOIST = 3000
 
 
 class Steps(NamedTuple):
@@ -47,6 +49,7 @@ class Steps(NamedTuple):
     parts: NDArray[np.int32] | None = None  # (T,): number of parts of each step
     impulses: Array | None = None  # (T, m) N s: impulse in the step, if contacts only push
     friction: Array | None = None  # (T, n) N: of the pads that rub
+    hoist: Array | None = None  # (T, 7): outputs of a hoist
 
     def at(self, rows: NDArray[np.int64] | slice) -> Steps:
         """Some of the steps, by their numbers from 0 on."""
@@ -95,8 +98,13 @@ class March:
         self._start: tuple[Any, ...] = ("rest", zero)
         if initial is None and excitation.start == "equilibrium":
             self._start = ("equilibrium", zero)
-            if kernel.modes <= DENSE and self.start() is None:
+            if kernel.modes <= (DENSE if system.hoist is None else DENSE_WITH_HOIST) and self.start() is None:
                 return
+            if kernel.modes > DENSE_WITH_HOIST and system.hoist is not None:
+                allowed = (
+                    f"'rest' is allowed with a hoist and {kernel.modes} coordinates, of {DENSE_WITH_HOIST} at most"
+                )
+                raise InputError("scene", "start", "equilibrium", f"{allowed} the equilibrium is found")
             initial = static_start(system, excitation)  # raises an error that names motions that are not held
         if initial:
             modes = start_modes(form, self.x[0], side_velocities(system, excitation), initial)
@@ -177,7 +185,8 @@ class March:
         of_parts = ("peaks", "parts") if self.finest > 1 else ()
         impulses = ("impulses",) if self.pushing.any() else ()
         friction = ("friction",) if self.form.kernel.pads else ()
-        return ("z", "v", "multipliers", "energy", "drivers", *of_parts, *impulses, *friction)
+        hoist = ("hoist",) if self.form.kernel.hoist else ()
+        return ("z", "v", "multipliers", "energy", "drivers", *of_parts, *impulses, *friction, *hoist)
 
     def _record_arrays(self, record: Record) -> Steps:
         """Arrays of a record, with the start in the first row."""

@@ -28,6 +28,7 @@ from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import BoundStep, Settings, State, StepError
 from pmr.scene.built import force_name
 from pmr.scene.choice import refuse_unsupported
+from pmr.scene.hoist import OUTPUTS
 from pmr.scene.keys import LUFFING, SLIDER
 from pmr.scene.signals import Constant, Ramp
 from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, part_counts
@@ -35,7 +36,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.moving import MovingFrame, StoredScene, read_scene
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm, path_text, start_modes, static_start, step_failure
-from pmr.simulation.native.march import DENSE
+from pmr.simulation.native.march import DENSE, DENSE_WITH_HOIST
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
@@ -119,8 +120,9 @@ class Stepper:
         if system.on_one_path:  # a body without a path has a position, too
             (body,) = system.bodies.values()
             self._ranges = dict.fromkeys(system.paths or (SLIDER,), body.domain)
-        #: Names of all that `outputs` chooses from: outputs of the bodies, then forces of the contacts.
-        self.output_names = (*system.output_names, *map(force_name, system.contact_names))
+        #: Names of all that `outputs` chooses from: outputs of the bodies, forces of the contacts, outputs of a hoist.
+        of_hoist = () if system.hoist is None else OUTPUTS
+        self.output_names = (*system.output_names, *map(force_name, system.contact_names), *of_hoist)
         every = range(len(system.output_names))
         chosen = [number_of(k, self.output_names, "outputs") for k in (every if outputs is None else outputs)]
         moving = MovingFrame.from_system(system)
@@ -135,10 +137,12 @@ class Stepper:
         self._state = State(kernel, settings)
         beyond = kernel.outputs - len(every)  # forces come after all outputs of the kernel
         self._bound = bound = BoundStep(self._state, [k if k < len(every) else k + beyond for k in chosen])
-        paths, loads, of_frame = kernel.names("drivers")[: kernel.paths], system.input_names, None
+        names, of_frame = kernel.names("drivers"), None
+        paths, loads = names[: kernel.paths], {name: names.index(name) for name in system.load_names}
         if moving is not None:
             bound.motions[:] = moving.start
-            paths, loads, of_frame = moving.paths, moving.loads, (*moving.angles, *moving.axes)
+            paths, of_frame = moving.paths, (*moving.angles, *moving.axes)
+            loads = {name: len(paths) + k for k, name in enumerate(moving.loads)}
             self._ranges = {path: self._ranges[path] for path in paths}
         undivided = settings.parts == (1,)
         driven = paths, loads, of_frame
@@ -218,7 +222,12 @@ class Stepper:
     def outputs(self) -> Array:
         """Values (o,) of all `output_names` at present."""
         values, forces = self._state.outputs()
-        return np.concatenate([values[: len(self._system.output_names)], forces])
+        return np.concatenate([values[: len(self._system.output_names)], forces, self._state.hoist])
+
+    @property
+    def hoist(self) -> dict[str, float]:
+        """Height of the hook, its place in m, its swings in rad and the rope's force in N by name; else empty."""
+        return dict(zip(OUTPUTS, self._state.hoist.tolist(), strict=False))
 
     @property
     def time(self) -> float:
@@ -284,7 +293,10 @@ class Stepper:
         x = modal.side_coordinates(paths)
         refuse_unsupported("march", needs_of(modal, Assembly(modal).contact_rows(x).rigid, x[None], self._rho_inf))
         if initial is None and static:
-            if kernel.modes <= DENSE and self._start_kernel("equilibrium") is None:
+            if (
+                kernel.modes <= (DENSE if self._system.hoist is None else DENSE_WITH_HOIST)
+                and self._start_kernel("equilibrium") is None
+            ):
                 return
             initial = static_start(
                 self._system, self._constant_excitation(paths, u)

@@ -105,10 +105,11 @@ def follow(march: March, excitation: Excitation, take: Take, progress: Progress 
                 surplus=np.nan,
                 parts=np.ones(len(t), np.int64) if some.parts is None else some.parts.astype(np.int64),
                 impulses=None if some.impulses is None else combined.original_forces(some.impulses),
-                amplitudes=some.drivers[:, P + i :] if system.terms else None,
+                amplitudes=some.drivers[:, P + i : P + i + len(system.terms)] if system.terms else None,
                 friction=f,
                 moments=None if rubbing is None or f is None else rubbing.moments(f, forces),
                 rates=np.column_stack([np.empty((len(t), 0)), *(path.rate(t) for path in paths)]),
+                hoist=some.hoist,
             )
 
         take(Block(first, len(steps.z), trajectory_at))

@@ -1,0 +1,57 @@
+"""A hoist in a scene: what is refused, in one line, and what it makes of a boom's inputs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pmr
+from pmr.errors import InputError
+from pmr.scene.choice import axis_loads
+from pmr.scene.hoist_places import distance_along
+from pmr.scene.members import members
+from pmr.simulation.excitation import Excitation
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ("hoist.section=jib", "hoist.section"),
+        ("hoist.on=7.0", "hoist.on"),
+        ("hoist.on=rope", "hoist.on"),
+        ("hoist.payload=-1.0", "hoist.payload"),
+        ("hoist.length=20.0", "hoist"),
+        ("hoist.speed=3.0", "hoist.speed"),
+        ("hoist.winch.section=jib", "hoist.winch.section"),
+        ("hoist.winch={section='fly', at=[6.5, 0.0, 0.0]}", "hoist.winch.at"),
+        ("frame.base.rx={kind='sine', amplitude=1.0, frequency=0.1}", "hoist.winch.section"),
+        ("frame.machine={mass=1e4}", "hoist"),
+        ("frame={pivot=[0.0, 0.0, 0.0], luffing='free'}", "hoist"),
+        ("simulation.simulators=['exudyn']", "simulation.simulators"),
+        ("simulation.full=petsc", "compare.against"),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_its_key(change: str, key: str) -> None:
+    with pytest.raises(InputError) as refused:
+        pmr.load_scene("hoist", [change])
+    assert refused.value.key == key, refused.value
+
+
+def test_a_head_that_is_not_at_the_tip_is_refused_in_second_order() -> None:
+    with pytest.raises(InputError, match=r"hoist\.on"):
+        pmr.load_scene("hoist", ["frame.second_order=true", "hoist.on=5.0"])
+
+
+def test_a_head_off_the_axis_turns_its_section() -> None:
+    *_, fly = members(pmr.load_scene("hoist", ["hoist.offset=[0.1, 0.2]"]))
+    assert [load.name for load in axis_loads(fly)] == [f"hoist {d}" for d in ("x", "y", "z", "rx", "ry", "rz")]
+
+
+def test_a_payload_at_rest_weighs_and_its_rope_presses() -> None:
+    scene = pmr.load_scene("hoist")
+    loads = Excitation.from_scene(scene).loads
+    weight, up = 450.0 * 9.80665, np.sqrt(0.5)
+    assert [float(loads[f"fly.hoist {d}"].value(0.0)) for d in "xyz"] == pytest.approx(
+        [-weight * up - weight / 2.0, 0.0, -weight * up]
+    )
+    assert distance_along(scene, 0.0) == pytest.approx(np.hypot(10.0 * up + 0.5, 10.0 * up - 0.4))
