@@ -31,7 +31,7 @@ from pmr.files.arrays import Array, Mask
 from pmr.files.whole import replacement_file
 from pmr.scene.built import force_name
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, SLIDER
-from pmr.simulation.modal import diagonalise, modal_damping
+from pmr.simulation.modal import Modes, diagonalise, modal_damping
 from pmr.simulation.moving import path_ranges
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows, check_determined
@@ -90,7 +90,7 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
     assembly = Assembly(system)
     rows = assembly.contact_rows_over_time(np.atleast_2d(system.side_coordinates(s)))
     firm = np.all(rows.F == 0.0, axis=(0, 2))
-    X, omega2 = _modes(system, assembly, rows.C[:, firm], firm, source)
+    omega2, X = _modes(system, assembly, rows.C[:, firm], firm, source)
     places = np.column_stack([np.empty((len(rows.C), 0)), *(np.broadcast_to(s[p], len(rows.C)) for p in system.paths)])
     spaces = [_HeldSystem.build(assembly, rows.at_time(k), firm, X, omega2, p) for k, p in enumerate(places)]
     r = len(omega2)
@@ -113,8 +113,8 @@ def state_space(system: System, s: Mapping[str, ArrayLike], source: str) -> Stat
     )
 
 
-def _modes(system: System, assembly: Assembly, C: Array, firm: Mask, source: str) -> tuple[Array, Array]:
-    """Modes X (n, r) with X^T M X = 1 and C X = 0, and omega^2 (r,), of a system with m_r rigid contacts.
+def _modes(system: System, assembly: Assembly, C: Array, firm: Mask, source: str) -> Modes:
+    """Omega^2 (r,) and modes X (n, r) with X^T M X = 1 and C X = 0 of a system with m_r rigid contacts.
 
     C (S, m_r, n) are the rows of the rigid contacts at S grid points; the mask `firm` (m,) is true for rigid ones of
     all contacts.  Raises InputError if C depends on the grid point.
@@ -130,7 +130,7 @@ def _modes(system: System, assembly: Assembly, C: Array, firm: Mask, source: str
         raise InputError(source, "rows", None, allowed)
     N = scipy.linalg.null_space(C[0]) if len(C[0]) else np.eye(assembly.size)
     omega2, Y = diagonalise(N.T @ (assembly.M @ N), N.T @ (assembly.K @ N))
-    return N @ Y, omega2
+    return Modes(omega2, N @ Y)
 
 
 def _damping(system: System, assembly: Assembly, X: Array, omega2: Array) -> Array:

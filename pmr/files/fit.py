@@ -22,6 +22,7 @@ from pmr.files.arrays import Array, Mask
 from pmr.files.reasons import (
     ALIKE,
     DENSE,
+    Reason,
     affine_change,
     all_axes_turned,
     lone_turned_nodes,
@@ -48,12 +49,12 @@ UNCHECKED = (
 )
 
 
-def misfit(M: sp.csr_matrix, body: Resistance) -> tuple[str, str] | None:
+def misfit(M: sp.csr_matrix, body: Resistance) -> Reason | None:
     """Return (name, reason) of the first check that fails, or None if the matrices fit their nodes and directions.
 
     The name is that of the wrong input: ``M``, ``K``, ``points`` or ``direction``.
     """
-    checks: tuple[Callable[[sp.csr_matrix, Resistance], Iterator[tuple[str, str]]], ...] = (
+    checks: tuple[Callable[[sp.csr_matrix, Resistance], Iterator[Reason]], ...] = (
         _vanishing_entries,
         _negative_eigenvalues,
         _unknown_motions,
@@ -79,7 +80,7 @@ def is_uncheckable(body: Resistance) -> bool:
     return bool(body.near(body.missing_displacements.any(axis=1))[used].all())
 
 
-def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield (``M`` or ``K``, reason) if the matrix's least diagonal entry is negligible beside its median entry.
 
     Logarithms are compared, as squares of such entries might not be representable numbers.
@@ -90,26 +91,22 @@ def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str
         below = np.median(size) - size
         if below.max() > VANISHING:
             at = int(below.argmax())
-            yield (
+            yield Reason(
                 name,
-                (
-                    f"a {what} at every coordinate is allowed: coordinate {at + 1} has {diagonal[at]:.3g}, others have "
-                    f"{10.0 ** np.median(size):.3g}; what has none has to be condensed"
-                ),
+                f"a {what} at every coordinate is allowed: coordinate {at + 1} has {diagonal[at]:.3g}, others have "
+                f"{10.0 ** np.median(size):.3g}; what has none has to be condensed",
             )
 
 
-def _negative_eigenvalues(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _negative_eigenvalues(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield (``M`` or ``K``, reason) if the matrix has negative eigenvalues."""
     for name, A in (("M", M), ("K", body.K)):
         least = _least_eigenvalue(A)
         if least < NEGATIVE:
-            yield (
+            yield Reason(
                 name,
-                (
-                    "a matrix without negative eigenvalues is allowed; scaled to a diagonal of ones this one has "
-                    f"{least:.2g} or less: some motion would have negative energy"
-                ),
+                "a matrix without negative eigenvalues is allowed; scaled to a diagonal of ones this one has "
+                f"{least:.2g} or less: some motion would have negative energy",
             )
 
 
@@ -134,7 +131,7 @@ def _least_eigenvalue(A: sp.csr_matrix) -> float:
     return float(scipy.linalg.eigh_tridiagonal(diagonal, off_diagonal[: len(diagonal) - 1], eigvals_only=True)[0])
 
 
-def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield (``direction``, reason) if a rigid motion moves no coordinate, or only as other rigid motions do."""
     R = rigid_motions((body.points - body.points.mean(axis=0))[body.node], body.direction)
     R /= np.maximum(np.linalg.norm(R, axis=0), 1e-9 * np.linalg.norm(R))
@@ -144,13 +141,13 @@ def _unknown_motions(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, 
             independent.append(k)
     missing = ", ".join(DIRECTIONS[k] for k in range(6) if k not in independent)
     if missing:
-        yield (
+        yield Reason(
             "direction",
-            (f"coordinates that move and turn in space are allowed: these know no rigid motion along {missing}"),
+            f"coordinates that move and turn in space are allowed: these know no rigid motion along {missing}",
         )
 
 
-def _separate_parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _separate_parts(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield (``K``, reason) if some nodes are connected by stiffness neither to the other nodes nor to the ground."""
     links = sp.coo_matrix(
         (np.ones(len(body.node)), (body.node, np.arange(len(body.node)))), (len(body.points), body.K.shape[0])
@@ -163,33 +160,29 @@ def _separate_parts(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, s
     if len(loose) and np.sum(sizes > 0) > 1:
         smallest = loose[np.argmin(sizes[loose])]
         first = int(nodes[part[nodes] == smallest][0])
-        yield (
+        yield Reason(
             "K",
-            (
-                f"one connected body is allowed: no stiffness joins {sizes[smallest]} of its nodes to the others, "
-                f"such as that at {point_text(body.points[first])}"
-            ),
+            f"one connected body is allowed: no stiffness joins {sizes[smallest]} of its nodes to the others, "
+            f"such as that at {point_text(body.points[first])}",
         )
 
 
-def _missing_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _missing_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield (``M``, reason) if M equals K, or if the body moved as a whole has no mass along some axis."""
     if M.nnz == body.K.nnz > len(body.node) and abs(M - body.K).count_nonzero() == 0:
-        yield "M", "a mass is allowed: this is the same matrix as the stiffness"
+        yield Reason("M", "a mass is allowed: this is the same matrix as the stiffness")
     T = rigid_motions(body.points[body.node], body.direction)[:, :3]
     mass, size = np.diag(T.T @ (M @ T)), np.diag(T.T @ (abs(M) @ T))
     if np.any(mass <= 1e-6 * size):
         along = DIRECTIONS[int(np.argmin(mass / size))]
-        yield (
+        yield Reason(
             "M",
-            (
-                f"a mass is allowed: of a rigid body this matrix has {mass.min():.3g} kg along {along}; "
-                "is it the stiffness?"
-            ),
+            f"a mass is allowed: of a rigid body this matrix has {mass.min():.3g} kg along {along}; "
+            "is it the stiffness?",
         )
 
 
-def _misplaced_rows(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _misplaced_rows(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield (wrong input, reason) if rows of K resist a rotation about their node but no translation.
 
     The points of such nodes are not those that K was made for.
@@ -202,7 +195,7 @@ def _misplaced_rows(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, s
         yield (
             affine_change(body)
             or misplaced_nodes(body, wrong)
-            or (
+            or Reason(
                 "points",
                 f"nodes where K has them are allowed: it resists rotations at {wrong.sum()} nodes that it leaves free "
                 "to move; the nodes are in another order than its rows, or of another mesh",
@@ -210,7 +203,7 @@ def _misplaced_rows(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, s
         )
 
 
-def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield (wrong input, reason) if rows of K far from supports resist a translation.
 
     Springs to ground resist translations too, so nodes that are held as by a spring are not reported.
@@ -225,7 +218,7 @@ def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]
             rows_by_direction(body)
             or turned_nodes(body, wrong, body.near(body.missing_displacements.any(axis=1)))
             or all_axes_turned(body)
-            or (
+            or Reason(
                 "K",
                 f"a body free to move is allowed but at supports and springs: K resists translations at {wrong.sum()} "
                 f"nodes, such as that at {point_text(body.points[wrong][0])}, as neither does; its rows are in another "
@@ -234,7 +227,7 @@ def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]
         )
 
 
-def _wrong_axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _wrong_axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield (``direction``, reason) if M couples displacements of two nodes along different axes.
 
     Elements couple displacements of the nodes i and j by the same mass m_ij along each axis, near supports too.  The
@@ -250,7 +243,7 @@ def _wrong_axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[st
     )
     share = np.divide(turned, coupled, out=np.zeros(count), where=coupled > 0.0)
     if np.median(share[np.unique(body.node)]) < 1e-9 and share.max() > ALIKE:
-        yield (
+        yield Reason(
             "direction",
             "directions along the axes of the places are allowed: M couples displacements of the node at "
             f"{point_text(body.points[share.argmax()])} with those of others along other axes, "
@@ -258,7 +251,7 @@ def _wrong_axes_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[st
         )
 
 
-def _free_mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _free_mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield (``K``, reason) if K leaves motions free that are not rigid, or if it has negative eigenvalues.
 
     Only matrices of up to `DENSE_ALWAYS` coordinates are checked.
@@ -268,22 +261,20 @@ def _free_mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, 
     values, rounding = _scaled_eigenvalues(body), body.rounding_share
     free = 6 - len(body.held_motions())
     if values[0] < -min(1e3 * rounding, 1e-8):
-        yield (
+        yield Reason(
             "K",
             "a matrix without negative eigenvalues is allowed; scaled to a diagonal of ones this one has "
             f"{values[0]:.2g}",
         )
     elif rounding < 1e-13 and (more := int(np.sum(values < 30.0 * rounding)) - free) > 0:
-        yield (
+        yield Reason(
             "K",
-            (
-                f"a body that only moves as a whole is allowed: {more} more motions take no force, as of parts on a "
-                "hinge, or of elements integrated with too few points (C3D8R, one layer of C3D20R)"
-            ),
+            f"a body that only moves as a whole is allowed: {more} more motions take no force, as of parts on a "
+            "hinge, or of elements integrated with too few points (C3D8R, one layer of C3D20R)",
         )
 
 
-def _wrong_centre_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def _wrong_centre_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield (``M``, reason) if M couples translations along different axes.
 
     The same is yielded if the centre of mass is outside of the body.  The check is made only if no support or spring in
@@ -296,17 +287,15 @@ def _wrong_centre_of_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[
     mass = np.trace(J[:3, :3]) / 3.0
     coupling = np.abs(J[:3, :3] - np.diag(np.diag(J[:3, :3]))).max()
     if coupling > ALIKE * mass:
-        yield (
+        yield Reason(
             "M",
-            (
-                f"a mass is allowed that is the same along all directions: {coupling:.3g} of {mass:.3g} kg couple two "
-                "of them; its rows are in another order than those of K"
-            ),
+            f"a mass is allowed that is the same along all directions: {coupling:.3g} of {mass:.3g} kg couple two "
+            "of them; its rows are in another order than those of K",
         )
     centre = centre_of_mass(J)
     low, high = body.points.min(axis=0), body.points.max(axis=0)
     if np.any(np.abs(centre - (low + high) / 2.0) > 0.55 * (high - low).max()):
-        yield "M", f"a mass within the body is allowed: its centre is at {point_text(centre)}"
+        yield Reason("M", f"a mass within the body is allowed: its centre is at {point_text(centre)}")
 
 
 def centre_of_mass(J: Array) -> Array:

@@ -6,6 +6,8 @@ the wrong input (``points`` or ``direction``) and the reason in words.  It retur
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy.linalg
 from scipy.spatial import cKDTree
@@ -19,7 +21,14 @@ DENSE = 3000
 ALIKE = 1e-2
 
 
-def affine_change(body: Resistance) -> tuple[str, str] | None:
+class Reason(NamedTuple):
+    """Why matrices are refused: the name of the wrong input, and what is allowed in its place."""
+
+    input: str
+    text: str
+
+
+def affine_change(body: Resistance) -> Reason | None:
     """Return (wrong input, reason) if one linear map leads from the directions or points of the body to those of K.
 
     Such a map changes axes, order or units.  Let a node at x have the displacement u in a rotation by the vector w.  If
@@ -49,9 +58,10 @@ def affine_change(body: Resistance) -> tuple[str, str] | None:
         crossed = np.cross(turns[:, None], np.eye(3)[None]).transpose(0, 2, 1)
         unit = float(np.sum(crossed * A) / np.sum(crossed**2))
         if np.abs(A - unit * crossed).max() < ALIKE * np.abs(A).max():
-            return "points", (
+            return Reason(
+                "points",
                 f"places in the unit of K are allowed: it turns freely with places {unit:.4g} times these; "
-                "are they in mm?"
+                "are they in mm?",
             )
     equations = np.zeros((3, 3, 3, 3, 3))  # E^T A + A^T E by motion, row and column, per unit of each entry of E
     for k in range(3):
@@ -67,7 +77,7 @@ def affine_change(body: Resistance) -> tuple[str, str] | None:
     return _describe_axes(E / np.cbrt(volume))
 
 
-def _describe_axes(E: Array) -> tuple[str, str]:
+def _describe_axes(E: Array) -> Reason:
     """Return (wrong input, reason) for a linear map E (3, 3) between points and K: units, order of axes, or turn."""
     largest = np.abs(E).argmax(axis=1)
     smaller = E.copy()
@@ -77,23 +87,26 @@ def _describe_axes(E: Array) -> tuple[str, str]:
         stretch = np.abs(factors) / np.median(np.abs(factors))
         if stretch.max() / stretch.min() > 1.0 + ALIKE:
             odd = int(np.abs(np.log(stretch)).argmax())
-            return "points", (
+            return Reason(
+                "points",
                 f"places in one unit are allowed: K has those along {'xyz'[largest[odd]]} {stretch[odd]:.4g} times as "
-                "far apart, beside the others"
+                "far apart, beside the others",
             )
         names = ", ".join(
             f"{'-' if f < 0.0 else ''}{'xyz'[k]}" for f, k in zip(_mirrored_signs(factors), largest, strict=True)
         )
-        return "direction", (
+        return Reason(
+            "direction",
             f"directions in the order of K are allowed: the rows that are called x, y, z are along {names} of the "
-            "places, or the places are in another order"
+            "places, or the places are in another order",
         )
     if np.abs(E @ E.T - np.eye(3)).max() < ALIKE:
         angle = np.degrees(np.arccos(np.clip((np.trace(E) * np.sign(np.linalg.det(E)) - 1.0) / 2.0, -1.0, 1.0)))
-        return "direction", (
-            f"the axes of the places are allowed for directions: K has all of them turned by {angle:.3g} degrees"
+        return Reason(
+            "direction",
+            (f"the axes of the places are allowed for directions: K has all of them turned by {angle:.3g} degrees"),
         )
-    return "points", "the places that K was made for are allowed: these are stretched or sheared beside them"
+    return Reason("points", "the places that K was made for are allowed: these are stretched or sheared beside them")
 
 
 def _mirrored_signs(factors: Array) -> Array:
@@ -104,7 +117,7 @@ def _mirrored_signs(factors: Array) -> Array:
     return np.asarray(factors if np.sum(factors < 0.0) <= 1 else -factors)
 
 
-def misplaced_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
+def misplaced_nodes(body: Resistance, wrong: Mask) -> Reason | None:
     """Return (wrong input, reason) if single nodes of the mask `wrong` (N,) are not where K has them; else None.
 
     The points that K was made for follow from how these nodes move under rotations of the other nodes.
@@ -119,22 +132,25 @@ def misplaced_nodes(body: Resistance, wrong: Mask) -> tuple[str, str] | None:
     near, match = cKDTree(body.points[nodes]).query(places)
     if near.max() < 1e-4 * length and len(set(match)) == len(match):
         if len(nodes) == 2:
-            return "points", (
+            return Reason(
+                "points",
                 f"nodes in the order of K are allowed: those at {point_text(body.points[nodes[0]])} and "
-                f"{point_text(body.points[nodes[1]])} are exchanged"
+                f"{point_text(body.points[nodes[1]])} are exchanged",
             )
-        return "points", (
+        return Reason(
+            "points",
             f"nodes in the order of K are allowed: {len(nodes)} are in another one, it has that at "
-            f"{point_text(body.points[nodes[0]])} at {point_text(places[0])}"
+            f"{point_text(body.points[nodes[0]])} at {point_text(places[0])}",
         )
     first = int(np.linalg.norm(places - body.points[nodes], axis=1).argmax())
-    return "points", (
+    return Reason(
+        "points",
         f"places that K was made for are allowed: it has the node at {point_text(body.points[nodes[first]])} at "
-        f"{point_text(places[first])}"
+        f"{point_text(places[first])}",
     )
 
 
-def turned_nodes(body: Resistance, wrong: Mask, near_supports: Mask) -> tuple[str, str] | None:
+def turned_nodes(body: Resistance, wrong: Mask, near_supports: Mask) -> Reason | None:
     """Return (wrong input, reason) if nodes among `wrong` (N,), a mask, have their own axes; else None.
 
     Such nodes follow translations of the other nodes along turned or reversed axes.  A reversed axis can resist
@@ -149,9 +165,10 @@ def turned_nodes(body: Resistance, wrong: Mask, near_supports: Mask) -> tuple[st
     for mask in (springs & ~near_supports, springs, wrong):
         nodes, Q = _rigid_followers(body, mask, 0, np.tile(np.eye(3), (len(wrong), 1, 1)), ALIKE)
         if len(nodes) and np.abs(Q @ Q.transpose(0, 2, 1) - np.eye(3)).max() < 1e-3:
-            return "direction", (
+            return Reason(
+                "direction",
                 f"directions along the axes of the places are allowed: {len(nodes)} nodes have axes of their own, that "
-                f"at {point_text(body.points[nodes[0]])} {_describe_turn(Q[0])}"
+                f"at {point_text(body.points[nodes[0]])} {_describe_turn(Q[0])}",
             )
     return None
 
@@ -212,7 +229,7 @@ def _rigid_followers(body: Resistance, wrong: Mask, first: int, expected: Array,
     return nodes, U[nodes]
 
 
-def rows_by_direction(body: Resistance) -> tuple[str, str] | None:
+def rows_by_direction(body: Resistance) -> Reason | None:
     """Return (wrong input, reason) if rows of K are ordered by direction, and not node by node; else None."""
     count = len(body.node)
     each = count // max(len(np.unique(body.node)), 1)
@@ -222,10 +239,10 @@ def rows_by_direction(body: Resistance) -> tuple[str, str] | None:
     T = (direction[:, None] == np.arange(3)).astype(float)
     if np.abs(body.K @ T).max() > 1e-6 * (abs(body.K) @ T).max():
         return None
-    return "direction", "rows node by node are allowed: these are all along x, then all along y, and so on"
+    return Reason("direction", "rows node by node are allowed: these are all along x, then all along y, and so on")
 
 
-def all_axes_turned(body: Resistance) -> tuple[str, str] | None:
+def all_axes_turned(body: Resistance) -> Reason | None:
     """Return (wrong input, reason) if K was made for these points, but with different axes at each node; else None.
 
     Let z_j (3, 6) be the displacements of node j in six motions that K leaves free, and x_j its position.  Let [x_j] be
@@ -250,7 +267,7 @@ def all_axes_turned(body: Resistance) -> tuple[str, str] | None:
     B = np.linalg.lstsq(A, squares, rcond=None)[0]
     if count < 22 or np.abs(A @ B - squares).max() > 1e-4:
         return None
-    return "direction", "directions along the axes of the places are allowed: nodes have axes of their own"
+    return Reason("direction", "directions along the axes of the places are allowed: nodes have axes of their own")
 
 
 def point_text(x: Array) -> str:

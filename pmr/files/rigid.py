@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -58,6 +59,13 @@ def elastic_energies(K: sp.csr_matrix, R: Array, q: Array) -> Array:
     on_ground = resisted.T @ q
     ground = np.einsum("rk,rk->k", on_ground, np.linalg.pinv(R.T @ resisted, hermitian=True) @ on_ground)
     return np.asarray(np.einsum("nk,nk->k", q, K @ q) - ground)
+
+
+class RoundedSums(NamedTuple):
+    """Sums (n, 3) over the entries of n rows for three motions, and the rounding or size (n,) of each row's sums."""
+
+    sums: Array
+    rounding: Array
 
 
 @dataclass(frozen=True)
@@ -106,7 +114,7 @@ class Resistance:
         return sp.csr_matrix((values, self.K.indices, self.K.indptr), shape=self.K.shape)
 
     @cached_property
-    def _translations(self) -> tuple[Array, Array]:
+    def _translations(self) -> RoundedSums:
         """F (n, 3) with entries within rounding set to zero, and the rounding (n,) of each row."""
         T = self.motions[:, :3]
         return _remove_rounding(self.K @ T, (abs(self.K) @ T).sum(axis=1), ROUNDING, 0.25)
@@ -174,16 +182,16 @@ class Resistance:
         return np.asarray(self.grounded_nodes & ~skew & (at_node | (near & (residuals <= allowed).all(axis=1))))
 
     @cached_property
-    def sums_of_moments(self) -> tuple[Array, Array]:
+    def sums_of_moments(self) -> RoundedSums:
         """G (n, 3) including rounding, and for each row the sum (n,) of the magnitudes of the terms of G."""
         _, column, size = self.entries
         local = np.where(self.direction[column] < 3, self.edges, 1.0)
         sums, middle = self.K @ self.motions, self.points.mean(axis=0)
         moments = sums[:, 3:] - np.einsum("na,nab->nb", sums[:, :3], self._levers(middle))
-        return moments, np.asarray(self.on_pattern(size * local).sum(axis=1)).ravel()
+        return RoundedSums(moments, np.asarray(self.on_pattern(size * local).sum(axis=1)).ravel())
 
     @cached_property
-    def _rotations(self) -> tuple[Array, Array]:
+    def _rotations(self) -> RoundedSums:
         """G (n, 3) with entries within rounding set to zero, and the rounding (n,) of each row.
 
         Rows at nodes with supports keep entries within rounding, as supports displace the rows of their neighbours.
@@ -191,7 +199,7 @@ class Resistance:
         sums, sizes = self.sums_of_moments
         near_supports = (self.grounded_nodes & ~self.spring_nodes)[self.node]
         cleaned, noise = _remove_rounding(sums, sizes, ROUNDING_OF_POINTS, 0.75, ~near_supports)
-        return np.where(near_supports[:, None], sums, cleaned), noise
+        return RoundedSums(np.where(near_supports[:, None], sums, cleaned), noise)
 
     @cached_property
     def motions(self) -> Array:
@@ -249,7 +257,7 @@ class Resistance:
 
 def _remove_rounding(
     sums: Array, sizes: Array, limits: tuple[float, float], part: float, free: NDArray[np.bool_] | None = None
-) -> tuple[Array, Array]:
+) -> RoundedSums:
     """Return sums (n, 3) with entries within rounding set to zero, and the rounding (n,) of each row.
 
     Parameters
@@ -270,4 +278,4 @@ def _remove_rounding(
     shares = shares if free is None else shares[free]
     share = SPREAD * float(np.quantile(shares, part)) if len(shares) else most
     noise = (max(least, share) if share < most else least) * sizes
-    return np.where(np.abs(sums) > noise[:, None], sums, 0.0), noise
+    return RoundedSums(np.where(np.abs(sums) > noise[:, None], sums, 0.0), noise)

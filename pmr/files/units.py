@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from pmr.files.arrays import Array
+from pmr.files.reasons import Reason
 from pmr.files.rigid import Resistance, rigid_motions
 
 #: Least and largest speed of sound in m/s that a body may have; in soft plastics it is 500, in diamond 1.8e4.
@@ -24,7 +25,7 @@ LIGHTEST, LIGHTEST_SOLID = 1.0, 10.0
 _EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
 
-def check_speed(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def check_speed(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield (``points``, reason) if the speed of sound shows that the units of the matrices do not fit each other."""
     least, most = speeds_of_sound(M, body)
     if most < SLOWEST or least > FASTEST:
@@ -33,16 +34,14 @@ def check_speed(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]
             if least > FASTEST
             else (most, "forces per mm, or masses in g")
         )
-        yield (
+        yield Reason(
             "points",
-            (
-                f"SI units are allowed: in this body sound would travel at {speed:.2g} m/s, in steel it does at 5000; "
-                f"are {guess}?"
-            ),
+            f"SI units are allowed: in this body sound would travel at {speed:.2g} m/s, in steel it does at 5000; "
+            f"are {guess}?",
         )
 
 
-def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str]]:
+def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield (``M``, reason) if the body is lighter than air in its convex hull, or lighter than foam where it is stiff.
 
     Nodes without coordinates, as at supports, are in the hull too if they are as near to others as coupled nodes are.
@@ -74,7 +73,7 @@ def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[tuple[str, str
     ]
     solid = float((volumes * moves.mean(axis=1) ** 2)[np.all(edges, axis=0)].sum())
     if mass < max(LIGHTEST * volumes.sum(), LIGHTEST_SOLID * solid):
-        yield (
+        yield Reason(
             "M",
             f"masses in kg are allowed: these are {mass:.3g} kg within {volumes.sum():.3g} m^3; are they in t, and "
             "forces in kN or N/mm?",

@@ -27,6 +27,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import (
     BLOCK,
     Modes,
+    SolvedModes,
     are_clustered,
     check_count,
     finish_modes,
@@ -299,9 +300,7 @@ class SlepcEigenSolver:
         free_objects(T, M, K, *z)
         return finish_modes(model, s, omega2[:count], phi, cut)
 
-    def _solve(
-        self, M: PETSc.Mat, K: PETSc.Mat, count: int, deflation: list[PETSc.Vec]
-    ) -> tuple[Array, list[PETSc.Vec]]:
+    def _solve(self, M: PETSc.Mat, K: PETSc.Mat, count: int, deflation: list[PETSc.Vec]) -> SolvedModes:
         """The `count` lowest omega^2 and the modes of these, M-orthogonal to the vectors in `deflation`; collective."""
         eps = lowest_mode_solver(K, M, self._sigma, count)
         pc = eps.getST().getKSP().getPC()

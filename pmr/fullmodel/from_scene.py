@@ -38,6 +38,7 @@ from pmr.scene.choice import (
 )
 from pmr.scene.mechanism import tail_outputs
 from pmr.scene.members import EXTENSION, TAIL, Member
+from pmr.scene.signals.base import Interval
 from pmr.scene.structures import Beam3DBody
 from pmr.system.rows import StraightRows
 
@@ -140,10 +141,10 @@ def _pads(member: Member) -> Pads:
     return pads
 
 
-def _common_travel(pads: Pads) -> tuple[float, float]:
+def _common_travel(pads: Pads) -> Interval:
     """Lowest and highest path coordinate in m between which the rows of all moving pads are defined."""
     travels = [pad.travel for pad in pads.moving if pad.travel is not None] or [pads.travel]
-    return float(np.max([low for low, _ in travels])), float(np.min([high for _, high in travels]))
+    return Interval(float(np.max([low for low, _ in travels])), float(np.min([high for _, high in travels])))
 
 
 def _ring_pads(ring: PadRing, faces: tuple[str, ...], travel: tuple[float, float] | None) -> list[Pad]:

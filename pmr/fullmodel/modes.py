@@ -17,6 +17,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -203,7 +204,14 @@ def lowest_mode_solver(K: PETSc.Mat, M: PETSc.Mat, sigma: float, count: int) -> 
     return eps
 
 
-def solve_modes(eps: SLEPc.EPS, count: int) -> tuple[Array, list[PETSc.Vec]]:
+class SolvedModes(NamedTuple):
+    """Eigenvalues omega^2 (k,) in (rad/s)^2, ascending, and the modes as k vectors."""
+
+    omega2: Array
+    vectors: list[PETSc.Vec]
+
+
+def solve_modes(eps: SLEPc.EPS, count: int) -> SolvedModes:
     """Solve `eps` and free it: the values of omega^2 (count,), ascending, and the modes in the same order; collective.
 
     Raises a `ConvergenceError` if fewer than `count` converge.
@@ -222,7 +230,7 @@ def solve_modes(eps: SLEPc.EPS, count: int) -> tuple[Array, list[PETSc.Vec]]:
         vectors.append(vector)
     order = np.argsort(omega2, kind="stable")
     eps.destroy()
-    return omega2[order], [vectors[i] for i in order]
+    return SolvedModes(omega2[order], [vectors[i] for i in order])
 
 
 def check_count(count: int, dimension: int) -> None:

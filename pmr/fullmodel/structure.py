@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from pmr.errors import InputError
 from pmr.fem.compat import PETSc
 from pmr.fem.distributed import free_objects
-from pmr.files.arrays import Array, Indices
+from pmr.files.arrays import Array
 from pmr.fullmodel.moving import FrameAssembler, acceleration_field
 from pmr.fullmodel.pads import Pads
 from pmr.fullmodel.probes import Gauge
@@ -30,6 +30,7 @@ from pmr.scene import Damping
 from pmr.scene.built import WEIGHT, force_name
 from pmr.scene.frame import INERTIA
 from pmr.scene.structures import PointMass, unit_vector
+from pmr.system.rows import TouchedWeights
 
 #: For a place and a direction a matrix, and the number of its row that measures the motion of the place.
 Measured = dict[tuple[str | float, str], tuple[sp.csr_matrix, int]]
@@ -208,7 +209,7 @@ class Coupling:
             row_of[action.on, action.direction] = at
         return row_of
 
-    def _model_entries(self, action: Action | Gauge, measuring_rows: Measured) -> tuple[Indices, Array]:
+    def _model_entries(self, action: Action | Gauge, measuring_rows: Measured) -> TouchedWeights:
         """Numbers (c,) of the model's coordinates that an action or gauge measures, and their weights (c,).
 
         `measuring_rows` is the result of `_measuring_rows` for all actions.
@@ -218,7 +219,7 @@ class Coupling:
         else:
             rows, number = measuring_rows[action.on, action.direction]
         entries = slice(*rows.indptr[number : number + 2])
-        return rows.indices[entries], rows.data[entries]
+        return TouchedWeights(rows.indices[entries], rows.data[entries])
 
     def load(self, load: Action | Weight | Inertia, M: PETSc.Mat, moving: FrameAssembler) -> sp.csr_matrix:
         """The load vector as a row (1, n') for an input of one; collective.

@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -51,7 +52,14 @@ class BoxStretch:
         return any((a.start, a.end, a.centre) != (b.start, b.end, b.centre) for a, b in pairs)
 
 
-def shifted_ends(sides: Sequence[Side], k: int, outward: Callable[[Side], float]) -> tuple[Array, Array]:
+class Ends(NamedTuple):
+    """Start and end (2,) in m of a line across the section."""
+
+    start: Array
+    end: Array
+
+
+def shifted_ends(sides: Sequence[Side], k: int, outward: Callable[[Side], float]) -> Ends:
     """Start and end (2,) m of side k, after all sides are shifted outwards from their mid-surfaces.
 
     `outward` returns for a side how far it is shifted, in m.  At a sharp corner the ends are where the shifted sides
@@ -63,7 +71,7 @@ def shifted_ends(sides: Sequence[Side], k: int, outward: Callable[[Side], float]
         sharp = side.centre is None and other.centre is None
         normals, apart = [outward_normal(side, at), outward_normal(other, at)], [outward(side), outward(other)]
         ends.append(at + (np.linalg.solve(normals, apart) if sharp else apart[0] * normals[0]))
-    return ends[0], ends[1]
+    return Ends(ends[0], ends[1])
 
 
 def outward_normal(side: Side, at: Pair) -> Array:
@@ -350,7 +358,7 @@ def _inner_distance(side: Side) -> float:
     return -side.thickness / 2.0
 
 
-def _outer_ends(boom: BoxBoom, k: int) -> tuple[Array, Array]:
+def _outer_ends(boom: BoxBoom, k: int) -> Ends:
     """Ends (2,) m of the outer line of side k's patch.
 
     At a corner that has a patch of its own they are opposite the ends of the inner line; at other corners the patches
@@ -362,7 +370,7 @@ def _outer_ends(boom: BoxBoom, k: int) -> tuple[Array, Array]:
         for end, at in zip((side.start, side.end), shifted_ends(boom.sides, k, _inner_distance), strict=True)
     ]
     first = inner[0] if _is_square(boom, k - 1) else outer[0]
-    return first, inner[1] if _is_square(boom, k) else outer[1]
+    return Ends(first, inner[1] if _is_square(boom, k) else outer[1])
 
 
 def _is_square(boom: BoxBoom, k: int) -> bool:

@@ -29,6 +29,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -181,7 +182,14 @@ def with_rigid_modes(
     return Basis(tall(V, model.M), np.concatenate([held, of_elastic.sigma]), product)
 
 
-def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
+class _SingularVectors(NamedTuple):
+    """Vectors (n_local, k) and singular values (k,)."""
+
+    vectors: Array
+    values: Array
+
+
+def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> _SingularVectors:
     """Vectors (n_local, k) and singular values (k,) of S by LAPACK on rank 0, in the product of M.
 
     M is None for the Euclidean product.
@@ -200,10 +208,10 @@ def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
             result = scipy.linalg.solve_triangular(L, U, lower=True, trans="T"), sigma
     V, sigma = comm.bcast(result)
     first, last = S.getOwnershipRange()
-    return np.ascontiguousarray(V[first:last]), sigma
+    return _SingularVectors(np.ascontiguousarray(V[first:last]), sigma)
 
 
-def _distributed_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
+def _distributed_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> _SingularVectors:
     """Vectors (n_local, k) and singular values (k,) of S by Gram-Schmidt, in the product of M.
 
     S = Q R is computed by orthogonalising twice; then R = U Sigma W^T gives V = Q U.  M is None for the Euclidean
@@ -221,7 +229,7 @@ def _distributed_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> tuple[Array, Array]:
         R[j, j] = np.sqrt(inner(q, q if M is None else times(M, q), comm)[0, 0])
         q /= R[j, j] or 1.0
     U, sigma, _ = np.linalg.svd(R)
-    return Q @ U, sigma
+    return _SingularVectors(Q @ U, sigma)
 
 
 #: Number of path coordinates at which the rank of the reduced rows is checked.

@@ -279,7 +279,7 @@ class Frame(SceneTable):
         return {self.unit: 1.0}
 
     @property
-    def tail_position(self) -> tuple[float, float, float]:
+    def tail_position(self) -> Point:
         """Position (3,) in m of the base's tail relative to the pivot, in the axes of the boom."""
         assert self.pivot is not None  # as the validator says
         return self.pivot

@@ -27,6 +27,7 @@ from pmr.scene.keys import (
     Stiffness,
     Switch,
     Usual,
+    Vector,
 )
 from pmr.scene.profile import BoxProfile
 
@@ -46,7 +47,7 @@ def is_inertia(moments: tuple[float, float, float]) -> bool:
     return max(moments) <= (1.0 + ROUND_OFF) * (sum(moments) - max(moments))
 
 
-def unit_vector(direction: tuple[float, float, float]) -> tuple[float, float, float]:
+def unit_vector(direction: Vector) -> Vector:
     """Return a direction as a vector of unit length; it is unchanged if its length is 1 to round-off.
 
     Raises ValueError if the direction is zero or not finite.

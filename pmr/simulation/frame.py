@@ -36,7 +36,7 @@ from pmr.scene.keys import Direction, input_name
 from pmr.scene.mechanism import FrameTerm, frame_terms
 from pmr.scene.members import Member, member_at
 from pmr.scene.signals import Constant, SignalBase
-from pmr.scene.signals.base import Strand
+from pmr.scene.signals.base import Interval, Strand
 from pmr.simulation.frame_motion import (
     Acceleration,
     Derived,
@@ -69,10 +69,10 @@ class FrameSignal(Derived):
         """Twice the highest frequency in Hz of angles and paths, since their rates enter as squares and products."""
         return 2.0 * max(signal.highest_frequency(start, end) for signal in self.signals)
 
-    def bounds(self, start: float, end: float) -> tuple[float, float]:
+    def bounds(self, start: float, end: float) -> Interval:
         """Smallest and largest value among `SAMPLES` samples from `start` to `end`, and at the breaks in between."""
         values = self.value(np.append(np.linspace(start, end, SAMPLES), [b for b in self.breaks if start <= b <= end]))
-        return float(values.min()), float(values.max())
+        return Interval(float(values.min()), float(values.max()))
 
 
 class Amplitude(FrameSignal):

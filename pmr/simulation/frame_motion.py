@@ -26,7 +26,7 @@ from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.frame import DIRECTIONS, BaseMotion, boom_rotation
 from pmr.scene.signals import SignalBase
-from pmr.scene.signals.base import Floats, Strand
+from pmr.scene.signals.base import Floats, Interval, Strand
 
 
 class Derived(SignalBase):
@@ -301,12 +301,12 @@ class ComputedMotion(SignalBase):
     def second_rate(self, t: ArrayLike) -> Array:
         return self._interpolate(t, 2)
 
-    def bounds(self, start: float, end: float) -> tuple[float, float]:
+    def bounds(self, start: float, end: float) -> Interval:
         """Smallest and largest value at the steps from `start` to `end` in s."""
         of: MotionSamples = self.samples
         first, last = int(np.floor(start / of.step)), int(np.ceil(end / of.step))
         some = of.values[0, max(first, 0) : last + 1] * self.unit
-        return float(some.min()), float(some.max())
+        return Interval(float(some.min()), float(some.max()))
 
     def _interpolate(self, t: ArrayLike, order: int) -> Array:
         """Value (`order` 0), rate (1) or second rate (2) at the times t (...) in s."""
@@ -344,10 +344,10 @@ class ComputedInput(SignalBase):
         k = np.clip(np.floor(np.asarray(t, float) / of.step + SAME).astype(int), 0, of.values.shape[1] - 2)
         return np.asarray(np.diff(of.inputs[self.name])[k] / of.step)
 
-    def bounds(self, start: float, end: float) -> tuple[float, float]:
+    def bounds(self, start: float, end: float) -> Interval:
         """Smallest and largest value of all steps, whatever `start` and `end`."""
         values = self.samples.inputs[self.name]
-        return float(values.min()), float(values.max())
+        return Interval(float(values.min()), float(values.max()))
 
 
 def computed_inputs(scene: Scene) -> dict[str, SignalBase]:

@@ -21,6 +21,7 @@ loop: with 366 coordinates it takes eleven times as long.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -174,7 +175,14 @@ def forces_without_rows(body: SlidingBody, reactions: Reactions, trajectory: Tra
     return np.asarray(forces - trajectory.q @ (reactions.stiffness[:, :r] - P @ body.K).T)
 
 
-def diagonalise(M: Array, K: Array) -> tuple[Array, Array]:
+class Modes(NamedTuple):
+    """Eigenvalues omega^2 (r,) in (rad/s)^2, and modes X (n, r) as columns."""
+
+    omega2: Array
+    X: Array
+
+
+def diagonalise(M: Array, K: Array) -> Modes:
     """Eigenvalues omega^2 (r,), ascending, and modes X (r, r) with X^T M X = I and X^T K X = diag(omega^2).
 
     LAPACK leaves in the low eigenvalues an error of the machine precision times the largest eigenvalue.  In a fine beam
@@ -192,10 +200,10 @@ def diagonalise(M: Array, K: Array) -> tuple[Array, Array]:
     for _ in range(2):
         omega2, X = _refine_modes(M_long, K_long, X)
     order = np.argsort(omega2)
-    return omega2[order], np.ascontiguousarray(X[:, order])
+    return Modes(omega2[order], np.ascontiguousarray(X[:, order]))
 
 
-def _refine_modes(M: Array, K: Array, X: Array) -> tuple[Array, Array]:
+def _refine_modes(M: Array, K: Array, X: Array) -> Modes:
     """Eigenvalues (r,) and modes X (r, r) corrected to first order, with products in the precision of M and K.
 
     The correction E turns modes by its antisymmetric part A, couplings divided by gaps between eigenvalues, and scales
@@ -214,7 +222,7 @@ def _refine_modes(M: Array, K: Array, X: Array) -> tuple[Array, Array]:
     with np.errstate(divide="ignore", invalid="ignore"):
         correction = np.where(near, defect / 2.0, (coupling + omega2[None, :] * defect) / gap)
     correction += correction @ correction / 2.0
-    return omega2, np.asarray(X + product(X, correction.astype(M.dtype)), float)
+    return Modes(omega2, np.asarray(X + product(X, correction.astype(M.dtype)), float))
 
 
 def modal_damping(D: Array, remainder: Array, omega2: Array, X: Array, rayleigh: Rayleigh | None) -> Array:

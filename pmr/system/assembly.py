@@ -17,6 +17,7 @@ from pmr.system.contact_rows import ContactRows, add_springs, clear_rows, free_m
 from pmr.system.contacts import Place
 from pmr.system.definite import natural_frequencies
 from pmr.system.polynomials import evaluate
+from pmr.system.rows import TouchedWeights
 from pmr.system.system import System, consecutive
 from pmr.system.terms import Term, add_terms
 
@@ -191,13 +192,13 @@ class Assembly:
                     moved_by_moments[other.contact, side.contact] += other.sign * (weights @ slope[at])
         return moved_by_moments
 
-    def _weights(self, place: Place, position: float, derivative: int) -> tuple[Array, Array]:
+    def _weights(self, place: Place, position: float, derivative: int) -> TouchedWeights:
         """Numbers (d,) of the carriers that the row of a place touches at `position` in m, and their weights (d,).
 
         With a `derivative` of 1 or more, the weights are their derivatives of that order with respect to the position.
         """
         touched, b = self.system.row(place).touched_weights(position, derivative)
-        return touched[0], b[0]
+        return TouchedWeights(touched[0], b[0])
 
     def outputs_by_moments(self, x: Array) -> Array:
         """Outputs (o, m) in 1/N by a unit moment on the sides of each contact, with the places at x (sides,) in m.

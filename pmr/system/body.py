@@ -22,6 +22,7 @@ from scipy.interpolate import PPoly
 
 from pmr.files.arrays import Array, Indices, Mask
 from pmr.results.response import FORCES
+from pmr.scene.signals.base import Interval
 from pmr.system.body_matrices import Rayleigh, Reactions
 from pmr.system.carriers import CarrierRows
 from pmr.system.polynomials import stack_tables, transpose
@@ -86,7 +87,7 @@ class Body(Protocol):
     @property
     def lasting(self) -> tuple[str, ...]: ...
     @property
-    def domain(self) -> tuple[float, float]: ...
+    def domain(self) -> Interval: ...
     @property
     def carriers(self) -> RowsOnCarriers | None: ...
 
@@ -199,7 +200,7 @@ class RowProperties:
         return self.rows.names
 
     @property
-    def domain(self) -> tuple[float, float]:
+    def domain(self) -> Interval:
         """Lowest and highest path coordinate in m at which every row is defined."""
         return self.rows.domain
 

@@ -21,9 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.files.arrays import Array, Indices
+from pmr.files.arrays import Array
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows, clear_rows, is_round_off
+from pmr.system.rows import TouchedWeights
 from pmr.system.system import Side
 
 Number = TypeVar("Number", bound=np.generic)
@@ -125,7 +126,7 @@ class _BodyRows:
         self._profile_without_doublers = (len(system.contacts), k * d)
         self._at = self._contacts[:, None], np.arange(k * d).reshape(k, d)
 
-    def _weights(self, s: Array) -> tuple[Indices, Array]:
+    def _weights(self, s: Array) -> TouchedWeights:
         """Numbers (k d,) of the carriers that the sides touch, and their weights with two derivatives by s (3, k, d).
 
         The paths are at s (P,) in m.  The weights have the signs of their sides.
@@ -145,7 +146,7 @@ class _BodyRows:
             exponent = np.maximum(exponents - order, 0)
             powers[order] = factor * beyond[:, None] ** exponent * (self._signs * rate**order)[:, None]
             factor = factor * (exponents - order)
-        return touched, np.einsum("jkp,kpd->jkd", powers, c)
+        return TouchedWeights(touched, np.einsum("jkp,kpd->jkd", powers, c))
 
     def add(self, s: Array, rows: ContactRows, slopes: ContactRows, curves: ContactRows) -> None:
         """Add to `rows`, `slopes` and `curves`, in place, what this body contributes with the paths at s (P,) in m.

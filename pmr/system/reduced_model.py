@@ -28,6 +28,7 @@ from pmr.errors import InputError
 from pmr.errors.text import missing_file_reason, overview
 from pmr.files import npz
 from pmr.files.arrays import Array, Indices
+from pmr.scene.signals.base import Interval
 from pmr.system import stored
 from pmr.system.body_matrices import CONSTANT, LINEAR, Rayleigh, Reactions
 from pmr.system.carriers import CarrierRows, EnrichmentModes, Flexibility
@@ -170,9 +171,9 @@ class ReducedModel:
         return np.full(len(self.row_names), np.nan) if self.clearance is None else self.clearance
 
     @property
-    def domain(self) -> tuple[float, float]:
+    def domain(self) -> Interval:
         """Lowest and highest path coordinate in m for which the rows are defined."""
-        return float(self.rows.x[0]), float(self.rows.x[-1])
+        return Interval(float(self.rows.x[0]), float(self.rows.x[-1]))
 
     def C(self, s: ArrayLike, derivative: int = 0) -> Array:
         """Rows C(s) (m, r) at s in m, or (T, m, r) at s (T,); with a `derivative`, their derivative of that order by s.

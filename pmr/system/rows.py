@@ -30,6 +30,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -37,7 +38,15 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
 from pmr.files.arrays import Array, Indices
+from pmr.scene.signals.base import Interval
 from pmr.system.polynomials import clip_to_domain, common_breaks, interval_around, refine_table, same_degree
+
+
+class TouchedWeights(NamedTuple):
+    """Numbers of the carriers or coordinates that rows touch, and their weights."""
+
+    touched: Indices
+    weights: Array
 
 
 @dataclass(frozen=True)
@@ -95,7 +104,7 @@ class Row:
         ends = touched.shape[1] * np.arange(len(touched) + 1)
         return sp.csr_matrix((entries.ravel(), touched.ravel(), ends), (len(touched), self._count))
 
-    def touched_weights(self, s: ArrayLike, derivative: int) -> tuple[Indices, Array]:
+    def touched_weights(self, s: ArrayLike, derivative: int) -> TouchedWeights:
         """Numbers of the carriers that the row touches at s (T,) in m, and their weights b(s), both (T, d).
 
         With a `derivative` of 1 or more, the weights are that derivative of b by s.  A ValueError is raised if s is
@@ -103,7 +112,7 @@ class Row:
         """
         s = clip_to_domain(np.atleast_1d(np.asarray(s, float)), self.breaks[0], self.breaks[-1], self.name)
         j = np.searchsorted(self.breaks[1:-1], s, side="right")
-        return self.touched[j], self._polynomial(s, nu=derivative)
+        return TouchedWeights(self.touched[j], self._polynomial(s, nu=derivative))
 
     def at(self, s: ArrayLike, derivative: int = 0) -> sp.csr_matrix:
         """Row C(s) at s (T,) in m, or its derivative of the order `derivative` with respect to s: sparse (T, n).
@@ -191,7 +200,7 @@ def columns_by_interval(touching: Indices, n: int, k: int) -> tuple[Indices, Ind
     return different, place, np.where(missing, columns.max(axis=1, keepdims=True), columns)
 
 
-def dense_entries(entries: sp.csr_matrix, powers: int) -> tuple[Indices, Array]:
+def dense_entries(entries: sp.csr_matrix, powers: int) -> TouchedWeights:
     """Undo `Row.entries`: columns (k, d) that each of k intervals touches, and coefficients (powers, k, d) of these.
 
     `entries` is sparse (powers k, K).  An interval that touches fewer than d columns repeats its last column with
@@ -205,7 +214,7 @@ def dense_entries(entries: sp.csr_matrix, powers: int) -> tuple[Indices, Array]:
     different, place, touched = columns_by_interval(touching, n, k)
     coefficients = np.zeros((powers, *touched.shape))
     coefficients[every.row // k, every.row % k, place[np.searchsorted(different, touching)]] = every.data
-    return touched, coefficients
+    return TouchedWeights(touched, coefficients)
 
 
 def fixed_row(name: str, carrier: sp.csr_matrix, domain: tuple[float, float]) -> Row:
@@ -250,9 +259,9 @@ class Rows:
         return [i for i, row in enumerate(self.rows) if row.moves]
 
     @property
-    def domain(self) -> tuple[float, float]:
+    def domain(self) -> Interval:
         """Lowest and highest path coordinate in m at which every row is defined."""
-        return max(row.breaks[0] for row in self.rows), min(row.breaks[-1] for row in self.rows)
+        return Interval(max(row.breaks[0] for row in self.rows), min(row.breaks[-1] for row in self.rows))
 
     def at(self, s: float, derivative: int = 0) -> sp.csr_matrix:
         """Rows C(s) at one s in m, or their derivative of the order `derivative` with respect to s: sparse (m, n)."""

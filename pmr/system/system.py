@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.errors.text import overview
 from pmr.files.arrays import Array
+from pmr.scene.signals.base import Interval
 from pmr.system import saved
 from pmr.system.body import Body, SlidingBody, names_of, units_of
 from pmr.system.contacts import (
@@ -213,13 +214,13 @@ class BodySystem(Generic[AnyBody]):
         """Rows that the method `row` has built, by their places."""
         return {}
 
-    def range_of(self, place: Place) -> tuple[float, float]:
+    def range_of(self, place: Place) -> Interval:
         """Lowest and highest coordinate in m, on the place's body, at which the row of the place is defined."""
         body = self.bodies[place.body]
         if body.carriers is None:
             return body.domain
         breaks = self.row(place).breaks
-        return float(breaks[0]), float(breaks[-1])
+        return Interval(float(breaks[0]), float(breaks[-1]))
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:

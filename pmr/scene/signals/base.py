@@ -101,7 +101,7 @@ class SignalBase(BaseModel):
         """Return the frequency in Hz of the fastest tone within [start, end] s; 0 for a signal without tones."""
         return 0.0
 
-    def bounds(self, start: float, end: float) -> tuple[float, float]:
+    def bounds(self, start: float, end: float) -> Interval:
         """Return the smallest and largest value within [start, end] s.
 
         This method is right for signals whose extremes are at the ends or at a break, on either side of it; others

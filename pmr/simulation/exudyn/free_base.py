@@ -33,6 +33,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import NamedTuple
 
 import exudyn as exu
 import numpy as np
@@ -84,6 +85,21 @@ def add_extended(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, star
     return steps.attach_update(mbs, items, update)
 
 
+class ForcesAndStiffness(NamedTuple):
+    """Forces (N,) on N coordinates, and their stiffness (N, N)."""
+
+    forces: Array
+    stiffness: Array
+
+
+class AddedEquations(NamedTuple):
+    """Mass (N, N), force (N,) and stiffness (N, N) of N coordinates."""
+
+    mass: Array
+    force: Array
+    stiffness: Array
+
+
 class ExtendingBoom:
     """Forces, stiffness and rigid rows between coordinates q (n,) and extensions s (S,) in m."""
 
@@ -99,7 +115,7 @@ class ExtendingBoom:
             if k is not None and k in self._numbers
         ]
 
-    def forces_and_stiffness(self, s: Array, q: Array, f: Array) -> tuple[Array, Array]:
+    def forces_and_stiffness(self, s: Array, q: Array, f: Array) -> ForcesAndStiffness:
         """Forces and stiffness (n + S, n + S) on n coordinates and S extensions, at s (S,) in m and q (n,).
 
         The forces (n + S,) are those under loads f (i,).
@@ -127,7 +143,7 @@ class ExtendingBoom:
             K[:n, n + k] -= push / l**2 * Gq
             K[n + k, :n] -= push / l**2 * Gq
             K[n + k, n + k] += push / l**3 * (q @ Gq)
-        return total, K
+        return ForcesAndStiffness(total, K)
 
     def gap(self, s: Array, q: Array) -> Array:
         """Gaps C(s) q (m,) in m of rigid contacts."""
@@ -264,7 +280,7 @@ class Base:
         extended = replace(extended, second=extended.second + self.paths.along @ z_tt)
         return self.boom.inertia(motion, turned @ second + gamma, extended, loads)
 
-    def added_equations(self, t: float, x: Array, rate: Array, loads: Array) -> tuple[Array, Array, Array]:
+    def added_equations(self, t: float, x: Array, rate: Array, loads: Array) -> AddedEquations:
         """Mass (N, N), force (N,) and stiffness (N, N) to be added, for N coordinates of body, boom and user's nodes.
 
         x and `rate` (N,) are displacements and rates of these coordinates, `loads` (i,) the loads on the inputs.
@@ -285,7 +301,7 @@ class Base:
             force[6 + n :] += self.boom.path_forces(loads)
             inner = L[6:, k:]
             stiffness = scipy.linalg.block_diag(np.zeros((k, k)), inner.T @ K @ inner)
-        return L.T @ pressed.mass @ L, L.T @ force, stiffness
+        return AddedEquations(L.T @ pressed.mass @ L, L.T @ force, stiffness)
 
 
 def driven_by_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Driving]:
@@ -327,9 +343,9 @@ def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Input
     """Add the object that couples the items of a boom with the body that carries it; return the items."""
     nodes = [base.node, *items.nBodies.values(), *base.paths.nodes]
     count = sum(len(mbs.GetNode(node)["referenceCoordinates"]) for node in nodes)
-    evaluated_at, evaluated = None, (np.empty(0),) * 3
+    evaluated_at, evaluated = None, AddedEquations(*(np.empty(0),) * 3)
 
-    def evaluate(t: float, q: Array, q_t: Array) -> tuple[Array, Array, Array]:
+    def evaluate(t: float, q: Array, q_t: Array) -> AddedEquations:
         """Mass, force and stiffness at t s, computed once for the same coordinates and rates."""
         nonlocal evaluated_at, evaluated
         x, rate = np.array(q), np.array(q_t)
@@ -344,11 +360,11 @@ def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Input
             name=name,
             nodeNumbers=nodes,
             massMatrix=np.zeros((count, count)),
-            massMatrixUserFunction=lambda mbs, t, item, q, q_t: evaluate(t, q, q_t)[0],
-            forceUserFunction=lambda mbs, t, item, q, q_t: evaluate(t, q, q_t)[1],
+            massMatrixUserFunction=lambda mbs, t, item, q, q_t: evaluate(t, q, q_t).mass,
+            forceUserFunction=lambda mbs, t, item, q, q_t: evaluate(t, q, q_t).force,
             # inertia dominates the Jacobian, except for energy stored along extensions
             jacobianUserFunction=lambda mbs, t, item, q, q_t, factor, factor_t: exu.MatrixContainer(
-                factor * evaluate(t, q, q_t)[2]
+                factor * evaluate(t, q, q_t).stiffness
             ),
         )
     )

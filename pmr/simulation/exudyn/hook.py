@@ -35,7 +35,7 @@ from exudyn.itemInterface import (
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.simulation.exudyn.free_base import Base
+from pmr.simulation.exudyn.free_base import Base, ForcesAndStiffness
 from pmr.simulation.exudyn.items import SystemItems, add_coordinates
 from pmr.simulation.frame_motion import skew
 from pmr.simulation.start import InitialState
@@ -97,9 +97,9 @@ def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str
             name=f"{name} gives",
             nodeNumbers=[nForce, node, *nodes],
             massMatrix=joint.mass,
-            forceUserFunction=lambda mbs, t, item, q, q_t: joint.forces_and_stiffness(t, np.array(q))[0],
+            forceUserFunction=lambda mbs, t, item, q, q_t: joint.forces_and_stiffness(t, np.array(q)).forces,
             jacobianUserFunction=lambda mbs, t, item, q, q_t, factor, factor_t: exu.MatrixContainer(
-                factor * joint.forces_and_stiffness(t, np.array(q))[1]
+                factor * joint.forces_and_stiffness(t, np.array(q)).stiffness
             ),
         )
     )
@@ -175,7 +175,7 @@ class _Joint:
         answers, on = self._base.answers(s), np.ix_(self._on, self._on)
         return answers.E[on], answers.E_slope[:, *on]
 
-    def forces_and_stiffness(self, t: float, z: Array) -> tuple[Array, Array]:
+    def forces_and_stiffness(self, t: float, z: Array) -> ForcesAndStiffness:
         """Force (N,) and stiffness (N, N) from the energy that the node w stores, and from the stiffness that holds w.
 
         The node w is held in directions without flexibility.
@@ -188,7 +188,7 @@ class _Joint:
         K[first:, :3] = K[:3, first:].T
         force = -K[:, :3] @ w
         force[first:] /= 2.0
-        return force, K
+        return ForcesAndStiffness(force, K)
 
     def _shortening(self, s: Array, q: Array) -> tuple[Array, Array]:
         """G q (n,), and the derivative (P,) of q^T G q / 2 by s; G shortens the boom at the hook's load along x."""

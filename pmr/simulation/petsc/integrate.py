@@ -30,6 +30,7 @@ the walls under pads are light, so that they vibrate after every impact.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,6 +48,13 @@ from pmr.simulation.petsc.recorder import Recorder
 from pmr.simulation.petsc.rows import BlockFactor, PathCompliance, PathRows, effective_matrix
 from pmr.simulation.petsc.start import SampledExcitation, State, Terms
 from pmr.system.body_matrices import Rayleigh
+
+
+class Stepped(NamedTuple):
+    """State after a step, and whether a flag is set on any rank."""
+
+    state: State
+    flag: bool
 
 
 class Integrator:
@@ -82,7 +90,7 @@ class Integrator:
         S.destroy()
         return factor
 
-    def step(self, step: int, state: State, f: Array, c: Array, flag: bool) -> tuple[State, bool]:
+    def step(self, step: int, state: State, f: Array, c: Array, flag: bool) -> Stepped:
         """Take one step, to number `step` of the course, under loads f (i,) and amplitudes c (K,) of terms at its end.
 
         Returns the new state, and whether `flag` is true on any rank.
@@ -132,7 +140,7 @@ class Integrator:
         a = ahead.a + self._factors.gain * acceleration
         v = ahead.v + self._v_gain * acceleration
         pushing.end_step(multipliers, self._factors)
-        return State(self._q_gain * b, v, a, acceleration, multipliers, pushing.share, grip), flag
+        return Stepped(State(self._q_gain * b, v, a, acceleration, multipliers, pushing.share, grip), flag)
 
     def _predict(self, state: State) -> Prediction:
         """Prediction of the next state without the new acceleration."""
@@ -232,7 +240,7 @@ class DividedSteps:
             parts: Integrator(system, lengths.factors(parts), self.rows, pushing, terms, len(sizes)) for parts in sizes
         }
 
-    def step(self, number: int, state: State, due: bool, recorder: Recorder) -> tuple[State, bool]:
+    def step(self, number: int, state: State, due: bool, recorder: Recorder) -> Stepped:
         """Take step `number` in all its parts.
 
         Returns the new state, and whether any rank is due for a checkpoint.
@@ -251,7 +259,7 @@ class DividedSteps:
             f, c = self._fine.f[at], self._fine.c[at]
             state, due = self._integrators[parts].step(at, state, f, c, due)
             recorder.follow(state, self.rows, self._fine.x[at], f, c)
-        return state, due
+        return Stepped(state, due)
 
     def destroy(self) -> None:
         """Free the memory of all factors."""

@@ -17,7 +17,7 @@ from pmr.simulation.contact_step import StepParts
 from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.petsc.checkpoint import Checkpoint, CheckpointFile, ReachedState, identity
 from pmr.simulation.petsc.constraint import ContactState
-from pmr.simulation.petsc.integrate import DividedSteps, contact_frequency
+from pmr.simulation.petsc.integrate import DividedSteps, Stepped, contact_frequency
 from pmr.simulation.petsc.recorder import History, Recorder, Recording
 from pmr.simulation.petsc.rows import BlockFactor
 from pmr.simulation.petsc.start import SampledExcitation, State, starting_state, starts_moving
@@ -139,7 +139,7 @@ class _Run:
             recorder.record(0, state, steps.rows, self._at)
         return steps
 
-    def _step(self, steps: DividedSteps, step: int, state: State, due: bool) -> tuple[State, bool]:
+    def _step(self, steps: DividedSteps, step: int, state: State, due: bool) -> Stepped:
         """Take a step in all its parts; return the state, and whether any rank is due for a checkpoint.
 
         A SimulationError is raised with step, time and path coordinates.
