@@ -23,31 +23,38 @@ def observe(
     out_dir: Folder = None,
     overrides: Overrides = None,
     leave_out: Annotated[bool, typer.Option("--leave-out", help="Estimate without each sensor, too.")] = False,
+    truth: Annotated[
+        Path | None, typer.Option("--truth", metavar="FILE", help="True values over time, as CSV, to judge bands by.")
+    ] = None,
 ) -> None:
     """Estimate payload, loads and outputs from measurements.
 
     The first column of the measurements is `t` in s, the others have the names of the sensors' outputs.  DIR then has
-    estimates.csv and observe.json.
+    estimates.csv, observe.json, report.html and report.pdf.
 
     For example:
 
         pmr observe reports/boom_three/system.npz --scene boom_three --measured day.csv --observer sensors.toml
     """
+    from pmr.errors import environment
     from pmr.observe.measured import Observation, ObserverFile, read_measurements
+    from pmr.report.observation import write_report
     from pmr.scene import load_any
     from pmr.system.system import System
 
+    environment.check_report()  # before the work, not after it
     finish_swap(model.parent)
     description, data, system = ObserverFile.read(observer), read_measurements(measured), System.load(model)
     file, budget = scene_file(scene), model.parent / "summary.json"
     summary: Any = json.loads(budget.read_text(encoding="utf-8")) if budget.is_file() else {}
-    estimator = description.observer(load_any(file, overrides or ()), system, summary)
-    observation = Observation.compute(estimator, data, leave_out)
-    files, figures = observation.write(out_dir or Path("reports", scene.stem)), observation.summary()
+    loaded, true = load_any(file, overrides or ()), {} if truth is None else read_measurements(truth)
+    estimator = description.observer(loaded, system, summary)
+    observation = Observation.compute(estimator, data, leave_out, true, loaded.title)
+    folder = out_dir or Path("reports", scene.stem)
+    files, figures = observation.write(folder), observation.summary()
     table = Table("estimate at the end", "value", "standard deviation", title_justify="left")
-    units = dict(zip(observation.observer.model.outputs, observation.observer.model.units, strict=True))
     for name, last in figures["last"].items():
-        table.add_row(escape_controls(name), f"{last['mean']:.5g} {units.get(name, '')}", f"{last['deviation']:.3g}")
+        table.add_row(escape_controls(name), f"{last['mean']:.5g} {figures['units'][name]}", f"{last['deviation']:.3g}")
     out.print(table)
     for name, ratio in figures["observability"].items():
         if ratio > 0.5:
@@ -55,5 +62,7 @@ def observe(
             print_sentences(out, f"warning: these sensors hardly tell {name}: its band has {share} in the end")
     for name, t in figures["first_alarm"].items():
         print_sentences(out, f"warning: {name} disagrees with the model or is stuck from {t:.3g} s on")
-    for path in files:
+    for name, share in figures["coverage"].items():
+        print_sentences(out, f"{100.0 * share:.0f} % of the true values of {name} lie within the band of 90 %")
+    for path in (*files, write_report(folder).html):
         print_text(out, str(path))

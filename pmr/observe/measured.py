@@ -72,15 +72,31 @@ class Observation:
     measured: Array  # (T, p): at the steps of the model
     observability: Mapping[str, float]
     without: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    truth: Mapping[str, Array] = field(default_factory=dict)  # (T,) at the steps of the model, NaN where not known
+    title: str = ""
 
     @classmethod
-    def compute(cls, observer: Observer, measured: Mapping[str, tuple[Array, Array]], leave_out: bool) -> Observation:
+    def compute(
+        cls,
+        observer: Observer,
+        measured: Mapping[str, tuple[Array, Array]],
+        leave_out: bool = False,
+        truth: Mapping[str, tuple[Array, Array]] | None = None,
+        title: str = "",
+    ) -> Observation:
         """Estimate; with `leave_out` once more without each sensor.
 
         `without` has, by the sensor that is left out, the mean standard deviation of each estimate over that with all.
+        `truth` has times (n,) in s and true values (n,) of estimates by their names.  Raises InputError for a name
+        that is not estimated, or that has no value at the model's steps.
         """
         estimates, without = observer.run(measured), dict[str, dict[str, float]]()
-        names = (*estimates.unknowns, *estimates.outputs)
+        names, true = (*estimates.unknowns, *estimates.outputs), dict[str, Array]()
+        for name, (times, values) in (truth or {}).items():
+            estimates.of(name)
+            true[name] = observer.model.sample(name, times, values)
+            if not np.isfinite(true[name]).any():
+                raise InputError("observe", f"truth.{name}", None, "values at the times of the model are allowed")
         for sensor in observer.sensors if leave_out and len(observer.sensors) > 1 else ():
             remaining = [each for each in observer.sensors if each is not sensor]
             used = {name: values for name, values in measured.items() if name != sensor.output}
@@ -90,10 +106,14 @@ class Observation:
                 for name in names
                 if name in (*fewer.unknowns, *fewer.outputs)
             }
-        return cls(observer, estimates, observer.grid(measured), observer.observability(), without)
+        sampled, observability = observer.grid(measured), observer.observability()
+        return cls(observer, estimates, sampled, observability, without, true, title)
 
     def summary(self) -> dict[str, Any]:
-        """Figures for ``observe.json``: last estimates, observability, whiteness, alarms, budget, sensors left out."""
+        """Figures for ``observe.json``: last estimates, observability, whiteness, alarms, budget, sensors left out.
+
+        With true values it has the share of them within bands of 90 %, and the RMS error of each estimate.
+        """
         estimates, t = self.estimates, self.estimates.t
         names = (*estimates.unknowns, *estimates.outputs)
         last = {name: tuple(float(values[-1]) for values in estimates.of(name)) for name in names}
@@ -103,12 +123,20 @@ class Observation:
             if alarm.any()
         }
         return {
+            "title": self.title,
+            "units": self.observer.units,
+            "sensors": list(estimates.sensors),
             "last": {name: {"mean": mean, "deviation": deviation} for name, (mean, deviation) in last.items()},
             "observability": dict(self.observability),
             "whiteness": {name: p if np.isfinite(p) else None for name, p in estimates.whiteness().items()},
             "first_alarm": alarms,
             "errors_of_model": {part: dict(of) for part, of in self.observer.errors.items()},
             "not_covered": sorted({name for name in estimates.outputs if not self._is_covered(name)}),
+            "coverage": {name: estimates.coverage(name, values) for name, values in self.truth.items()},
+            "rms_error": {
+                name: float(np.sqrt(np.nanmean((estimates.of(name)[0] - values) ** 2)))
+                for name, values in self.truth.items()
+            },
             "without_sensor": {name: dict(ratios) for name, ratios in self.without.items()},
         }
 
@@ -120,18 +148,15 @@ class Observation:
         """Write ``estimates.csv``, with means and standard deviations over time, and ``observe.json``."""
         folder.mkdir(parents=True, exist_ok=True)
         estimates = self.estimates
-        names, units = (
-            (*estimates.unknowns, *estimates.outputs),
-            dict(zip(self.observer.model.outputs, self.observer.model.units, strict=True)),
-        )
         header, columns = [f"{TIME} [s]"], [estimates.t]
-        for name in names:
-            unit = f" [{units[name]}]" if name in units else ""
-            header += [f"{name}{unit}", f"standard deviation of {name}{unit}"]
+        for name, unit in self.observer.units.items():
+            header += [f"{name} [{unit}]", f"standard deviation of {name} [{unit}]"]
             columns += estimates.of(name)
         for k, name in enumerate(estimates.sensors):
             header += [f"measured {name}", f"innovation of {name}"]
             columns += [self.measured[:, k], estimates.innovations[:, k]]
+        header += [f"true {name}" for name in self.truth]
+        columns += self.truth.values()
         table, figures = folder / "estimates.csv", folder / "observe.json"
         with replacement_file(table) as part, part.open("w", newline="", encoding="utf-8") as stream:
             writer = csv.writer(stream)

@@ -1,0 +1,149 @@
+"""Report of an observer, from the files that `pmr observe` left in a folder: a page of HTML, and the same page as PDF.
+
+Each estimate is drawn with its band of 90 % beside what was measured and, where it is given, what is true.  Tables say
+how many values lie within the bands, whether innovations are white, and how much wider bands are without each sensor.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pmr.files.arrays import Array
+from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber
+from pmr.report.document import ReportFiles, render, with_date, write_page
+from pmr.report.figures.canvas import drawing
+from pmr.report.figures.estimates import WIDTH, band_figure, innovation_figure
+from pmr.report.numbers import SPACE, format_percent, format_quantity, significant
+
+#: p-value of the test of innovations below which the report says that the model lacks something.
+DOUBTFUL = 0.01
+#: Share of its first width above which the sensors hardly tell an unknown.
+HARDLY = 0.5
+
+
+def write_report(folder: Path) -> ReportFiles:
+    """Write report.html and report.pdf about ``estimates.csv`` and ``observe.json`` in a folder; return their paths."""
+    figures = json.loads((folder / "observe.json").read_text(encoding="utf-8"))
+    table = np.genfromtxt(folder / "estimates.csv", delimiter=",", skip_header=1, encoding="utf-8").T
+    chapter = build_chapter(figures, np.atleast_2d(table))
+    title = with_date("Observer report", [figures])
+    return write_page(render("study_report.html", chapter.title, [chapter], kind=title, introduction=()), folder)
+
+
+def build_chapter(figures: Mapping[str, Any], table: Array) -> Chapter:
+    """Build the chapter from the contents of ``observe.json`` and the columns (c, T) of ``estimates.csv``."""
+    sensors = list[str](figures["sensors"])
+    units = {name: {"1": ""}.get(unit, unit.replace("^2", "²")) for name, unit in figures["units"].items()}
+    t, estimates = table[0], 1 + 2 * len(units)
+    measured = {name: table[estimates + 2 * k] for k, name in enumerate(sensors)}
+    innovations = {name: table[estimates + 2 * k + 1] for k, name in enumerate(sensors)}
+    truth = dict(zip(figures["coverage"], table[estimates + 2 * len(sensors) :], strict=True))
+    none, last = np.full(len(t), np.nan), figures["last"]
+    bands = [
+        drawing(
+            f"estimate-{k}", band_figure, _estimate_caption(name, figures), t, table[1 + 2 * k], table[2 + 2 * k],
+            measured.get(name, none), truth.get(name, none), unit,
+        )
+        for k, (name, unit) in enumerate(units.items())
+    ]  # fmt: skip
+    tests = [
+        drawing(f"innovation-{k}", innovation_figure, f"Innovations of {name}, over their standard deviations.", t, of)
+        for k, (name, of) in enumerate(innovations.items())
+        if np.isfinite(of).any()
+    ]
+    blocks = [
+        Block("Estimates beside what was measured", rows=_in_pairs(bands)),
+        Block("Innovations", rows=_in_pairs(tests), text=INNOVATIONS, grids=(_sensor_grid(figures, innovations),)),
+    ]
+    if figures["observability"]:
+        rows = [(name, format_percent(ratio)) for name, ratio in figures["observability"].items()]
+        grid = Grid(OBSERVABILITY, ("unknown", "share"), tuple(rows))
+        blocks.append(Block("What the sensors can tell", grids=(grid,)))
+    if figures["without_sensor"]:
+        blocks.append(Block("Which sensor matters", grids=_grids_without(figures["without_sensor"], list(units))))
+    return Chapter(
+        anchor="observer",
+        title=figures["title"] or "Estimates from measurements",
+        headline=f"{len(units)} estimates from {len(sensors)} sensors over {format_quantity(float(np.ptp(t)), 's')}.",
+        key_numbers=[
+            KeyNumber(_with_band(last[name], units[name]), name, f"at the end, band of 90{SPACE}%")
+            for name in list(units)[:4]
+        ],
+        warnings=list(_warnings(figures)),
+        blocks=blocks,
+    )
+
+
+INNOVATIONS = (
+    "An innovation is the measured less the predicted value, over the standard deviation of this difference. "
+    "Of a model that fits, 90 % lie between the lines, and one tells nothing about the next: the p-value of Ljung and "
+    f"Box's test is then not small. Below {DOUBTFUL:g} the model lacks something that the sensor sees."
+)
+
+
+OBSERVABILITY = (
+    "Standard deviation of each unknown after the motion, as a share of that before. Near 100 % the sensors tell "
+    "nothing about it."
+)
+
+
+def _in_pairs(drawings: list[Drawing]) -> tuple[tuple[Drawing, ...], ...]:
+    """Rows of two drawings each."""
+    return tuple(tuple(drawings[k : k + 2]) for k in range(0, len(drawings), 2))
+
+
+def _with_band(last: Mapping[str, float], unit: str) -> str:
+    """Mean and half the width of the band of 90 % of an estimate, as text."""
+    mean, half = format_quantity(last["mean"], unit), format_quantity(WIDTH * last["deviation"], unit, 2)
+    return f"{mean.rstrip()} ± {half.rstrip()}"
+
+
+def _estimate_caption(name: str, figures: Mapping[str, Any]) -> str:
+    """Caption of the figure of an estimate, with the share of true values within its band where they are given."""
+    share = figures["coverage"].get(name)
+    covered = "" if share is None else f" {format_percent(share)} of the true values lie within the band."
+    missing = " No part of the run's error budget covers it." if name in figures["not_covered"] else ""
+    return f"{name[:1].upper()}{name[1:]}.{covered}{missing}"
+
+
+def _sensor_grid(figures: Mapping[str, Any], innovations: Mapping[str, Array]) -> Grid:
+    """Table of the sensors: values, share of innovations within the lines, p-value, and first alarm."""
+    rows = []
+    for name, of in innovations.items():
+        inside, p, alarm = np.abs(of[np.isfinite(of)]), figures["whiteness"][name], figures["first_alarm"].get(name)
+        share = format_percent(float(np.mean(inside < WIDTH))) if len(inside) else "–"
+        p_text, alarm_text = (
+            "–" if p is None else significant(p, 2),
+            "–" if alarm is None else format_quantity(alarm, "s"),
+        )
+        rows.append((name, str(len(inside)), share, p_text, alarm_text))
+    head = ("sensor", "values", "between the lines", "p-value", "first alarm")
+    return Grid("What each sensor measured beside what was predicted.", head, tuple(rows))
+
+
+def _grids_without(without: Mapping[str, Mapping[str, float]], names: list[str]) -> tuple[Grid, ...]:
+    """Table of how much wider the band of each estimate is without each sensor."""
+    rows = [
+        (name, *(significant(of[name]) if name in of else "–" for of in without.values()))
+        for name in names
+        if any(name in of for of in without.values())
+    ]
+    caption = "Mean width of each band without one of the sensors, over that with all of them."
+    return (Grid(caption, ("estimate", *(f"without {name}" for name in without)), tuple(rows)),)
+
+
+def _warnings(figures: Mapping[str, Any]) -> Iterator[str]:
+    """Yield sentences on sensors that disagree with the model, and unknowns that the sensors hardly tell."""
+    for name, t in figures["first_alarm"].items():
+        yield f"{name} disagrees with the model or is stuck from {format_quantity(t, 's')} on."
+    for name, ratio in figures["observability"].items():
+        if ratio > HARDLY:
+            yield f"These sensors hardly tell {name}: its band still has {format_percent(ratio)} of its first width."
+    doubtful = [name for name, p in figures["whiteness"].items() if p is not None and p < DOUBTFUL]
+    if doubtful:
+        yield f"Innovations are not white, so that the model lacks something: {', '.join(doubtful)}."
