@@ -49,6 +49,9 @@ TESTED = {
     "sbatch workflows/scale.slurm 0.0125 1 2 4 8 16 32 64": "tests/benchmarks/test_scale.py",
     "mpirun -n 4 pmr run SCENE.toml": "tests/test_run.py",
     "pmr study STUDY.toml --list": "tests/cli/test_study.py",
+    "pmr identify SCENE --measured frequencies.csv --fit body.profile.length=0.5": (
+        "tests/cli/test_identify.py::test_the_scene_is_written_with_the_values_that_its_frequencies_have"
+    ),
     "pmr observe SYSTEM.npz --scene SCENE.toml --measured day.csv --observer sensors.toml --leave-out": (
         "tests/observe/test_measured.py"
     ),

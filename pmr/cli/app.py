@@ -20,6 +20,7 @@ from pmr.cli.console import (
     rank_count,
 )
 from pmr.cli.export import export, flexible, matrices, simulate
+from pmr.cli.identify import identify
 from pmr.cli.info import info
 from pmr.cli.new import compile_, new, schema
 from pmr.cli.observe import observe
@@ -71,7 +72,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (new, run, study, chart, simulate, observe, export, flexible, matrices, info, schema):
+for command in (new, run, study, chart, simulate, observe, identify, export, flexible, matrices, info, schema):
     app.command()(command)
 app.command("compile")(compile_)
 

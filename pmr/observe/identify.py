@@ -10,21 +10,31 @@ residuals and :math:`\nu` degrees of freedom (Seber and Wild, *Nonlinear Regress
 
 from __future__ import annotations
 
+import csv
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import scipy.optimize
 
 from pmr.errors import InputError
+from pmr.errors.text import missing_file_reason
 from pmr.files.arrays import Array
+from pmr.system.assembly import Assembly
+from pmr.system.system import System
+
+HELD_OUT, DEVIATION, PLACE = "held_out", "deviation", "s"
 
 
 @dataclass(frozen=True)
 class MeasuredFrequencies:
     """Frequencies (m,) in Hz, lowest first, measured with a path at a place; NaN where a mode was not measured."""
 
-    place: float  # m
+    place: float  # m, or the number of the place in a `FrequencyTable`
     frequencies: tuple[float, ...]  # (m,) Hz
     held_out: bool = False  # whether the fit is judged by it, not made
     deviation: float = 0.002  # relative standard deviation
@@ -65,7 +75,8 @@ def identify(
     Raises
     ------
     InputError
-        If a value at the start is zero, or there are fewer measured frequencies than parameters.
+        If a value at the start is zero, there are fewer measured frequencies than parameters, or the model has fewer
+        frequencies than were measured.
     """
     names, first = tuple(start), np.array([*start.values()], float)
     if not np.all(np.isfinite(first) & (first != 0.0)):
@@ -87,6 +98,9 @@ def identify(
         values = dict(zip(names, (first * shares).tolist(), strict=True))
         return np.asarray(frequencies(values, places)[:, :m] / targets - 1.0)
 
+    at_start = relative(np.ones(len(names)))
+    if not np.all(np.isfinite(at_start[np.isfinite(targets)])):
+        raise InputError("identify", "frequencies", m, "the model has fewer: more coordinates, or fewer columns")
     fit = scipy.optimize.least_squares(
         lambda shares: (relative(shares) / deviation)[used],
         np.ones(len(names)),
@@ -106,5 +120,99 @@ def identify(
     scale = np.sqrt(np.maximum(np.diagonal(covariance), 1e-300))
     return Identification(
         names, first * fit.x, errors, covariance / np.outer(scale, scale),
-        after[~held], after[held], relative(np.ones(len(names))),
+        after[~held], after[held], at_start,
     )  # fmt: skip
+
+
+class NumberTable(NamedTuple):
+    """Table of numbers from a file: names (k,) of the columns, without units, and values (n, k), NaN where empty."""
+
+    names: tuple[str, ...]
+    values: Array
+
+
+def read_table(file: Path) -> NumberTable:
+    """Read a CSV table of numbers; units in brackets behind the names are left out.
+
+    Raises InputError, with the line, for a cell that is no number and for a line of another length.
+    """
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as stream:
+            rows = [row for row in csv.reader(stream) if row]
+    except (OSError, UnicodeDecodeError, csv.Error):
+        raise InputError(str(file), "", None, missing_file_reason(file)) from None
+    names = tuple(name.partition(" [")[0].strip() for name in rows[0]) if rows else ()
+    values = np.full((max(len(rows) - 1, 0), len(names)), np.nan)
+    for line, row in enumerate(rows[1:], 2):
+        if len(row) != len(names):
+            raise InputError(str(file), f"line {line}", len(row), f"{len(names)} cells are allowed")
+        for k, cell in enumerate(row):
+            try:
+                values[line - 2, k] = float(cell) if cell.strip() else np.nan
+            except ValueError:
+                raise InputError(str(file), f"line {line}, {names[k]}", cell, "a number is allowed") from None
+    return NumberTable(names, values)
+
+
+@dataclass(frozen=True)
+class FrequencyTable:
+    """Measured frequencies at k places of P paths."""
+
+    paths: tuple[str, ...]  # (P,), or ``s`` for the only path of a system
+    places: Array  # (k, P) m
+    measured: tuple[MeasuredFrequencies, ...]  # (k,)
+
+    @classmethod
+    def read(cls, file: Path) -> FrequencyTable:
+        """Read a CSV table with columns by paths, or ``s``, then ``f1``, ``f2`` ... in Hz, lowest first.
+
+        It may have ``held_out``, 1 where the fit is judged, and ``deviation``, relative standard deviations.  Raises
+        InputError for another table.
+        """
+        names, values = read_table(file)
+        modes = [name for name in names if re.fullmatch(r"f[1-9][0-9]*", name)]
+        paths = [name for name in names if name not in (*modes, HELD_OUT, DEVIATION)]
+        if not modes or modes != [f"f{k + 1}" for k in range(len(modes))] or len(set(names)) < len(names):
+            allowed = (
+                f"columns by paths or {PLACE}, then f1, f2, ..., {HELD_OUT} and {DEVIATION}, each once, are allowed"
+            )
+            raise InputError(str(file), "columns", list(names), allowed)
+        of = dict(zip(names, values.T, strict=True))
+        held_out, deviation = of.get(HELD_OUT, np.zeros(len(values))), of.get(DEVIATION, np.full(len(values), np.nan))
+        places = np.column_stack([np.empty((len(values), 0)), *(of[path] for path in paths)])
+        if not np.all(np.isfinite(places)) or not np.all(np.isin(held_out, (0.0, 1.0))) or np.any(deviation <= 0.0):
+            allowed = f"a number for each path, 0 or 1 for {HELD_OUT} and more than 0 for {DEVIATION} are allowed"
+            raise InputError(str(file), "values", None, allowed)
+        measured = tuple(
+            MeasuredFrequencies(
+                k, tuple(row), bool(out), MeasuredFrequencies.deviation if np.isnan(off) else float(off)
+            )
+            for k, (row, out, off) in enumerate(
+                zip(np.column_stack([of[mode] for mode in modes]).tolist(), held_out, deviation, strict=True)
+            )
+        )
+        return cls(tuple(paths), places, measured)
+
+    def identify(self, reduced: Callable[[Sequence[str]], System], start: Mapping[str, float]) -> Identification:
+        """Fit keys of a scene, with values at the `start`, to these frequencies.
+
+        `reduced` returns the reduced system of the scene with changes as ``--set`` takes them.  All contacts count as
+        closed.  Raises InputError as `identify`, and if the system has other paths.
+        """
+        count = len(self.measured[0].frequencies) if self.measured else 0
+
+        @cache
+        def frequencies(values: tuple[float, ...]) -> Array:
+            system = reduced([f"{name}={value!r}" for name, value in zip(start, values, strict=True)])
+            alone = self.paths == (PLACE,) and len(system.paths) == 1
+            paths = tuple(system.paths) if alone else self.paths
+            if set(paths) != set(system.paths):
+                allowed = f"a column for each path is allowed: {', '.join(system.paths) or 'there is none'}"
+                raise InputError("identify", "paths", ", ".join(self.paths), allowed)
+            x = system.side_coordinates(dict(zip(paths, self.places.T, strict=True)))
+            x = np.ascontiguousarray(np.broadcast_to(x, (len(self.places), len(system.sides))))
+            return Assembly(system).frequencies(x, count)
+
+        return identify(
+            lambda values, places: frequencies(tuple(values.values()))[np.array(places, int)], start, self.measured
+        )

@@ -18,6 +18,7 @@ from pmr.errors.text import missing_file_reason
 from pmr.files.arrays import Array
 from pmr.files.whole import replacement_file
 from pmr.observe.budget import output_errors
+from pmr.observe.identify import read_table
 from pmr.observe.linear import linearize
 from pmr.observe.observer import Estimates, Observer, Payload, Sensor, UnknownLoad
 from pmr.scene.scene import Scene
@@ -174,24 +175,10 @@ def read_measurements(file: Path) -> dict[str, tuple[Array, Array]]:
     Units in brackets behind a name are left out.  Empty cells are not measured.  Raises InputError, with the line, for
     a cell that is no number, a table without times, or times that do not grow.
     """
-    try:
-        with file.open(newline="", encoding="utf-8-sig") as stream:
-            rows = [row for row in csv.reader(stream) if row]
-    except (OSError, UnicodeDecodeError, csv.Error):
-        raise InputError(str(file), "", None, missing_file_reason(file)) from None
-    names = [name.partition(" [")[0].strip() for name in rows[0]] if rows else []
-    if not names or names[0] != TIME or len(rows) < 3 or len(set(names)) < len(names):
+    names, values = read_table(file)
+    if not names or names[0] != TIME or len(values) < 2 or len(set(names)) < len(names):
         allowed = f"a first column {TIME}, then columns by the sensors' outputs, each once, and two lines or more"
-        raise InputError(str(file), "columns", names, f"{allowed} are allowed")
-    values = np.full((len(rows) - 1, len(names)), np.nan)
-    for line, row in enumerate(rows[1:], 2):
-        if len(row) != len(names):
-            raise InputError(str(file), f"line {line}", len(row), f"{len(names)} cells are allowed")
-        for k, cell in enumerate(row):
-            try:
-                values[line - 2, k] = float(cell) if cell.strip() else np.nan
-            except ValueError:
-                raise InputError(str(file), f"line {line}, {names[k]}", cell, "a number is allowed") from None
+        raise InputError(str(file), "columns", list(names), f"{allowed} are allowed")
     t = values[:, 0]
     if not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0.0):
         raise InputError(str(file), TIME, None, "times that grow from line to line are allowed")

@@ -120,7 +120,7 @@ def test_it_is_written_which_sensor_matters(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_command_estimates_a_payload(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, undrawn: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Measured is the motion of a boom with 60 kg more, marched by itself."""
     heavy = pmr.load_scene("boom_three", [*BOOM, "sections.fly.masses=[{name='payload',on='tip',mass=310.0}]"])
@@ -133,13 +133,18 @@ def test_the_command_estimates_a_payload(
         writer.writerow(["t", "acceleration of fly: tip z", "base: force of cylinder"])
         writer.writerows(np.column_stack([response.t, acceleration, force])[3:-3].tolist())
     (tmp_path / "sensors.toml").write_text(FILE)
+    rows = [f"{t!r},60.0,{y!r}" for t, y in zip(response.t.tolist(), tip.tolist(), strict=True)]
+    (tmp_path / "true.csv").write_text("\n".join(["t,payload [kg],fly: tip z [m]", *rows]))
     pmr.reduce(pmr.load_scene("boom_three", BOOM)).system.save(tmp_path / "system.npz")
     files = ["--measured", str(tmp_path / "day.csv"), "--observer", str(tmp_path / "sensors.toml")]
-    files += ["--out", str(tmp_path / "out"), "--scene", "boom_three"]
+    files += ["--out", str(tmp_path / "out"), "--scene", "boom_three", "--truth", str(tmp_path / "true.csv")]
     changes = [part for change in BOOM for part in ("--set", change)]
     done = called(monkeypatch, capsys, "observe", str(tmp_path / "system.npz"), *files, *changes)
     assert done.returncode == 0, done.stderr
-    last = json.loads((tmp_path / "out" / "observe.json").read_text())["last"]
+    figures = json.loads((tmp_path / "out" / "observe.json").read_text())
+    last, shares = figures["last"], figures["coverage"]
+    assert shares.keys() == {"payload", "fly: tip z"} and shares["payload"] > 0.8
+    assert "of the true values lie" in (tmp_path / "out" / "report.html").read_text()
     assert abs(last["payload"]["mean"] - 60.0) < 0.5 and last["payload"]["deviation"] < 5.0
     assert abs(last["fly: tip z"]["mean"] / tip[-1] - 1.0) < 1e-3
     (tmp_path / "sensors.toml").write_text(FILE.replace("fly: tip z", "fly: tip x"))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -24,7 +26,7 @@ def band_figure(t: Array, mean: Array, deviation: Array, measured: Array, truth:
     shown = spread_indices(len(t), 2 * bins_of(ax))
     low, high = ((mean + sign * WIDTH * deviation)[shown] / pen.size for sign in (-1.0, 1.0))
     handles = [Patch(color=BAND, label="90 %"), Line2D([], [], color=INK, label="estimate")]
-    at = np.flatnonzero(np.isfinite(measured))
+    at, look = np.flatnonzero(np.isfinite(measured)), dict[str, Any]()
     if len(at):
         at = at[spread_indices(len(at), 2 * bins_of(ax))]
         look = {"color": MUTED, "linestyle": "none", "marker": ".", "markersize": 1.2}

@@ -1,0 +1,76 @@
+"""The command that fits keys of a scene to measured frequencies."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from processes import called
+
+import pmr
+from pmr.errors import InputError
+from pmr.observe.identify import FrequencyTable
+from pmr.system.assembly import Assembly
+
+CHANGES = ["mesh.elements=10", "reduction.estimate=false", "start=rest"]
+LENGTH, STIFFNESS, PLACES = "body.profile.length", "body.profile.bending_stiffness", np.array([0.05, 0.1, 0.15])
+
+
+def write_frequencies(file: Path) -> None:
+    """Write the frequencies of the beam with another length and stiffness, the second place for judging the fit."""
+    system = pmr.reduce(pmr.load_scene("dropbear", [*CHANGES, f"{LENGTH}=0.47", f"{STIFFNESS}=270.0"])).system
+    f = Assembly(system).frequencies(np.column_stack([PLACES] * len(system.sides)), 2)
+    rows = [f"{s!r},{a!r},{b!r},{k % 2}" for k, (s, (a, b)) in enumerate(zip(PLACES.tolist(), f.tolist(), strict=True))]
+    file.write_text("\n".join(["s [m],f1 [Hz],f2 [Hz],held_out", *rows]) + "\n")
+
+
+@pytest.mark.slow
+def test_the_scene_is_written_with_the_values_that_its_frequencies_have(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_frequencies(file := tmp_path / "f.csv")
+    words = ["identify", "dropbear", "--measured", str(file), "--out", str(tmp_path / "out")]
+    words += [part for change in CHANGES for part in ("--set", change)]
+    done = called(monkeypatch, capsys, *words, "--fit", f"{LENGTH}=0.5", "--fit", f"{STIFFNESS}=250")
+    assert done.returncode == 0, done.stderr
+    figures = json.loads((tmp_path / "out" / "identify.json").read_text())
+    for name, value in ((LENGTH, 0.47), (STIFFNESS, 270.0)):
+        assert figures["parameters"][name]["value"] == pytest.approx(value, rel=1e-6)
+        assert 0.0 < figures["parameters"][name]["error"] < 0.1 * value
+    assert max(figures["rms"]["held_out"]) < 1e-7 < 0.01 < max(figures["rms"]["start"])
+    fitted = pmr.load_scene(tmp_path / "out" / "fitted.toml")
+    assert fitted.body.profile is not None and fitted.body.profile.length == pytest.approx(0.47, rel=1e-6)
+    assert fitted.mesh.elements == 10
+    for wrong, said in (
+        (["--fit", LENGTH], "KEY=START"),
+        (["--fit", f"{LENGTH}=0"], "beside zero"),
+        (["--fit", "body.nothing=1.0"], "body.nothing"),
+        (["--fit", f"{LENGTH}=0.5", "--set", "reduction.coordinates=1"], "the model has fewer"),
+    ):
+        refused = called(monkeypatch, capsys, *words, *wrong)
+        assert refused.returncode == 2 and said in refused.stderr and refused.stderr.count("\n") == 1, refused.stderr
+    file.write_text(file.read_text().replace("s [m]", "roller"))
+    refused = called(monkeypatch, capsys, *words, "--fit", f"{LENGTH}=0.5")
+    assert refused.returncode == 2 and "a column for each path is allowed" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ("", "columns"),
+        ("s,g1\n1,2\n", "columns"),
+        ("s,f2\n1,2\n", "columns"),
+        ("s,f1,f1\n1,2,3\n", "columns"),
+        ("s,f1,held_out\n1,2,3\n", "values"),
+        ("s,f1,deviation\n1,2,0\n", "values"),
+        ("s,f1\n,2\n", "values"),
+        ("s,f1\n1,x\n", "line 2, f1"),
+    ],
+)
+def test_a_table_that_is_none_is_refused(tmp_path: Path, text: str, key: str) -> None:
+    (tmp_path / "f.csv").write_text(text)
+    with pytest.raises(InputError) as refused:
+        FrequencyTable.read(tmp_path / "f.csv")
+    assert refused.value.key == key and "f.csv" in str(refused.value)
