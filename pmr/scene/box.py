@@ -59,6 +59,11 @@ class Stretch:
     first: BoxProfile
     last: BoxProfile
 
+    @property
+    def middle(self) -> float:
+        """Middle of the range, m along x."""
+        return (self.start + self.end) / 2.0
+
     def profile_at(self, x: float) -> BoxProfile:
         """Return the profile at x in m."""
         return interpolate_profile(self.first, self.last, (x - self.start) / (self.end - self.start))
@@ -96,7 +101,10 @@ def interpolate_profile(first: BoxProfile, last: BoxProfile, share: float) -> Bo
 
 
 class Box(BoxProfile):
-    """A tube of plates along x by the dimensions of its mid-surface; width along y, height along z."""
+    """A tube of plates along x by the dimensions of its mid-surface; width along y, height along z.
+
+    With `sizes`, these dimensions and those at the ends of tapers are of the outer or inner surface of the walls.
+    """
 
     length: Length = Field(description="Length along x")
     doublers: tuple[Doubler, ...] = Field(default=(), description="Plates that thicken walls over a part of the length")
@@ -133,10 +141,36 @@ class Box(BoxProfile):
             self._stretch(a, b)
         return self
 
+    def mid_dimensions(self, sign: float) -> dict[str, Any]:
+        dimensions = super().mid_dimensions(sign)
+        for key, taper in self._tapers.items():
+            end = self._end_profile(taper).mid_dimensions(sign)
+            dimensions[key] = taper.model_dump(exclude_none=True) | {
+                name: end[name] for name in dimensions if name in end
+            }
+        return dimensions
+
     @property
     def frame_plate_thickness(self) -> float:
         """Thickness of the frames in m."""
         return self.frame_thickness or max(self.walls.values())
+
+    @property
+    def volume(self) -> float:
+        """Volume of the walls in m^3, with doublers and tapers, without frames: linear in x between breaks.
+
+        A plate's area is thickness times length, both linear along a stretch, so Simpson's rule is exact.
+        """
+        areas = [
+            [
+                sum(s.thickness * s.length for s in profile.sides)
+                for profile in (of.first, of.profile_at(of.middle), of.last)
+            ]
+            for of in self.stretches
+        ]
+        return sum(
+            (of.end - of.start) * (a + 4.0 * b + c) / 6.0 for of, (a, b, c) in zip(self.stretches, areas, strict=True)
+        )
 
     @property
     def varying_keys(self) -> tuple[str, ...]:
@@ -197,8 +231,9 @@ class Box(BoxProfile):
         if low > high + SLACK * self.length:
             allowed = f"tapers of up to the box's length, {self.length:g} m, are allowed together"
             raise key_error(f"{key}.length", taper.length, allowed)
+        thicker = max(self.walls.values()) - min(taper_walls) if (taper_walls := _wall_values(taper)) else 0.0
         for name in ("width", "height"):
-            if dimensions.get(name, 0.0) > getattr(self, name):
+            if dimensions.get(name, 0.0) > getattr(self, name) + max(thicker, 0.0):
                 allowed = f"up to the box's own {getattr(self, name):g} m is allowed"
                 raise key_error(f"{key}.{name}", dimensions[name], allowed)
         try:
@@ -257,3 +292,9 @@ class Box(BoxProfile):
             (i, doubler), why = list(doublers.items())[-1], error.errors()[0]["msg"]
             allowed = f"plates that the profile has room for are allowed; with its walls: {why}"
             raise key_error(f"doublers[{i}].thickness", doubler.thickness, allowed) from None
+
+
+def _wall_values(taper: Taper) -> list[float]:
+    """Return the thicknesses in m of the walls at the end of a taper; empty if they do not change."""
+    wall = taper.wall
+    return [] if wall is None else list(wall.values()) if isinstance(wall, dict) else [wall]

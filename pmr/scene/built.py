@@ -62,12 +62,22 @@ class Region(SceneTable):
     thickness: Thickness | None = Field(default=None, description="Thickness of the region, in a shell")
 
 
+def _allow_attached_mass(schema: Schema) -> None:
+    """Allow in a JSON schema, which is changed in place, a mass per length that a material then includes."""
+    about = "Mass of hoses, cables and paint along a box, spread over its walls as a part of their density"
+    number = {"type": "number", "minimum": 0.0, "maximum": 1e6, "unit": "kg/m", "default": 0.0}
+    schema["properties"] |= {"attached_mass_per_length": number | {"description": about}}
+
+
 class Body(SceneTable):
     """A section: a box boom, a beam given by its stiffnesses, or the mesh of a file.
 
     With `model` ``auto`` a run takes the smallest structural model whose results are near enough to those of a shell,
-    which it measures.
+    which it measures.  The density of `material` includes `attached_mass_per_length` (m') of a box: it is rho + m' L /
+    V, with the box's length L and the volume V of its walls.
     """
+
+    model_config = ConfigDict(json_schema_extra=_allow_attached_mass)
 
     model: ModelName = Field(
         default="auto", description="Structural model; `auto` takes the smallest that is near enough to a shell"
@@ -90,6 +100,34 @@ class Body(SceneTable):
     walls: Literal["rigid", "give"] = Field(
         default="rigid", description="Whether the local compliance of the walls under pads is added to a beam"
     )
+
+    @cached_property
+    def written_attached_mass(self) -> float:
+        """Attached mass in kg/m as written in the file; the material's density includes it."""
+        return 0.0
+
+    @property
+    def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
+        return {"attached_mass_per_length": (self.written_attached_mass, Usual(0.05, 100.0, unit="kg/m"))}
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _spread_attached_mass(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Validate a table with `attached_mass_per_length` as one whose material has as much more density."""
+        key = "attached_mass_per_length"
+        if not (isinstance(data, dict) and key in data):
+            return handler(data)
+        mass, body = data[key], handler({name: value for name, value in data.items() if name != key})
+        if not isinstance(mass, (int, float)) or isinstance(mass, bool) or not 0.0 <= mass <= 1e6:
+            raise key_error(key, mass, "a number from 0 to 1e6 in kg/m is allowed")
+        if body.box is None or body.section is not None or any(of.material for of in body.regions.values()):
+            raise key_error(
+                key, mass, "a body by its box alone, of one material, is allowed: others have their own mass"
+            )
+        density = body.material.density + mass * body.box.length / body.box.volume
+        spread = body.model_copy(update={"material": body.material.model_copy(update={"density": density})})
+        vars(spread)["written_attached_mass"] = float(mass)  # not a field: the density has it
+        return spread
 
     @model_validator(mode="after")
     def _check_thickness(self) -> Body:

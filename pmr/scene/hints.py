@@ -185,7 +185,7 @@ def _section_scales(part: BoomSection) -> dict[str, float]:
 
 
 def _mass(part: BoomSection) -> float:
-    """Return the mass of a section's beam or box in kg without doublers and tapers; 0 for a mesh file."""
+    """Return the mass of a section's beam or box in kg without frames; 0 for a mesh file."""
     body = part.body
     if body.mover is not None:
         return body.mover.mass + body.mover.wheel_mass
@@ -193,8 +193,8 @@ def _mass(part: BoomSection) -> float:
         return body.profile.mass_per_length * body.profile.length
     if body.box is None:
         return 0.0
-    area = sum(side.length * side.thickness for side in body.box.sides) if body.section is None else body.section.area
-    return body.material.density * area * body.box.length
+    volume = body.box.volume if body.section is None else body.section.area * body.box.length
+    return body.material.density * volume
 
 
 DRAFT = "http://json-schema.org/draft-07/schema#"

@@ -23,13 +23,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, model_validator
 
 from pmr.files.arrays import Array
-from pmr.scene.keys import Distance, Length, SceneTable, Thickness, Usual, key_error
+from pmr.scene.keys import Distance, Length, SceneTable, Schema, Thickness, Usual, key_error
 
 Pair = tuple[float, float]
 Face = Literal["bottom", "bottom left", "left", "top left", "top", "top right", "right", "bottom right"]
@@ -219,8 +219,25 @@ Cut = tuple[Distance, Distance]
 CORNERS = "corners"
 
 
+#: Sign by which corners move outwards from the surface that a scene's sizes are of to the mid-surface.
+SURFACES = {"middle": 0.0, "outer": -1.0, "inner": 1.0}
+
+
+def _allow_sizes(schema: Schema) -> None:
+    """Allow in a JSON schema, which is changed in place, sizes of the outer or inner surface."""
+    about = "Surface of the walls that width, height, radius and chamfer are of; all else follows from the mid-surface"
+    sizes = {"enum": list(SURFACES), "default": "middle", "type": "string", "description": about}
+    schema["properties"] |= {"sizes": sizes}
+
+
 class BoxProfile(SceneTable):
-    """A closed profile of plates, by the dimensions of its mid-surface; width along y, height along z."""
+    """A closed profile of plates, by the dimensions of its mid-surface; width along y, height along z.
+
+    With `sizes` ``outer`` or ``inner``, a scene gives the dimensions of the outer or inner surface of the walls: each
+    plate's middle is half its thickness inside or outside of them.
+    """
+
+    model_config = ConfigDict(json_schema_extra=_allow_sizes)
 
     width: Annotated[Length, Usual(0.002, 10.0)] = Field(description="Width along y")
     height: Annotated[Length, Usual(0.002, 10.0)] = Field(description="Height along z")
@@ -235,6 +252,48 @@ class BoxProfile(SceneTable):
         default=0.0,
         description="Size of the chamfers, for all or by `bottom` and `top`: one number, or along y and z, in m",
     )
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _resolve_sizes(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Validate a table with `sizes` as one with the dimensions of the mid-surface that follow from them."""
+        if not (isinstance(data, dict) and "sizes" in data):
+            return handler(data)
+        sizes, others = data["sizes"], {key: value for key, value in data.items() if key != "sizes"}
+        if sizes not in SURFACES:
+            raise key_error("sizes", sizes, f"one of {', '.join(SURFACES)} is allowed")
+        written = handler(others)
+        return handler(others | written.mid_dimensions(SURFACES[sizes])) if SURFACES[sizes] else written
+
+    def mid_dimensions(self, sign: float) -> dict[str, Any]:
+        """Return the dimensions of the mid-surface of the walls whose outer or inner surface has these dimensions.
+
+        `sign` is -1 if they are those of the outer surface, 1 for the inner one.  The axis y = z = 0 is in the middle
+        of the dimensions, before and after.  Raises an error of the key `sizes` for chamfers between plates that differ
+        left and right.
+        """
+        edges, by_half = self.edges, dict[Half, tuple[float, float]]()
+        ends = np.array([edge.start + sign * (corner.position - edge.start) for edge, corner in
+                         zip(edges, self.corners, strict=True)])  # fmt: skip
+        low, high = ends.min(axis=0), ends.max(axis=0)
+        near = NOTHING * float(np.max(high - low))
+        for half, level in zip(get_args(Half), (low[1], high[1]), strict=True):
+            flat = ends[np.abs(ends[:, 1] - level) <= near, 0]
+            cuts = []
+            for side, along in ((low[0], flat.min() - low[0]), (high[0], high[0] - flat.max())):
+                upright = ends[np.abs(ends[:, 0] - side) <= near, 1]
+                up = upright.min() - level if half == "bottom" else level - upright.max()
+                cuts.append((float(along), float(up)))
+            if not np.allclose(cuts[0], cuts[1], rtol=0.0, atol=near):
+                raise key_error(
+                    "sizes", None, "chamfers between plates as thick on the left as on the right are allowed"
+                )
+            by_half[half] = cuts[0]
+        radii = {half: r and r + sign * self.thickness(half) / 2.0 for half in by_half for r in [self.radius_at(half)]}
+        cut_off = {half: cut if max(cut) > near else (0.0, 0.0) for half, cut in by_half.items()}
+        dimensions: dict[str, Any] = dict(zip(("width", "height"), (high - low).tolist(), strict=True))
+        dimensions |= {"radius": radii} if any(radii.values()) else {}
+        return dimensions | ({"chamfer": cut_off} if any(max(cut) for cut in cut_off.values()) else {})
 
     @model_validator(mode="after")
     def _check_closed(self) -> BoxProfile:

@@ -190,3 +190,22 @@ def test_a_long_shell_with_doublers_answers_as_the_beam(doubler: dict, tmp_path:
     assert np.all(np.diag(plain) > 1.1 * np.diag(expected))
     if doubler is LEANING:
         assert abs(expected / scale)[0, 4] > 0.05 and abs(expected / scale)[0, 5] > 0.05
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("sizes", "sign"), [("outer", 1.0), ("inner", -1.0)])
+def test_a_box_by_outer_or_inner_sizes_has_the_operators_of_its_mid_surface(sizes: str, sign: float) -> None:
+    """Walls of 12 mm below, 8 mm else, a doubler, and a tip of 0.25 m by 6 mm: each size is half of two walls off."""
+    wall, given = {"bottom": 0.012, "sides": 0.008, "top": 0.008}, {"length": LENGTH, "doublers": (BOTTOM,)}
+    middle = Box(width=0.30, height=0.40, wall=wall, tip_taper={"length": 2.0, "height": 0.25, "wall": 0.006}, **given)
+    tip = {"length": 2.0, "width": 0.30 + sign * 0.006, "height": 0.25 + sign * 0.006, "wall": 0.006}
+    width, height = 0.30 + sign * 0.008, 0.40 + sign * 0.010
+    other = Box(width=width, height=height, wall=wall, sizes=sizes, tip_taper=tip, **given)
+    for model, same in zip(*(operators_of(beam(of_box, shear=True)) for of_box in (middle, other)), strict=True):
+        assert np.abs(model - same).max() <= 1e-12 * np.abs(model).max()
+
+
+def operators_of(model) -> tuple[np.ndarray, np.ndarray]:
+    """Mass and stiffness matrix of a model."""
+    operators = assemble_model(model, model.domain(MPI.COMM_WORLD))
+    return gathered(operators.M), gathered(operators.K)

@@ -294,3 +294,86 @@ def test_each_face_has_its_play() -> None:
     boom = scenes.load_any(BOOM, [play, play.replace("tail", "mouth"), "start=equilibrium"])
     ring = boom.sections[1].joint.tail[0]
     assert [ring.clearance_on(face) for face in ("top", "bottom left")] == [0.001, 0.0]
+
+
+WALLS = {"bottom": 0.010, "sides": 0.006, "top": 0.008}
+SIZED = [
+    {"width": 0.30, "height": 0.40, "wall": 0.008},
+    {"width": 0.30, "height": 0.40, "wall": {**WALLS, "left": 0.009}},
+    {"width": 0.36, "height": 0.46, "wall": WALLS, "chamfer": 0.11},
+    {"width": 0.36, "height": 0.46, "wall": WALLS, "chamfer": {"bottom": [0.18, 0.10]}},
+    {"width": 0.36, "height": 0.40, "wall": WALLS, "radius": {"bottom": 0.1, "top": 0.03}},
+    {"width": 0.36, "height": 0.46, "wall": WALLS, "chamfer": [0.10, 0.12], "radius": 0.03},
+]
+
+
+def measured(middle: BoxProfile, sign: float) -> dict:
+    """Sizes of the outer (1) or inner (-1) surface of a profile, by the offset of its corners from the mid-surface."""
+    ends = np.array([edge.start + sign * (np.array(corner.position) - edge.start)
+                     for edge, corner in zip(middle.edges, middle.corners, strict=True)])  # fmt: skip
+    (y, z), (top_y, top_z) = ends.min(axis=0), ends.max(axis=0)
+    right, low, high = (ends[np.isclose(ends[:, axis], at)] for axis, at in ((0, y), (1, z), (1, top_z)))
+    cuts = {
+        "bottom": [low[:, 0].min() - y, right[:, 1].min() - z],
+        "top": [high[:, 0].min() - y, top_z - right[:, 1].max()],
+    }
+    radii = {half: r + sign * middle.thickness(half) / 2.0 for half in cuts if (r := middle.radius_at(half))}
+    return {
+        "width": top_y - y,
+        "height": top_z - z,
+        "chamfer": {h: c for h, c in cuts.items() if max(c) > 1e-9},
+        "radius": radii,
+    }
+
+
+@pytest.mark.parametrize("given", SIZED)
+@pytest.mark.parametrize(("sizes", "sign"), [("outer", 1.0), ("inner", -1.0), ("middle", 0.0)])
+def test_a_profile_by_its_outer_or_inner_sizes_is_that_of_its_mid_surface(given: dict, sizes: str, sign: float) -> None:
+    middle = Box(length=6.0, **given)
+    other = Box(**{"length": 6.0, "wall": given["wall"], "sizes": sizes} | measured(middle, sign))
+    for one, two in zip(middle.sides, other.sides, strict=True):
+        assert (one.name, one.thickness) == (two.name, two.thickness)
+        assert np.allclose([one.start, one.end], [two.start, two.end], rtol=0.0, atol=1e-15 * 40)
+        assert one.radius == pytest.approx(two.radius, abs=1e-14)
+
+
+def test_a_taper_of_outer_sizes_may_have_thinner_walls_of_the_same_outer_size() -> None:
+    outer = Box(
+        length=6.0, width=0.308, height=0.408, wall=0.008, sizes="outer", tip_taper={"length": 1.0, "wall": 0.006}
+    )
+    end = outer.profile_at(6.0)
+    assert (end.width + 0.006, end.height + 0.006) == pytest.approx((0.308, 0.408), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ("sections.base.body.box.sizes=around", "sizes = 'around': one of middle, outer, inner is allowed"),
+        (
+            "sections.base.body.box={width=0.36,height=0.46,chamfer=0.1,sizes='outer',"
+            "wall={bottom=0.01,top=0.008,left=0.009,right=0.006}}",
+            "sizes: chamfers between plates as thick on the left as on the right are allowed",
+        ),
+        ("sections.base.body.attached_mass_per_length=-1.0", "attached_mass_per_length = -1.0: a number from 0 to 1e6"),
+        ("sections.base.body.attached_mass_per_length=true", "attached_mass_per_length = True: a number from 0 to 1e6"),
+    ],
+)
+def test_sizes_and_attached_masses_that_are_not_allowed_are_refused_in_one_line(changes: str, says: str) -> None:
+    with pytest.raises(InputError) as error:
+        scenes.load_any(WORKFLOWS / "boom_two.toml", [changes])
+    assert says in str(error.value) and "\n" not in str(error.value)
+
+
+def test_what_hangs_on_a_box_along_it_is_a_part_of_its_density() -> None:
+    """4 kg/m on a box that has doublers and tapers: its mass grows by 24 kg; the same in both words is one scene."""
+    change = "sections.base.body.attached_mass_per_length=4.0"
+    doubled = "sections.base.body.box.doublers=[{start=1.0,end=2.0,thickness=0.006}]"
+    plain, hung = (scenes.load_any(WORKFLOWS / "boom_two.toml", [doubled, *more]) for more in ((), (change,)))
+    before, after = (of.sections[0].body for of in (plain, hung))
+    added = (after.material.density - before.material.density) * before.box.volume
+    assert added == pytest.approx(24.0, rel=1e-12) and after.box == before.box
+    assert before.box.volume == pytest.approx(6.0 * 1.4 * 0.008 + 1.4 * 0.006, rel=1e-12)
+    written = f"sections.base.body.material.density={after.material.density!r}"
+    assert scenes.load_any(WORKFLOWS / "boom_two.toml", [doubled, written]).hash == hung.hash
+    with pytest.raises(InputError, match="a body by its box alone"):
+        scenes.load_any(WORKFLOWS / "paper_simple.toml", ["body.attached_mass_per_length=4.0"])
