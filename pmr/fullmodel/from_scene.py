@@ -16,7 +16,7 @@ from pmr.fem.compat import MPI, check_fenicsx
 from pmr.files.arrays import Array
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.probes import gauges
-from pmr.fullmodel.structure import Action, Clamp, Inertia, PadForce, Structure, Weight
+from pmr.fullmodel.structure import Action, Clamp, Inertia, PadForce, Structure, Warmth, Weight
 from pmr.models import StructuralModel
 from pmr.models.box_mesh import DIMENSIONS, BoxBoom, write_shell, write_solid
 from pmr.models.matrices import Matrices
@@ -24,7 +24,7 @@ from pmr.models.mesh_drawing import NotDrawnError, graded_nodes, read_nodes
 from pmr.models.mover import Mover
 from pmr.models.named_mesh import NamedMesh, read_mesh
 from pmr.scene.box import Box
-from pmr.scene.built import OwnModel, PadRing
+from pmr.scene.built import Load, OwnModel, PadRing
 from pmr.scene.choice import (
     axis_loads,
     has_driven_tail,
@@ -93,7 +93,7 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
         ),
         masses=member.part.masses,
         loads=(
-            *(Action(load.name, load.on, load.direction) for load in axis_loads(member)),
+            *(_load(member, load) for load in axis_loads(member)),
             *weight,
             *driven,
             *inertia,
@@ -106,6 +106,16 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
             *(Action(name, "tail", name[-1]) for name in tail_outputs(member)),
         ),
     )
+
+
+def _load(member: Member, load: Load) -> Action | Warmth:
+    """Force, moment or difference of temperature of a load along an axis of the body."""
+    if load.acts == "force":
+        return Action(load.name, load.on, load.direction, point=load.point)
+    box = member.part.body.box
+    depth = load.depth or (getattr(box, {"y": "width", "z": "height"}[load.direction]) if box else None)
+    assert depth is not None  # the scene's check
+    return Warmth(load.name, load.direction, load.expansion / depth)
 
 
 def _port(model: StructuralModel, place: str | float, direction: str) -> Action:

@@ -26,6 +26,7 @@ from pmr.fullmodel.pads import Pads
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.walls import Walls
 from pmr.models import DIRECTIONS, StructuralModel
+from pmr.models.beam import Beam
 from pmr.scene import Damping
 from pmr.scene.built import WEIGHT, force_name
 from pmr.scene.frame import INERTIA
@@ -58,6 +59,7 @@ class Action:
     on: str | float
     direction: str
     size: float = 1.0
+    point: tuple[float, float, float] | None = None  # m: moves rigidly with the place; None: the place's centroid
     measures: str = "beam"  # kind of output: ``beam`` for a place along the body, ``tip`` for its tip
 
     @property
@@ -69,6 +71,18 @@ class Action:
     def unit(self) -> str:
         """Unit of the measured displacement or rotation."""
         return "m" if self.direction in ("x", "y", "z") else "rad"
+
+
+@dataclass(frozen=True)
+class Warmth:
+    """A load by a difference of temperature across a beam; its input is the difference in K.
+
+    `gradient` is the gradient along `direction` (y or z) of the strain of a free beam, in 1/m for a difference of 1 K.
+    """
+
+    name: str
+    direction: str
+    gradient: float
 
 
 @dataclass(frozen=True)
@@ -124,7 +138,7 @@ class Structure:
     model: StructuralModel
     clamps: tuple[Clamp, ...] = ()
     masses: tuple[PointMass, ...] = ()
-    loads: tuple[Action | Weight | Inertia, ...] = ()
+    loads: tuple[Action | Weight | Inertia | Warmth, ...] = ()
     outputs: tuple[Action | PadForce | Gauge, ...] = ()
     damping: Damping = Damping()
     pads: Pads = Pads()
@@ -216,18 +230,27 @@ class Coupling:
         """
         if isinstance(action, Gauge):
             rows, number = sp.csr_matrix(action.row), 0
+        elif action.point is not None:
+            rows, number = (
+                self.model.motion(action.on, np.array(action.point)),
+                self.model.directions.index(action.direction),
+            )
         else:
             rows, number = measuring_rows[action.on, action.direction]
         entries = slice(*rows.indptr[number : number + 2])
         return TouchedWeights(rows.indices[entries], rows.data[entries])
 
-    def load(self, load: Action | Weight | Inertia, M: PETSc.Mat, moving: FrameAssembler) -> sp.csr_matrix:
+    def load(self, load: Action | Weight | Inertia | Warmth, M: PETSc.Mat, moving: FrameAssembler) -> sp.csr_matrix:
         """The load vector as a row (1, n') for an input of one; collective.
 
         M is the model's mass matrix.  `moving` assembles the loads of acceleration fields.
         """
         if isinstance(load, Action):
             return self.rows([load])
+        if isinstance(load, Warmth):
+            if not isinstance(self.model, Beam):
+                raise InputError("scene", "loads.acts", "temperature", "a body that is a beam is allowed to be warmer")
+            return sp.csr_matrix(self.model.bending_load(load.direction, load.gradient) @ self.T)
         if isinstance(load, Inertia):
             return self._acceleration_row(load.name, moving.acceleration_load(load.name))
         along = dict(zip("xyz", unit_vector(load.direction), strict=True))

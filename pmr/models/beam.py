@@ -96,6 +96,14 @@ class Beam(Line, ABC):
     def on_nodes(self, stations: Array) -> Line:
         """Copy of this beam with nodes at `stations` (N,) m, cut where two nodes are at the same point."""
 
+    @abstractmethod
+    def bending_stiffness(self, direction: str) -> dict[int, Array]:
+        """Bending moments (E,) in N m^2 in E elements by a strain that grows by 1/m along `direction`, y or z.
+
+        Each is the work on the slope of a deflection, by the number of this slope among a node's coordinates in the
+        function space.
+        """
+
     @property
     @abstractmethod
     def resultants(self) -> Array:
@@ -128,6 +136,18 @@ class Beam(Line, ABC):
         T = sp.bsr_matrix((self.node_transformations[number], of, np.arange(size + 1)), shape=shape).tocsr()
         T.eliminate_zeros()
         return T
+
+    def bending_load(self, direction: str, gradient: float) -> sp.csr_matrix:
+        r"""Row (1, n) of the load by an initial strain whose gradient along `direction` is `gradient` in 1/m.
+
+        The strain is zero at the centroid.  An element with the bending stiffness EI is bent by the moments
+        :math:`\mp EI \kappa` at its ends, which is the integral of :math:`EI \kappa\, \delta w''` along it.
+        """
+        d, load = len(self.directions), np.zeros(len(self.directions) * (self.first[-1] + 2))
+        for slope, stiffness in self.bending_stiffness(direction).items():
+            np.add.at(load, d * (self.first + 1) + slope, -gradient * stiffness)
+            np.add.at(load, d * self.first + slope, gradient * stiffness)
+        return sp.csr_matrix(load @ self.transformation)
 
     def motions(self, places: Array) -> sp.csr_matrix:
         """Rows (k d, n) that measure displacements and rotations of the axis at distances `places` (k,) m along it."""

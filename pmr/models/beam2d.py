@@ -210,6 +210,10 @@ class Beam2D(Beam):
         """Copy of this beam with nodes at `stations` (N,) m, cut where two nodes are at the same point."""
         return replace(self, nodes=stations)
 
+    def bending_stiffness(self, direction: str) -> dict[int, Array]:
+        """Bending stiffness EI (E,) in N m^2 for z, by the number of the slope w'; nothing for y."""
+        return {len(self.directions) - 1: self.stiffnesses.bending[self.number]} if direction == "z" else {}
+
     @property
     def resultants(self) -> Array:
         """Normal force, shear force and bending moment per unit force on each of a node's d coordinates, (E, d, d).

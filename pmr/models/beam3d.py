@@ -316,6 +316,12 @@ class Beam3D(Beam):
         """Copy of this beam with nodes at `stations` (N,) m, cut where two nodes are at the same point."""
         return replace(self, stations=stations)
 
+    def bending_stiffness(self, direction: str) -> dict[int, Array]:
+        """Bending moments (E,) in N m^2 about both principal axes, by the numbers of the slopes v' and w'."""
+        turned = self.sections.principal[:, :, "yz".index(direction)]
+        moments = self.body.material.young * self.sections.second_moments * turned
+        return {3: moments[self.number, 0], 5: moments[self.number, 1]}
+
     @property
     def resultants(self) -> Array:
         """Section forces per unit force on each of a node's six coordinates, (E, 6, 6) for E elements.

@@ -42,7 +42,8 @@ class AppliedLoad:
     """Load on a body, or a component of a load along an axis of the body.
 
     `position` is the distance of the load along the body's axis in m, and `where` is its position in words.
-    `direction` is ``along``, ``aside`` or ``up`` for a force along x, y or z of the body, and ``turn`` for a moment.
+    `direction` is ``along``, ``aside`` or ``up`` for a force along x, y or z of the body, ``turn`` for a moment, and
+    ``warm`` for a difference of temperature.
     """
 
     name: str
@@ -56,8 +57,8 @@ class AppliedLoad:
 
     @property
     def unit(self) -> str:
-        """Unit of the values: ``N`` for a force, ``N m`` for a moment."""
-        return "N m" if self.direction == "turn" else "N"
+        """Unit of the values: ``N`` for a force, ``N m`` for a moment, ``K`` for a difference of temperature."""
+        return {"turn": "N m", "warm": "K"}.get(self.direction, "N")
 
 
 def direction_words(result: RunResult, direction: str) -> str:
@@ -187,9 +188,13 @@ def input_loads(result: RunResult) -> list[AppliedLoad]:
             else:
                 continue
             where = f"{place_words(load.on)} along {direction}"
+            if load.point is not None:
+                where = f"{where} at {', '.join(f'{x:g}' for x in load.point)} m"
             if load.axes == "ground":
                 where = f"{where}{GROUND} along {load.direction} of the ground"
             kind = {"x": "along", "y": "aside", "z": "up"}.get(direction, "turn")
+            if load.acts == "temperature":
+                kind, where = "warm", f"on the whole body, warmer along {direction}"
             at = end if isinstance(load.on, str) else load.on
             acting.append(AppliedLoad(name, body, kind, at, where, load.signal, values, load.name))
     return acting

@@ -22,6 +22,7 @@ from pmr.scene.keys import (
     NameOrNone,
     PadStiffness,
     Place,
+    Point,
     Quantity,
     SceneTable,
     Schema,
@@ -306,21 +307,63 @@ def friction_name(section: str) -> str:
 
 
 class Load(SceneTable):
-    """A force in N (moment in N m) along a direction, spread over a named group or at a position along the axis."""
+    r"""A force in N (moment in N m) on a named group or at a position along the axis, or a difference of temperature.
+
+    A temperature that is higher by :math:`\Delta T` at the face in `direction` than at the opposite face, at the
+    distance d, bends a free beam with the curvature :math:`\alpha \Delta T / d`, away from the warmer face.
+    """
 
     name: Name = Field(default="F", description="Name of the load in results and exports")
     on: Name | Place = Field(default="tip", description="A named group, or a place along x in m")
-    direction: Direction = Field(default="z", description="Direction of the force, or axis of the moment")
+    acts: Literal["force", "temperature"] = Field(
+        default="force",
+        description="What it is: a force or moment, or a difference of temperature across the whole body, a beam",
+    )
+    direction: Direction = Field(
+        default="z", description="Direction of the force, axis of the moment, or side that is warmer: z above, y left"
+    )
+    point: Point | None = Field(
+        default=None,
+        description="Point where the force acts, which moves rigidly with `on`, in the axes of the body; by default "
+        "the centroid of `on`",
+    )
+    expansion: Annotated[float, Field(gt=0.0, strict=True), Quantity("1/K", 1e-9, 1.0), Usual(1e-6, 1e-4)] = Field(
+        default=1.2e-5, description="Coefficient of thermal expansion"
+    )
+    depth: Length | None = Field(
+        default=None, description="Distance of the faces between which temperatures differ, by default that of the box"
+    )
     axes: Literal["body", "ground"] = Field(
         default="body",
         description="Axes in which `direction` is given: those of the boom, or in a frame those of the ground, z "
         "upwards and x where the boom points unslewed",
     )
     signal: Annotated[Signal, Usual(1e-3, 1e4, "force", "N"), Usual(1e-4, 1e4, "moment", "N m")] = Field(
-        description="Force in N or moment in N m over time"
+        description="Force in N, moment in N m or difference of temperature in K over time"
     )
 
+    @model_validator(mode="after")
+    def _check_keys(self) -> Self:
+        """Refuse keys that a difference of temperature, a moment or a force does not have."""
+        warm, fields = self.acts == "temperature", type(self).model_fields
+        if warm and self.direction not in ("y", "z"):
+            raise key_error("direction", self.direction, "'y' or 'z' is allowed across a body")
+        for key in ("on", "axes", "point") if warm else ("expansion", "depth"):
+            if getattr(self, key) != fields[key].default:
+                of = "force" if warm else "temperature"
+                raise key_error(key, getattr(self, key), f"acts = {of!r} is allowed with it")
+        if self.point is not None and self.direction.startswith("r"):
+            raise key_error("point", list(self.point), "a force is allowed with it: a moment acts everywhere alike")
+        return self
+
+    @property
+    def unit(self) -> str:
+        """Unit of the signal: N, N m or K."""
+        return "K" if self.acts == "temperature" else "N m" if self.direction.startswith("r") else "N"
+
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
+        if self.acts == "temperature":
+            return {}
         if self.direction.startswith("r"):
             return {"moment": scales.get("weight", 0.0) * scales.get("length", 0.0)}
         return {"force": scales.get("weight", 0.0)}

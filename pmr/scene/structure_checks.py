@@ -44,6 +44,7 @@ def check_structure(member: Member) -> None:
     fields = (INERTIA + field for field in inertia_fields(member))
     check_reserved("loads", (load.name for load in member.part.loads), (WEIGHT, *fields))
     _check_ground_loads(member)
+    _check_points_and_temperatures(member)
     check_names("loads", (load.name for load in axis_loads(member)))
     check_names("supports", (support.row_name(d) for support in member.part.supports for d in support.held_directions))
     for i, ring in enumerate(member.pads):
@@ -68,6 +69,34 @@ def _check_ground_loads(member: Member) -> None:
             raise scene_error(f"loads[{i}].direction", load.direction, "x, y and z are allowed with axes = 'ground'")
         if "x" not in motion_directions(member):
             raise scene_error(f"loads[{i}].axes", load.axes, "'body' is allowed without body.profile.axial = true")
+
+
+def _check_points_and_temperatures(member: Member) -> None:
+    """Refuse points beside a planar beam, and temperatures that bend no beam or that probes would take for stress."""
+    box, varies = member.part.body.box, member.part.body.box is not None and bool(member.part.body.box.varying_keys)
+    for i, load in enumerate(member.part.loads):
+        if load.point is not None and is_planar(member):
+            raise scene_error(
+                f"loads[{i}].point", list(load.point), "a model in space is allowed with a point beside it"
+            )
+        if load.acts == "force":
+            continue
+        if model_of(member) not in BEAMS:
+            allowed = "'force' is allowed on a body that is no beam"
+            raise scene_error(f"loads[{i}].acts", load.acts, allowed)
+        if load.depth is None and (box is None or varies):
+            allowed = "the distance of the faces is needed on a body without a box, or with one that varies along it"
+            raise scene_error(f"loads[{i}].depth", None, allowed)
+        for k, probe in enumerate(member.part.probes):
+            if set(probe.measures) - {"displacement"}:
+                allowed = (
+                    "displacement is allowed beside a temperature: [recovery] has stresses of beams without its strain"
+                )
+                raise scene_error(f"probes[{k}].measures", list(probe.measures), allowed)
+        if "ancf" in member.scene.compare.against:
+            raise scene_error(
+                "compare.against", list(member.scene.compare.against), "'full' is allowed beside a temperature"
+            )
 
 
 def _check_places(member: Member) -> None:

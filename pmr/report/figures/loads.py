@@ -71,7 +71,7 @@ def angle_figure(result: RunResult, changing: Mapping[str, SignalBase]) -> Figur
 
 
 def load_figure(result: RunResult) -> Figure:
-    """Draw loads over time: forces in one panel, moments in another."""
+    """Draw loads over time: forces in one panel, moments in another, temperatures in a third."""
     time, acting = Timeline(result), subject.scene_loads(result)
     units = sorted({load.unit for load in acting})
     rows = (
@@ -87,7 +87,7 @@ def load_figure(result: RunResult) -> Figure:
         ax, chosen = axes[row, 0], [load for load in acting if load.unit == base]
         unit = unit_for(max(float(np.abs(load.values).max()) for load in chosen), base)
         _plot(ax, time.t, [load.values / unit.size for load in chosen], _COLOURS[len(names) % len(_COLOURS) :])
-        quantity = "Force" if base == "N" else "Moment"
+        quantity = {"N": "Force", "N m": "Moment"}.get(base, "Difference of temperature")
         time.frame(ax, f"{quantity} in {unit.name}", last=row == len(units) - 1)
         ax.axhline(0.0, linewidth=0.0)  # the axis of a constant load includes zero
         ax.margins(y=0.1)
