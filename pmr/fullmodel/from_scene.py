@@ -16,7 +16,7 @@ from pmr.fem.compat import MPI, check_fenicsx
 from pmr.files.arrays import Array
 from pmr.fullmodel.pads import Pad, Pads, Slider, Support
 from pmr.fullmodel.probes import gauges
-from pmr.fullmodel.structure import Action, Clamp, Inertia, PadForce, Structure, Warmth, Weight
+from pmr.fullmodel.structure import Action, Clamp, Inertia, LineLoad, PadForce, Structure, Warmth, Weight
 from pmr.models import StructuralModel
 from pmr.models.box_mesh import DIMENSIONS, BoxBoom, write_shell, write_solid
 from pmr.models.matrices import Matrices
@@ -108,10 +108,12 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     )
 
 
-def _load(member: Member, load: Load) -> Action | Warmth:
-    """Force, moment or difference of temperature of a load along an axis of the body."""
+def _load(member: Member, load: Load) -> Action | Warmth | LineLoad:
+    """Force, moment, difference of temperature or polynomial of the wind of a load along an axis of the body."""
     if load.acts == "force":
         return Action(load.name, load.on, load.direction, point=load.point)
+    if load.acts == "wind":
+        return LineLoad(load.name, load.direction, int(load.name.rpartition(" ")[2]))
     box = member.part.body.box
     depth = load.depth or (getattr(box, {"y": "width", "z": "height"}[load.direction]) if box else None)
     assert depth is not None  # the scene's check

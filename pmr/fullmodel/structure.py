@@ -86,6 +86,15 @@ class Warmth:
 
 
 @dataclass(frozen=True)
+class LineLoad:
+    """A force per length along `direction` on a beam, a Legendre polynomial of its length; its input is in N/m."""
+
+    name: str
+    direction: str
+    degree: int
+
+
+@dataclass(frozen=True)
 class PadForce:
     """An output: the force in N of a pad or support that does not move, has a stiffness and holds both ways."""
 
@@ -138,7 +147,7 @@ class Structure:
     model: StructuralModel
     clamps: tuple[Clamp, ...] = ()
     masses: tuple[PointMass, ...] = ()
-    loads: tuple[Action | Weight | Inertia | Warmth, ...] = ()
+    loads: tuple[Action | Weight | Inertia | Warmth | LineLoad, ...] = ()
     outputs: tuple[Action | PadForce | Gauge, ...] = ()
     damping: Damping = Damping()
     pads: Pads = Pads()
@@ -240,16 +249,20 @@ class Coupling:
         entries = slice(*rows.indptr[number : number + 2])
         return TouchedWeights(rows.indices[entries], rows.data[entries])
 
-    def load(self, load: Action | Weight | Inertia | Warmth, M: PETSc.Mat, moving: FrameAssembler) -> sp.csr_matrix:
+    def load(
+        self, load: Action | Weight | Inertia | Warmth | LineLoad, M: PETSc.Mat, moving: FrameAssembler
+    ) -> sp.csr_matrix:
         """The load vector as a row (1, n') for an input of one; collective.
 
         M is the model's mass matrix.  `moving` assembles the loads of acceleration fields.
         """
         if isinstance(load, Action):
             return self.rows([load])
-        if isinstance(load, Warmth):
+        if isinstance(load, Warmth | LineLoad):
             if not isinstance(self.model, Beam):
-                raise InputError("scene", "loads.acts", "temperature", "a body that is a beam is allowed to be warmer")
+                raise InputError("scene", "loads.acts", load.name, "'force' is allowed on a body that is no beam")
+            if isinstance(load, LineLoad):
+                return sp.csr_matrix(self.model.line_load(load.direction, load.degree) @ self.T)
             return sp.csr_matrix(self.model.bending_load(load.direction, load.gradient) @ self.T)
         if isinstance(load, Inertia):
             return self._acceleration_row(load.name, moving.acceleration_load(load.name))

@@ -121,7 +121,7 @@ def _load_data(result: RunResult, axis: list[AxisPoints], frames: NDArray[np.int
     """
     by_load, sections = dict[tuple[str, str], dict[str, Any]](), [of.body for of in axis]
     forces = dict[tuple[str, str], Array]()
-    for load in [load for load in input_loads(result) if load.direction != "warm"]:
+    for load in [load for load in input_loads(result) if load.direction != "whole"]:
         turns = load.direction == "turn"
         key, values = (load.body, load.name if turns else load.axis_of), load.values[frames]
         by_load.setdefault(key, {"name": key[1], "section": sections.index(load.body), "at": load.position})

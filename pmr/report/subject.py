@@ -43,7 +43,7 @@ class AppliedLoad:
 
     `position` is the distance of the load along the body's axis in m, and `where` is its position in words.
     `direction` is ``along``, ``aside`` or ``up`` for a force along x, y or z of the body, ``turn`` for a moment, and
-    ``warm`` for a difference of temperature.
+    ``whole`` for wind or a difference of temperature, which act on the whole body.
     """
 
     name: str
@@ -52,13 +52,9 @@ class AppliedLoad:
     position: float
     where: str
     signal: SignalBase
-    values: Array  # (T,) N or N m
+    values: Array  # (T,): N, N m, K, or N/m of wind
     axis_of: str = ""  # for a component, the name in the scene of the whole load
-
-    @property
-    def unit(self) -> str:
-        """Unit of the values: ``N`` for a force, ``N m`` for a moment, ``K`` for a difference of temperature."""
-        return {"turn": "N m", "warm": "K"}.get(self.direction, "N")
+    unit: str = "N"  # of the whole load: N, N m, K or Pa
 
 
 def direction_words(result: RunResult, direction: str) -> str:
@@ -193,10 +189,10 @@ def input_loads(result: RunResult) -> list[AppliedLoad]:
             if load.axes == "ground":
                 where = f"{where}{GROUND} along {load.direction} of the ground"
             kind = {"x": "along", "y": "aside", "z": "up"}.get(direction, "turn")
-            if load.acts == "temperature":
-                kind, where = "warm", f"on the whole body, warmer along {direction}"
+            if load.acts != "force":
+                kind, where = "whole", f"{load.acts} on the whole body, along {direction}"
             at = end if isinstance(load.on, str) else load.on
-            acting.append(AppliedLoad(name, body, kind, at, where, load.signal, values, load.name))
+            acting.append(AppliedLoad(name, body, kind, at, where, load.signal, values, load.name, load.unit))
     return acting
 
 

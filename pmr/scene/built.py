@@ -23,9 +23,11 @@ from pmr.scene.keys import (
     PadStiffness,
     Place,
     Point,
+    Positive,
     Quantity,
     SceneTable,
     Schema,
+    Share,
     Size,
     Stiffness,
     Switch,
@@ -306,18 +308,34 @@ def friction_name(section: str) -> str:
     return f"friction of {section}"
 
 
+#: Keys of a load that only some kinds of loads have, with these kinds.
+KEYS_OF_LOADS = (
+    dict.fromkeys(("on", "axes", "point"), ("force",)) | {"direction": ("force", "temperature")}
+    | {"expansion": ("temperature",), "depth": ("temperature", "wind")}
+    | dict.fromkeys(("azimuth", "shape", "exponent", "reference", "least", "above"), ("wind",))
+)  # fmt: skip
+#: Axes across a beam along which wind presses, and number of polynomials along the beam for each.
+PRESSED: tuple[Direction, ...] = ("y", "z")
+POLYNOMIALS = 4
+
+
 class Load(SceneTable):
-    r"""A force in N (moment in N m) on a named group or at a position along the axis, or a difference of temperature.
+    r"""A force in N (moment in N m) on a named group or at a position, a difference of temperature, or wind.
 
     A temperature that is higher by :math:`\Delta T` at the face in `direction` than at the opposite face, at the
     distance d, bends a free beam with the curvature :math:`\alpha \Delta T / d`, away from the warmer face.
+
+    Wind has the pressure :math:`q = q_r (Z / Z_r)^{2 p}` at the height Z above the ground, constant below `least`.  On
+    the part of a beam that is outside of other sections it presses with :math:`c\, q\, d\, e |e|` per length along each
+    of its axes y and z, with the shape factor c, the depth d that it meets, and the component e along this axis of the
+    unit vector in which it blows.
     """
 
     name: Name = Field(default="F", description="Name of the load in results and exports")
     on: Name | Place = Field(default="tip", description="A named group, or a place along x in m")
-    acts: Literal["force", "temperature"] = Field(
+    acts: Literal["force", "temperature", "wind"] = Field(
         default="force",
-        description="What it is: a force or moment, or a difference of temperature across the whole body, a beam",
+        description="What it is: a force or moment, or, on a beam, a difference of temperature across it or wind",
     )
     direction: Direction = Field(
         default="z", description="Direction of the force, axis of the moment, or side that is warmer: z above, y left"
@@ -331,7 +349,19 @@ class Load(SceneTable):
         default=1.2e-5, description="Coefficient of thermal expansion"
     )
     depth: Length | None = Field(
-        default=None, description="Distance of the faces between which temperatures differ, by default that of the box"
+        default=None,
+        description="Distance of the faces between which temperatures differ, or depth that wind meets; by default "
+        "that of the box",
+    )
+    azimuth: Annotated[float, Field(strict=True), Quantity("frame.unit", -720.0, 720.0), Usual(0.0, 400.0)] = Field(
+        default=0.0, description="Angle of the direction in which wind blows, from X of the ground to the left"
+    )
+    shape: Positive = Field(default=1.0, description="Shape factor of wind")
+    exponent: Share = Field(default=0.0, description="Exponent p of the wind's speed over the height")
+    reference: Length = Field(default=10.0, description="Height above the ground of the pressure that `signal` gives")
+    least: Length = Field(default=2.0, description="Height up to which the pressure of wind is constant")
+    above: Place = Field(
+        default=0.0, description="Height of the pivot above the ground; by default that of frame.ground"
     )
     axes: Literal["body", "ground"] = Field(
         default="body",
@@ -339,30 +369,28 @@ class Load(SceneTable):
         "upwards and x where the boom points unslewed",
     )
     signal: Annotated[Signal, Usual(1e-3, 1e4, "force", "N"), Usual(1e-4, 1e4, "moment", "N m")] = Field(
-        description="Force in N, moment in N m or difference of temperature in K over time"
+        description="Force in N, moment in N m, difference of temperature in K or pressure of wind in Pa over time"
     )
 
     @model_validator(mode="after")
     def _check_keys(self) -> Self:
-        """Refuse keys that a difference of temperature, a moment or a force does not have."""
-        warm, fields = self.acts == "temperature", type(self).model_fields
-        if warm and self.direction not in ("y", "z"):
+        """Refuse keys that a difference of temperature, wind, a moment or a force does not have."""
+        if self.acts == "temperature" and self.direction not in ("y", "z"):
             raise key_error("direction", self.direction, "'y' or 'z' is allowed across a body")
-        for key in ("on", "axes", "point") if warm else ("expansion", "depth"):
-            if getattr(self, key) != fields[key].default:
-                of = "force" if warm else "temperature"
-                raise key_error(key, getattr(self, key), f"acts = {of!r} is allowed with it")
+        for key, of in KEYS_OF_LOADS.items():
+            if self.acts not in of and getattr(self, key) != type(self).model_fields[key].default:
+                raise key_error(key, getattr(self, key), f"acts = {' or '.join(map(repr, of))} is allowed with it")
         if self.point is not None and self.direction.startswith("r"):
             raise key_error("point", list(self.point), "a force is allowed with it: a moment acts everywhere alike")
         return self
 
     @property
     def unit(self) -> str:
-        """Unit of the signal: N, N m or K."""
-        return "K" if self.acts == "temperature" else "N m" if self.direction.startswith("r") else "N"
+        """Unit of the signal: N, N m, K or Pa."""
+        return {"temperature": "K", "wind": "Pa"}.get(self.acts, "N m" if self.direction.startswith("r") else "N")
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
-        if self.acts == "temperature":
+        if self.acts != "force":
             return {}
         if self.direction.startswith("r"):
             return {"moment": scales.get("weight", 0.0) * scales.get("length", 0.0)}

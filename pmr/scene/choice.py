@@ -17,7 +17,7 @@ import numpy as np
 
 from pmr.errors import InputError
 from pmr.scene.box import Box
-from pmr.scene.built import Load
+from pmr.scene.built import POLYNOMIALS, PRESSED, Load
 from pmr.scene.hoist import HOIST
 from pmr.scene.keys import Direction
 from pmr.scene.members import Member, members
@@ -95,8 +95,11 @@ def input_directions(member: Member, load: Load) -> dict[str, Direction]:
 
     A load along an axis of the body is one input, with the load's name.  A load along an axis of the ground becomes one
     input ``"NAME AXIS"`` for each axis of the body that the moving frame may turn towards it and along which the model
-    can move.
+    can move.  Wind becomes one input ``"NAME AXIS NUMBER"`` for each Legendre polynomial along the body and each axis.
     """
+    if load.acts == "wind":
+        pressed: tuple[Direction, ...] = tuple(axis for axis in PRESSED if axis in motion_directions(member))
+        return {f"{load.name} {axis} {number}": axis for axis in pressed for number in range(POLYNOMIALS)}
     if load.axes == "body":
         return {load.name: load.direction}
     planar = member.frame is not None and member.frame.slewing is None

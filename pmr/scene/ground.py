@@ -20,7 +20,7 @@ from pmr.scene.keys import Mass, Name, Place, Point, Quantity, SceneTable, Stiff
 from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
 
 Corner = tuple[Place, Place]
-Slope = Annotated[float, Field(strict=True), Quantity("frame.unit", -90.0, 90.0)]
+Slope = Annotated[float, Field(strict=True), Quantity("frame.unit", -90.0, 90.0), Usual(0.0, 0.3, "rad", "rad")]
 #: Outriggers are on one line if the area of their polygon is below this share of the square of its length.
 FLAT = 1e-9
 

@@ -72,7 +72,7 @@ def _check_ground_loads(member: Member) -> None:
 
 
 def _check_points_and_temperatures(member: Member) -> None:
-    """Refuse points beside a planar beam, and temperatures that bend no beam or that probes would take for stress."""
+    """Refuse points beside a planar beam, and wind and temperatures on what is no beam or beside what misreads them."""
     box, varies = member.part.body.box, member.part.body.box is not None and bool(member.part.body.box.varying_keys)
     for i, load in enumerate(member.part.loads):
         if load.point is not None and is_planar(member):
@@ -84,10 +84,12 @@ def _check_points_and_temperatures(member: Member) -> None:
         if model_of(member) not in BEAMS:
             allowed = "'force' is allowed on a body that is no beam"
             raise scene_error(f"loads[{i}].acts", load.acts, allowed)
+        if load.acts == "wind" and member.frame is None:
+            raise scene_error(f"loads[{i}].acts", "wind", "'force' is allowed without [frame], which says where up is")
         if load.depth is None and (box is None or varies):
             allowed = "the distance of the faces is needed on a body without a box, or with one that varies along it"
             raise scene_error(f"loads[{i}].depth", None, allowed)
-        for k, probe in enumerate(member.part.probes):
+        for k, probe in enumerate(member.part.probes if load.acts == "temperature" else ()):
             if set(probe.measures) - {"displacement"}:
                 allowed = (
                     "displacement is allowed beside a temperature: [recovery] has stresses of beams without its strain"

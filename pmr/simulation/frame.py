@@ -48,6 +48,7 @@ from pmr.simulation.frame_motion import (
     field_products,
     rotation_products,
 )
+from pmr.simulation.wind import WindOnSection
 from pmr.system.hoist import frame_quantities
 
 #: Number of samples among which the smallest and largest amplitudes are searched.
@@ -269,7 +270,7 @@ def products_of(signal: SignalBase, name: str) -> Products:
 
 
 def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
-    """Signals of a section's loads in N or N m over time, by the names of the inputs of the section's full model.
+    """Signals of a section's loads over time, by the names of the inputs of the section's full model.
 
     A load along an axis of the body has one signal.  A force along an axis of the ground has one signal for each of its
     components along the axes of the body; a component is left out if it is always zero or the model can't move along
@@ -278,7 +279,11 @@ def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
     signals = dict[str, SignalBase]()
     for load in member.part.loads:
         for name, part in input_directions(member, load).items():
-            signals[name] = load.signal if load.axes == "body" else _ground_force_component(scene, member, load, part)
+            if load.acts == "wind":
+                signals[name] = WindOnSection.of_load(scene, member, load, name)
+            else:
+                own = load.axes == "body"
+                signals[name] = load.signal if own else _ground_force_component(scene, member, load, part)
     return signals | rope_load_signals(scene, member)
 
 

@@ -29,11 +29,13 @@ from pmr.scene.files import stored_scene
 from pmr.scene.hoist import ROPE
 from pmr.scene.keys import RECORDED, input_name
 from pmr.scene.mechanism import frame_terms
+from pmr.scene.members import members
 from pmr.scene.signals import Signal, SignalBase
 from pmr.simulation.excitation import SLIDER, Excitation
-from pmr.simulation.frame import base_accelerations, products_of
+from pmr.simulation.frame import base_accelerations, load_signals, products_of
 from pmr.simulation.frame_motion import Acceleration, Product, Products, Quantity
 from pmr.simulation.stepping import TimeStepping
+from pmr.simulation.wind import WindOnSection
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
 
@@ -307,10 +309,11 @@ def _products(
 
 def _loads(scene: Scene) -> dict[str, SignalBase]:
     """Signals of the loads by input name, as the scene gives them, and of the gravity."""
-    sections = zip(scene.names, scene.sections, strict=True)
-    signals: dict[str, SignalBase] = {
-        input_name(name, load.name): load.signal for name, part in sections for load in part.loads
-    }
+    signals = dict[str, SignalBase]()
+    for name, member in zip(scene.names, members(scene), strict=True):
+        whole = {load.name: load.signal for load in member.part.loads if load.acts != "wind"}
+        wind = {key: of for key, of in load_signals(scene, member).items() if isinstance(of, WindOnSection)}
+        signals |= {input_name(name, key): of for key, of in (whole | wind).items()}
     if scene.hoist is not None:
         signals |= {ROPE: scene.hoist.rope_signal, **scene.hoist.wind_signals}
     return signals if scene.gravity is None else signals | {GRAVITY: scene.gravity.signal}

@@ -184,13 +184,15 @@ class ReducedModel:
 
     @property
     def input_units(self) -> tuple[str, ...]:
-        """Unit of each input, from the model's scene: N, N m for moments, K, m/s^2 or 1/s^2 for accelerations."""
+        """Unit of each input, from the model's scene: N, N m, K, N/m of wind, m/s^2 or 1/s^2 for accelerations."""
         scene = self.provenance.get("scene")
         loads = scene.get("loads") if isinstance(scene, Mapping) else None
         listed = [load for load in loads if isinstance(load, Mapping)] if isinstance(loads, list | tuple) else []
         directions = {str(load.get("name")): str(load.get("direction")) for load in listed}
         units = {name: "N m" if direction.startswith("r") else "N" for name, direction in directions.items()}
         units |= {str(load.get("name")): "K" for load in listed if load.get("acts") == "temperature"}
+        winds = tuple(f"{load.get('name')} " for load in listed if load.get("acts") == "wind")
+        units |= {name: "N/m" for name in self.input_names if winds and name.startswith(winds)}
         units |= dict.fromkeys(("gravity", "extension", *CONSTANT), "m/s^2") | dict.fromkeys(LINEAR, "1/s^2")
         return tuple(units.get(name, "N") for name in self.input_names)
 

@@ -126,7 +126,7 @@ def test_a_force_beside_the_axis_is_a_force_on_it_and_its_moments() -> None:
         (WARMER + "on='tail'", "loads\\[0\\].on = 'tail': acts = 'force' is allowed with it"),
         (WARMER + "point=[1.0,0.0,0.0]", "loads\\[0\\].point = .*: acts = 'force' is allowed with it"),
         (WARMER + "direction='x'", "loads\\[0\\].direction = 'x': 'y' or 'z' is allowed across a body"),
-        ("signal=1.0,depth=0.3", "loads\\[0\\].depth = 0.3: acts = 'temperature' is allowed with it"),
+        ("signal=1.0,depth=0.3", "loads\\[0\\].depth = 0.3: acts = 'temperature' or 'wind' is allowed with it"),
         (WARMER + "expansion=-1.0", "loads\\[0\\].expansion = -1.0: .*greater than 0"),
         (WARMER + "dept=0.3", "loads\\[0\\].dept = 0.3: unknown key; did you mean 'depth'"),
         ("signal=1.0,direction='rx',point=[1.0,0.0,0.0]", "a moment acts everywhere alike"),

@@ -23,6 +23,7 @@ _UNITS: dict[str, dict[str, float]] = {
     "mm": {"m": 1, "factor": 0.001},
     "rad": {"rad": 1},
     "K": {"K": 1},
+    "N/m": {"kg": 1, "s": -2},
 }
 UNITS = _UNITS | {
     rate_unit(unit, order): was | {"s": was.get("s", 0) - order} for unit, was in _UNITS.items() for order in (1, 2, 3)

@@ -87,7 +87,7 @@ def load_figure(result: RunResult) -> Figure:
         ax, chosen = axes[row, 0], [load for load in acting if load.unit == base]
         unit = unit_for(max(float(np.abs(load.values).max()) for load in chosen), base)
         _plot(ax, time.t, [load.values / unit.size for load in chosen], _COLOURS[len(names) % len(_COLOURS) :])
-        quantity = {"N": "Force", "N m": "Moment"}.get(base, "Difference of temperature")
+        quantity = {"N": "Force", "N m": "Moment", "K": "Temperature", "Pa": "Pressure"}[base]
         time.frame(ax, f"{quantity} in {unit.name}", last=row == len(units) - 1)
         ax.axhline(0.0, linewidth=0.0)  # the axis of a constant load includes zero
         ax.margins(y=0.1)

@@ -283,11 +283,12 @@ def _draw_masses(paper: Paper, result: RunResult, tip: float) -> Iterator[tuple[
 def _draw_load(paper: Paper, load: AppliedLoad, values: NDArray[np.float64], x: float, above: float) -> None:
     """Draw a load at `x` m as an arrow in its direction, with two heads if its `values` change sign.
 
-    A moment is drawn as an arc, a lateral force as the tip of an arrow, seen from the front, and no temperature.
+    A moment is drawn as an arc, and a lateral force as the tip of an arrow, seen from the front.  Temperatures and wind
+    are not drawn.
     """
     size, two_heads = ARROW * paper.inch, bool(values.min(initial=0.0) < 0.0 < values.max(initial=0.0))
     back = not two_heads and values.min(initial=0.0) < 0.0
-    if load.direction == "warm":
+    if load.direction == "whole":
         return
     if load.direction == "turn":
         paper.ax.add_patch(

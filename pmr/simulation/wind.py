@@ -1,0 +1,129 @@
+r"""Wind on the sections of a boom: a profile over the height above the ground, as polynomials along each section.
+
+With the pressure q of the wind at the height Z above the ground, and the component e along an axis y or z of a section
+of the horizontal unit vector in which the wind blows, the force per length along this axis is
+
+.. math:: w(x) = c\, d\, q(Z(x))\, e\, |e|, \qquad q = q_r(t) \bigl(\max(Z, Z_{least}) / Z_r\bigr)^{2 p}
+
+on the part of the section that is outside of the section around it, and 0 elsewhere.  It is replaced by its projection
+on Legendre polynomials of the length L,
+
+.. math:: w \approx \sum_j w_j P_j(2 x / L - 1), \qquad w_j = \frac{2 j + 1}{L} \int w\, P_j(2 x / L - 1)\, dx
+
+which has the same force and the same moment.  The component of the pressure's velocity along the axis of the section
+exerts no force.  The motion of the boom itself against the air is left out.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pmr.files.arrays import Array
+from pmr.scene import Scene
+from pmr.scene.built import POLYNOMIALS, PRESSED, Load
+from pmr.scene.members import Member
+from pmr.scene.signals import SignalBase
+from pmr.simulation.frame_motion import Derived, FrameRotation
+
+#: Points of Gauss on each side of the height up to which the pressure is constant; samples that bound a signal.
+POINTS, SAMPLES = 32, 1001
+
+
+class WindOnSection(Derived):
+    """Amplitude in N/m of one polynomial of the wind on one section, along one of its axes."""
+
+    pressure: SignalBase  # Pa at the reference height
+    luffing: SignalBase  # rad
+    slewing: SignalBase  # rad
+    rocking: tuple[SignalBase, ...]  # rad
+    paths: tuple[SignalBase, ...]  # m: extensions up to that of the section
+    pivot: tuple[float, float, float]  # m: from the pivot to the tail of the base
+    length: float  # m
+    around: float  # m: length of the section around it; 0 for the base
+    azimuth: float  # rad
+    factors: tuple[float, float]  # m: shape factor times depth along y and along z
+    exponent: float
+    reference: float  # m
+    least: float  # m
+    above: float  # m: of the pivot above the ground
+    axis: str
+    degree: int
+
+    @classmethod
+    def of_load(cls, scene: Scene, member: Member, load: Load, name: str) -> Self:
+        """Amplitude of the input `name` (`pmr.scene.choice.input_directions`) of a load by wind."""
+        frame, part, box = scene.frame, member.part, member.part.body.box
+        assert frame is not None  # as the checks say
+        depths = [load.depth or getattr(box, key) for key in ("height", "width")]
+        axis, degree = name.split(" ")[-2:]
+        (luffing, slewing), ground = frame.angles, frame.ground
+        above = ground.height if ground is not None and "above" not in load.model_fields_set else load.above
+        return cls(
+            pressure=load.signal,
+            luffing=luffing,
+            slewing=slewing,
+            rocking=frame.base_angles,
+            paths=tuple(scene.extension(k) for k in range(1, member.number + 1)),
+            pivot=frame.tail_position,
+            length=part.length,
+            around=scene.sections[member.number - 1].length if member.number else 0.0,
+            azimuth=load.azimuth * (1.0 if frame.unit == "rad" else np.pi / 180.0),
+            factors=(load.shape * depths[0], load.shape * depths[1]),
+            exponent=load.exponent,
+            reference=load.reference,
+            least=load.least,
+            above=above,
+            axis=axis,
+            degree=int(degree),
+            step=scene.time.step,
+        )
+
+    @property
+    def signals(self) -> tuple[SignalBase, ...]:
+        return (self.pressure, self.luffing, self.slewing, *self.rocking, *self.paths)
+
+    def value(self, t: ArrayLike) -> Array:
+        at = np.asarray(t, float)
+        whole = self.model_copy(update={"axis": "y", "degree": 0})
+        amplitudes = _amplitudes(whole, at.ravel().tobytes())
+        return np.asarray(amplitudes[PRESSED.index(self.axis), self.degree].reshape(at.shape))
+
+    def bounds(self, start: float, end: float) -> tuple[float, float]:
+        """Smallest and largest value among samples from `start` to `end`, and at the breaks in between."""
+        breaks = [b for b in self.breaks if start <= b <= end]
+        values = self.value(np.append(np.linspace(start, end, SAMPLES), breaks))
+        return float(values.min()), float(values.max())
+
+    def highest_frequency(self, start: float, end: float) -> float:
+        """Sum of the highest frequencies in Hz of pressure, angles and extensions."""
+        return sum(signal.highest_frequency(start, end) for signal in self.signals)
+
+
+@lru_cache(maxsize=8)
+def _amplitudes(wind: WindOnSection, t: bytes) -> Array:
+    """Amplitudes (2, `POLYNOMIALS`, T) in N/m of all polynomials along y and z, at T times."""
+    times = np.frombuffer(t)
+    turning = FrameRotation.from_signals(wind.luffing, wind.slewing, times, wind.rocking)
+    blown = turning.rotation[:, 0] * np.cos(wind.azimuth) + turning.rotation[:, 1] * np.sin(wind.azimuth)
+    up, extensions = turning.up, [path.value(times) for path in wind.paths]
+    tail = wind.above + up @ np.array(wind.pivot) + up[:, 0] * np.sum([np.zeros(len(times)), *extensions], axis=0)
+    hidden = np.clip(wind.around - extensions[-1], 0.0, wind.length) if extensions else np.zeros(len(times))
+    level = np.abs(up[:, 0]) < 1e-12
+    bend = np.where(level, hidden, (wind.least - tail) / np.where(level, 1.0, up[:, 0]))
+    bend = np.clip(bend, hidden, wind.length)
+    points, weights = np.polynomial.legendre.leggauss(POINTS)
+    total = np.zeros((POLYNOMIALS, len(times)))
+    for first, last in ((hidden, bend), (bend, np.full(len(times), wind.length))):
+        x = ((first + last)[:, None] + (last - first)[:, None] * points) / 2.0
+        height = np.maximum(tail[:, None] + up[:, :1] * x, wind.least)
+        pressure = (height / wind.reference) ** (2.0 * wind.exponent) * weights * (last - first)[:, None] / 2.0
+        for degree in range(POLYNOMIALS):
+            shape = np.polynomial.legendre.legval(2.0 * x / wind.length - 1.0, np.eye(POLYNOMIALS)[degree])
+            total[degree] += (2 * degree + 1) / wind.length * np.sum(pressure * shape, axis=1)
+    total *= wind.pressure.value(times)
+    across = np.array([factor * blown[:, 1 + k] * np.abs(blown[:, 1 + k]) for k, factor in enumerate(wind.factors)])
+    return np.asarray(across[:, None, :] * total)

@@ -1,0 +1,169 @@
+"""Wind on a boom beside integrals of its profile."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import quad
+from scipy.spatial.transform import Rotation
+
+import pmr
+from pmr.errors import InputError
+from pmr.scene import Scene
+from pmr.scene.checks import check_scene
+from pmr.scene.members import member_at
+from pmr.simulation.frame import load_signals
+from pmr.simulation.wind import WindOnSection
+
+LENGTHS, OUT, PIVOT, ABOVE = (6.0, 5.5), 3.7, (0.4, 0.0, 0.3), 1.8
+BOXES = ((0.30, 0.40, 0.008), (0.26, 0.36, 0.006))
+PADS = [{"at": 0.2, "faces": {"bottom": [-0.05, 0.05], "top": [-0.05, 0.05], "left": [0.0], "right": [0.0]}}]
+WIND = {
+    "acts": "wind",
+    "azimuth": 70.0,
+    "shape": 1.6,
+    "exponent": 0.16,
+    "reference": 10.0,
+    "least": 4.0,
+    "above": ABOVE,
+}
+Array = NDArray[np.float64]
+
+
+def still(amount: float) -> dict[str, Any]:
+    return {"kind": "constant", "amount": amount}
+
+
+def scene(luffing: Any, slewing: Any, pressure: Any, model: str = "beam3d", **load: Any) -> Scene:
+    """Two sections in the wind, clamped to a machine, with a base that is inclined."""
+    sections = list[dict[str, Any]]()
+    for k, (length, (width, height, wall)) in enumerate(zip(LENGTHS, BOXES, strict=True)):
+        body = {"model": model, "box": {"length": length, "width": width, "height": height, "wall": wall}}
+        part: dict[str, Any] = {"name": f"s{k}", "body": body, "mesh": {"elements": 6}}
+        part |= {"reduction": {"coordinates": 8, "estimate": False}}
+        part["loads"] = [WIND | {"name": "wind", "signal": pressure} | load]
+        pads = [ring | {"unilateral": False} for ring in PADS]
+        part |= {"joint": {"extension": still(OUT), "tail": pads, "mouth": pads}} if k else {}
+        part |= {} if k else {"supports": [{"name": "clamp", "kind": "clamped"}]}
+        sections.append(part)
+    frame = {
+        "pivot": list(PIVOT),
+        "unit": "degrees",
+        "luffing": luffing,
+        "slewing": slewing,
+        "base": {"ry": still(2.0)},
+    }
+    built = Scene.model_validate(
+        {
+            "title": "wind",
+            "frame": frame,
+            "sections": sections,
+            "gravity": {"acceleration": 1e-9},
+            "start": "equilibrium",
+            "time": {"end": 2.0, "step": 0.02},
+            "compare": {"against": [], "richer": "none"},
+        }
+    )
+    check_scene(built)
+    return built
+
+
+def by_integrals(luffing: float, slewing: float, pressure: float) -> Array:
+    """Force and moment about the pivot (6,) of the wind, in the axes of the boom, by adaptive quadrature."""
+    turned = Rotation.from_euler("ZY", [slewing, -luffing], degrees=True)
+    R = (Rotation.from_euler("Y", 2.0, degrees=True) * turned).as_matrix()
+    blown = R.T @ [np.cos(np.deg2rad(70.0)), np.sin(np.deg2rad(70.0)), 0.0]
+    total, tail = np.zeros(6), 0.0
+    for k, (length, (width, height, _)) in enumerate(zip(LENGTHS, BOXES, strict=True)):
+        tail, hidden = tail + OUT * k, max(LENGTHS[0] - OUT, 0.0) * k
+        for axis, depth in ((1, height), (2, width)):
+            push = 1.6 * depth * blown[axis] * abs(blown[axis]) * pressure
+
+            def per_length(x: float, power: int, tail: float = tail) -> float:
+                """Profile at x from the section's tail, times its distance from the pivot along the boom."""
+                at = ABOVE + R[2] @ (np.array(PIVOT) + [tail + x, 0.0, 0.0])
+                return float((max(at, 4.0) / 10.0) ** 0.32 * (PIVOT[0] + tail + x) ** power)
+
+            bend = float(np.clip((4.0 - ABOVE - R[2] @ (np.array(PIVOT) + [tail, 0.0, 0.0])) / R[2, 0], hidden, length))
+            parts = [(hidden, bend), (bend, length)]
+            force, first = (
+                push * sum(quad(per_length, *part, (power,), epsrel=1e-12, epsabs=1e-13)[0] for part in parts)
+                for power in (0, 1)
+            )
+            total[axis] += force
+            # x' F - z' F of the pivot's height above the axis
+            arm = np.zeros(3)
+            arm[2] = PIVOT[2]
+            total[3:] += np.cross([1.0, 0.0, 0.0], first * np.eye(3)[axis]) + np.cross(arm, force * np.eye(3)[axis])
+    return total
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+@pytest.mark.parametrize(("luffing", "slewing"), [(25.0, 40.0), (3.0, -20.0), (60.0, 90.0)])
+def test_force_and_moment_of_the_wind_are_integrals_of_its_profile(luffing: float, slewing: float) -> None:
+    """Of what the boom presses with on its machine at rest."""
+    built = scene(still(luffing), still(slewing), still(300.0))
+    found = pmr.simulate(built, pmr.reduce(built).reduced)
+    expected = by_integrals(luffing, slewing, 300.0)
+    for k, axis in enumerate(("x", "y", "z", "rx", "ry", "rz")):
+        size = np.abs(expected[:3] if k < 3 else expected[3:]).max()
+        assert found.other(f"reaction of pivot {axis}")[0] == pytest.approx(expected[k], abs=1e-8 * size)
+
+
+@pytest.mark.parametrize("t", [0.0, 0.7, 2.0])
+def test_polynomials_of_the_wind_have_its_force_and_moment_at_any_time(t: float) -> None:
+    """A gust while the boom luffs and slews; 1e-9 of the largest."""
+    ramp = {"kind": "smooth_ramp", "times": [0.0, 2.0]}
+    built = scene(ramp | {"values": [0.0, 50.0]}, ramp | {"values": [0.0, 90.0]}, ramp | {"values": [100.0, 400.0]})
+    assert built.frame is not None
+    luffing, slewing = (float(np.rad2deg(angle.value(t))) for angle in built.frame.angles)
+    pressure, total = float(built.sections[0].loads[0].signal.value(t)), np.zeros(6)
+    for number, length in enumerate(LENGTHS):
+        signals = load_signals(built, member_at(built, number))
+        for axis in (1, 2):
+            force, first = (float(signals[f"wind {'xyz'[axis]} {degree}"].value(t)) for degree in (0, 1))
+            force, first = (
+                force * length,
+                first * length**2 / 6.0 + force * length * (length / 2.0 + PIVOT[0] + OUT * number),
+            )
+            total[axis] += force
+            total[3:] += np.cross([1.0, 0.0, 0.0], first * np.eye(3)[axis])
+            total[3:] += np.cross([0.0, 0.0, PIVOT[2]], force * np.eye(3)[axis])
+    expected = by_integrals(luffing, slewing, pressure)
+    assert total[:3] == pytest.approx(expected[:3], abs=1e-9 * np.abs(expected[:3]).max())
+    assert total[3:] == pytest.approx(expected[3:], abs=1e-9 * np.abs(expected[3:]).max())
+
+
+def test_a_wind_without_a_profile_presses_alike_on_what_is_outside() -> None:
+    built = scene(still(0.0), still(0.0), still(200.0), exponent=0.0, azimuth=90.0)
+    signals = load_signals(built, member_at(built, 0))
+    assert isinstance(signals["wind y 0"], WindOnSection)
+    assert signals["wind y 0"].value(0.5) == pytest.approx(1.6 * 0.40 * 200.0)
+    assert [float(signals[f"wind y {k}"].value(0.5)) for k in (1, 2, 3)] == pytest.approx([0.0] * 3, abs=1e-9)
+    assert float(signals["wind z 0"].value(0.5)) == pytest.approx(0.0, abs=1e-9)
+    of_fly = load_signals(built, member_at(built, 1))["wind y 0"].value(0.5)
+    assert of_fly == pytest.approx(1.6 * 0.36 * 200.0 * (LENGTHS[1] - (LENGTHS[0] - OUT)) / LENGTHS[1])
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"exponent": -0.1}, "greater than or equal to 0"),
+        ({"shape": 0.0}, "greater than 0"),
+        ({"direction": "y"}, "acts = 'force' or 'temperature' is allowed with it"),
+        ({"on": "tail"}, "acts = 'force' is allowed with it"),
+        ({"acts": "force"}, "acts = 'wind' is allowed with it"),
+    ],
+)
+def test_keys_that_wind_does_not_have_are_refused(changes: dict[str, Any], told: str) -> None:
+    with pytest.raises((InputError, ValueError), match=told):
+        scene(still(0.0), still(0.0), still(200.0), **changes)
+
+
+def test_wind_on_a_shell_is_refused() -> None:
+    with pytest.raises(InputError, match=r"loads\[0\].acts = 'wind': 'force' is allowed on a body that is no beam"):
+        scene(still(0.0), still(0.0), still(200.0), model="shell")
