@@ -27,6 +27,7 @@ from pmr.scene import Scene
 from pmr.scene.built import POLYNOMIALS, PRESSED, Load
 from pmr.scene.members import Member
 from pmr.scene.signals import SignalBase
+from pmr.scene.signals.base import Interval
 from pmr.simulation.frame_motion import Derived, FrameRotation
 
 #: Points of Gauss on each side of the height up to which the pressure is constant; samples that bound a signal.
@@ -92,11 +93,11 @@ class WindOnSection(Derived):
         amplitudes = _amplitudes(whole, at.ravel().tobytes())
         return np.asarray(amplitudes[PRESSED.index(self.axis), self.degree].reshape(at.shape))
 
-    def bounds(self, start: float, end: float) -> tuple[float, float]:
+    def bounds(self, start: float, end: float) -> Interval:
         """Smallest and largest value among samples from `start` to `end`, and at the breaks in between."""
         breaks = [b for b in self.breaks if start <= b <= end]
         values = self.value(np.append(np.linspace(start, end, SAMPLES), breaks))
-        return float(values.min()), float(values.max())
+        return Interval(float(values.min()), float(values.max()))
 
     def highest_frequency(self, start: float, end: float) -> float:
         """Sum of the highest frequencies in Hz of pressure, angles and extensions."""
