@@ -263,7 +263,8 @@ def reduce_with(
 def _reduce_section(scene: Scene, member: Member, model: FullModel, cache: Cache | None) -> ReducedBody:
     """Reduced section on free modes and carriers, from the cache if it is stored there.
 
-    It has enrichment modes if an error is estimated or terms that vary in time may act.
+    It has enrichment modes if an error is estimated or terms that vary in time may act, and inertia on carriers if an
+    error is estimated.
     """
     choice, stressed = member.part.reduction, may_be_stressed(scene)
     if member.part.body.mover is not None:  # it keeps both of its coordinates
@@ -274,7 +275,9 @@ def _reduce_section(scene: Scene, member: Member, model: FullModel, cache: Cache
         body = FreeBody(model, choice.solver)
         snapshots = free_modes(model, choice.coordinates, choice.solver, enrichment, body, stressed)
         basis, motions = modal_basis(snapshots), support_motions(body)
-        reduced_body = ReducedBody(snapshots, basis, section_model(body, basis, {}, choice.coordinates, motions))
+        reduced_body = ReducedBody(
+            snapshots, basis, section_model(body, basis, {}, choice.coordinates, motions, choice.estimable)
+        )
         return replace(reduced_body, modal=with_reactions(reduced_body.modal, body, reduced_body.V, motions))
 
     content = choice.model_dump(mode="json") | {"section": enrichment} | ({"stressed": True} if stressed else {})

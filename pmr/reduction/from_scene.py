@@ -239,12 +239,12 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, ob
     """Reduced model of the body on the given basis, in the form that the scene asks for.
 
     If an error is estimated (`pmr.compare.estimate`) or terms that vary in time may act, it has enrichment modes, and
-    inertia on carriers.  Otherwise it has tables of the residual flexibility if the scene asks for these.  An
-    InputError is raised if rows depend on each other.
+    inertia on carriers for the estimate.  Otherwise it has tables of the residual flexibility if the scene asks for
+    these.  An InputError is raised if rows depend on each other.
     """
     choice = scene.reduction
     if enrichment_of(scene, choice, body.model):
-        reduced_body = section_model(body, basis, provenance, choice.coordinates)
+        reduced_body = section_model(body, basis, provenance, choice.coordinates, estimable=choice.estimable)
         check_independence(reduced_body)  # dependent rows matter, as all have the same path coordinate
         return reduced_body
     if choice.flexibility:

@@ -86,21 +86,27 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, object]) 
 
 
 def section_model(
-    body: FreeBody, basis: Basis, provenance: dict[str, object], coordinates: int, motions: Array | None = None
+    body: FreeBody,
+    basis: Basis,
+    provenance: dict[str, object],
+    coordinates: int,
+    motions: Array | None = None,
+    estimable: bool = True,
 ) -> ReducedModel:
     """Model of a section on free modes, with its rows on carriers; collective.
 
     The first `coordinates` modes of the basis are the model's coordinates, the others are its enrichment modes.  If
-    there are enrichment modes, the model has the inertia of the residual part on the carriers, with which errors are
-    estimated.  If a cylinder holds the section's tail, the model has the responses to the cylinder's force, and the
-    work of these responses on the `motions` (n_local, h) of rigid supports (`pmr.reduction.free_body.support_motions`).
+    there are enrichment modes and the model is to be `estimable`, it has the inertia of the residual part on the
+    carriers, with which errors are estimated; this takes as many solves again.  If a cylinder holds the section's tail,
+    the model has the responses to the cylinder's force, and the work of these responses on the `motions` (n_local, h)
+    of rigid supports (`pmr.reduction.free_body.support_motions`).
 
     An InputError is raised as by `flexible_model`, and a ValueError if the basis has vectors that are not eigenmodes.
     """
     model, shared, V = body.model, _rows_on_path(body.model), np.array(basis.V.getDenseArray())
     residual = ResidualFlexibility(body, V)
     reduced = _project(residual, basis, provenance)
-    powers = 2 if coordinates < basis.size else 1  # R, and R M R if there are enrichment modes
+    powers = 2 if estimable and coordinates < basis.size else 1  # R, and R M R
     flexibility, *inertia = load_powers(residual, shared.carriers, None, powers)
     x = _cylinder_responses(residual, shared, flexibility)
     answers = None if x is None else _cylinder_values(residual, shared, x, motions)

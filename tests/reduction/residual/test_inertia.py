@@ -13,6 +13,7 @@ from pmr.reduction.basis import modal_basis
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.from_scene import build_basis, project, take_snapshots
 from pmr.reduction.residual import flexible_model, section_model
+from pmr.reduction.residual_tables import ResidualFlexibility
 from pmr.reduction.snapshots import free_modes
 from pmr.system.body import FullBody
 from pmr.system.reduced_model import ReducedModel
@@ -58,6 +59,25 @@ def test_inertia_between_carriers_is_exact(load_scene, solver: str) -> None:
         measured = {"rows": b @ found.rows @ e.T, "inputs": b @ found.inputs, "energy": found.energy}
         for name, value in expected.items():
             assert np.abs(measured[name] - value).max() < 1e-8 * np.abs(value).max(), name
+
+
+def test_a_model_whose_error_nobody_asks_for_takes_half_the_solves(load_scene, monkeypatch) -> None:
+    """It has the enrichment modes and flexibility, from which terms of second order take modes without inertia."""
+    full, solved, apply = full_model(load_scene("paper_simple", RICH)), [], ResidualFlexibility.apply
+
+    def count(residual: ResidualFlexibility, g: np.ndarray) -> np.ndarray:
+        solved.append(g.shape[1])
+        return apply(residual, g)
+
+    monkeypatch.setattr(ResidualFlexibility, "apply", count)
+    (model, both), (without, once) = (
+        (section_model(FreeBody(full), modal_basis(free_modes(full, 8)), {}, 6, estimable=e), sum(solved))
+        for e in (True, False)
+    )
+    assert 2 * (once - both) == both
+    assert without.carriers and without.carriers.inertia is None and without.enrichment and model.carriers
+    assert without.enrichment.count == 2
+    np.testing.assert_array_equal(without.carriers.flexibility.rows, model.carriers.flexibility.rows)
 
 
 def built(load_scene, *overrides: str) -> ReducedModel:
