@@ -14,8 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pmr.files.cards import Card, DataLine, Place, read_cards
-from pmr.files.deck_axes import Axes, move_instance, read_axes, rectangular
+from pmr.files.cards import Axes, Card, DataLine, Place, move_instance, read_axes, read_cards, rectangular
 
 #: For each type of linear element, the kind of its cells in meshio's words; then the number of corners of each kind.
 KINDS: Mapping[str, str] = {

@@ -25,6 +25,8 @@ from pmr.files.reasons import (
     Reason,
     affine_change,
     all_axes_turned,
+    check_density,
+    check_speed,
     lone_turned_nodes,
     misplaced_nodes,
     point_text,
@@ -32,7 +34,6 @@ from pmr.files.reasons import (
     turned_nodes,
 )
 from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, rigid_motions
-from pmr.files.units import check_density, check_speed
 
 #: Number of steps of Lanczos' method for the least eigenvalue of a matrix with a diagonal of ones, and the least
 #: eigenvalue that rounding may explain.

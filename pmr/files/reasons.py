@@ -1,16 +1,19 @@
-"""Reasons why a stiffness does not fit its nodes: what points, order, axes or units would have to be.
+"""Reasons why matrices do not fit their nodes: what points, order, axes or units would have to be.
 
-Each function gets a body whose stiffness K resists motions that should be free.  It returns (name, reason): the name of
-the wrong input (``points`` or ``direction``) and the reason in words.  It returns None if its reason does not apply.
+Each function gets a body whose stiffness K resists motions that should be free.  It returns or yields the name of the
+wrong input (``M``, ``points`` or ``direction``) and the reason in words; None, or nothing, if its reason does not
+apply.  Units are checked by speed of sound and density.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
-from scipy.spatial import cKDTree
+import scipy.sparse as sp
+from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from pmr.files.arrays import Array, Indices, Mask
 from pmr.files.rigid import Resistance, rigid_motions
@@ -273,3 +276,116 @@ def all_axes_turned(body: Resistance) -> Reason | None:
 def point_text(x: Array) -> str:
     """Return a point (3,) in m as text for messages."""
     return "({}) m".format(", ".join(f"{c + 0.0:.4g}" for c in np.round(x, 9)))
+
+
+#: Least and largest speed of sound in m/s that a body may have; in soft plastics it is 500, in diamond 1.8e4.
+SLOWEST, FASTEST = 250.0, 3e4
+#: Least density in kg/m^3 of a body in its convex hull (that of air), and in the part of the hull where all nodes are
+#: coupled by stiffness (that of foam).
+LIGHTEST, LIGHTEST_SOLID = 1.0, 10.0
+#: Pairs of vertices at the ends of the six edges of a tetrahedron.
+_EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
+
+
+def check_speed(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
+    """Yield (``points``, reason) if the speed of sound shows that the units of the matrices do not fit each other."""
+    least, most = speeds_of_sound(M, body)
+    if most < SLOWEST or least > FASTEST:
+        speed, guess = (
+            (least, "the places of nodes in mm, or masses in t")
+            if least > FASTEST
+            else (most, "forces per mm, or masses in g")
+        )
+        yield Reason(
+            "points",
+            f"SI units are allowed: in this body sound would travel at {speed:.2g} m/s, in steel it does at 5000; "
+            f"are {guess}?",
+        )
+
+
+def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
+    """Yield (``M``, reason) if the body is lighter than air in its convex hull, or lighter than foam where it is stiff.
+
+    Nodes without coordinates, as at supports, are in the hull too if they are as near to others as coupled nodes are.
+    Of a tetrahedron of which k corners have coordinates, these carry at least (k/4)^2 of the mass, as the mean square
+    of a displacement is at least the square of its mean.  If the density is too small, masses are probably in t.
+    """
+    T = rigid_motions(body.points[body.node], body.direction)[:, :3]
+    mass, distance = float(np.diag(T.T @ (M @ T)).max()), cKDTree(body.points[body.node]).query(body.points)[0]
+    nodes = np.flatnonzero(distance <= 1.2 * body.edges.max())
+    if not mass < LIGHTEST_SOLID * np.ptp(body.points[nodes], axis=0).prod():
+        return
+    try:
+        cells = Delaunay(body.points[nodes])
+    except QhullError:  # all nodes are in a plane
+        return
+    x = cells.points[cells.simplices]
+    volumes = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / 6.0
+    shape = len(body.points), len(body.node)
+    joined = sp.coo_matrix((np.ones(len(body.node)), (body.node, np.arange(len(body.node)))), shape)
+    coupled = (joined @ abs(body.K) @ joined.T).tocsr()[nodes][:, nodes]
+    moves = np.isin(nodes, body.node)[cells.simplices]
+    edges = [
+        np.where(
+            moves[:, i] & moves[:, j],
+            np.asarray(coupled[cells.simplices[:, i], cells.simplices[:, j]])[0] > 0.0,
+            np.linalg.norm(x[:, i] - x[:, j], axis=1) <= 1.2 * body.edges.max(),
+        )
+        for i, j in _EDGES
+    ]
+    solid = float((volumes * moves.mean(axis=1) ** 2)[np.all(edges, axis=0)].sum())
+    if mass < max(LIGHTEST * volumes.sum(), LIGHTEST_SOLID * solid):
+        yield Reason(
+            "M",
+            f"masses in kg are allowed: these are {mass:.3g} kg within {volumes.sum():.3g} m^3; are they in t, and "
+            "forces in kN or N/mm?",
+        )
+
+
+def speeds_of_sound(M: sp.csr_matrix, body: Resistance) -> tuple[float, float]:
+    """Return rough bounds, the least and the largest, of the speed of sound in a body in m/s.
+
+    They are 0 and infinity if the speed is not known.  Both bounds follow from stretching the body: the least with its
+    whole mass, the largest without payloads.  The least one is at most the median over nodes of the distance to the
+    nearest coupled node times the node's own frequency (in rad/s).  Stiff links and nodes with little mass therefore do
+    not make a body seem too fast.
+    """
+    row = body.entries[0]
+    apart = (body.edges > 0.0) & (body.direction[row] < 3)
+    inverse = np.divide(1.0, body.edges, out=np.zeros(len(row)), where=apart)
+    nearest = body.on_pattern(inverse).max(axis=1).toarray().ravel()
+    connected = nearest > 0.0
+    by_stretch = _stretch_speeds(M, body)
+    if not connected.any() or not len(by_stretch):
+        return 0.0, np.inf
+    speeds = np.zeros(len(body.points))
+    local = 1.0 / nearest[connected] * np.sqrt(body.K.diagonal()[connected] / M.diagonal()[connected])
+    np.maximum.at(speeds, body.node[connected], local)
+    return min(float(np.median(speeds[speeds > 0.0])), float(by_stretch[0, 0])), float(by_stretch.max())
+
+
+def _stretch_speeds(M: sp.csr_matrix, body: Resistance) -> Array:
+    """Return speeds of sound (a, 2) in m/s by stretching along each of a axes.
+
+    The first column is for the whole mass, the second one for the mass without payloads.  With the displacements u of a
+    stretch, the mass m, and springs to ground S in the stiffness K, the speed c is given by c^2 = u^T (K - S) u / m.
+    The displacement of a node is its distance to the nearest node that supports hold along the axis or, if there is
+    none, its position; so the slope of u is one and supports do no work.  The mass of a node that exceeds four times
+    the median of all nodes counts as payload.  Axes with longer distances come first, and axes along which nothing is
+    stretched are left out.
+    """
+    speeds = list[tuple[float, float, float]]()
+    free = ~body.near(body.missing_displacements.any(axis=1)) & body.spring_nodes
+    for axis in range(3):
+        along = body.direction == axis
+        x, supports = body.points[body.node[along]], body.points[body.missing_displacements[:, axis]]
+        distance = cKDTree(supports).query(x)[0] if len(supports) else x[:, axis] - x[:, axis].min(initial=np.inf)
+        u, moves = np.zeros(len(along)), np.zeros(len(along), dtype=bool)
+        u[along], moves[along] = distance, (distance > 0.0) | (len(supports) == 0)
+        springs = np.where(free, body.blocks[:, axis, axis], 0.0)[body.node]
+        energy, masses = float(u @ (body.K @ u - springs * u)), (M @ along.astype(float))[moves]
+        typical = float(np.median(masses)) if len(masses) else 0.0
+        if energy > 0.0 and typical > 0.0 and masses.sum() > 0.0:
+            whole, bare = (np.sqrt(energy / m.sum()) for m in (masses, np.minimum(masses, 4.0 * typical)))
+            speeds.append((float(np.ptp(distance)), whole, bare))
+    return np.array(sorted(speeds, reverse=True)).reshape(-1, 3)[:, 1:]

@@ -10,7 +10,7 @@ from pmr.files.arrays import Array, Mask
 from pmr.scene.choice import SimulatorNeeds
 from pmr.system.body import Body
 from pmr.system.contacts import Contact, Friction, friction_joints
-from pmr.system.definite import dependence_of_rows
+from pmr.system.soundness import dependence_of_rows
 from pmr.system.system import BodySystem
 
 #: Most names in a message, which gives the number of all further ones.

@@ -1,9 +1,12 @@
-"""Checks of reduced models: arrays that contradict each other, and values that no model of a structure has."""
+"""Checks of reduced models: arrays that contradict each other, and values that no model of a structure has.
+
+Small dense matrices: tests of positive definiteness and of dependent rows, and natural frequencies.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -12,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr.errors.text import LONGEST_NAME, is_name
+from pmr.files.arrays import Array
 
 #: Deviation from symmetry, and size of a negative eigenvalue, that are allowed relative to the largest entry.
 SYMMETRIC = 1e-6
@@ -98,3 +102,165 @@ def describe_asymmetry(matrices: Mapping[str, NDArray[np.float64]]) -> str | Non
         if lowest < -SYMMETRIC or (name == "M" and lowest <= 0.0):
             return f"{name} has a negative eigenvalue" if lowest < 0.0 else f"{name} is singular"
     return None
+
+
+#: Norm of A - L L^T, over the norm of A, up to which the difference is round-off.
+ROUND_OFF = 1e-9
+#: Share of the expected load by which the search for it begins below it.
+BESIDE = 1e-2
+#: Most steps of the search, relative change of the load in the last one, and share of the load below it at which the
+#: matrix has to be positive definite.
+MOST_STEPS, SETTLED, BELOW = 30, 1e-12, 1e-6
+
+
+def cholesky_root(A: Array) -> Array | None:
+    """Factor L (n, r) of a positive semidefinite A = L L^T (n, n), by Cholesky with pivots.
+
+    None is returned if A is not positive semidefinite.  For any L, the norm of A - L L^T is at least the absolute value
+    of the lowest eigenvalue of A, if that is negative.
+    """
+    L = pivoted_cholesky(A)
+    return L if np.linalg.norm(A - L @ L.T) <= ROUND_OFF * np.linalg.norm(A) else None
+
+
+class FreeMotions:
+    """Motions that the rows C (c, n) leave free: an orthonormal basis Z (n, r) of them, and projections on Z.
+
+    Z is computed by Householder reflections, one for each row, so no products of full matrices are needed.
+    """
+
+    def __init__(self, C: Array) -> None:
+        self._reflections, _, self._scales, _, _ = scipy.linalg.lapack.dgeqp3(C.T)
+        size = np.abs(np.diagonal(self._reflections))
+        self._held = int(np.sum(size > max(C.shape) * np.finfo(float).eps * size.max(initial=0.0)))
+
+    @property
+    def basis(self) -> Array:
+        """Orthonormal basis Z (n, r) of the free motions."""
+        return self._rotate(np.eye(len(self._reflections)))[:, self._held :]
+
+    def project(self, A: Array) -> Array:
+        """Z^T A Z (r, r) of a symmetric matrix A (n, n)."""
+        return self._rotate(self._rotate(A).T)[self._held :, self._held :]
+
+    def _rotate(self, A: Array) -> Array:
+        """Product A Q (k, n) of A (k, n) with the orthogonal factor Q of C^T; its last r columns are Z."""
+        if not len(self._scales):
+            return A
+        rotated, *_ = scipy.linalg.lapack.dormqr("R", "N", self._reflections, self._scales, A, 64 * len(A))
+        return np.asarray(rotated)
+
+
+def first_singular(A: Array, B: Array, near: float = np.nan, up_to: float = np.inf) -> float:
+    """Smallest load P > 0 at which A + P B is not positive definite; infinity if there is no such P.
+
+    A and B are (n, n); only their symmetric parts count.  If A itself is not positive definite, 0 is returned.  A
+    result above `up_to` may be returned as infinity.  If P is expected at the load `near` (NaN: not known), P is
+    searched for by inverse iteration from a little below `near`.  The result is accepted if the matrix is positive
+    definite a little below it: since A is positive definite too, so are all matrices between.
+    """
+    A, B = (A + A.T) / 2.0, (B + B.T) / 2.0
+    if not is_definite(A):
+        return 0.0
+    if 0.0 < near < np.inf and (load := _singular_above(A, B, near * (1.0 - BESIDE))) is not None:
+        return load
+    if np.isfinite(up_to) and is_definite(A + up_to * B):
+        return np.inf
+    try:
+        least = float(scipy.linalg.eigh(B, A, eigvals_only=True, subset_by_index=(0, 0))[0])
+    except np.linalg.LinAlgError:
+        return 0.0
+    return -1.0 / least if least < 0.0 else np.inf
+
+
+def _singular_above(A: Array, B: Array, low: float) -> float | None:
+    """First P above `low` at which A + P B is singular, for a positive definite A; None if it is not found.
+
+    It is not found if A + low B is not positive definite, if the iteration does not converge or reaches a shape x with
+    x^T B x >= 0, or if the matrix is not positive definite a little below the result.
+    """
+    factor, failed = scipy.linalg.lapack.dpotrf(A + low * B, lower=1)
+    if failed:
+        return None
+    x, last = np.cos(np.arange(len(A), dtype=float)), np.inf  # a vector with a part in every eigenvector
+    for _ in range(MOST_STEPS):
+        b = -(B @ x)
+        x, _ = scipy.linalg.lapack.dpotrs(factor, b, lower=1)
+        # Rayleigh's quotient of -B x = (A + low B) x / (P - low)
+        pressed = -float(x @ B @ x)
+        if not pressed > 0.0:
+            return None
+        load = low + float(b @ x) / pressed
+        if abs(load - last) <= SETTLED * load:
+            return load if is_definite(A + load * (1.0 - BELOW) * B) else None
+        last, x = load, x / np.linalg.norm(x)
+    return None
+
+
+def is_definite(A: Array) -> bool:
+    """Whether a symmetric matrix (n, n) is positive definite, by Cholesky."""
+    return bool(scipy.linalg.lapack.dpotrf(A, lower=1, clean=0)[1] == 0)
+
+
+def natural_frequencies(M: Array, V: Array | None, K: Array) -> Array:
+    """Frequencies omega (n,) in rad/s, ascending, of M q'' + V q' + K q = 0; V is antisymmetric, or None for zero.
+
+    Directions in which K is not positive have omega = 0.  With the coordinates z of the modes of K, and z' and omega z
+    as unknowns, the equations have the antisymmetric matrix (0, W; -W, -V), W = diag(omega).  So round-off is relative
+    to the largest omega, not to its square.
+    """
+    if V is None or not np.any(V):
+        return np.sqrt(np.maximum(scipy.linalg.eigh(K, M, eigvals_only=True), 0.0))
+    omega2, X = scipy.linalg.eigh(K, M)
+    W = np.diag(np.sqrt(np.maximum(omega2, 0.0)))
+    turning = np.block([[np.zeros_like(W), W], [-W, -X.T @ V @ X]])
+    return np.asarray(np.abs(scipy.linalg.eigvalsh(1j * (turning - turning.T) / 2.0)[len(W) :]))
+
+
+#: A row takes part in a dependence if its share is at least this fraction of the largest share.
+TAKES_PART = 1e-2
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """How independent rows are: `measure` is 1 for orthogonal rows and 0 for dependent ones.
+
+    `names` are rows that take part in the combination of rows closest to zero: their share in it is at least
+    `TAKES_PART` of the largest share.
+    """
+
+    measure: float
+    names: tuple[str, ...]
+
+
+def dependence_of_rows(C: Array, names: Sequence[str]) -> Dependence:
+    """Dependence of rows C (m, r), measured by their smallest singular value after each is scaled to unit length.
+
+    If some rows are zero, the measure is 0 and only these rows are named.
+    """
+    size = np.linalg.norm(C, axis=1)
+    if not size.all():
+        return Dependence(0.0, tuple(name for name, length in zip(names, size, strict=True) if length == 0.0))
+    U, sigma, _ = np.linalg.svd(C / size[:, None], full_matrices=True)
+    measure = float(sigma[-1]) if len(sigma) == len(C) else 0.0
+    return Dependence(measure, _involved_names(U[:, -1], names))
+
+
+def dependence_of_flexibility(F: Array, names: Sequence[str]) -> Dependence:
+    """Dependence of rows, measured by the lowest eigenvalue of their symmetric flexibility F (m, m).
+
+    F is scaled to a unit diagonal before.  If diagonal entries are not positive, the measure is 0 and only the rows of
+    these entries are named.
+    """
+    diagonal = np.diagonal(F)
+    if not np.all(diagonal > 0.0):
+        return Dependence(0.0, tuple(name for name, d in zip(names, diagonal, strict=True) if not d > 0.0))
+    scale = np.sqrt(diagonal)
+    values, vectors = np.linalg.eigh(F / np.outer(scale, scale))
+    return Dependence(float(values[0]), _involved_names(vectors[:, 0], names))
+
+
+def _involved_names(shares: Array, names: Sequence[str]) -> tuple[str, ...]:
+    """Names of the rows whose share in `shares` (m,) is at least `TAKES_PART` of the largest share."""
+    large = np.abs(shares) >= TAKES_PART * np.abs(shares).max()
+    return tuple(name for name, takes_part in zip(names, large, strict=True) if takes_part)

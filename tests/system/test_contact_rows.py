@@ -18,9 +18,9 @@ from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.contact_rows import ROUND_OFF, compliant_rows, is_round_off
-from pmr.system.definite import dependence_of_flexibility, dependence_of_rows
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Rows
+from pmr.system.soundness import dependence_of_flexibility, dependence_of_rows
 from pmr.system.system import System
 
 

@@ -47,7 +47,7 @@ from pmr.files.arrays import Array, Mask
 from pmr.kernel.laws import ContactSearch
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows
-from pmr.system.definite import is_definite
+from pmr.system.soundness import is_definite
 from pmr.system.terms import add_terms
 
 #: Share of the lowest omega^2 with which M holds otherwise free bodies; relative change of q that this may cause.

@@ -32,7 +32,7 @@ import scipy.linalg
 from pmr.files.arrays import Array, Mask
 from pmr.kernel.laws import ContactSearch
 from pmr.simulation.statics.equilibrium import border_matrix
-from pmr.system.definite import FreeMotions, cholesky_root, first_singular
+from pmr.system.soundness import FreeMotions, cholesky_root, first_singular
 
 #: Share of the largest eigenvalue of the geometric stiffness below which an eigenvalue is round-off; share of the
 #: contacts' largest flexibility below which the flexibility at the load's own position is round-off.

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from pmr.simulation.statics.loaded import Equations, Form, LoadedStructure
 from pmr.studies.allowed import Search, first_load, run_searches
-from pmr.system.definite import FreeMotions, cholesky_root, first_singular
+from pmr.system.soundness import FreeMotions, cholesky_root, first_singular
 
 Array = np.ndarray
 
