@@ -187,7 +187,9 @@ def matrices(
     files = foreign_files(stiffness, mass, dofs, nodes, stiffness_name, mass_name)
     check_output_file(target, files.stiffness, files.mass, files.dofs, files.nodes)
     body = read_foreign(files)
-    print_text(out, f"{body.size} coordinates of {len(body.points)} nodes; groups: {', '.join(body.groups) or 'none'}")
+    amplitudes = f", {body.modal.sum()} of them modal amplitudes" if body.modal.any() else ""
+    coordinates = f"{body.size} coordinates of {len(body.points)} nodes{amplitudes}"
+    print_text(out, f"{coordinates}; groups: {', '.join(body.groups) or 'none'}")
     x, y, z = (round(float(c), 9) + 0.0 for c in body.centre)
     whole = " of what supports inside the matrices leave free" if body.lacks else ""
     centre = f"centre of mass at ({x:.4g}, {y:.4g}, {z:.4g}) m"

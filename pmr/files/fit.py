@@ -21,7 +21,6 @@ from scipy.sparse.csgraph import connected_components
 from pmr.files.arrays import Array, Mask
 from pmr.files.reasons import (
     ALIKE,
-    DENSE,
     Reason,
     affine_change,
     all_axes_turned,
@@ -72,6 +71,11 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> Reason | None:
     return next((reason for check in checks for reason in check(M, body)), None)
 
 
+def indefinite_superelement(M: sp.csr_matrix, K: sp.csr_matrix) -> Reason | None:
+    """Return (``M`` or ``K``, reason) if the whole matrix of nodes and modal amplitudes has negative eigenvalues."""
+    return next(_indefinite(M, K), None)
+
+
 def is_uncheckable(body: Resistance) -> bool:
     """Whether all nodes are near supports that are included in K.
 
@@ -101,7 +105,12 @@ def _vanishing_entries(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 def _negative_eigenvalues(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """Yield (``M`` or ``K``, reason) if the matrix has negative eigenvalues."""
-    for name, A in (("M", M), ("K", body.K)):
+    return _indefinite(M, body.K)
+
+
+def _indefinite(M: sp.csr_matrix, K: sp.csr_matrix) -> Iterator[Reason]:
+    """Yield (``M`` or ``K``, reason) if the matrix has negative eigenvalues."""
+    for name, A in (("M", M), ("K", K)):
         least = _least_eigenvalue(A)
         if least < NEGATIVE:
             yield Reason(
@@ -210,7 +219,7 @@ def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     Springs to ground resist translations too, so nodes that are held as by a spring are not reported.
     """
     held = body.grounded_nodes & ~body.spring_nodes
-    if _is_dense(body):
+    if body.dense:
         wrong = held if held.any() and _free_motion_count(body) > 6 - len(body.held_motions()) else np.zeros_like(held)
     else:
         wrong = held & (~_supported_nodes(body) | lone_turned_nodes(body))
@@ -310,18 +319,13 @@ def centre_of_mass(J: Array) -> Array:
 
 def _free_motion_count(body: Resistance) -> int:
     """Return the number of motions, rigid or not, that a dense stiffness K leaves free."""
-    return int(np.sum(_scaled_eigenvalues(body) < 1e-13 * len(body.node)))
+    return int(np.sum(_scaled_eigenvalues(body) < body.least_energy))
 
 
 def _scaled_eigenvalues(body: Resistance) -> Array:
     """Return the eigenvalues (n,) of K, with its diagonal scaled to one, in ascending order."""
     scale = 1.0 / np.sqrt(body.K.diagonal())
     return np.asarray(np.linalg.eigvalsh(body.K.toarray() * scale * scale[:, None]))
-
-
-def _is_dense(body: Resistance) -> bool:
-    """Whether more than half of the entries of K are stored, and K is small enough for dense decompositions."""
-    return body.K.nnz > 0.5 * body.K.shape[0] ** 2 and body.K.shape[0] <= DENSE
 
 
 def _nodes_without_rotations(body: Resistance) -> Mask:

@@ -26,7 +26,7 @@ from pmr.files.arrays import Array, Indices
 from pmr.files.cards import Place
 from pmr.files.decks import MOST_DIGITS, TURNED, read_deck
 from pmr.files.labelled import UnreadableError
-from pmr.files.matrices import GivenMatrices
+from pmr.files.matrices import MODAL, GivenMatrices
 from pmr.files.rigid import DIRECTIONS
 
 #: Errors that readers of SciPy and NumPy raise for damaged files; for a bad Fortran format this is a SyntaxError.
@@ -86,6 +86,13 @@ class _Nodes:
     constraints: Sequence[tuple[Place, str]] = ()  # place and keyword of each card that constrains coordinates
     axes: Mapping[int, Array] = field(default_factory=dict)  # (3, 3): axes of coordinates as rows, by node with its own
 
+    def only(self, numbers: Indices) -> _Nodes:
+        """Return those of the nodes that have one of the `numbers`: boundary nodes of a superelement."""
+        at = np.isin(self.numbers, numbers)
+        groups = {name: members[np.isin(members, numbers)] for name, members in self.groups.items()}
+        groups = {name: members for name, members in groups.items() if len(members)}
+        return replace(self, numbers=self.numbers[at], points=self.points[at], groups=groups)
+
 
 def read_foreign(files: ForeignFiles) -> GivenMatrices:
     """Read the matrices of another program, and the node and direction of each of their coordinates.
@@ -103,13 +110,17 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     if len(pairs) != K.shape[0]:
         allowed = f"a line for each of the {K.shape[0]} rows of {files.stiffness.name} is allowed"
         raise InputError(str(files.dofs), "", len(pairs), allowed)
+    modal = pairs[:, 1] == 0  # a scalar point: it has no node
+    if modal.any():
+        nodes = nodes.only(np.unique(pairs[~modal, 0]))
     place = {int(number): k for k, number in enumerate(nodes.numbers)}
-    _refuse_unknown(str(files.dofs), "node", pairs[:, 0], place, files.nodes)
+    _refuse_unknown(str(files.dofs), "node", pairs[~modal, 0], place, files.nodes)
     for name, members in nodes.groups.items():
         _refuse_unknown(str(files.nodes), f"group {name}", members, place, files.nodes)
-    wrong = pairs[(pairs[:, 1] < 1) | (pairs[:, 1] > len(DIRECTIONS)), 1]
+    wrong = pairs[(pairs[:, 1] < 0) | (pairs[:, 1] > len(DIRECTIONS)), 1]
     if wrong.size:
-        raise InputError(str(files.dofs), "direction", int(wrong[0]), f"1 to {len(DIRECTIONS)} is allowed")
+        allowed = f"1 to {len(DIRECTIONS)} is allowed, or 0 of a modal amplitude"
+        raise InputError(str(files.dofs), "direction", int(wrong[0]), allowed)
     _check_constraints(nodes, pairs)
     if nodes.axes:
         Q = _turned_coordinates(files, pairs, nodes.axes)
@@ -118,7 +129,7 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
         M,
         K,
         nodes.points,
-        np.array([place[int(number)] for number in pairs[:, 0]], dtype=np.int64),
+        np.array([place.get(int(number), MODAL) if d else MODAL for number, d in pairs], dtype=np.int64),
         pairs[:, 1] - 1,
         {name: np.array([place[int(number)] for number in members]) for name, members in nodes.groups.items()},
         str(files.stiffness),

@@ -16,13 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name, missing_file_reason
 from pmr.files import npz
-from pmr.files.arrays import Array, Indices
-from pmr.files.fit import centre_of_mass, is_uncheckable, misfit
+from pmr.files.arrays import Array, Indices, Mask
+from pmr.files.fit import centre_of_mass, indefinite_superelement, is_uncheckable, misfit
 from pmr.files.rigid import DIRECTIONS, Resistance, rigid_motions
 
 FORMAT, FORMAT_VERSION = "pmr-matrices", 1
 #: Largest difference between a matrix (M or K) and its transpose, as a share of the largest entry of the matrix.
 SYMMETRY = 1e-9
+#: Node and direction of a coordinate that has neither, as of a modal amplitude.
+MODAL = -1
 _PARTS = ("data", "indices", "indptr")
 
 
@@ -30,7 +32,8 @@ _PARTS = ("data", "indices", "indptr")
 class GivenMatrices:
     """Mass M and stiffness K of a body whose n coordinates q are displacements and rotations of N nodes.
 
-    With the forces f on the coordinates, the body moves by M q'' + K q = f.
+    With the forces f on the coordinates, the body moves by M q'' + K q = f.  A coordinate without a node has a modal
+    amplitude (Craig-Bampton): all of them are zero in a rigid motion.
 
     Raises InputError if the matrices are not square, of one size, finite and symmetric, or have a diagonal entry that
     is not positive.  It is also raised if `node`, `direction` or `groups` refer to a node or direction that does not
@@ -40,8 +43,9 @@ class GivenMatrices:
     M: sp.csr_matrix  #: (n, n), symmetric, in SI units; without supports that slide
     K: sp.csr_matrix  #: (n, n), symmetric, in SI units; without supports that slide
     points: Array  #: (N, 3), m: positions of the nodes
-    node: Indices  #: (n,) node of each coordinate, from 0; nodes are fixed along directions without a coordinate
-    direction: Indices  #: (n,) direction of each coordinate, an index of `DIRECTIONS`
+    #: (n,) node of each coordinate, from 0, or `MODAL`; nodes are fixed along directions without a coordinate
+    node: Indices
+    direction: Indices  #: (n,) direction of each coordinate, an index of `DIRECTIONS`, or `MODAL`
     groups: Mapping[str, Indices] = field(default_factory=dict)  #: (g,) nodes by group: faces for pads, tail and tip
     source: str = "matrices"  #: Name of the file, for messages
     #: (h, 6) matrix on rigid motions about the origin: its product with a motion is zero if and only if supports and
@@ -57,16 +61,18 @@ class GivenMatrices:
             self._check_matrix(name, A, n)
         if self.points.ndim != 2 or self.points.shape[1] != 3 or not np.isfinite(self.points).all():
             raise self._refusal("points", None, f"finite (N, 3) coordinates are allowed, not {self.points.shape}")
+        for name, values in (("node", self.node), ("direction", self.direction)):
+            if values.shape != (n,):
+                raise self._refusal(name, len(values), f"one for each of the {n} coordinates is allowed")
         for name, least, most, values in (
             ("node", 0, len(self.points) - 1, self.node),
             ("direction", 0, len(DIRECTIONS) - 1, self.direction),
         ):
-            if values.shape != (n,):
-                raise self._refusal(name, len(values), f"one for each of the {n} coordinates is allowed")
-            outside = values[(values < least) | (values > most)]
+            outside = values[((values < least) | (values > most)) & ~self.modal]
             if outside.size:
                 raise self._refusal(name, int(outside[0]), f"{least} to {most} is allowed")
-        if len(np.unique(self.node * len(DIRECTIONS) + self.direction)) != n:
+        at = np.flatnonzero(~self.modal)
+        if len(np.unique(self.node[at] * len(DIRECTIONS) + self.direction[at])) != len(at):
             raise self._refusal("node", None, "one coordinate for each node and direction is allowed")
         for name, nodes in self.groups.items():
             if not is_name(name):
@@ -75,11 +81,21 @@ class GivenMatrices:
                 raise self._refusal(
                     f"groups.{name}", None, f"at least one node, 0 to {len(self.points) - 1}, is allowed"
                 )
-        body = Resistance(self.K, self.points, self.node, self.direction)
-        if reason := misfit(self.M, body):
+        M, K = (self.M, self.K) if len(at) == n else (self.M[at][:, at], self.K[at][:, at])
+        body = Resistance(K, self.points, self.node[at], self.direction[at])
+        if reason := misfit(M, body) or (indefinite_superelement(self.M, self.K) if len(at) < n else None):
             raise self._refusal(reason[0], None, reason[1])
         object.__setattr__(self, "held", body.held_motions())
         object.__setattr__(self, "unchecked", is_uncheckable(body))
+
+    @property
+    def modal(self) -> Mask:
+        """Mask (n,) of the coordinates that have no node, such as amplitudes of fixed-interface modes."""
+        return (self.node == MODAL) & (self.direction == MODAL)
+
+    def rigid_motions(self) -> Array:
+        """Coordinates (n, 6) under unit translations along and rotations about x, y, z through the origin."""
+        return np.where(self.modal[:, None], 0.0, rigid_motions(self.points[self.node], self.direction))
 
     @property
     def size(self) -> int:
@@ -89,7 +105,7 @@ class GivenMatrices:
     @cached_property
     def _inertia(self) -> Array:
         """Inertia R^T M R (6, 6) under the six rigid motions R about the origin."""
-        R = rigid_motions(self.points[self.node], self.direction)
+        R = self.rigid_motions()
         return np.asarray(R.T @ (self.M @ R))
 
     @property
@@ -98,7 +114,7 @@ class GivenMatrices:
 
         This is so at supports, and at nodes that belong to no element.
         """
-        return int(np.sum(self.direction < 3)) < 3 * len(self.points)
+        return int(np.isin(self.direction, (0, 1, 2)).sum()) < 3 * len(self.points)
 
     @property
     def mass(self) -> float:
@@ -194,8 +210,9 @@ def from_matrices(
     groups : mapping of name to sequence of int, optional
         Nodes of the faces that pads slide on, and of tail and tip: numbers from 0, or a mask of N truth values.
     node, direction : sequences of int, optional
-        Node and direction of each coordinate, the direction as 0 to 5 for x, y, z, rx, ry, rz.  If they are not given,
-        all nodes have the same three or six coordinates, node by node.
+        Node and direction of each coordinate, the direction as 0 to 5 for x, y, z, rx, ry, rz; -1 and -1 for a modal
+        amplitude of a superelement.  If they are not given, all nodes have the same three or six coordinates, node by
+        node.
 
     Raises InputError in the cases of `GivenMatrices`, and for values of another shape or kind.
     """

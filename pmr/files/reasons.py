@@ -16,10 +16,8 @@ import scipy.sparse as sp
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from pmr.files.arrays import Array, Indices, Mask
-from pmr.files.rigid import Resistance, rigid_motions
+from pmr.files.rigid import DENSE, Resistance, rigid_motions
 
-#: Largest number of coordinates for which dense matrices are decomposed to find the reason of a refusal.
-DENSE = 3000
 #: Relative difference up to which two numbers count as equal; for positions it is a share of the body's length.
 ALIKE = 1e-2
 

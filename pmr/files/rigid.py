@@ -27,6 +27,8 @@ from pmr.files.arrays import Array, Indices
 
 #: Names of the directions of a coordinate: displacements along the axes and rotations about them.
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+#: Largest number of coordinates for which dense matrices are decomposed.
+DENSE = 3000
 #: Least and largest rounding of the sum of a row's entries, as a share of the sum of their magnitudes.  The first pair
 #: is for entries, which files state with nine to sixteen digits.  The second pair is for positions of nodes, which are
 #: known to a thousandth of a cell's size or better.
@@ -224,11 +226,32 @@ class Resistance:
         """G (n, 3), in N/rad for rows of displacements and in N m/rad for rows of rotations."""
         return self._rotations[0]
 
+    @property
+    def dense(self) -> bool:
+        """Whether more than half of K is stored, as of a condensed body, and K is small enough to be decomposed."""
+        n = self.K.shape[0]
+        return bool(self.K.nnz > 0.5 * n**2 and n <= DENSE)
+
+    @cached_property
+    def least_energy(self) -> float:
+        """Energy that takes a force beyond rounding, of a motion of unit size where K has a diagonal of ones."""
+        sample = self.K.data[np.linspace(0, self.K.nnz - 1, min(self.K.nnz, 500)).astype(int)].tolist()
+        digits = next((d for d in range(5, 16) if all(float(f"{x:.{d}e}") == x for x in sample)), 16)
+        return 10.0 * 10.0**-digits + 1e-13 * self.K.shape[0]
+
+    def _held_by_energy(self, motions: Array) -> Array:
+        """Return a matrix (h, 6) that is zero for those of six rigid `motions` (n, 6) that take no energy."""
+        scale = 1.0 / np.sqrt(self.K.diagonal())
+        Q, T = np.linalg.qr(motions / scale[:, None])
+        energies, V = np.linalg.eigh(Q.T @ (scale[:, None] * (self.K @ (scale[:, None] * Q))))
+        return np.asarray(V[:, energies > self.least_energy].T @ T)
+
     def held_motions(self) -> Array:
         """Return a matrix (h, 6) on rigid motions about the origin; it is zero for motions that K leaves free.
 
         h is the number of rigid motions that supports and springs in K hold.  The rows are singular vectors of F and G,
-        where each row of F and G is divided by its rounding, and singular values within rounding count as zero.
+        where each row of F and G is divided by its rounding, and singular values within rounding count as zero.  In a
+        dense K supports act on all rows; there the energies of rigid motions decide.
         """
         (F, of_forces), (G, of_moments) = self._translations, self._rotations
         middle = self.points.mean(axis=0)
@@ -241,6 +264,10 @@ class Resistance:
         triangle = np.linalg.qr(rows[acting] / noise[acting, None], mode="r")
         _, sigma, Vt = np.linalg.svd(triangle)
         rank = int(np.sum(sigma > 3.0 * np.sqrt(acting.sum())))
+        if self.dense:
+            motions = np.hstack([self.motions[:, :3], self.motions[:, 3:] / length])
+            Vt = self._held_by_energy(motions)
+            rank = len(Vt)
         about_origin = np.eye(6)
         about_origin[:3, 3:] = np.cross(np.eye(3), middle).T
         about_origin[3:, 3:] *= length

@@ -15,7 +15,7 @@ from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices
 from pmr.files.matrices import GivenMatrices
 from pmr.files.rigid import elastic_energies
-from pmr.models import DIRECTIONS, rigid_motions
+from pmr.models import DIRECTIONS
 from pmr.models.meshed import TracedModel
 from pmr.models.trace import Extent, Strip, Trace, Window, orient_outward
 
@@ -78,7 +78,7 @@ class Matrices(TracedModel):
             turn = np.cross(np.eye(3)[self.axis], np.eye(3)[across])
             motion[:, 3:] = slope[:, None] * turn
             q = motion[self.body_matrices.node, self.body_matrices.direction]
-            bent.append(q)
+            bent.append(np.where(self.body_matrices.modal, 0.0, q))
         motions = np.column_stack(bent)
         energies = elastic_energies(self.body_matrices.K, self.rigid_motions(), motions)
         squares = energies / np.einsum("nk,nk->k", motions, self.body_matrices.M @ motions)
@@ -92,7 +92,7 @@ class Matrices(TracedModel):
 
     def rigid_motions(self) -> Array:
         """Coordinates (n, 6) under unit translations along and rotations about x, y and z through the origin."""
-        return rigid_motions(self.body_matrices.points[self.body_matrices.node], self.body_matrices.direction)
+        return self.body_matrices.rigid_motions()
 
     def strip(self, face: str, window: Window) -> Strip:
         """Points within `window` on the plane of a face's nodes, evenly spaced.

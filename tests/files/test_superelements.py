@@ -1,0 +1,114 @@
+"""Superelements: boundary nodes and amplitudes of fixed-interface modes, beside the matrices they were made from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import bricks
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse as sp
+from processes import called
+
+import pmr
+from pmr.errors import InputError
+from pmr.files.matrices import MODAL, GivenMatrices, from_matrices
+
+
+def bar(across: int = 2) -> GivenMatrices:
+    """Bar of bricks, 2.4 m long, with `across` cells over width and height."""
+    return bricks.bricks((12, across, across), (2.4, 0.2, 0.3))
+
+
+def boundary(whole: GivenMatrices) -> np.ndarray:
+    """Nodes of the outer faces where pads travel, and those of the tip."""
+    x = whole.points[:, 0]
+    outer = np.unique(np.concatenate([whole.groups[face] for face in ("bottom", "top", "left", "right")]))
+    return outer[(x[outer] < 1.5) | (x[outer] > 2.3)]
+
+
+def superelement(whole: GivenMatrices, nodes: np.ndarray, modes: int, held: Sequence[int] = ()) -> GivenMatrices:
+    """Craig-Bampton model on boundary nodes and `modes` modes with these held, without `held` coordinates."""
+    K, M, free = whole.K.toarray(), whole.M.toarray(), ~np.isin(np.arange(whole.size), held)
+    on = np.isin(whole.node, nodes)
+    b, i = np.flatnonzero(on & free), np.flatnonzero(~on & free)
+    inner = np.ix_(i, i)
+    T = np.zeros((len(K), len(b) + modes))
+    T[b, np.arange(len(b))] = 1.0
+    T[i, : len(b)] = -np.linalg.solve(K[inner], K[np.ix_(i, b)])
+    T[i, len(b) :] = scipy.linalg.eigh(K[inner], M[inner], subset_by_index=[0, modes - 1])[1]
+    K, M = (T.T @ A @ T for A in (K, M))
+    number = {int(node): k for k, node in enumerate(nodes)}
+    node = np.array([*(number[int(n)] for n in whole.node[b]), *[MODAL] * modes])
+    direction = np.array([*whole.direction[b], *[MODAL] * modes])
+    groups = {name: [number[int(n)] for n in members if int(n) in number] for name, members in whole.groups.items()}
+    some = {name: members for name, members in groups.items() if members}
+    return from_matrices((M + M.T) / 2.0, (K + K.T) / 2.0, whole.points[nodes], some, node, direction)
+
+
+def frequencies(body: GivenMatrices, folder: Path) -> np.ndarray:
+    """Frequencies (S, 6) in Hz of a body on pads along the path."""
+    body.save(folder / "bar.npz")
+    (folder / "bar.toml").write_text(bricks._SCENE.replace('against = ["full"]', "against = []"))
+    outcome = pmr.run(pmr.load_scene(folder / "bar.toml"))
+    return np.asarray(outcome.result.frequencies.models["reduced"][:, :6])
+
+
+@pytest.mark.slow
+def test_a_superelement_on_pads_has_the_frequencies_of_all_nodes(tmp_path: Path) -> None:
+    whole = bar(3)
+    part = superelement(whole, boundary(whole), 8)
+    assert part.size < 0.6 * whole.size and part.mass == pytest.approx(whole.mass, rel=1e-9) and not len(part.held)
+    assert frequencies(part, tmp_path) == pytest.approx(frequencies(whole, tmp_path), rel=5e-3)
+
+
+@pytest.mark.parametrize(("along", "held"), [((0, 1, 2), 6), ((2,), 2), ((0, 2), 5)])
+def test_supports_inside_a_superelement_are_told_from_its_stiffness(along: tuple[int, ...], held: int) -> None:
+    whole = bar()
+    at_tail = np.isin(whole.node, whole.groups["tail"]) & np.isin(whole.direction, along)
+    nodes = np.setdiff1d(boundary(whole), whole.groups["tail"])
+    assert len(superelement(whole, nodes, 4, np.flatnonzero(at_tail)).held) == held
+
+
+def test_springs_to_ground_inside_a_superelement_are_told_from_its_stiffness() -> None:
+    whole = bar()
+    springs = np.zeros(whole.size)
+    springs[np.isin(whole.node, whole.groups["tip"]) & (whole.direction == 2)] = 1e7
+    sprung = replace(whole, K=sp.csr_matrix(whole.K + sp.diags(springs)))
+    assert len(superelement(sprung, boundary(whole), 4).held) == 2
+
+
+def test_a_superelement_is_stored_and_read(tmp_path: Path) -> None:
+    part = superelement(bar(), boundary(bar()), 3)
+    read = GivenMatrices.load(part.save(tmp_path / "part.npz"))
+    assert read.modal.sum() == 3 and (read.K != part.K).nnz == 0 and np.array_equal(read.node, part.node)
+
+
+def test_modal_amplitudes_are_read_from_rows_without_a_node(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = bar()
+    part = superelement(whole, boundary(whole), 3)
+    for name, A in (("K", part.K), ("M", part.M)):
+        sp.save_npz(tmp_path / f"{name}.npz", A)
+    rows = ["node,direction", *(f"{n + 1},{d + 1}" for n, d in zip(part.node[:-3], part.direction[:-3], strict=True))]
+    (tmp_path / "dofs.csv").write_text("\n".join([*rows, "90001,0", "90002,0", "90003,0", ""]))
+    places = [f"{k},{x!r},{y!r},{z!r}" for k, (x, y, z) in enumerate(part.points.tolist(), 1)]
+    (tmp_path / "nodes.csv").write_text("\n".join(["node,x,y,z", *places, "5000,1.2,0,0", ""]))  # the last has no row
+    files = [f"--{name}={tmp_path / file}" for name, file in (("mass", "M.npz"), ("dofs", "dofs.csv"))]
+    arguments = str(tmp_path / "K.npz"), *files, f"--nodes={tmp_path / 'nodes.csv'}"
+    done = called(monkeypatch, capsys, "matrices", *arguments)
+    assert done.returncode == 0, done.stderr
+    assert "3 of them modal amplitudes" in done.stdout and "free to move as a rigid body" in done.stdout
+    assert len(GivenMatrices.load(tmp_path / "K-matrices.npz").points) == len(part.points)
+
+
+def test_an_amplitude_that_takes_energy_away_is_refused() -> None:
+    part = superelement(bar(), boundary(bar()), 2)
+    M = part.M.tolil()
+    M[0, -1] = M[-1, 0] = 10.0 * np.sqrt(part.M[0, 0] * part.M[-1, -1])
+    with pytest.raises(InputError, match="without negative eigenvalues"):
+        replace(part, M=sp.csr_matrix(M))
