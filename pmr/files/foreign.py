@@ -66,7 +66,9 @@ def foreign_files(
     A file that is None gets its default name beside `stiffness`, or is `stiffness` itself.
     """
     suffix = stiffness.suffix.lower()
-    combined = {".bdf": ("mass", "dofs", "nodes"), ".op4": ("mass",), ".pch": ("mass", "dofs"), ".mtx": ("dofs",)}
+    combined = {".op4": ("mass",), ".mtx": ("dofs",), **dict.fromkeys(_DMIG, ("mass", "dofs", "nodes"))}
+    if suffix == ".pch" and nodes is None and isfile(stiffness.with_suffix(".inp")):
+        combined[suffix] = ("mass", "dofs")
     paths = {"mass": mass, "dofs": dofs, "nodes": nodes}
     suffixes = {"mass": ".mas", "dofs": ".dof", "nodes": ".inp"}
     resolved = {
@@ -170,9 +172,10 @@ def _check_constraints(nodes: _Nodes, pairs: Indices) -> None:
             )
             raise place.error(allowed)
         if missing > 0:
+            star = "" if Path(place.source).suffix.lower() in _DMIG else "*"
             allowed = (
-                f"a model is allowed in which *{keyword} ties no coordinates to others: {missing} displacements have "
-                "no row in the matrices, which pmr takes as fixed"
+                f"a model is allowed in which {star}{keyword} ties no coordinates to others: {missing} displacements "
+                "have no row in the matrices, which pmr takes as fixed"
             )
             raise place.error(allowed)
 
@@ -329,7 +332,9 @@ def _read_bulk_nodes(path: Path) -> _Nodes:
     """Read grid points and sets of a bulk data file of Nastran."""
     bulk = labelled.read_bulk(path)
     groups = {name: nodes.tolist() for name, nodes in bulk.groups.items()}
-    return replace(_make_nodes(bulk.numbers.tolist(), bulk.points.tolist(), groups), axes=bulk.axes)
+    ties = [(Place(str(path), line), name) for line, name in bulk.constraints]
+    nodes = _make_nodes(bulk.numbers.tolist(), bulk.points.tolist(), groups)
+    return replace(nodes, axes=bulk.axes, constraints=ties)
 
 
 def _nastran_readers(letter: str, name: str) -> dict[str, Callable[[Path], object]]:
@@ -344,7 +349,7 @@ def _nastran_readers(letter: str, name: str) -> dict[str, Callable[[Path], objec
     }
 
 
-_DMIG = (".bdf", ".pch")
+_DMIG = (".bdf", ".pch", ".dat", ".nas")
 _MATRICES: dict[str, Callable[[Path], object]] = {
     ".sti": _read_triplets,
     ".mas": _read_triplets,
@@ -362,5 +367,5 @@ _DOFS: dict[str, Callable[[Path], object]] = {
 _NODES: dict[str, Callable[[Path], object]] = {
     ".inp": _read_deck_nodes,
     ".csv": _read_csv_nodes,
-    ".bdf": _read_bulk_nodes,
+    **dict.fromkeys(_DMIG, _read_bulk_nodes),
 }

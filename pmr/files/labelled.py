@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
+from functools import lru_cache
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -117,28 +118,48 @@ class Bulk:
     points: Array  #: (N, 3) array, m: positions of the grid points
     groups: dict[str, Indices]  #: Grid points of each SET1 entry, by names such as ``set7``
     axes: dict[int, Array]  #: (3, 3) arrays: axes of displacements as rows, by grid point where they are its own
+    constraints: list[tuple[int, str]]  #: Line and name of each entry that ties displacements to others
 
 
 #: Cards of a file that pyNastran reads.  This module reads sets itself, as pyNastran expands their ranges to lists of
 #: all numbers, even of points that do not exist.
 CARDS = frozenset(
-    ("GRID", "DMIG", "INCLUDE", "ENDDATA", *(f"CORD{number}{kind}" for number in (1, 2) for kind in "RCS"))
+    ("GRID", "SPOINT", "DMIG", "INCLUDE", "ENDDATA", *(f"CORD{number}{kind}" for number in (1, 2) for kind in "RCS"))
 )
+
+
+#: Entries that tie displacements of grid points to those of others.
+TIES = re.compile(r"(MPC|RBAR1?|RBE[123]|RROD|RSPLINE|RTRPLT1?)\b", re.IGNORECASE)
+BEGIN = re.compile(r"\s*BEGIN\s+(BULK|SUPER)\b", re.IGNORECASE)
 
 
 def read_bulk(path: Path) -> Bulk:
     """Read the matrices, grid points and sets of a file of Nastran: its bulk data alone, or a deck with BEGIN BULK.
 
-    Raises InputError if pyNastran is missing.  Raises UnreadableError if the file can't be read, or if it has complex
-    matrices or displacements along spherical axes.
+    The bulk data may be those of one superelement (BEGIN SUPER), as EXTSEOUT writes them.  Raises InputError if
+    pyNastran is missing.  Raises UnreadableError if the file can't be read, or if it has complex matrices, several
+    parts or displacements along spherical axes.
     """
+    state = path.stat()
+    return _read_bulk(path, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=2)  # a deck has matrices, rows and nodes, and is read for each
+def _read_bulk(path: Path, changed: int, size: int) -> Bulk:
+    """Return the content of a file that was `changed` (ns) and has this `size`, as `read_bulk` says."""
     deck = import_package("pyNastran.bdf.bdf").BDF(debug=None)
     deck.disable_cards(deck.cards_to_read - CARDS)
     text = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    is_deck = any(re.match(r"\s*BEGIN\b", line, re.IGNORECASE) for line in text)
+    parts = [(k, begun[1].upper()) for k, line in enumerate(text, 1) if (begun := BEGIN.match(line))]
+    if len(parts) > 1:
+        raise UnreadableError("the bulk data of one part are allowed: a second one begins here", parts[1][0])
+    is_super = bool(parts) and parts[0][1] == "SUPER"
     try:
-        with redirect_stdout(StringIO()):
-            deck.read_bdf(str(path), xref=False, punch=not is_deck)
+        with redirect_stdout(StringIO()), TemporaryDirectory() as folder:
+            if is_super:  # pyNastran reads superelements only beside a residual structure
+                path = Path(folder, path.name)
+                path.write_text("\n".join(text[parts[0][0] :]), encoding="utf-8")
+            deck.read_bdf(str(path), xref=False, punch=is_super or not parts)
             deck.cross_reference()
     except (Exception, SystemExit):  # pyNastran raises many kinds of errors, and prints the reasons
         raise UnreadableError("bulk data of GRID, SET1 and DMIG entries are allowed") from None
@@ -169,6 +190,7 @@ def read_bulk(path: Path) -> Bulk:
         np.array([deck.nodes[grid].get_position() for grid in grids], dtype=float).reshape(-1, 3),
         _group_sets(text, np.array(grids, dtype=np.int64)),
         axes,
+        [(k, tie[1].upper()) for k, line in enumerate(text, 1) if (tie := TIES.match(line))],
     )
 
 
@@ -232,27 +254,106 @@ def _set_entries(text: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
 
 
 def read_output4(path: Path) -> dict[str, sp.csr_matrix]:
-    """Read the matrices of an OUTPUT4 file, by name; raises the errors of `read_bulk`.
+    """Read the matrices of an OUTPUT4 file, by name: a text, or a binary file by pyNastran.
 
-    In a text exponents may be written with D, which pyNastran does not read: it gets a copy that has E.
+    Raises InputError if pyNastran is missing, and UnreadableError if the file can't be read.
     """
+    content = path.read_bytes()
+    if re.match(rb"[ \d-]{32}", content):
+        return _read_text4(content.decode("utf-8", "replace").splitlines())
     read = import_package("pyNastran.op4.op4").read_op4
     try:
-        with redirect_stdout(StringIO()), TemporaryDirectory() as folder:  # pyNastran prints what it can't read
-            content = path.read_bytes()
-            if re.match(rb"[ \d-]{32}", content) and re.search(rb"\dD[+-]\d\d", content):
-                path = Path(folder, path.name)
-                path.write_bytes(re.sub(rb"(?<=\d)D(?=[+-]\d\d)", b"E", content))
+        with redirect_stdout(StringIO()):  # pyNastran prints what it can't read
             return {name.strip(): sp.csr_matrix(matrix.data) for name, matrix in read(str(path), debug=None).items()}
     except Exception:  # the file is cut off or of another form
-        raise UnreadableError("OUTPUT4 in binary form, or as text with short integers, is allowed") from None
+        raise UnreadableError("OUTPUT4 in binary form or as text is allowed") from None
+
+
+#: Words of a number by the type of a matrix, real in single and double precision.
+WORDS = {1: 1, 2: 2}
+
+
+def _read_text4(lines: Sequence[str]) -> dict[str, sp.csr_matrix]:
+    """Read the matrices of an OUTPUT4 text, by name; integers have 8 or 16 digits, numbers the width of the header.
+
+    A column lists its numbers from one row on, or, where that row is 0, strings of numbers with a row each.  Raises
+    UnreadableError with the number of the line that has another form.
+    """
+    matrices, at = dict[str, sp.csr_matrix](), 0
+
+    def integers(count: int) -> list[int]:
+        """Return the whole numbers of the next line."""
+        nonlocal at
+        at += 1
+        numbers = [int(part) for part in lines[at - 1].split()]
+        if len(numbers) < count:
+            raise ValueError
+        return numbers
+
+    def numbers(length: int, words: int, width: int) -> list[float]:
+        """Return the numbers of the next lines, which have `length` words, or numbers as some programs count."""
+        nonlocal at
+        values = list[float]()
+        while at < len(lines) and re.match(r"\s*[+-]?\d*\.", lines[at]):
+            line = lines[at].rstrip()
+            values += [_number4(line[k : k + width]) for k in range(0, len(line), width)]
+            at += 1
+        if len(values) not in (length, length // words):
+            raise ValueError
+        return values
+
+    try:
+        while at < len(lines) and lines[at].strip():
+            head = re.fullmatch(
+                r"([ \d-]{32}|[ \d-]{64})(\w[\w ]{7})\(?\s*(?:1P,?)?(\d*[ED](\d+)\..*)", lines[at].rstrip()
+            )
+            if head is None:
+                raise ValueError
+            columns, rows, _, kind = (int(part) for part in head[1].split())
+            if kind not in WORDS:
+                raise UnreadableError(f"real matrices are allowed: {head[2].strip()} has type {kind}", at + 1)
+            width, words = int(head[4]), WORDS[kind]
+            at += 1
+            places, values = list[tuple[int, int]](), list[float]()
+            while True:
+                column, row, left = integers(3)[:3]
+                while left > 0:
+                    length = left
+                    if row == 0 or rows < 0:
+                        first = integers(1)
+                        length, start = (
+                            (first[0] - 1, first[1]) if rows < 0 else (first[0] // 65536 - 1, first[0] % 65536)
+                        )
+                        left -= length + (2 if rows < 0 else 1)
+                    else:
+                        start, left = row, 0
+                    part = numbers(length, words, width)
+                    if column <= columns and not (1 <= start and start + len(part) - 1 <= abs(rows) and column >= 1):
+                        raise ValueError
+                    places += [(start + k - 1, column - 1) for k in range(len(part)) if column <= columns]
+                    values += part if column <= columns else []
+                if column > columns:
+                    break
+            i, j = np.array(places, np.int64).reshape(-1, 2).T
+            matrices[head[2].strip()] = sp.csr_matrix((values, (i, j)), shape=(abs(rows), columns))
+    except (ValueError, IndexError, OverflowError) as error:
+        if isinstance(error, UnreadableError):
+            raise
+        allowed = "OUTPUT4 as text is allowed: header, columns and numbers of the width that the header says"
+        raise UnreadableError(allowed, min(at + 1, len(lines))) from None
+    return matrices
+
+
+def _number4(text: str) -> float:
+    """Return a number of Fortran, whose exponent has E, D or its sign alone; raises ValueError for other texts."""
+    return float(re.sub(r"(?<=[\d.])[DE]?([+-]\d+)$", r"E\1", text.strip().upper()))
 
 
 def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str, name: str = "") -> sp.csr_matrix:
     """Return the matrix called `name`; if `name` is empty, the only matrix or the only one that begins with `letter`.
 
-    A name with K4 is that of structural damping, and no stiffness.  Raises UnreadableError if there is no such matrix,
-    or if there are several.
+    A name with K4 is that of structural damping, and no stiffness; that of a mass whose name goes on as that of a
+    stiffness (MAAX beside KAAX) is before others.  Raises UnreadableError if there is no such matrix, or several.
     """
     by_name = {key.upper(): matrix for key, matrix in matrices.items()}
     if name:
@@ -261,7 +362,10 @@ def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str, name: str = "")
                 f"the name of a matrix of the file is allowed, not {name}: {', '.join(matrices) or 'none'}"
             )
         return by_name[name.upper()]
-    begins = [key for key in by_name if key.startswith(letter) and not key.startswith("K4")]
+    square = [key for key, matrix in by_name.items() if matrix.shape[0] == matrix.shape[1]]
+    begins = [key for key in square if key.startswith(letter) and not key.startswith("K4")]
+    partners = [key for key in begins if {"K" + key[1:], "M" + key[1:]} <= {*square}]
+    begins = partners if len(partners) == 1 else begins
     candidates = [*by_name] if len(by_name) == 1 else begins
     if len(candidates) != 1:
         raise UnreadableError(

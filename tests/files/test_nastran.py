@@ -1,0 +1,126 @@
+"""Superelements of Nastran: EXTSEOUT's punch, names and formats of OUTPUT4, and entries that tie displacements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from superelements import bar, boundary, superelement
+
+from pmr.errors import InputError
+from pmr.files.foreign import foreign_files, read_foreign
+from pmr.files.labelled import UnreadableError, only_matrix, read_output4
+from pmr.files.matrices import GivenMatrices
+
+pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed")
+
+
+def dmig(name: str, A: sp.csr_matrix, pairs: Sequence[tuple[int, int]]) -> list[str]:
+    """Lines of a symmetric matrix on grid points and scalar points, with exponents with a D."""
+    lines, A = [f"DMIG    {name:<8}{0:>8}{6:>8}{2:>8}{0:>8}"], sp.tril(A).tocsc()
+    for j, (node, direction) in enumerate(pairs):
+        column = slice(A.indptr[j], A.indptr[j + 1])
+        if A.indices[column].size:
+            lines.append(f"DMIG*   {name:<16}{node:>16}{direction:>16}")
+        for i, value in zip(A.indices[column], A.data[column], strict=True):
+            number = f"{value:.9E}".replace("E", "D")
+            lines.append(f"*       {pairs[i][0]:>16}{pairs[i][1]:>16}{number:>16}")
+    return lines
+
+
+def punch(part: GivenMatrices) -> list[str]:
+    """Lines of a superelement as EXTSEOUT(EXTBULK, DMIGPCH) writes them."""
+    amplitudes = np.cumsum(part.modal) + 90000
+    on_nodes = zip(part.node.tolist(), part.direction.tolist(), part.modal, amplitudes.tolist(), strict=True)
+    pairs = [(number, 0) if modal else (node + 1, direction + 1) for node, direction, modal, number in on_nodes]
+    lines = ["$ EXTSEOUT", "BEGIN SUPER=      10"]
+    for k, (x, y, z) in enumerate(part.points, 1):
+        lines += [f"GRID*   {k:>16}{'':16}{x:>16.9f}{y:>16.9f}", f"*       {z:>16.9f}"]
+    lines += [f"SPOINT  {number:>8}" for number, direction in pairs if not direction]
+    lines += ["ASET1   123     1       THRU    10", "EXTRN   1       123     2       123"]
+    for name, A in (("KAAX", part.K), ("MAAX", part.M), ("K4AAX", 0.01 * part.K), ("BAAX", 1e-4 * part.K)):
+        lines += dmig(name, A, pairs)
+    return [*lines, "ENDDATA", ""]
+
+
+@pytest.mark.slow
+def test_the_punch_of_a_superelement_is_read(tmp_path: Path) -> None:
+    part = superelement(bar(), boundary(bar())[::4], 3)
+    (tmp_path / "part.pch").write_text("\n".join(punch(part)))
+    read = read_foreign(foreign_files(tmp_path / "part.pch", None, None, None))
+    assert (read.size, read.modal.sum(), len(read.held)) == (part.size, 3, 0)
+    assert read.mass == pytest.approx(part.mass, rel=1e-8) and read.centre == pytest.approx(part.centre, abs=1e-8)
+    assert read.K.diagonal() == pytest.approx(part.K.diagonal(), rel=1e-8)
+
+
+def test_a_second_superelement_in_a_file_is_refused_with_its_line(tmp_path: Path) -> None:
+    (tmp_path / "two.pch").write_text("BEGIN SUPER=1\nGRID,1,,0.,0.,0.\nENDDATA\nBEGIN SUPER=2\n")
+    with pytest.raises(InputError, match=r"two\.pch: line 4: the bulk data of one part are allowed"):
+        read_foreign(foreign_files(tmp_path / "two.pch", None, None, None))
+
+
+@pytest.mark.parametrize("entry", ["RBE2,9,1,123456,3", "RBE3,9,,1,123,1.0,123,3", "RBAR,9,1,3,123456"])
+def test_rigid_elements_are_refused_where_displacements_have_no_row(entry: str, tmp_path: Path) -> None:
+    grids = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,0.,1.,0.\n"
+    pairs = [(1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (2, 3)]
+    A = sp.csr_matrix(2.0 * np.eye(6))
+    lines = [*dmig("KAA", A, pairs), *dmig("MAA", A, pairs)]
+    (tmp_path / "job.bdf").write_text(f"{grids}{entry}\n" + "\n".join([*lines, ""]))
+    with pytest.raises(InputError, match=rf"job\.bdf: line 4: a model is allowed in which {entry[:4].strip(',')}"):
+        read_foreign(foreign_files(tmp_path / "job.bdf", None, None, None))
+
+
+def output4(matrices: Mapping[str, np.ndarray], form: str, width: int, exponent: str = "E", words: int = 2) -> str:
+    """Dense text of OUTPUT4 with numbers of a width, after the format `form` in each header."""
+    text = list[str]()
+    for name, A in matrices.items():
+        text.append(f"{A.shape[1]:>8}{A.shape[0]:>8}{2:>8}{2:>8}{name:<8}{form}")
+        for j, column in enumerate(A.T, 1):
+            numbers = [f"{x:.{width - 8}E}".replace("E", exponent).rjust(width) for x in column]
+            text.append(f"{j:>8}{1:>8}{words * len(column):>8}")
+            text += ["".join(numbers[k : k + 3]) for k in range(0, len(numbers), 3)]
+        text += [f"{A.shape[1] + 1:>8}{1:>8}{words:>8}", " 1.0000000E+00"]
+    return "\n".join([*text, ""])
+
+
+@pytest.mark.parametrize("words", [1, 2])
+@pytest.mark.parametrize(
+    ("form", "width", "exponent"),
+    [
+        ("1P,3E23.16", 23, "E"), ("1P,3E23.16", 23, "D"), ("1P,3D25.17", 25, "D"), ("1P3E26.18", 26, "E"),
+        ("(3E30.22)", 30, "E"),
+    ],
+)  # fmt: skip
+def test_output4_is_read_in_any_width(form: str, width: int, exponent: str, words: int, tmp_path: Path) -> None:
+    A = np.random.default_rng(1).standard_normal((5, 5))
+    A, B = A + A.T, np.ones((3, 5))
+    names = {"KXX": A, "K4XX": 0.01 * A, "MES1": B, "MXX": np.diag([1.0, 2.0, 3.0, 4.0, 1e-99])}
+    (tmp_path / "job.op4").write_text(output4(names, form, width, exponent, words))
+    read = read_output4(tmp_path / "job.op4")
+    assert only_matrix(read, "K").toarray() == pytest.approx(A, rel=1e-14)
+    assert only_matrix(read, "M").toarray() == pytest.approx(names["MXX"], rel=1e-14)
+
+
+def test_sparse_output4_is_read_and_a_cut_off_text_refused_with_its_line(tmp_path: Path) -> None:
+    text = (
+        "       3       3       6       1KAA     1P,3E16.9\n       1       0       5\n"
+        f"{65536 * 2 + 1:>8}\n 2.000000000E+00\n{65536 * 3 + 2:>8}\n 1.000000000E+00-1.000000000+00\n"
+        "       3       1       3\n 0.000000000E+00 0.000000000E+00 5.000000000E+00\n"
+        "       4       1       1\n 1.000000000E+00\n"
+    )
+    (tmp_path / "k.op4").write_text(text)
+    expected = [[2.0, 0.0, 0.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 5.0]]
+    assert read_output4(tmp_path / "k.op4")["KAA"].toarray().tolist() == expected
+    (tmp_path / "k.op4").write_text(text[:150])
+    with pytest.raises(UnreadableError) as error:
+        read_output4(tmp_path / "k.op4")
+    assert error.value.line > 3
+
+
+def test_masses_of_which_none_goes_with_the_stiffness_are_refused() -> None:
+    A = sp.eye(2, format="csr")
+    with pytest.raises(UnreadableError, match="begins with M is allowed, not KAA, MBB, MCC; --mass-name"):
+        only_matrix({"KAA": A, "MBB": A, "MCC": A}, "M")
