@@ -268,7 +268,7 @@ def _free_mechanisms(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """
     if body.K.shape[0] > DENSE_ALWAYS:
         return
-    values, rounding = _scaled_eigenvalues(body), body.rounding_share
+    values, rounding = body.scaled_eigenvalues, body.rounding_share
     free = 6 - len(body.held_motions())
     if values[0] < -min(1e3 * rounding, 1e-8):
         yield Reason(
@@ -319,13 +319,7 @@ def centre_of_mass(J: Array) -> Array:
 
 def _free_motion_count(body: Resistance) -> int:
     """Return the number of motions, rigid or not, that a dense stiffness K leaves free."""
-    return int(np.sum(_scaled_eigenvalues(body) < body.least_energy))
-
-
-def _scaled_eigenvalues(body: Resistance) -> Array:
-    """Return the eigenvalues (n,) of K, with its diagonal scaled to one, in ascending order."""
-    scale = 1.0 / np.sqrt(body.K.diagonal())
-    return np.asarray(np.linalg.eigvalsh(body.K.toarray() * scale * scale[:, None]))
+    return int(np.sum(body.scaled_eigenvalues < body.least_energy))
 
 
 def _nodes_without_rotations(body: Resistance) -> Mask:

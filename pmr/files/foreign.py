@@ -112,6 +112,10 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     if len(pairs) != K.shape[0]:
         allowed = f"a line for each of the {K.shape[0]} rows of {files.stiffness.name} is allowed"
         raise InputError(str(files.dofs), "", len(pairs), allowed)
+    if M.shape == K.shape:  # a rotation that nothing resists or carries does not exist, as of a node of solids
+        sizes = sum(np.asarray(abs(A).sum(axis=1)).ravel() for A in (K, M))
+        there = np.flatnonzero((sizes > 0.0) | (pairs[:, 1] < 4))
+        K, M, pairs = K[there][:, there], M[there][:, there], pairs[there]
     modal = pairs[:, 1] == 0  # a scalar point: it has no node
     if modal.any():
         nodes = nodes.only(np.unique(pairs[~modal, 0]))

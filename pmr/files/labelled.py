@@ -113,7 +113,9 @@ class Bulk:
     """Content of a bulk data file of Nastran."""
 
     matrices: dict[str, sp.csr_matrix]  #: Real DMIG matrices by name, square or symmetric
-    pairs: Indices  #: (n, 2) array: grid point and component (1 to 6) of each of the n rows, ascending
+    #: (n, 2) array: grid point and component (1 to 6; 0 of scalar points) of each of the n rows, ascending; without
+    #: matrices those of EXTRN in its order
+    pairs: Indices
     numbers: Indices  #: (N,) array: numbers of the grid points
     points: Array  #: (N, 3) array, m: positions of the grid points
     groups: dict[str, Indices]  #: Grid points of each SET1 entry, by names such as ``set7``
@@ -172,6 +174,8 @@ def _read_bulk(path: Path, changed: int, size: int) -> Bulk:
             values = np.asarray(card.Real, float)
             entries[name] = Entries(np.asarray(card.GCi, np.int64), np.asarray(card.GCj, np.int64), values)
     pairs = np.unique(np.vstack([np.empty((0, 2), np.int64), *(matrix.pairs for matrix in entries.values())]), axis=0)
+    if not entries:
+        pairs = _external_pairs(text)
     grids = sorted(deck.nodes)
     axes = dict[int, Array]()
     for grid in grids:
@@ -211,7 +215,7 @@ def _group_sets(text: Sequence[str], grids: Indices) -> dict[str, Indices]:
     A range contains all of its numbers that are in `grids`.
     """
     sets = dict[str, Indices]()
-    for line, fields in _set_entries(text):
+    for line, fields in _entries(text, "SET1"):
         number, *parts = [field for field in fields if field] or [""]
         members = list[Indices]()
         try:
@@ -229,8 +233,21 @@ def _group_sets(text: Sequence[str], grids: Indices) -> dict[str, Indices]:
     return sets
 
 
-def _set_entries(text: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number of the first line and the fields of each SET1 entry.
+def _external_pairs(text: Sequence[str]) -> Indices:
+    """Return grid point and component (n, 2) of the rows of a superelement's matrices, as EXTRN lists them."""
+    pairs = list[tuple[int, int]]()
+    for line, fields in _entries(text, "EXTRN"):
+        named = [field for field in fields if field]
+        try:
+            for node, components in zip(named[::2], named[1::2], strict=True):
+                pairs += [(int(node), int(component)) for component in components]
+        except ValueError:
+            raise UnreadableError("EXTRN with pairs of grid point and components is allowed", line) from None
+    return np.array(pairs, np.int64).reshape(-1, 2)
+
+
+def _entries(text: Sequence[str], name: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number of the first line and the fields of each entry of a `name`.
 
     Continuation lines of an entry begin with a blank, plus, star or comma.
     """
@@ -239,7 +256,7 @@ def _set_entries(text: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
         line = line.partition("$")[0].rstrip().expandtabs(8)
         if not line:
             continue
-        starts = re.match(r"SET1\b", line, re.IGNORECASE) is not None
+        starts = re.match(rf"{name}\b", line, re.IGNORECASE) is not None
         if begun and (starts or line[0] not in " +*,"):
             yield begun, fields
             begun = 0
@@ -364,6 +381,8 @@ def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str, name: str = "")
         return by_name[name.upper()]
     square = [key for key, matrix in by_name.items() if matrix.shape[0] == matrix.shape[1]]
     begins = [key for key in square if key.startswith(letter) and not key.startswith("K4")]
+    largest = max((by_name[key].shape[0] for key in begins), default=0)  # EXTSEOUT writes (1, 1) for what there is not
+    begins = [key for key in begins if by_name[key].shape[0] == largest]
     partners = [key for key in begins if {"K" + key[1:], "M" + key[1:]} <= {*square}]
     begins = partners if len(partners) == 1 else begins
     candidates = [*by_name] if len(by_name) == 1 else begins

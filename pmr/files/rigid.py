@@ -27,6 +27,9 @@ from pmr.files.arrays import Array, Indices
 
 #: Names of the directions of a coordinate: displacements along the axes and rotations about them.
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+#: Energy of a free motion of unit size up to which the rounding of a condensation may go (8e-11 of a superelement of
+#: Nastran).
+CONDENSED = 2e-10
 #: Largest number of coordinates for which dense matrices are decomposed.
 DENSE = 3000
 #: Least and largest rounding of the sum of a row's entries, as a share of the sum of their magnitudes.  The first pair
@@ -233,11 +236,21 @@ class Resistance:
         return bool(self.K.nnz > 0.5 * n**2 and n <= DENSE)
 
     @cached_property
+    def scaled_eigenvalues(self) -> Array:
+        """Eigenvalues (n,) of K, with its diagonal scaled to one, in ascending order."""
+        scale = 1.0 / np.sqrt(self.K.diagonal())
+        return np.asarray(np.linalg.eigvalsh(self.K.toarray() * scale * scale[:, None]))
+
+    @cached_property
     def least_energy(self) -> float:
-        """Energy that takes a force beyond rounding, of a motion of unit size where K has a diagonal of ones."""
+        """Energy that takes a force beyond rounding, of a motion of unit size where K has a diagonal of ones.
+
+        Where no motion is free to the digits of K, those of its condensation count.
+        """
         sample = self.K.data[np.linspace(0, self.K.nnz - 1, min(self.K.nnz, 500)).astype(int)].tolist()
         digits = next((d for d in range(5, 16) if all(float(f"{x:.{d}e}") == x for x in sample)), 16)
-        return 10.0 * 10.0**-digits + 1e-13 * self.K.shape[0]
+        energy = 10.0 * 10.0**-digits + 1e-13 * self.K.shape[0]
+        return energy if self.scaled_eigenvalues[0] < energy else max(energy, CONDENSED)
 
     def _held_by_energy(self, motions: Array) -> Array:
         """Return a matrix (h, 6) that is zero for those of six rigid `motions` (n, 6) that take no energy."""

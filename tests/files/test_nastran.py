@@ -12,7 +12,7 @@ from superelements import bar, boundary, superelement
 
 from pmr.errors import InputError
 from pmr.files.foreign import foreign_files, read_foreign
-from pmr.files.labelled import UnreadableError, only_matrix, read_output4
+from pmr.files.labelled import UnreadableError, only_matrix, read_bulk, read_output4
 from pmr.files.matrices import GivenMatrices
 
 pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed")
@@ -124,3 +124,15 @@ def test_masses_of_which_none_goes_with_the_stiffness_are_refused() -> None:
     A = sp.eye(2, format="csr")
     with pytest.raises(UnreadableError, match="begins with M is allowed, not KAA, MBB, MCC; --mass-name"):
         only_matrix({"KAA": A, "MBB": A, "MCC": A}, "M")
+
+
+def test_rows_of_output4_are_those_of_extrn(tmp_path: Path) -> None:
+    text = (
+        "BEGIN SUPER     111\nEXTRN   7       123     3       12      12      2\n        90001   0\nGRID,3,,0.,1.,2.\n"
+    )
+    (tmp_path / "part.pch").write_text(text)
+    pairs = read_bulk(tmp_path / "part.pch").pairs.tolist()
+    assert pairs == [[7, 1], [7, 2], [7, 3], [3, 1], [3, 2], [12, 2], [90001, 0]]
+    (tmp_path / "part.pch").write_text(text.replace("90001   0", "90001"))
+    with pytest.raises(UnreadableError, match="EXTRN with pairs"):
+        read_bulk(tmp_path / "part.pch")
