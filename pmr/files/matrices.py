@@ -72,6 +72,8 @@ class GivenMatrices:
             if outside.size:
                 raise self._refusal(name, int(outside[0]), f"{least} to {most} is allowed")
         at = np.flatnonzero(~self.modal)
+        if not len(at):
+            raise self._refusal("node", None, "coordinates of nodes are allowed, not modal amplitudes alone")
         if len(np.unique(self.node[at] * len(DIRECTIONS) + self.direction[at])) != len(at):
             raise self._refusal("node", None, "one coordinate for each node and direction is allowed")
         for name, nodes in self.groups.items():

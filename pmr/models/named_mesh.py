@@ -6,6 +6,7 @@ degenerate, inverted, folded or unconnected.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name
 from pmr.fem.compat import MPI, cell_topology, create_mesh
 from pmr.files.arrays import Array, Indices
+from pmr.files.cards import Place
 from pmr.files.decks import KINDS, read_deck
 from pmr.models.mesh_nodes import codes
 
@@ -78,7 +80,8 @@ def _deck_content(file: Path) -> MeshFile:
     for block in deck.elements:
         kind = KINDS.get(block.type)
         if kind is None:
-            raise InputError(str(file), "", None, f"cells of type {block.type}; linear cells are allowed")
+            where = block.lines[0] if block.lines else Place(str(file), 1)
+            raise where.error(f"cells of type {block.type or 'none'}; linear cells are allowed")
         if block.nodes:
             blocks.append(Cells(kind, np.array([[place[node] for node in nodes] for nodes in block.nodes], np.int64)))
     numbers = [np.array(block.numbers) for block in deck.elements if block.nodes]
@@ -101,10 +104,12 @@ def _meshio_content(file: Path) -> MeshFile:
     try:
         with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # meshio prints what it tried
             mesh = meshio.read(file)
-    except (Exception, SystemExit):  # meshio raises SystemExit if no reader fits
-        hint = ", of gmsh with Mesh.SaveAll = 0," if file.suffix.lower() == ".msh" else ""
-        allowed = f"meshio can't read it; a mesh with named groups{hint} is allowed"
+    except ModuleNotFoundError as error:
+        allowed = f"meshio reads {file.suffix} files with the package {error.name}, which is not installed"
         raise InputError(str(file), "", None, allowed) from None
+    except (Exception, SystemExit):  # meshio raises SystemExit if no reader fits
+        reason = _unreadable_msh(file) if file.suffix.lower() == ".msh" else "a mesh with named groups is allowed"
+        raise InputError(str(file), "", None, f"meshio can't read it; {reason}") from None
     strange = sorted({block.type for block in mesh.cells} - set(DIMENSIONS))
     if strange:
         raise InputError(str(file), "", None, f"cells of type {', '.join(strange)}; linear cells are allowed")
@@ -113,6 +118,22 @@ def _meshio_content(file: Path) -> MeshFile:
         points = np.empty((0, 3))
     blocks = [Cells(block.type, np.asarray(block.data, np.int64)) for block in mesh.cells]
     return MeshFile(points, blocks, _physical_groups(mesh))
+
+
+def _unreadable_msh(file: Path) -> str:
+    """Return what gmsh has to write in place of a file that meshio can't read, as far as its head tells."""
+    if not file.is_file():
+        return "a mesh with named groups, of gmsh with Mesh.SaveAll = 0, is allowed"
+    content = file.read_bytes()
+    head = re.match(rb"\$MeshFormat\s+(\d+(?:\.\d+)?)\s", content)
+    if content[:4] == b"$NOD" or (head and head[1] not in (b"2.2", b"4.1")):
+        version = "1" if head is None else head[1].decode()
+        return f"version 4.1 or 2.2 is allowed (Mesh.MshFileVersion), this is {version}"
+    if b"$PartitionedEntities" in content:
+        return "a mesh without partitions is allowed: this one is partitioned (Mesh.NbPartitions = 0)"
+    if b"$ParametricNodes" in content or re.search(rb"\n[0-3] \d+ 1 \d+\r?\n", content.partition(b"$EndNodes")[0]):
+        return "nodes without parameters are allowed (Mesh.SaveParametric = 0)"
+    return "a mesh with named groups, of gmsh with Mesh.SaveAll = 0, is allowed"
 
 
 def _physical_groups(mesh: meshio.Mesh) -> dict[str, list[Indices]]:

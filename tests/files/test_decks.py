@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import resource
+import time
 from pathlib import Path
 
 import numpy as np
@@ -234,8 +237,9 @@ def test_steps_take_the_nodes_between_that_there_are(tmp_path: Path) -> None:
 
 def test_damaged_decks_are_read_or_refused_in_one_line(tmp_path: Path) -> None:
     """Numbers, names, lines and bytes changed at random: no traceback, and as many nodes as there are lines at most."""
-    rng = np.random.default_rng(52)
-    for text in (BAR, PARTS) * 50:
+    rng, before = np.random.default_rng(52), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for text in (BAR, PARTS) * (1000 if os.environ.get("PMR_SWEEP") == "full" else 50):
+        begun = time.process_time()
         content = scratched(text.encode(), rng)
         (tmp_path / "job.inp").write_bytes(content)
         try:
@@ -245,3 +249,5 @@ def test_damaged_decks_are_read_or_refused_in_one_line(tmp_path: Path) -> None:
         else:
             assert len(read.nodes) <= 2 * content.count(b"\n")
             assert all(members <= read.nodes.keys() for members in read.node_sets.values())
+        assert time.process_time() - begun < 10.0
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1e6  # kB

@@ -14,7 +14,7 @@ from superelements import bar, boundary, superelement
 
 import pmr
 from pmr.errors import InputError
-from pmr.files.matrices import GivenMatrices
+from pmr.files.matrices import MODAL, GivenMatrices, from_matrices
 
 
 def frequencies(body: GivenMatrices, folder: Path) -> np.ndarray:
@@ -80,3 +80,9 @@ def test_an_amplitude_that_takes_energy_away_is_refused() -> None:
     M[0, -1] = M[-1, 0] = 10.0 * np.sqrt(part.M[0, 0] * part.M[-1, -1])
     with pytest.raises(InputError, match="without negative eigenvalues"):
         replace(part, M=sp.csr_matrix(M))
+
+
+def test_amplitudes_alone_are_refused() -> None:
+    none = np.full(2, MODAL)
+    with pytest.raises(InputError, match="coordinates of nodes are allowed, not modal amplitudes alone"):
+        from_matrices(np.eye(2), np.eye(2), np.eye(3), {}, none, none)

@@ -51,7 +51,7 @@ def test_a_deck_is_read_as_cells_and_groups(tmp_path: Path) -> None:
         ("*NODE", "*INCLUDE, INPUT=a.inp\n*NODE", "line 1: INPUT=a.inp: no such file"),
         ("1, 1, 2, 3", "1, 1, 2, 9", "line 7: element 1 has node 9, which is not in the file"),
         ("*ELSET", "*NODE\n1, 5., 0., 0.\n*ELSET", "line 13: node 1 is there a second time"),
-        ("TYPE=T3D2", "TYPE=T3D3", "cells of type T3D3; linear cells are allowed"),
+        ("TYPE=T3D2", "TYPE=T3D3", "line 11: cells of type T3D3; linear cells are allowed"),
         ("*NODE", "*NODE, SYSTEM=S", "line 1: SYSTEM=S is not read"),
     ],
 )
@@ -117,3 +117,17 @@ def test_groups_that_gmsh_left_out_are_said_to_be(tmp_path: Path) -> None:
 def test_a_file_of_gmsh_that_is_not_read_says_how_to_save_it(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="meshio can't read it; .* of gmsh with Mesh.SaveAll = 0"):
         read_mesh(written(tmp_path, "$MeshFormat\n", "cut.msh"), ("triangle",))
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("$MeshFormat\n4 0 8\n$EndMeshFormat\n", "version 4.1 or 2.2 is allowed .*, this is 4"),
+        ("$NOD\n1\n1 0 0 0\n$ENDNOD\n", "this is 1"),
+        ("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PartitionedEntities\n", "without partitions is allowed"),
+        ("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 1 1 1\n0 1 1 1\n1\n0 0\n", "Mesh.SaveParametric = 0"),
+    ],
+)
+def test_what_gmsh_wrote_beyond_plain_groups_is_refused_with_its_option(text: str, says: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"m.msh: meshio can't read it; .*{says}"):
+        read_mesh(written(tmp_path, text, "m.msh"), ("triangle",))
