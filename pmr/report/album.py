@@ -175,7 +175,7 @@ class _Views:
             yield Piece(np.concatenate([foot + across, lug + across]), sides, None, CYLINDER)
 
     def _ground_pieces(self, moment: Moment) -> Iterator[Piece]:
-        """Yield a level plane below a boom, at the foot of its luffing cylinder or at its pivot.
+        """Yield a level plane below a boom: its ground, else at the foot of its luffing cylinder or at its pivot.
 
         Nothing is yielded for a body alone, or if no weight acts.
         """
@@ -187,6 +187,7 @@ class _Views:
             (angle,) = frame.angles[0].value(np.array([moment.t]))
             up, pivot = np.array([np.sin(angle), 0.0, np.cos(angle)]), -np.array(frame.tail_position)
             below = 0.0 if frame.cylinder is None else min(frame.cylinder.foot[1], 0.0)
+            below = below if frame.ground is None else -frame.ground.height
         ahead = np.array([1.0, 0.0, 0.0]) - up[0] * up
         if (level := float(np.linalg.norm(ahead))) > 0.1:
             ahead, aside = ahead / level, np.cross(up, ahead / level)

@@ -382,10 +382,11 @@ QUANTITIES: Mapping[str, Quantity] = {
             "largest net moment of the boom on its machine, about the pivot",
         ),
         Quantity(
-            "ground_force", "forces on the ground", "N", "ground", (), "largest force of the machine on the ground"
+            "ground_force", "forces on the ground", "N", "ground", (), "largest net force of the machine on the ground"
         ),
         Quantity(
-            "ground_moment", "moments on the ground", "N m", "ground", (), "largest moment of the machine on the ground"
+            "ground_moment", "moments on the ground", "N m", "ground", (),
+            "largest net moment of the machine on the ground",
         ),
         Quantity(
             "outrigger_force", "outrigger forces", "N", "ground", ("outrigger",), "largest force of an outrigger",
