@@ -26,7 +26,6 @@ from pmr.simulation.excitation import Excitation
         ("hoist.winch={section='fly', at=[6.5, 0.0, 0.0]}", "hoist.winch.at"),
         ("frame.base.rx={kind='sine', amplitude=1.0, frequency=0.1}", "hoist.winch.section"),
         ("frame.machine={mass=1e4}", "hoist"),
-        ("frame={pivot=[0.0, 0.0, 0.0], luffing='free'}", "hoist"),
         ("simulation.simulators=['exudyn']", "simulation.simulators"),
         ("simulation.full=petsc", "compare.against"),
     ],
@@ -40,6 +39,11 @@ def test_what_does_not_fit_is_refused_with_its_key(change: str, key: str) -> Non
 def test_a_head_that_is_not_at_the_tip_is_refused_in_second_order() -> None:
     with pytest.raises(InputError, match=r"hoist\.on"):
         pmr.load_scene("hoist", ["frame.second_order=true", "hoist.on=5.0"])
+
+
+def test_a_free_luffing_angle_is_refused() -> None:
+    with pytest.raises(InputError, match=r"hoist\.toml: hoist: none is allowed beside frame\.luffing = 'free'"):
+        pmr.load_scene("hoist", ["frame.luffing=free", "frame.luffing_start=45.0", "frame.cylinder.force=1e5"])
 
 
 def test_a_head_off_the_axis_turns_its_section() -> None:
