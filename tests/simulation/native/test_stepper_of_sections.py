@@ -142,7 +142,7 @@ def test_motions_are_taken_in_whatever_form_they_are_given() -> None:
     values, rates = (3.0, np.float64(3.0), 3, [3.0], np.array([3.0])), ((3.0, 2.0), (np.float64(3.0), 2), [3, 2.0])
     for motion in (*values, *rates, (3.0, 2.0, 1), (3.0, 2.0, 1.0)):
         motions, rows = np.zeros((3, 4)), np.zeros(4, np.int32)
-        names = ("middle", "fly"), ("gravity", "tip force"), None
+        names = ("middle", "fly"), {"gravity": 2, "tip force": 3}, None
         drivers = Drivers(motions, rows, names, {"middle": (0.0, 3.0), "fly": (0.0, 3.0)}, STEP, in_parts=True)
         drivers.take_path([1.0, 2.0])
         drivers.take_loads({"tip force": motion})

@@ -1,0 +1,117 @@
+"""A hoist driven from outside: a stepper and an FMU beside the run, with a frame and without one."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from export.fmi.libraries import Instance, loaded
+from hoists import cantilever
+
+import pmr
+from pmr.errors import InputError
+from pmr.export.fmi.fmu import fmu_contents
+from pmr.export.fmi.variables import Drivers
+from pmr.scene import Scene
+from pmr.scene.hoist import OUTPUTS, ROPE_FORCE
+from pmr.simulation.excitation import Excitation
+from pmr.simulation.moving import MovingFrame, read_scene
+from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.stepper import Stepper
+from pmr.system.system import System
+
+CRANE = (
+    "compare.against=[]",
+    "section.mesh.elements=6",
+    "frame.slewing.times=[-0.2,1.6]",
+    "section.joint.extension.times=[0.0,0.9]",
+    "hoist.speed.times=[0.0,0.2,0.6,0.8]",
+    "hoist.wind.y.times=[0.0,0.1,0.3]",
+    "time.end=0.2",
+    "time.rho_inf=0.9",
+)
+WOUND = {"hoist.EA": 1e6, "hoist.speed": {"kind": "sine", "amplitude": 0.5, "frequency": 2.0}, "time.end": 0.2}
+FORCE = [*OUTPUTS].index(ROPE_FORCE)
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module", params=["crane", "cantilever"])
+def system(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> System:
+    soft = {"body.material.young": 2.1e10, "time.rho_inf": 0.9}
+    scene = pmr.load_scene("hoist", CRANE) if request.param == "crane" else cantilever(WOUND | soft)
+    return System.load(pmr.reduce(scene).system.save(tmp_path_factory.mktemp("system") / "system.npz"))
+
+
+@pytest.fixture(scope="module")
+def scene(system: System) -> Scene:
+    stored = read_scene(system, "system").scene
+    assert stored is not None
+    return stored
+
+
+@pytest.fixture(scope="module")
+def hoisted(system: System, scene: Scene) -> np.ndarray:
+    """Outputs (T, 7) of the hoist in a run."""
+    shown = systems.simulate_form(SystemForm.of(system), Excitation.from_scene(scene)).hoist
+    assert shown is not None
+    return shown
+
+
+def assert_close(found: Any, expected: np.ndarray, bound: float) -> None:
+    """That places in m, angles in rad and forces, which are some thousand times as large, are off by `bound`."""
+    scale = np.maximum(np.abs(expected).max(axis=0), np.where(np.arange(7) == FORCE, 0.0, 1.0))
+    np.testing.assert_allclose(np.array(found) / scale, expected / scale, rtol=0.0, atol=bound)
+
+
+def test_a_stepper_is_the_run(system: System, scene: Scene, hoisted: np.ndarray) -> None:
+    excitation, frame = Excitation.from_scene(scene), MovingFrame.from_system(system)
+    t, found = excitation.times, list[list[float]]()
+    if frame is None:
+        loads, paths = {**excitation.loads, **excitation.hoist}, excitation.paths
+        at = [{name: float(loads[name].value(now)) for name in system.load_names} for now in t]
+        steps: list[dict[str, Any]] = [
+            {"s": {name: float(path.value(now)) for name, path in paths.items()}, "F": F}
+            for now, F in zip(t, at, strict=True)
+        ]
+    else:
+        motions = dict(zip(frame.drivers, np.moveaxis(frame.motions(excitation, t), 1, 0), strict=True))
+        turned = [name for name in frame.drivers if name not in (*frame.paths, *frame.loads)]
+        steps = [
+            {
+                "s": {path: tuple(motions[path][:, k].tolist()) for path in frame.paths},
+                "F": {load: float(motions[load][0, k]) for load in frame.loads},
+                "frame": {name: tuple(motions[name][:, k].tolist()) for name in turned},
+            }
+            for k in range(len(t))
+        ]
+    stepper = Stepper(system, scene.time.step, **steps[0], rho_inf=scene.time.rho_inf, outputs=[*OUTPUTS])
+    found.append([*stepper.hoist.values()])
+    found += [stepper.step(**step).tolist() for step in steps[1:]]
+    assert_close(found, hoisted, 1e-10)
+
+
+def test_an_fmu_is_the_run(system: System, scene: Scene, hoisted: np.ndarray, tmp_path: Path) -> None:
+    contents = fmu_contents(system, read_scene(system, "system"), "hoist", "3")
+    library, step = loaded(contents, tmp_path, "3"), scene.time.step
+    head, *rows = contents.texts["resources/reference_in.csv"].splitlines()
+    names, table = [name.strip('"') for name in head.split(",")], np.array([row.split(",") for row in rows], float)
+    instance, found = Instance(library), list[np.ndarray]()
+    outputs = [re.sub(" ", "_", name) for name in OUTPUTS]
+    instance.set(["internal_step"], [step])
+    instance.initialise(names[1:], table[0, 1:])
+    for k in range(len(table)):
+        found.append(instance.get(outputs))
+        instance.set(names[1:], table[k, 1:])
+        instance.step(k * step, step)
+    assert not any(name.startswith(("hoist_x", "fly_hoist")) for name in library.named("input"))
+    assert_close(found, hoisted, 1e-6)
+
+
+def test_model_exchange_and_linear_models_are_refused(system: System) -> None:
+    assert not Drivers.of(system).is_differential
+    with pytest.raises(InputError, match="hoist: a scene without it is allowed here"):
+        system.ensure_constant("matlab")
