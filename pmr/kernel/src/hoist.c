@@ -14,7 +14,10 @@
    longer change.  Payload and bodies are stepped by one scheme.  The damper's rate is the mean one of the part. */
 
 #define HOIST_TIMES 60
+/* Change of the rope's forces that counts as none, over the largest, and up to which one that shrinks no more is
+   round-off: that of places, times the rope's stiffness. */
 #define HOIST_SETTLED 1e-11
+#define HOIST_CLOSE 1e-6
 #define HOIST_NEAR 1e-9
 #define HOIST_STILL 1e-13
 #define HOIST_EXACT (8.0 * DBL_EPSILON)
@@ -282,7 +285,7 @@ static int pull_rope(pmr_state *st, const pmr_scheme *c, const double *free)
         if (change <= HOIST_EXACT * rope.length || (change < HOIST_NEAR * rope.length && change >= before)) break;
         before = change;
     }
-    if (times == HOIST_TIMES) return PMR_UNCONVERGED;
+    if (times == HOIST_TIMES) return PMR_BLOCKED; /* directions change that fast near the sheaves alone */
     now[AT_FORCE] = force;
     now[AT_ELASTIC] = larger(elastic * (now[AT_LENGTH] - unstretched), 0.0);
     for (k = 0; k < y->hoist; k++) st->new_pulls[k] = -force * slope[k];
@@ -292,9 +295,9 @@ static int pull_rope(pmr_state *st, const pmr_scheme *c, const double *free)
     return PMR_DONE;
 }
 
-/* Take the rope's forces over into what bodies and contacts are pushed by; 1 where they have changed by more than
-   counts. */
-static int take_pulls(pmr_state *st, int follows)
+/* Take the rope's forces over into what bodies and contacts are pushed by, and return their largest change over the
+   largest of them. */
+static double take_pulls(pmr_state *st, int follows)
 {
     const pmr_system *y = st->system;
     double largest = y->hoist_numbers[HOIST_MASS] * st->slots[SLOT_GRAVITY], off = 0.0;
@@ -318,7 +321,7 @@ static int take_pulls(pmr_state *st, int follows)
             st->excess[n] += rows[n] * change;
         }
     }
-    return off > HOIST_SETTLED * largest;
+    return largest > 0.0 ? off / largest : 0.0;
 }
 
 static int find_multipliers(pmr_state *st, const pmr_scheme *c);
@@ -329,7 +332,8 @@ static int settle_hoist(pmr_state *st, const pmr_scheme *c)
 {
     const pmr_system *y = st->system;
     const int follows = !(y->registers || y->pads || y->pushing);
-    int times, again, failed, k, l;
+    double change, before = INFINITY;
+    int times, failed, k, l;
     for (times = 0; times < HOIST_TIMES; times++) {
         if (times) pmr_restart(&st->iteration);
         failed = find_multipliers(st, c);
@@ -341,8 +345,9 @@ static int settle_hoist(pmr_state *st, const pmr_scheme *c)
         }
         failed = pull_rope(st, c, st->hoist_free);
         if (failed) return failed;
-        again = take_pulls(st, follows);
-        if (follows || !again) return PMR_DONE;
+        change = take_pulls(st, follows);
+        if (follows || change <= HOIST_SETTLED || (change <= HOIST_CLOSE && change >= before)) return PMR_DONE;
+        before = change;
     }
     return PMR_UNCONVERGED;
 }
