@@ -48,6 +48,15 @@ def pushing_pads(found: Found) -> None:
 
 
 @figures_of
+def anti_sway(found: Found) -> None:
+    one, two = found["residual"].values()
+    assert one > 15.0 and two < 0.1 * one
+    t, ramp = found["responses"]["one ramp"].t, found["scenes"]["one ramp"].frame.angles[1]
+    swing = found["responses"]["one ramp"].other("swing of the hook across the boom")
+    assert np.argmax(np.abs(swing) > 1e-3) * t[1] < 2.0 and float(ramp.value(np.array([t[-1]]))[0]) == np.deg2rad(20.0)
+
+
+@figures_of
 def crane(found: Found) -> None:
     lowest = [curve.models["full"][:, 0].min() for curve in found["curves"].values()]
     assert lowest == sorted(lowest, reverse=True) and max(found["sway"].values()) < 1e-3

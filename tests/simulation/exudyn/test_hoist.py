@@ -29,7 +29,7 @@ def swing_in_exudyn(place: list[float], velocity: list[float]) -> Any:
         referencePosition=place, initialVelocity=velocity, physicsMass=100.0, gravity=[0.0, 0.0, -G]
     )
     stiffness = EA / (HANGING + REACH)
-    mbs.CreateSpringDamper(bodyNumbers=[ground, mass], referenceLength=HANGING, stiffness=stiffness)
+    mbs.CreateSpringDamper(itemNumbers=[ground, mass], referenceLength=HANGING, stiffness=stiffness)
     variable = exu.OutputVariableType.Position
     sensor = mbs.AddSensor(SensorBody(bodyNumber=mass, storeInternal=True, outputVariableType=variable))
     mbs.Assemble()
@@ -37,8 +37,8 @@ def swing_in_exudyn(place: list[float], velocity: list[float]) -> Any:
     settings.timeIntegration.numberOfSteps, settings.timeIntegration.endTime = round(SPAN / STEP), SPAN
     settings.timeIntegration.generalizedAlpha.spectralRadius = 0.9
     settings.timeIntegration.newton.relativeTolerance = 1e-10
-    settings.solutionSettings.sensorsWritePeriod = STEP
-    settings.solutionSettings.writeSolutionToFile = False
+    settings.solution.sensors.writePeriod = STEP
+    settings.solution.file.write = False
     settings.timeIntegration.verboseMode = 0
     mbs.SolveDynamic(settings)
     stored = mbs.GetSensorStoredData(sensor)
