@@ -120,6 +120,10 @@ def _check_ground(scene: Scene) -> None:
     """Refuse a ground that nothing presses on, or on which a base stands whose forces at the pivot are not known."""
     if scene.gravity is None:
         raise scene_error("gravity", None, "a table is needed beside frame.ground: the weight presses on the ground")
+    assert scene.frame is not None and scene.frame.ground is not None
+    if scene.frame.luffing == "free" and any(scene.frame.ground.slope):
+        allowed = "no slope is allowed beside a free luffing angle: frame.base.rx and ry incline the machine"
+        raise scene_error("frame.ground.slope", list(scene.frame.ground.slope), allowed)
     for support in scene.sections[0].supports:
         if support.points == "all":
             allowed = "'mean' is allowed beside frame.ground, as forces of 'all' points are not known"
