@@ -6,10 +6,12 @@ and gain of sensors, and errors of the model in measured outputs.  Loads and err
 .. math::
     f_{k+1} = e^{-h/\tau} f_k + w_k, \qquad \mathrm{var}(w_k) = \sigma^2 (1 - e^{-2h/\tau})
 
-A payload m beside that of the reference motion acts as the load :math:`-m (g + a)`, in which a is the expected
-acceleration of the place that carries it, so that the model stays linear.  The measured one would not do: its noise is
-that of the innovation, too, and their product a bias.  (Simon, *Optimal State Estimation*, 2006,
-section 5.1; Lourens and others, *An augmented Kalman filter for force identification*, 2012.)
+A payload m beside that of the reference motion acts as the load :math:`-m (g + a)`, with the acceleration a of the
+place that carries it.  In gains a is that of the reference motion; what the payload's estimate does by the rest of the
+estimated acceleration is a known load.  So gains do not depend on what is measured: the product of an estimated
+acceleration with innovations that are not white, as of any model that lacks something, would be a bias.
+(Simon, *Optimal State Estimation*, 2006, section 5.1; Lourens and others, *An augmented Kalman filter for force
+identification*, 2012.)
 """
 
 from __future__ import annotations
@@ -276,7 +278,7 @@ class _Filter:
         if observer.payload is not None:
             self.Q[self.of_payload] = observer.payload.wander**2 * self.h
         self.Q[n // 3 : 2 * n // 3] = (observer.disturbance * self.h) ** 2
-        self.rows = np.zeros((len(model.outputs), N))
+        self.rows, self.shift = np.zeros((len(model.outputs), N)), np.zeros(len(model.outputs))
 
     def unknown_variances(self) -> Array:
         """Variances (u,) of the unknowns."""
@@ -290,6 +292,14 @@ class _Filter:
             return columns
         return np.column_stack([columns, self.lift * of_loads[:, model.input_number(payload.input)]])
 
+    def _swing(self, of_loads: Array) -> Array:
+        """What the payload's inertia does beside the reference's acceleration, by derivatives (., i) by loads."""
+        payload, model = self.observer.payload, self.observer.model
+        if payload is None:
+            return np.zeros(len(of_loads))
+        acceleration = float(self.rows[model.output_number(payload.acceleration)] @ self.x)
+        return of_loads[:, model.input_number(payload.input)] * -acceleration * float(self.x[self.of_payload][0])
+
     def update(self, k: int, measured: Array, present: NDArray[np.bool_]) -> Array:
         """Correct the state by measurements (p,) at step k; return innovations (p,) over their standard deviations."""
         observer, model = self.observer, self.observer.model
@@ -299,16 +309,16 @@ class _Filter:
         for j, parameter in enumerate(observer.parameters):
             rows[:, self.of_parameters.start + j] = parameter.sensitivity[k]
         if payload is not None:
-            number = model.output_number(payload.acceleration)
-            self.lift = -(payload.gravity + float(model.reference[k, number] + rows[number] @ self.x))
+            self.lift = -(payload.gravity + float(model.reference[k, model.output_number(payload.acceleration)]))
             rows[:, n : self.of_payload.stop] = self._load_rows(model.D[k])
-        predicted = model.reference[k] + rows @ self.x
+        self.shift = self._swing(model.D[k])
+        predicted = model.reference[k] + self.shift + rows @ self.x
         H = rows[self.number].copy()
         H[self.biased, range(self.of_bias.start, self.of_bias.stop)] = 1.0
         H[self.scaled, range(self.of_gain.start, self.of_gain.stop)] = predicted[self.number[self.scaled]]
         off = self.number[self.off]
         H[self.off, range(self.of_errors.start, self.of_errors.stop)] = self.errors[off] * np.sqrt(self.square[off])
-        expected = model.reference[k, self.number] + H @ self.x
+        expected = (model.reference[k] + self.shift)[self.number] + H @ self.x
         innovations = np.full(len(self.number), np.nan)
         used = np.nonzero(present)[0]
         if len(used):
@@ -326,7 +336,7 @@ class _Filter:
 
     def outputs(self, k: int) -> tuple[Array, Array]:
         """Mean and variance (q,) of the outputs at step k, after `update`, with the errors of the model."""
-        mean = self.observer.model.reference[k] + self.rows @ self.x
+        mean = self.observer.model.reference[k] + self.shift + self.rows @ self.x
         self.square += (mean**2 - self.square) * min(1.0, self.h / self.observer.error_time / 10.0)
         variance = np.sum((self.rows @ self.P) * self.rows, axis=1)
         return mean, np.maximum(variance, 0.0) + self.errors**2 * self.square
@@ -337,7 +347,9 @@ class _Filter:
         F = np.diag(self.decay)
         F[:n, :n] = model.A[k]
         F[:n, n : self.of_payload.stop] = self._load_rows(model.B[k])
+        swing = self._swing(model.B[k])
         self.x = F @ self.x
+        self.x[:n] += swing
         self.P = F @ self.P @ F.T
         self.P[range(len(self.x)), range(len(self.x))] += self.Q
 

@@ -63,6 +63,24 @@ def test_a_payload_is_told_and_its_band_holds() -> None:
     assert not estimates.alarms[100:].any()
 
 
+@pytest.mark.slow
+def test_a_payload_has_no_bias_where_innovations_are_not_white() -> None:
+    """An accelerometer whose noise is overstated 50 times tells next to nothing, and does not move the payload."""
+    model, apart = oscillator(400), list[float]()
+    payload, loads = Payload("push", OUTPUTS[0], 20.0), [UnknownLoad("push", 60.0, -H / np.log(0.9))]
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        y = weight(model, 4.0, rng, 60.0)
+        data = measured(model, y, np.array([0.02, 0.0, 20.0]), rng, (OUTPUTS[0], OUTPUTS[2]))
+        sensors = [Sensor(OUTPUTS[2], 20.0), Sensor(OUTPUTS[0], 1.0)]
+        alone, both = (
+            Observer(model, used, loads, payload).run({sensor.output: data[sensor.output] for sensor in used})
+            for used in (sensors[:1], sensors)
+        )
+        apart.append(float(np.mean((both.of("payload")[0] - alone.of("payload")[0])[100:])))
+    assert abs(np.mean(apart)) < 0.05  # 0.2 kg where gains have the estimated acceleration
+
+
 def test_accelerometers_alone_cannot_tell_a_payload() -> None:
     model = oscillator(400)
     payload, loads = Payload("push", OUTPUTS[0], 20.0), [UnknownLoad("push", 15.0, 0.1)]
