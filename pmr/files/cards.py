@@ -195,6 +195,28 @@ def rectangular(card: Card, axes: Axes | None, coordinates: Sequence[float]) -> 
     return x, y, z
 
 
+def turned_axes(card: Card, points: Array) -> Array:
+    """Return the axes (k, 3, 3), as rows, of displacements at `points` (k, 3) in m that a card `*TRANSFORM` gives.
+
+    Its line has two points: of TYPE=R one on the x axis and one in the xy plane from the origin, of TYPE=C two on the
+    polar axis, where the axes are radial, circumferential and axial.
+    """
+    kind = card.options.get("TYPE", "R").upper()
+    numbers = [number for line in card.lines for number in _numbers(line, 6)]
+    if kind not in ("R", "C") or len(numbers) != 6:
+        raise card.place.error("TYPE=R or TYPE=C with three coordinates of two points is allowed")
+    a, b = np.array(numbers[:3]), np.array(numbers[3:])
+    x = np.tile(a, (len(points), 1)) if kind == "R" else points - a
+    z = np.tile(np.cross(a, b) if kind == "R" else b - a, (len(points), 1))
+    y = np.cross(z, x)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        y, z = (axis / np.linalg.norm(axis, axis=1)[:, None] for axis in (y, z))
+    axes = np.stack([np.cross(y, z), y, z], axis=1)
+    if not np.isfinite(axes).all():
+        raise card.place.error("two points that are not on a line with the origin are allowed, and nodes off the axis")
+    return axes
+
+
 def move_instance(card: Card, points: Sequence[Point]) -> list[Point]:
     """Return nodes (N,) of an instance in its place, from their places in its part.
 

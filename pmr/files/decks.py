@@ -66,6 +66,7 @@ class Deck:
     element_sets: dict[str, set[int]] = field(default_factory=dict)
     set_spellings: dict[str, str] = field(default_factory=dict)  # names of sets as first written
     constraints: list[tuple[Place, str]] = field(default_factory=list)  # place, keyword of cards in `CONSTRAINTS`
+    turned: list[Card] = field(default_factory=list)  # cards that give nodes outside of parts axes of their own
     axes: Axes | None = None  # of the coordinates of nodes that follow; None for those of the whole
     sets: list[Card] = field(default_factory=list)  # cards of sets, read last as members may stand anywhere
     renumbered: Place | None = None  # the first instance whose nodes have other numbers than in its part
@@ -205,7 +206,9 @@ def read_deck(path: Path) -> Deck:
     for card in read_cards(path):
         if card.keyword in REFUSED:
             raise card.place.error(f"*{card.keyword} is not read; {REFUSED[card.keyword]}")
-        if card.keyword in CONSTRAINTS:
+        if card.keyword == TURNED and deck is assembly.outside:
+            assembly.whole.turned.append(card)
+        elif card.keyword in CONSTRAINTS:
             assembly.whole.constraints.append((card.place, card.keyword))
         if card.keyword in ("PART", "INSTANCE", "END PART", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY"):
             assembly.end_instance()

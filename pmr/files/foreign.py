@@ -23,7 +23,7 @@ from pmr.errors import InputError
 from pmr.errors.text import missing_file_reason
 from pmr.files import labelled
 from pmr.files.arrays import Array, Indices
-from pmr.files.cards import Place
+from pmr.files.cards import Place, turned_axes
 from pmr.files.decks import MOST_DIGITS, TURNED, read_deck
 from pmr.files.labelled import UnreadableError
 from pmr.files.matrices import MODAL, GivenMatrices
@@ -87,6 +87,7 @@ class _Nodes:
     groups: dict[str, Indices]  # numbers of the nodes in each group, by its name
     constraints: Sequence[tuple[Place, str]] = ()  # place and keyword of each card that constrains coordinates
     axes: Mapping[int, Array] = field(default_factory=dict)  # (3, 3): axes of coordinates as rows, by node with its own
+    turned: Place | None = None  # card of axes in which the matrices may be, or not
 
     def only(self, numbers: Indices) -> _Nodes:
         """Return those of the nodes that have one of the `numbers`: boundary nodes of a superelement."""
@@ -128,18 +129,34 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
         allowed = f"1 to {len(DIRECTIONS)} is allowed, or 0 of a modal amplitude"
         raise InputError(str(files.dofs), "direction", int(wrong[0]), allowed)
     _check_constraints(nodes, pairs)
-    if nodes.axes:
-        Q = _turned_coordinates(files, pairs, nodes.axes)
-        K, M = (sp.csr_matrix(Q.T @ A @ Q) if A.shape == Q.shape else A for A in (K, M))  # another shape is refused
-    return GivenMatrices(
-        M,
-        K,
-        nodes.points,
-        np.array([place.get(int(number), MODAL) if d else MODAL for number, d in pairs], dtype=np.int64),
-        pairs[:, 1] - 1,
-        {name: np.array([place[int(number)] for number in members]) for name, members in nodes.groups.items()},
-        str(files.stiffness),
-    )
+
+    def body(Q: sp.csr_matrix | None) -> GivenMatrices:
+        """Return the body whose coordinates are Q times those along the axes of the whole."""
+        on_whole = (K, M) if Q is None else (sp.csr_matrix(Q.T @ A @ Q) if A.shape == Q.shape else A for A in (K, M))
+        stiffness, mass = on_whole  # another shape is refused
+        return GivenMatrices(
+            mass,
+            stiffness,
+            nodes.points,
+            np.array([place.get(int(number), MODAL) if d else MODAL for number, d in pairs], dtype=np.int64),
+            pairs[:, 1] - 1,
+            {name: np.array([place[int(number)] for number in members]) for name, members in nodes.groups.items()},
+            str(files.stiffness),
+        )
+
+    if nodes.turned is None:
+        return body(_turned_coordinates(files, pairs, nodes.axes) if nodes.axes else None)
+    fitting, reasons = list[GivenMatrices](), list[str]()
+    for turns in (False, True):  # Abaqus writes rows along the axes of *TRANSFORM, CalculiX along those of the whole
+        try:
+            fitting.append(body(_turned_coordinates(files, pairs, nodes.axes) if turns else None))
+        except InputError as error:
+            reasons.append(error.allowed)
+    if len(fitting) != 1:
+        which = "both" if fitting else f"neither; along the whole {reasons[0]}"
+        allowed = f"rows along the axes of *TRANSFORM or along those of the whole are allowed: K fits {which}"
+        raise nodes.turned.error(allowed)
+    return fitting[0]
 
 
 def _turned_coordinates(files: ForeignFiles, pairs: Indices, axes: Mapping[int, Array]) -> sp.csr_matrix:
@@ -290,7 +307,16 @@ def _read_deck_nodes(path: Path) -> _Nodes:
         )
         raise deck.renumbered.error(allowed)
     sets = {name: [*members] for name, members in deck.node_sets.items()}
-    return replace(_make_nodes(list(deck.nodes), [*deck.nodes.values()], sets), constraints=deck.constraints)
+    axes = dict[int, Array]()
+    for card in deck.turned:
+        name = card.options.get("NSET", "")
+        if name.lower() not in deck.node_sets:
+            raise card.place.error(f"NSET={name} is no set of nodes")
+        numbers = sorted(deck.node_sets[name.lower()])
+        axes |= zip(numbers, turned_axes(card, np.array([deck.nodes[number] for number in numbers])), strict=True)
+    nodes = _make_nodes(list(deck.nodes), [*deck.nodes.values()], sets)
+    turned = deck.turned[0].place if deck.turned else None
+    return replace(nodes, constraints=deck.constraints, axes=axes, turned=turned)
 
 
 def _make_nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[str, list[int]]) -> _Nodes:

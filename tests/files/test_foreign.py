@@ -211,8 +211,8 @@ BAD: list[tuple[Callable[[ForeignFiles], ForeignFiles], str]] = [
     ),
     (changed("stiffness", "1 2\n"), "job.sti: line 1: row, column and entry are allowed, not '1 2'"),
     (
-        changed("nodes", "*STEP->*TRANSFORM, NSET=tail, TYPE=C\n0, 0, 0, 0, 0, 1\n*STEP"),
-        "job.inp: line 14: rows along the axes of the whole are allowed: *TRANSFORM",
+        changed("nodes", "*STEP->*TRANSFORM, NSET=tip, TYPE=S\n0, 0, 0, 0, 0, 1\n*STEP"),
+        "job.inp: line 14: TYPE=R or TYPE=C with three coordinates of two points is allowed",
     ),
     (
         changed(
