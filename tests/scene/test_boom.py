@@ -94,8 +94,8 @@ REFUSED = [
     ("time.step=3e-3", r"time.step = 0\.003: a whole number of steps"),
     ("recovery.every=1.5e-3", r"recovery.every = 0\.0015: a multiple of time.step"),
     ("sections.fly.bodi=1", r"unknown key; did you mean 'body'\?"),
-    ("mesh.elements=3", r"unknown key; did you mean 'sections.mesh'\? allowed: title, gravity, .* and 9 more$"),
-    ("simulaton.repeats=3", r"did you mean 'simulation'\? allowed: simulation, title, [a-z, ]{,60} and 9 more$"),
+    ("mesh.elements=3", r"unknown key; did you mean 'sections.mesh'\? allowed: title, gravity, .* and 10 more$"),
+    ("simulaton.repeats=3", r"did you mean 'simulation'\? allowed: simulation, title, [a-z, ]{,60} and 10 more$"),
     ("sections.fly.joint.frction=1", r"did you mean 'sections.joint.tail.friction'\? allowed: extension, overlap"),
 ]  # fmt: skip
 
