@@ -62,7 +62,7 @@ def crane(found: Found) -> None:
     assert lowest == sorted(lowest, reverse=True) and max(found["sway"].values()) < 1e-3
     t = found["result"].responses["reduced"].t
     raised, out = (ramp(t, *times, *values) for times, values in (((1.0, 9.0), (20.0, 60.0)), ((1.0, 7.0), (0.8, 4.5))))
-    boxes = ((0.36, 0.48, 0.010), (0.32, 0.44, 0.008), (0.28, 0.40, 0.006))
+    boxes = ((0.36, 0.48, 0.012), (0.32, 0.44, 0.010), (0.28, 0.40, 0.008))
     steel = [7850.0 * 6.0 * 2.0 * (width + height) * wall for width, height, wall in boxes]  # kg
     for hook, force in found["luffing"].items():
         moment = sum(m * (k * out + 3.0) for k, m in enumerate(steel)) + hook * (2.0 * out + 6.0)

@@ -5,8 +5,9 @@ A load chart, and what a heavier carrier changes
 A load chart has the load that a crane boom carries at every extension and angle, and the limit that governs there.
 :doc:`/tutorials/load_chart` makes one from an empty folder.  Here one chart has two limits of tipping, for carriers of
 14 and 20 tonnes.  Where the boom is far out and low, tipping governs, so the crane with the heavier carrier carries
-more.  Elsewhere the luffing cylinder governs, and nothing changes.  Last comes the chart of a boom lift whose geometry
-is published: there stress, the tip and the pads govern.  Error bars are left out, because they take most of the time.
+more.  Farther out the tip's deflection governs, elsewhere the luffing cylinder, and nothing changes.  Last comes the
+chart of a boom lift whose geometry is published: there stress, the tip and the pads govern.  Error bars are left out,
+because they take most of the time.
 """
 
 import csv

@@ -206,7 +206,7 @@ def test_templates_of_machines_ask_for_stresses_beside_a_yield_stress() -> None:
         assert all(part.body.material.yield_stress for part in scene.bodies.values())
 
 
-@pytest.mark.parametrize("kind", ["boom", "telescope", "platform"])
+@pytest.mark.parametrize("kind", ["boom", "telescope", "crane", "platform"])
 def test_walls_of_templates_give_on_cells_about_as_wide_as_their_pads(kind: str) -> None:
     """With rigid walls the first figures that anybody sees would be off by a third and more."""
     scene = scenes.load_any(Path(str(TEMPLATES / f"{kind}.toml")))
