@@ -24,7 +24,7 @@ from pmr.errors.text import NAMED, is_name
 from pmr.fem.compat import MPI, cell_topology, create_mesh
 from pmr.files.arrays import Array, Indices
 from pmr.files.cards import Place
-from pmr.files.decks import KINDS, read_deck
+from pmr.files.decks import KINDS, TURNED, read_deck
 from pmr.models.mesh_nodes import codes
 
 if TYPE_CHECKING:
@@ -73,8 +73,14 @@ def read_mesh_file(file: Path) -> MeshFile:
 
 
 def _deck_content(file: Path) -> MeshFile:
-    """Points, cells and groups of a deck; raises an `InputError` for cells that are not linear."""
+    """Points, cells and groups of a deck.
+
+    Raises an `InputError` for cells that are not linear, and for cards that tie nodes to each other.
+    """
     deck = read_deck(file)
+    for where, keyword in deck.constraints:
+        if keyword != TURNED:  # axes of nodes do not move them
+            raise where.error(f"*{keyword} ties nodes to each other; a mesh without it is allowed, joined by its nodes")
     place = {number: k for k, number in enumerate(deck.nodes)}
     blocks = list[Cells]()
     for block in deck.elements:
