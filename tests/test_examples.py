@@ -215,6 +215,18 @@ def tip_damping(found: Found) -> None:
 
 
 @figures_of
+def luffing_oil(found: Found) -> None:
+    """Shut oil holds the boom; a larger ratio takes less pressure, and sways more."""
+    low, high = found["RATIOS"]
+    assert 2.0 * low == high and found["pressure"][high] < 0.7 * found["pressure"][low]
+    assert found["sway"][high] > 1.2 * found["sway"][low] > 0.0
+    for run in found["runs"].values():
+        angle, bore = run.other("luffing angle"), run.other("luffing cylinder pressure bore")
+        np.testing.assert_allclose(angle[run.t < 0.5], np.deg2rad(20.0), rtol=0.0, atol=1e-9)
+        assert np.rad2deg(angle.max() - angle[0]) > 10.0 > np.rad2deg(angle[-1] - angle[0]) > 0.0 < bore.min()
+
+
+@figures_of
 def driven_extension(found: Found) -> None:
     mass = 7850.0 * 2.0 * 2.0 * (0.21 + 0.17) * 0.004 + 100.0  # kg
     t, push = found["t"], found["push"](found["t"])

@@ -272,7 +272,8 @@ def _chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
     `up_to` is the largest load in kg.  Raises InputError if the scene has no luffing angle.
     """
     if scene.frame is None or scene.frame.luffing is None or scene.frame.luffing == "free":
-        raise InputError("command line", "SCENE", str(file), "a scene whose [frame] has a luffing angle is allowed")
+        allowed = "a scene whose [frame] has a luffing angle over time is allowed"
+        raise InputError("command line", "SCENE", str(file), allowed)
     if not up_to > 0.0:
         raise InputError("command line", "--up-to", up_to, "a load above 0 kg is allowed")
     end, names = scene.time.end, scene.names[1:]

@@ -156,8 +156,35 @@ MOVED: dict[str, Any] = BOOM | {
         },
     },
 }
+LUFFED: dict[str, Any] = BOOM | {
+    "title": "Boom raised by oil",
+    "gravity": {"rise": 0.0},
+    "frame": {
+        "pivot": [0.0, 0.0, 0.0],
+        "luffing": "free",
+        "luffing_start": 0.3,
+        "cylinder": {
+            "foot": [0.5, -0.6],
+            "lug": [1.2, -0.15],
+            "stroke": [0.6, 1.3],
+            "oil": {
+                "areas": [8e-3, 5e-3],
+                "dead_volumes": [2e-4, 3e-4],
+                "hose_volumes": [0.0, 1e-3],
+                "supply": 20e6,
+                "back_pressure": 1e6,
+                "valve": {
+                    "opening": {"kind": "smooth_ramp", "times": [0.0, 0.1], "values": [0.0, 0.5]},
+                    "gain": [2e-7, 1e-7],
+                    "dead_band": 0.05,
+                },
+                "counterbalance": {"setting": 9e6, "ratio": 3.0, "range": 4e6, "gain": 2e-7},
+            },
+        },
+    },
+}
 #: How often each is taken.
 BASES = (
     *(BEAM, PAPER, FLEXIBLE, BOOM, BEAM, FLEXIBLE, BOOM, PUSHING, PLANAR_BOOM, BEAM, FLEXIBLE, BOOM, SHELL),
-    *(DOUBLED, TAPERED, MOVED),
+    *(DOUBLED, TAPERED, MOVED, LUFFED),
 )

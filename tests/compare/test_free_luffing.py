@@ -1,0 +1,73 @@
+"""Runs of a boom that luffs by itself: what they state of its cylinder, and what their report shows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pmr
+from pmr.report.document import render_runs
+from pmr.report.forces import luffing_block
+from pmr.report.sections import chapter
+from pmr.results import RunResult
+from pmr.results.quantities import QUANTITIES
+
+pytestmark = pytest.mark.slow  # three sections are reduced
+
+QUICK = (
+    "section.mesh.elements=6",
+    "section.reduction.estimate=false",
+    "time.end=1.4",
+    "compare.against=[]",
+    "compare.richer='none'",
+)
+
+
+@pytest.fixture(scope="module")
+def result() -> RunResult:
+    return pmr.run(pmr.load_scene("luffing_oil", [*QUICK])).result
+
+
+def test_cylinder_s_force_is_that_of_the_moment_at_the_pivot(result: RunResult) -> None:
+    """One is by the pressures, the other by all that the supports of the boom bear in the motion that was computed."""
+    response = result.responses["reduced"]
+    force, of_moment = response.other("luffing cylinder force"), response.other("reaction of pivot cylinder")
+    assert np.abs(force - of_moment).max() < 1e-3 * np.ptp(force)
+    (bore, rod), oil = (14e-3 + 1.4e-3, 9e-3), QUANTITIES["luffing_pressure"].histories(response)
+    pushed = oil["luffing cylinder pressure bore"] * bore - oil["luffing cylinder pressure rod"] * rod
+    np.testing.assert_allclose(pushed, force, rtol=1e-12)
+
+
+def test_summary_has_the_range_of_angle_pressures_flows_and_power(result: RunResult) -> None:
+    response, summary = result.responses["reduced"], result.summary
+    angle = response.other("luffing angle")
+    assert summary["frame"]["luffing"] == pytest.approx({"min": angle.min(), "max": angle.max()}, rel=1e-12)
+    cylinder = summary["luffing_cylinder"]
+    for quantity in ("luffing_pressure", "luffing_flow", "luffing_power"):
+        for name, history in QUANTITIES[quantity].histories(response).items():
+            extremes = cylinder[name.removeprefix("luffing cylinder ").replace(" ", "_")]
+            assert (extremes["min"], extremes["max"]) == (history.min(), history.max())
+    assert cylinder["flow_supply"]["max"] > 5e-4 and cylinder["pressure_rod"]["min"] > 0.0
+
+
+def test_stored_result_and_report_have_the_angle_that_was_computed(result: RunResult, tmp_path: Path) -> None:
+    result.save(tmp_path)
+    stored = RunResult.load(tmp_path)
+    t = result.responses["reduced"].t
+    assert stored.frame is not None and stored.scene.frame is not None and stored.scene.frame.luffing == "free"
+    angle = result.responses["reduced"].other("luffing angle")
+    np.testing.assert_allclose(stored.frame.angles[0].value(t), angle, rtol=1e-14)
+    block = luffing_block(stored, "run")
+    assert block is not None and [len(row) for row in block.rows] == [2, 2]
+    page = render_runs([chapter(stored, "run")])
+    assert "pressure bore in MPa" in page and "raised 2" in page
+
+
+def test_oil_that_boils_has_a_warning() -> None:
+    """The boom falls on shut chambers of which one has to grow."""
+    keys = ["frame.luffing_rate=-8.0", "frame.cylinder.oil.back_pressure=0.0", "frame.cylinder.oil.bulk_modulus=2e9"]
+    scene = pmr.load_scene("luffing_oil", [*QUICK, *keys, "time.end=0.4"])
+    lines = [line for line in pmr.run(scene).result.summary["warnings"] if "boils" in line]
+    assert any(line.startswith("the oil on the rod side of the luffing cylinder would have -") for line in lines)
