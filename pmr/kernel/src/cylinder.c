@@ -13,9 +13,10 @@
    What is swept is exact, so shut oil is a spring without losses; flows follow backward differences of second order
    (Q~_0 is the last step's), which damp what is faster than the step. */
 
-enum { MOST_PRESSURES = 60 };
+enum { MOST_PRESSURES = 200 };
+/* Share of a chamber's dead volume that trials leave at least of it; no step ends there. */
+#define LEAST_CHAMBER 1e-3
 #define PRESSURE_ROUND_OFF 1e-14
-#define PRESSURE_NEAR 1e-9
 
 /* A flow, and how it grows with the pressures of both chambers. */
 typedef struct {
@@ -83,52 +84,66 @@ static double chamber(const pmr_luffing_cylinder *c, int i, double length)
 }
 
 /* What the chambers' pressures p leave of the law of a step of h, in Pa, and its derivative. */
-static double chambers_left(const pmr_luffing_cylinder *c, double h, double opening, const cylinder_state *old,
-                            cylinder_state *now, double left[2], double slope[4])
+static void find_chambers_left(const pmr_luffing_cylinder *c, double h, double opening, const cylinder_state *old,
+                               cylinder_state *now, double left[2], double slope[4])
 {
     flow q[2];
-    double size = 0.0;
     int i, j;
     find_flows(c, opening, now->pressures, q, &now->supplied);
     for (i = 0; i < 2; i++) {
         const double before = chamber(c, i, old->length), after = chamber(c, i, now->length);
-        const double stiffness = after > 0.0 ? 2.0 * c->bulk_modulus / (before + after) : NAN;
+        const double stiffness = 2.0 * c->bulk_modulus / larger(before + after, LEAST_CHAMBER * c->volumes[i]);
         now->flows[i] = q[i].at;
         now->mean[i] = (2.0 * q[i].at + old->mean[i]) / 3.0;
         left[i] = now->pressures[i] - old->pressures[i] + stiffness * (after - before - h * now->mean[i]);
         for (j = 0; j < 2; j++) slope[2 * i + j] = (i == j) - stiffness * h * 2.0 / 3.0 * q[i].by[j];
-        size = larger(size, fabs(left[i]));
     }
-    return isnan(left[0] + left[1]) ? NAN : size;
 }
 
-/* Pressures at the end of a step of h, by Newton's method, which halves steps that come no nearer; NAN where there are
-   none. */
+/* A pressure between two bounds, at the lower of which less than nothing is left; what was left before, its size. */
+typedef struct {
+    double low, high, before;
+} bracket;
+
+/* Newton's next pressure, or the middle of the bounds where it leaves them or halves nothing; whether it is found. */
+static int improve_pressure(bracket *b, double *p, double left, double slope, double scale)
+{
+    const double next = *p - left / slope;
+    const int slow = fabs(left) > b->before / 2.0;
+    if (fabs(next - *p) <= PRESSURE_ROUND_OFF * scale) return 1;
+    b->before = fabs(left);
+    if (left < 0.0)
+        b->low = *p;
+    else
+        b->high = *p;
+    if (next > b->low && next < b->high && !(slow && b->high - b->low < INFINITY)) {
+        *p = next;
+        return 0;
+    }
+    *p = (b->low + b->high) / 2.0;
+    return *p <= b->low || *p >= b->high; /* nothing is in between */
+}
+
+/* Pressures at the end of a step of h; NAN where there are none.  What is left of the bore grows with the bore's
+   pressure, and what is left of the rod side with its own while the bore's follows, so both have bounds. */
 static void find_pressures(const pmr_luffing_cylinder *c, double h, double opening, const cylinder_state *old,
                            cylinder_state *now)
 {
-    double left[2], slope[4], change[2], size;
-    int tries, i;
-    copy(now->pressures, old->pressures, 2);
-    size = chambers_left(c, h, opening, old, now, left, slope);
-    for (tries = 0; tries < MOST_PRESSURES; tries++) {
-        const double determinant = slope[0] * slope[3] - slope[1] * slope[2];
-        double from[2], part = 1.0, next, scale = 1.0;
-        change[0] = -(slope[3] * left[0] - slope[1] * left[1]) / determinant;
-        change[1] = -(slope[0] * left[1] - slope[2] * left[0]) / determinant;
-        copy(from, now->pressures, 2);
-        for (i = 0; i < 2; i++) scale = larger(scale, fabs(from[i]) + c->supply);
-        if (larger(fabs(change[0]), fabs(change[1])) <= PRESSURE_ROUND_OFF * scale) return;
-        do {
-            for (i = 0; i < 2; i++) now->pressures[i] = from[i] + part * change[i];
-            next = chambers_left(c, h, opening, old, now, left, slope);
-            part /= 2.0;
-        } while (!(next < size) && part > 1e-4 && !isnan(next));
-        if (isnan(next)) break;
-        if (!(next < size) && size <= PRESSURE_NEAR * scale) return; /* round-off of what is swept */
-        size = next;
+    bracket rod = {-INFINITY, INFINITY, INFINITY}, bore;
+    double left[2], slope[4], *p = now->pressures, scale;
+    int outer, inner;
+    copy(p, old->pressures, 2);
+    for (outer = 0; outer < MOST_PRESSURES; outer++) {
+        bore = (bracket){-INFINITY, INFINITY, INFINITY};
+        for (inner = 0; inner < MOST_PRESSURES; inner++) {
+            find_chambers_left(c, h, opening, old, now, left, slope);
+            scale = larger(larger(fabs(p[0]), fabs(p[1])), larger(c->supply, 1.0));
+            if (improve_pressure(&bore, p, left[0], slope[0], scale)) break;
+        }
+        if (inner == MOST_PRESSURES) break;
+        if (improve_pressure(&rod, p + 1, left[1], slope[3] - slope[2] * slope[1] / slope[0], scale)) return;
     }
-    now->pressures[0] = now->pressures[1] = NAN;
+    p[0] = p[1] = NAN;
 }
 
 /* Add the cylinder's share to the machine's forces by its directions, at step k with the machine's motion b. */
@@ -145,6 +160,7 @@ static void push_by_cylinder(pmr_machine_run *ms, int64_t k, const double *b, do
     flow q[2];
     int i;
     now->length = length;
+    now->emptied = 0;
     now->speed = -arm * b[10];
     now->force = c->damping * ((c->kind == PMR_CYLINDER_LENGTH ? drive[1] : 0.0) - now->speed);
     if (length < c->stroke[0]) now->force += c->stop_stiffness * (c->stroke[0] - length);
@@ -154,6 +170,7 @@ static void push_by_cylinder(pmr_machine_run *ms, int64_t k, const double *b, do
     if (c->kind == PMR_CYLINDER_LENGTH) now->force += c->force + c->spring * (drive[0] - first[0] - length + now->begun);
     if (c->kind == PMR_CYLINDER_OIL) {
         if (k) {
+            if (chamber(c, 0, length) <= 0.0 || chamber(c, 1, length) <= 0.0) now->emptied = 1;
             find_pressures(c, h, drive[0], old, now);
             for (i = 0; i < 2; i++) now->fed[i] = old->fed[i] + h * now->mean[i];
         } else {

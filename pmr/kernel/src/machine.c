@@ -113,6 +113,7 @@ static int try_rates(pmr_machine_run *ms, int64_t k, const double *rates)
     z[0] = ms->state->z, z[1] = z[2] = ms->state->v;
     find_whole(ms, k, now->b, &now->carrier, loads, z, &now->whole);
     if (ms->failed) return ms->failed;
+    if (isnan(now->cylinder.force)) return PMR_LOST;
     for (n = 0; n < 6; n++) {
         const double force = smoothed(&w, now->whole.forces[n], old->whole.forces[n], old->forces[n]);
         left[n] = now->whole.momenta[n] - old->whole.momenta[n] -
@@ -165,6 +166,7 @@ static int find_motion_at(pmr_machine_run *ms, int64_t k)
     const machine_past *old = &ms->past;
     const double h = ms->state->settings.step;
     double rates[6], change[6], matrix[36], room[6 * 8], fastest[2], smallest = INFINITY;
+    double low = -INFINITY, high = INFINITY; /* rates of a single direction between which its impulse changes sign */
     int which[6], count = 0, since = 0, failed, tries, n, j;
     for (n = 0; n < 6; n++)
         if (ms->machine->free[n]) which[count++] = n;
@@ -196,6 +198,14 @@ static int find_motion_at(pmr_machine_run *ms, int64_t k)
         smallest = error < smallest ? error : smallest;
         since++;
         copy(rates, ms->now.b + 6, 6);
+        if (count == 1 && old->slope[0] > 0.0) {
+            const double rate = rates[which[0]];
+            if (left[0] < 0.0) low = larger(low, rate);
+            if (left[0] > 0.0) high = rate < high ? rate : high;
+            if (low < high && (rate + change[0] <= low || rate + change[0] >= high))
+                change[0] = (low + high) / 2.0 - rate;
+            square = change[0] * change[0];
+        }
         for (n = 0; n < count; n++) rates[which[n]] += change[n];
         failed = try_rates(ms, k, rates);
         if (failed) return failed;
@@ -226,6 +236,7 @@ static int end_machine_step(pmr_machine_run *ms, int64_t k)
     double axes[9], turned[3], left[6], middle[3], momenta[6], needed[6];
     int held = 0, n;
     if (!all_finite(now->b, 18)) return PMR_NOT_FINITE;
+    if (now->cylinder.emptied) return PMR_LOST;
     if (cos(now->b[4]) < MACHINE_UPRIGHT) return PMR_UPRIGHT;
     for (n = 0; n < 6; n++) {
         left[n] = m->free[n] ? now->left[n] : 0.0;

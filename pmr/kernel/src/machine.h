@@ -23,6 +23,7 @@ typedef struct {
 /* A luffing cylinder: what is recorded; flows into both chambers as the step averages them; its length at the start. */
 typedef struct {
     double length, speed, force, pressures[2], flows[2], fed[2], supplied, mean[2], begun;
+    int32_t emptied; /* a chamber has no volume */
 } cylinder_state;
 
 typedef struct {
