@@ -53,9 +53,9 @@ class _Commands(TyperGroup):
 
 
 def _refusal(error: Any, ctx: Any) -> InputError:
-    """Return an InputError for a command that was used in a wrong way.
+    """Return an InputError for a command that was used in a wrong way, with the message of click.
 
-    It names the argument that is missing, with its help text, or has the message of click.
+    If an argument is missing and has a help text, that text is added.
     """
     command, about = (error.ctx or ctx).command_path, getattr(getattr(error, "param", None), "help", None)
     message = error.format_message().rstrip(".")

@@ -51,10 +51,10 @@ def nrms(signal: Array, reference: Array) -> float:
 def relative_error(signal: Array, reference: Array) -> float:
     """RMS of the difference over the RMS of the reference, averaged over all components that move; a fraction.
 
-    It is e_NRMS without the limit of 1, so that a motion that grows can be recognised.  Signal and reference have the
-    shape (T,) or (T, M): times, components.  If squares of the values would leave the range of double precision, both
-    are divided by the largest absolute value of the reference first.  If the reference is zero throughout, the error is
-    0 if the signal is zero too, and 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a value is
+    It is e_NRMS without the limit of 1, so a growing motion can be recognised.  Signal and reference have the shape
+    (T,)  or (T, M): times, components.  If squares of the values would leave the range of double precision, both are
+    divided by  the largest absolute value of the reference first.  If the reference is zero throughout, the error is 0
+    if the signal  is zero too, and 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a value is
     not finite.
     """
     if signal.shape != reference.shape:
@@ -178,7 +178,7 @@ def _other_pairs(response: Response, reference: Response, force: float) -> dict[
 
 
 def with_common_forces(first: Response, second: Response) -> tuple[Response, Response]:
-    """Both responses with only the forces that occur in both, in the same order.
+    """Both responses, `first` and `second`, with only the forces that occur in both, in the order of `first`.
 
     They are returned unchanged if one of them has no names of forces, or if the names are equal.
     """

@@ -216,7 +216,7 @@ def _reason_without_forces(model: ReducedModel, excitation: Excitation, of_run: 
 def _simulate_richer(
     models: Models, first: _Simulation, excitation: Excitation, floors: RoundOffBounds
 ) -> _RicherSimulation:
-    """Simulate a richer model, with enrichment and attachment modes, than that of the first run.
+    """Simulate a richer model, with enrichment and attachment modes, than that of the run `first`.
 
     The attachment modes are responses to the contact forces and loads of the first run, whose parts of each step are
     used again.  If the motion grows, the richer model gets fewer attachment modes, then half as many enrichment modes,

@@ -220,12 +220,12 @@ MACHINE = "machine"
 
 
 def append_machine(scene: Scene, response: Response) -> Response:
-    """Append displacements, rates and forces of a machine that moves by itself to the response of a scene.
+    """Append displacements, rates and forces of a machine whose motion is computed to the response of a scene.
 
     Displacements are in m or rad, rates in m/s or rad/s.  Forces in N or N m are those of springs, dampers and
     constraints, positive along the axes, by the directions of ``[frame.base]``; a direction without any of these has no
-    force.  A luffing angle that moves by itself and its cylinder have columns, too.  The response is returned unchanged
-    if the scene has no computed motion.
+    force.  A computed luffing angle and its cylinder have columns instead.  Without a computed motion, the response is
+    returned unchanged.
     """
     luffing = None if scene.frame is None else scene.frame.luffing_signal
     if isinstance(luffing, ComputedMotion):

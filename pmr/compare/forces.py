@@ -43,8 +43,8 @@ def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart
     """Entries ``pads``, ``cylinders``, ``reactions`` and ``supports`` of summary.json: extremes of each force.
 
     Each has its time and place.  Pads have the largest mean ``pressure`` in Pa too, the size of their force over length
-    times width.  Cylinders also have the largest ``friction`` in N that they overcome, the energy in J that friction
-    has ``dissipated``, and their impulses at ``kinks``.  Warnings name pads that are pulled and unknown forces.
+    times width.  Cylinders also have the largest ``friction`` in N to be overcome, the energy in J ``dissipated`` by
+    friction, and their impulses at ``kinks``.  Warnings name pulled pads and unknown forces.
     """
     joined, along, figures = len(scene.sections) > 1, scene.path_positions(response.t), dict[str, Any]()
     if joined or scene.pads:
@@ -218,9 +218,9 @@ def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Res
 
 
 def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:
-    """A warning that names rigid pads that do not move and whose force the model does not contain; else nothing.
+    """A warning that names rigid pads at rest whose forces the model does not contain; else nothing.
 
-    Such a pad is held by the choice of coordinates.
+    The choice of coordinates holds such a pad.
     """
     staying = [ring for ring in _pad_rings(scene) if ring.stiffness == "rigid" and not ring.moving]
     names = [name for ring in staying for name, _, _ in ring.named_pads if _pad_force(response, name) is None]
@@ -243,9 +243,9 @@ def _ring_warning(ring: PadRing, pulling: Mapping[str, Extremes], response: Resp
 
 
 def _joints_warning(contacts: Sequence[Contact], pulling: Mapping[str, Extremes], response: Response) -> str:
-    """Warning about the pads of all joints that pull; `pulling` has the extremes of their forces by name.
+    """Warning that pads between sections pull: which pulls most, its force and when, and how many others pull.
 
-    `contacts` are the contacts of these pads.
+    `contacts` are the contacts of all of these pads.  `pulling` maps each contact's name to the extremes of its force.
     """
     pad = min((contact.name for contact in contacts), key=lambda name: pulling[name].least)
     sections = list(dict.fromkeys(contact.inner.body for contact in contacts))
@@ -328,12 +328,11 @@ def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
 
 
 def ropes_part(scene: Scene, response: Response) -> SummaryPart:
-    """``ropes`` of summary.json: ``name``, the section that it ``follows`` or None, and the extremes of its ``force``.
+    """``ropes`` of summary.json: ``name``, the section that it ``follows`` or None, and extremes of its ``force`` in N.
 
-    The force is in N.  A section that follows no other also has the ``power`` in W that moves it and all sections that
-    follow it.  A rope whose stiffness EA is known also has its largest ``length`` in m on the way, and the
-    ``stiffness`` in N/m of all its strands together at that length.  There is a warning about ropes that would have to
-    push.
+    A section that follows no other also has the ``power`` in W: that for moving it and all its followers.  A rope with
+    a  stiffness EA also has its largest ``length`` in m on the way, and the ``stiffness`` in N/m of all its strands
+    together  at that length.  There is a warning about ropes that would have to push.
     """
     if len(scene.sections) < 2:
         return SummaryPart()

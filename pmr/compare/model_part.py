@@ -145,7 +145,8 @@ def evenly_spaced_steps(excitation: Excitation) -> list[int]:
 def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str) -> dict[str, Any]:
     """Entry ``budget.model`` of summary.json: errors of `motion` against that of a `richer` model, `richer_name`.
 
-    Kinds of outputs in which the richer model does not move are None.
+    Kinds of displacements and ``largest`` are None if the richer model does not move.  Kinds of outputs that the two
+    models do not have in common are missing.
     """
     shares: dict[str, float | None] = {}
     for kind in ("beam", "tip"):

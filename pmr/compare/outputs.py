@@ -63,7 +63,10 @@ class Outputs:
         return {"beam": self.displacement, "velocity": self.velocity, "probe": self.probe}[kind]
 
     def _forces(self, kind: str, force: Array) -> Array:
-        """Columns of `force` (T, p), in N, whose kind is `kind`, one of `FORCE_KINDS`."""
+        """Columns of `force` (T, p), in N, whose kind is `kind`, one of `FORCE_KINDS`.
+
+        If the forces have no kinds, as those of a single body, all of them are pad forces.
+        """
         if not self.forces:
             return force if kind == "pad_force" else force[:, :0]
         return force[:, [k for k, kind_of_force in enumerate(self.forces) if kind_of_force == kind]]
@@ -110,7 +113,7 @@ class RoundOffBounds:
 def differences(
     outputs: Outputs, reference: Outputs, floors: RoundOffBounds, kinds: Sequence[str] = OUTPUT_KINDS
 ) -> dict[str, float]:
-    """Errors of outputs against a reference, as fractions by kind (`pmr.compare.errors.relative_error`).
+    """Errors of outputs against a reference, as fractions, for each of `kinds` (`pmr.compare.errors.relative_error`).
 
     Columns that are round-off in both, according to the `floors`, count as zero.
     """
@@ -191,13 +194,12 @@ BESIDE_KINK = 2.0
 
 
 def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, ResponseFunction]:
-    """Functions of a response, by name, that return the compared quantities of a boom, (T, k) each.
+    """Functions of a response, by name, each of which returns a compared quantity (T, k) of a boom.
 
     ``tip`` returns the displacements of the last section's tip in m, ``beam`` all displacements in m, and each kind of
-    forces that `response` has, such as ``pad_force``, the forces of that kind in N.  If an extension has a kink before
-    the end, there is also ``<kind>_between_kinks`` for each kind of forces, which leaves out all times within
-    `BESIDE_KINK` steps of a kink.  The force at a kink has no limit: it grows as the step gets shorter or the cylinder
-    stiffer.
+    forces of `response`, such as ``pad_force``, the forces of that kind in N.  If an extension has a kink before the
+    end,  there is also ``<kind>_between_kinks`` for each kind of forces, without all times within `BESIDE_KINK` steps
+    of a kink.  The force at a kink has no limit: it grows as the step gets shorter or the cylinder stiffer.
     """
     last, t, stepping = response.outputs[len(response.output_names) - 1].body, response.t, excitation.stepping
     at = [kink for path in excitation.paths.values() for kink in path.kinks(stepping.end)]
@@ -214,10 +216,10 @@ def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, 
 
 
 def _forces_at_steps(kind: str, steps: slice | NDArray[np.bool_], response: Response) -> Array:
-    """Forces of one kind at `steps`, (S, k) in N; forces that are negligible are set to 0.
+    """Forces of one kind at `steps`, (S, k) in N; negligible ones are set to 0.
 
-    A force is negligible, such as that of a cylinder that holds still, if it is at most `RELATIVE_FLOOR` times the
-    largest force of any kind.
+    A force is negligible if it is at most `RELATIVE_FLOOR` times the largest force of any kind, as for a cylinder that
+    holds still.
     """
     which = np.array(force_kinds(response)) == kind
     size = np.abs(response.slider_force).max(axis=0)

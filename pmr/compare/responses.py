@@ -143,7 +143,7 @@ def agreement(responses: Mapping[str, Response]) -> dict[str, float]:
 
 @contextmanager
 def refuse_growth(scene: Scene) -> Iterator[None]:
-    """Context that turns a motion of the reduced model that grows without bound into an InputError for the user.
+    """Context in which motion of the reduced model that grows without bound is an InputError for the user.
 
     The error names the key to change, `time.step` or `time.rho_inf`.
     """

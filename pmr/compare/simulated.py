@@ -58,7 +58,7 @@ def simulate_with_states(
     scene, reduced
         As for `simulate`, which raises the same errors.
     steps : sequence of int, optional
-        Ascending numbers of steps, 0 for the start; by default all steps.
+        Ascending numbers of the steps with states, 0 for the start; by default all steps.
 
     Returns
     -------

@@ -50,10 +50,10 @@ UNDAMPED = 0.95
 
 
 def reference_rho(system: System, rho_inf: float) -> float:
-    """Spectral radius rho_inf of the runs with which a run with `rho_inf` is compared; at least `UNDAMPED` if possible.
+    """Spectral radius rho_inf of the runs with which a run with `rho_inf` is compared: not less than `UNDAMPED`.
 
-    It is `rho_inf` itself if the system has rows without residual flexibility, which can grow with less damping, or
-    contacts that only push, which would bounce.
+    It is `rho_inf` itself if the system has rows without residual flexibility, as these can grow with less damping, or
+    contacts that only push, as these would bounce.
     """
     parts = [body if system.on_one_path else body.carriers for body in system.bodies.values()]
     flexible = all(getattr(part, "flexibility", None) is not None for part in parts)
@@ -107,7 +107,12 @@ class SteppedSystem:
             self._parts = contact_step.count_parts(contact_frequency(system, excitation), self.given)
 
     def halved_grid(self, times: int) -> TimeStepping:
-        """Time grid of a run with the given step halved `times` times, and with the reference rho_inf."""
+        """Time grid of a run with the given step halved `times` times, and with the reference rho_inf.
+
+        If the given run chose the numbers of parts of its steps, each part of a given step gets the largest number of
+        parts of  that step, the one before and the one after; else the grid has the number of parts of the given grid
+        or of the contacts.
+        """
         grid, step = self.given, self.given.step / 2**times
         if self.run is None or self.run.parts is None:
             return TimeStepping(grid.end, step, self.reference_rho, self._parts)

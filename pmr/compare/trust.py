@@ -108,7 +108,7 @@ def alternation_cause(rigid: Sequence[str]) -> str:
 
 
 def alternation_remedy(rigid: Sequence[str]) -> str:
-    """Clause that says what damps forces and motions that alternate; `rigid` are the names of rigid contacts."""
+    """Clause on what damps alternating forces and motions; `rigid` are the names of rigid contacts."""
     return f"time.rho_inf = 0.8 or less, a smooth path or {'a stiffness in N/m' if rigid else 'a smaller step'} damp it"
 
 
@@ -253,9 +253,10 @@ BEYOND = 0.05
 
 
 def highest_mode_frequency(model: ReducedModel, stepping: TimeStepping, count: int | None = None) -> float:
-    """Frequency in Hz of the highest of the first `count` enrichment modes (None: of all), lowered by time stepping.
+    """Frequency in Hz with which time stepping shows the highest of the first `count` enrichment modes (None: of all).
 
-    Time stepping lowers natural frequencies (`effects_not_covered`).
+    It is arctan(omega h / 2) / (pi h) with the step h, less than the natural frequency (`effects_not_covered`).  The
+    model  must have enrichment modes.
     """
     assert model.enrichment is not None
     omega = float(np.sqrt(model.enrichment.stiffness[:count][-1]))

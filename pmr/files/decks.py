@@ -197,7 +197,7 @@ class _Assembly:
 
 
 def read_deck(path: Path) -> Deck:
-    """Read nodes, elements and sets of a deck.
+    """Read nodes, elements and sets of an input deck of Abaqus or CalculiX.
 
     Raises InputError with file and line if a card can't be read, or if it has content that pmr does not support.
     """

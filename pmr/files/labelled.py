@@ -299,7 +299,7 @@ def _read_text4(lines: Sequence[str]) -> dict[str, sp.csr_matrix]:
     matrices, at = dict[str, sp.csr_matrix](), 0
 
     def integers(count: int) -> list[int]:
-        """Return the whole numbers of the next line."""
+        """Return all whole numbers of the next line; ValueError if they are fewer than `count`."""
         nonlocal at
         at += 1
         numbers = [int(part) for part in lines[at - 1].split()]

@@ -59,7 +59,7 @@ def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
 
 
 def pad_pattern(A: sp.csr_matrix, other: sp.csr_matrix) -> sp.csr_matrix:
-    """Copy of A with explicit zeros where only `other` has entries, so that its pattern contains that of `other`."""
+    """Copy of A with explicit zeros where only `other` has entries: its pattern contains both patterns."""
     A, other = A.tocoo(), other.tocoo()
     entries = np.concatenate([A.data, np.zeros(other.nnz)])
     places = np.concatenate([A.row, other.row]), np.concatenate([A.col, other.col])
@@ -203,5 +203,5 @@ def project_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
 
 
 def share(size: int, comm: MPI.Comm) -> Indices:
-    """First of the `size` coordinates that this rank owns, and the one after the last coordinate that it owns."""
+    """Number of this rank's first coordinate among `size` coordinates, and the number after its last one."""
     return np.array([comm.rank, comm.rank + 1]) * size // comm.size

@@ -193,9 +193,9 @@ def _multiply_each(rows: Array, shifts: Array) -> Array:
 
 
 def _shifts(distances: Array) -> Array:
-    """Matrices (T, 6, 6) that turn a rigid motion about the base's origin into that about points at `distances` (T,) m.
+    """Matrices (T, 6, 6) from a rigid motion about the base's origin to that about points ahead of it along x.
 
-    The points lie ahead of the origin along x.
+    `distances` (T,) in m are those of the points from the origin.
     """
     A = np.tile(np.eye(6), (len(distances), 1, 1))
     A[:, 2, 4], A[:, 1, 5] = -distances, distances

@@ -126,7 +126,7 @@ def _port(model: StructuralModel, place: str | float, direction: str) -> Action:
 
 
 def _pads(member: Member) -> Pads:
-    """Pads, sliding points and contacts with other bodies that hold a body, on the faces that its model knows."""
+    """Pads, sliding points and contacts with other bodies, on the faces that a body's model has."""
     faces = pad_faces(member)
     fixed, moving = (
         tuple(
@@ -278,9 +278,11 @@ def _mesh(member: Member, comm: MPI.Comm, kinds: tuple[str, ...], write: Callabl
 
 
 def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
-    """Mesh of a body from its file, or drawn by gmsh from its box, on this rank.
+    """Read the mesh of a body from its file; without a file, draw its box by gmsh.  Runs on this rank only.
 
-    Raises an `InputError` with the key of the scene if the mesh can't be read or drawn.
+    `kinds` are the kinds of cells that are allowed.  `write` writes the drawn boom to a file of gmsh, which is then
+    read.  Raises an InputError about a file that can't be read, or about the key of the scene that keeps the box from
+    being drawn.
     """
     if member.part.mesh.file is not None:
         return read_mesh(member.part.mesh.file, kinds)

@@ -57,7 +57,7 @@ HELD = 0.05
 
 @dataclass(frozen=True)
 class PlateBody:
-    """A box that is meshed as a shell, and the clamps and rigid masses that keep the shape of its ends."""
+    """A box meshed as a shell, and the clamps and rigid masses that keep the shape of its ends."""
 
     box: BoxBoom
     profile: Box = field(compare=False)  # from which `box` was made
@@ -245,9 +245,9 @@ AT_AN_END = ("y", "z", "rx")
 
 
 def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
-    """Walls of a box that is modelled as a beam, under the pads that the beam feels and at its ends; collective.
+    """Walls of a box modelled as a beam: under the pads of the beam and at its ends; collective.
 
-    Their compliance is computed on a shell with the cells that a shell model of the same body would have.
+    Their compliance is computed on a shell with the cells of a shell model of the same body.
 
     Raises an `InputError` if a pad leaves its face, or the box can't be drawn with these cells.
     """
@@ -292,9 +292,9 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
 
 
 def _split_by_sliding(member: Member, pads: Sequence[Pad]) -> tuple[list[Pad], list[tuple[float, list[Pad]]]]:
-    """Pads that do not move, and for each group of pads that slide together the distance in m and the pads.
+    """Pads at rest, and for each group of pads that slide together the distance in m and the pads.
 
-    `at` of each returned pad is its first position along the body, m.
+    Pads that move, but by no distance, are at rest.  `at` of each returned pad is its first position along the body, m.
     """
     staying, sliding = list[Pad](), dict[int, tuple[float, list[Pad]]]()
     rings = {name: ring for ring in member.pads for name, _, _ in ring.named_pads}
@@ -328,7 +328,7 @@ def _end_volume(box: Box, direction: str) -> float:
 
 
 def _loaded_ends(part: BoomSection) -> set[str | float]:
-    """Places that carry a mass, load or support and whose shape is not kept by a clamp or rigid mass."""
+    """Places on which a part has a mass, load or support, without those that a clamp or rigid mass keeps in shape."""
     clamped = {support.on for support in part.supports if support.points == "all"}
     held_in_shape = clamped | {mass.on for mass in part.masses if mass.coupling == "rigid"}
     return {attached.on for kind in (part.masses, part.loads, part.supports) for attached in kind} - held_in_shape

@@ -71,9 +71,10 @@ class StructuralModel(Protocol):
         """Directions along or about which a place can move: some of `DIRECTIONS`, in their order."""
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
-        """Rows (p t, n) of the mean displacements of p places along those t of x, y and z that the model has.
+        """Matrix (p t, n) from coordinates to the mean displacements of p `places` along x, y and z.
 
-        Rows of the first place come first.  Unlike in `motion`, a place may be a single point.
+        A model that has only t of these three directions has rows for these alone.  The t rows of the first place come
+        first.  Unlike in `motion`, a place may be a single point.
         """
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:

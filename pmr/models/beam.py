@@ -72,11 +72,11 @@ class Beam(Line, ABC):
 
     @abstractmethod
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
-        """Motion (q, d, 2 d) of the axis at a point in each of q elements, per unit of the element's coordinates.
+        """Shape functions (q, d, 2 d): motion of the axis at a point in each of q elements by the coordinates of these.
 
-        The coordinates are those of the function space.  Point i is at the share X[i] in [0, 1] of an element of length
-        h[i] in m with section number[i]; h, X and number are (q,).  Rows are displacements and rotations along and
-        about the directions.  Columns are the d coordinates at the element's first node, then those at its second node.
+        Point i is at the share X[i] in [0, 1] of an element with length h[i] in m and section number[i]; h, X and
+        number are  (q,).  Rows are displacements along, then rotations about, the directions.  Columns are the d
+        coordinates of the  function space at the element's first node, then those at its second node.
         """
 
     @abstractmethod
@@ -245,7 +245,10 @@ class Beam(Line, ABC):
         return constant(mesh, float(values[0])) if len(values) == 1 else cellwise(mesh, values[self.number])
 
     def stresses(self) -> StressRows | None:
-        """Stresses in the profile's corners at both ends of each element, from its `section_forces`."""
+        """Stresses in the profile's corners at both ends of each element, from its `section_forces`.
+
+        None if the sections have no corners.
+        """
         return self.corner_stresses(self.section_forces(), np.repeat(np.arange(len(self.grid.cells)), 2))
 
     def cut(self, parts: int) -> Cut:

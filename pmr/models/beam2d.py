@@ -194,7 +194,10 @@ class Beam2D(Beam):
         return super().motion(place)
 
     def faces(self, at: float) -> dict[str, tuple[Plane, Extent]]:
-        """The faces ``bottom`` and ``top`` by name, each with its plane and its extent, the whole beam."""
+        """The faces ``bottom`` and ``top`` by name, each with its plane and its extent.
+
+        Each spans the whole beam, whatever `at` is.
+        """
         return {name: (FACES[name], Extent((0.0, self.body.length))) for name in ("bottom", "top")}
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:

@@ -57,7 +57,7 @@ class SectionsAlong:
     def section_numbers(self, places: Array | float) -> Indices:
         """Numbers (k,) of the sections at coordinates `places` (k,) m along the axis.
 
-        Where one section ends and another begins, the number is that of the section that begins.
+        Where one section ends and another begins, it is the number of the latter.
         """
         return np.clip(np.searchsorted(self.ends, places, side="right") - 1, 0, len(self.each) - 1)
 
@@ -156,7 +156,7 @@ class SectionsAlong:
 
 
 def centre_motion_matrices(sections: SectionsAlong) -> Array:
-    """Matrices (K, 6, 6), one per section, that give the motion of its centres along x, y and z from that of the axis.
+    """Matrices (K, 6, 6), one per section: motion of its centres along x, y and z from the motion of the axis.
 
     The motion of the centres is u of the centroid, v and w of the shear centre, and the rotations.  Unlike in
     `SectionsAlong.centre_motions`, all components are along and about x, y and z, not the principal axes.

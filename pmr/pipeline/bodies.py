@@ -64,7 +64,10 @@ class Motions:
 
     @property
     def seconds(self) -> dict[str, float]:
-        """Seconds of each simulator of the reduced system, and of each reference; on rank 0 alone."""
+        """Wall time in s of each simulator of the reduced system and of each reference, by name.
+
+        To be read on rank 0 only, as other ranks have no motion.
+        """
         assert self.reduced is not None
         references = self.references.responses.items()
         return {**self.reduced.seconds, **{name: reference.seconds for name, reference in references}}

@@ -170,7 +170,10 @@ class FullOrder:
     def _simulate_distributed(
         self, excitation: Excitation, steps: Sequence[int], done: Progress, checkpoint: Checkpoint | None
     ) -> tuple[Response, dict[str, BodyStates]]:
-        """Simulate the full system by PETSc on all ranks; return response and states as `_simulate_full`."""
+        """Simulate the full system by PETSc on all ranks; return response and states as `_simulate_full`.
+
+        `steps` are the numbers of the steps whose states are returned.
+        """
         system = self._with_terms()
         recording = Recording(energies=True, states=[excitation.stepping.step * step for step in steps])
         start = static_start(system, excitation) if excitation.start == "equilibrium" else {}

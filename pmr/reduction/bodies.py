@@ -169,8 +169,8 @@ def with_stress_flags(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[s
 def join_bodies(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
     """System of a scene's bodies as simulations take it; its `on_modes` has the bodies without cylinder modes.
 
-    Its provenance is that of the scene unless a single body's own tells all, so that a frame moves it within the
-    kernel, in the run as after it was saved and loaded.
+    Its provenance is the scene's.  For a single body without terms it is the body's own, so that a frame moves it
+    within  the kernel, both in the run and after saving and loading.
     """
     bodies = with_stress_flags(scene, bodies)
     joined_system = system_of(scene, {name: body.model for name, body in bodies.items()})

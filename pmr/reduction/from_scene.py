@@ -100,9 +100,9 @@ def vectors_from_package(model: FullModel, choice: Reduction) -> Snapshots:
 
 
 def _snapshots(model: FullModel, local: Array, source: str) -> Snapshots:
-    """Snapshots from k vectors `local` (n_local, k), this rank's part, whose frequencies and positions are not known.
+    """Snapshots, with the given `source`, from k vectors `local` (n_local, k), this rank's part.
 
-    Their frequencies, positions and residuals are NaN.
+    Their frequencies, positions and residuals are not known: NaN.
     """
     unknown = np.full(local.shape[1], np.nan)
     return Snapshots.from_local(np.ascontiguousarray(local), model, unknown, unknown, unknown, source)

@@ -99,7 +99,10 @@ class ResidualFlexibility:
         return x
 
     def powers(self, c: Array, count: int) -> Array:
-        """Vectors R c, R M R c, ... (n_local, count), this rank's part, of one load c (n_local,); collective."""
+        """The `count` vectors R c, R M R c, ... (n_local, count), this rank's part, of one load c (n_local,).
+
+        Collective.
+        """
         columns = [self.apply(np.array(c)[:, None])]
         while len(columns) < count:
             columns.append(self.apply(times(self.model.M, columns[-1])))

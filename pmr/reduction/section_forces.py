@@ -75,9 +75,10 @@ class SectionForces:
             self._between = spla.splu(sp.csc_matrix(cut.joined.T @ stiffness @ cut.joined))
 
     def evaluate(self, q: Array, acting: BodyStates | None = None) -> Array:
-        """Section forces (S, P) in N and N m at S times, from full coordinates q (S, n), whole on every rank.
+        """Section forces (S, P) in N and N m at S times; collective.
 
-        `acting` are the loads and contact forces at these times; None if nothing acts.
+        q (S, n) are the full coordinates; every rank passes all of them and gets the whole result.  `acting` are the
+        loads and  contact forces at these times; None if nothing acts.
         """
         a, supports = self._whole.acceleration(q, acting)
         on_pieces, displaced = self._pieces.loads(q, a, supports, acting)
@@ -163,7 +164,7 @@ class _BeamPieces:
 
 
 def _state_loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | None, count: int) -> Array:
-    """Loads B f - C(s)^T lambda (S, n) of the S states, with moments of friction; zeros if `acting` is None.
+    """Loads B f - C(s)^T lambda (S, n) in S = `count` states, with moments of friction; zeros if `acting` is None.
 
     Multipliers of rows that are not among `rows` are left out.
     """
@@ -180,5 +181,5 @@ def _state_loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | Non
 
 
 def _zero_rows(size: int, count: int = 1) -> sp.csr_matrix:
-    """Sparse zeros (count, size)."""
+    """Sparse zeros (`count`, `size`)."""
     return sp.csr_matrix((count, size))

@@ -51,7 +51,10 @@ class Snapshots:
     def from_local(
         cls, local: Array, model: FullModel, omega: Array, s: Array, residuals: Array, source: str
     ) -> Snapshots:
-        """Snapshots of a model from k vectors, of which each rank gives its part `local` (n_local, k); collective."""
+        """Snapshots of a model from k vectors, of which each rank gives its part `local` (n_local, k); collective.
+
+        `omega`, `s` and `residuals` are (k,); `source` says what the vectors are.
+        """
         return cls(tall(local, model.M), omega, s, residuals, source)
 
 

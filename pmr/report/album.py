@@ -53,10 +53,10 @@ class Album:
 
 
 def start_album(result: RunResult, prefix: str) -> Callable[[], Album]:
-    """Start another process that renders the pictures, and return a function that waits for them and returns the album.
+    """Start another process that renders the pictures; return a function that waits for them and returns the album.
 
-    The album is empty and gives no reason if the run has no recovered fields.  `prefix` is put before the identifiers
-    of the pictures.
+    Without recovered fields, no process is started; the album is empty and gives no reason.  `prefix` begins the
+    identifiers of the pictures.
     """
     if not fields_by_body(result):
         return Album

@@ -156,7 +156,7 @@ class ReportFiles:
 
 @dataclass(frozen=True)
 class KeyNumber:
-    """A number that sums up a run, as text, with a label and a note, such as the value that it is compared to."""
+    """A number that sums up a run, as text, with a label and a note, for instance the value to compare it with."""
 
     value: str
     label: str

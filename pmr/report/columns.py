@@ -67,7 +67,7 @@ def envelope_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
 
 
 def spread_indices(count: int, limit: int) -> NDArray[np.intp]:
-    """Return at most `limit` indices, evenly spread over ``range(count)``, with the first and the last one."""
+    """Return at most `limit` indices of ``range(count)``, evenly spread, with the first and the last one."""
     return np.unique(np.linspace(0, count - 1, min(count, limit)).round().astype(int))
 
 
@@ -84,7 +84,7 @@ def interpolate(t: Array, times: Array, values: Array) -> Array:
 
 
 def _pieces(count: int, bins: int) -> list[tuple[int, int]]:
-    """Split ``range(count)`` into `bins` intervals, each returned as (start, stop)."""
+    """Split ``range(count)`` into `bins` intervals of about equal length, each returned as (start, stop)."""
     edges = np.linspace(0, count, bins + 1).astype(int).tolist()
     return list(zip(edges[:-1], edges[1:], strict=True))
 

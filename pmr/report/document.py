@@ -137,10 +137,10 @@ def write_pdf(text: str, file: Path) -> None:
 def import_weasyprint() -> Any:
     """Import and return the package weasyprint, which loads Pango and other libraries.
 
-    weasyprint looks each library up under several names.  For names that only exist on other systems, `find_library`
-    starts the compiler, the linker and others, some fifty processes.  So the import is tried first with a
-    `find_library` that finds nothing, so that libraries are loaded by the names of their files; if this fails, it is
-    tried again with the real `find_library`.  Raises InputError if weasyprint can't be imported.
+    weasyprint looks each library up under several names.  For names of other systems, `find_library` starts the
+    compiler,  the linker and others, some fifty processes.  So the import is tried first with a `find_library` that
+    finds nothing,  and libraries are loaded by the names of their files.  If this fails, it is tried again with the
+    real `find_library`.  Raises InputError if weasyprint can't be imported.
     """
     name, find = "weasyprint", ctypes.util.find_library
 

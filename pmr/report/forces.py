@@ -31,12 +31,18 @@ AT_PIVOT = f"{REACTION_OF}{PIVOT}"
 
 
 def contact_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about the forces of pads or sliders; None if the run has neither."""
+    """Build the block about the forces of pads or sliders; None if the run has neither.
+
+    `prefix` begins the identifiers of its figures.
+    """
     return _force_block(result, prefix, "pad", "pad forces" if not is_alone(result) else force_words(result))
 
 
 def cylinder_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about forces of ropes and of cylinders that push sections out; None without such cylinders."""
+    """Build the block about forces of ropes and of cylinders that push sections out; None without such cylinders.
+
+    `prefix` begins the identifiers of its figures.
+    """
     block, ropes = _force_block(result, prefix, "cylinder", "cylinder forces"), tuple(_rope_grids(result))
     return replace(block, grids=(*block.grids, *ropes)) if block else None
 
@@ -69,6 +75,7 @@ def support_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block about supports; None if the run has none.
 
     It has figures of the forces of elastic supports over time, and tables of extremes for elastic and rigid supports.
+    `prefix` begins the identifiers of the figures.
     """
     block, rigid = _force_block(result, prefix, "support", "supports"), tuple(reaction_grids(result))
     if block is None:
@@ -77,9 +84,9 @@ def support_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def pivot_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about the forces of the boom on its machine, and about their moments about the pivot.
+    """Build the block about forces on the machine, and their moments about the pivot; None if the run has none.
 
-    It is None unless the boom is in a moving frame.
+    The forces are those of all of the boom's supports together.  `prefix` begins the identifiers of the figures.
     """
     response, row = result.responses["reduced"], list[Drawing]()
     acting = [
@@ -100,7 +107,10 @@ def pivot_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def ground_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about forces of outriggers and margins against tipping; None for a machine without a ground."""
+    """Build the block about forces of outriggers and margins against tipping; None for a machine without a ground.
+
+    `prefix` begins the identifiers of its figures.
+    """
     if (ground := result.summary.get("ground")) is None:
         return None
     outputs, row, grids = result.responses["reduced"].outputs, list[Drawing](), list[Grid]()
@@ -138,7 +148,10 @@ _LUFFING_UNITS = {
 
 
 def luffing_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about a luffing angle that moves by itself: angle, pressures, flows and power over time."""
+    """Build the block about a computed luffing angle: the angle, and pressures, flows and power over time.
+
+    None if the luffing angle is not computed.  `prefix` begins the identifiers of its figures.
+    """
     response = result.responses["reduced"]
     if LUFFING_ANGLE not in response.other_names:
         return None
@@ -181,7 +194,7 @@ def _force_block(result: RunResult, prefix: str, kind: str, heading: str) -> Blo
     """Build a block about outputs of one kind: figures of their forces, figures of their moments, tables of extremes.
 
     A figure has at most `MOST_FORCES` panels.  Forces that are round-off at all times have no panel and are named in a
-    sentence.  None is returned if there are no outputs of this kind.
+    sentence.  `prefix` begins the identifiers of the figures.  None if there are no outputs of this kind.
     """
     groups, drawn, grids = forces_by_group(result, kind), list[tuple[Drawing, ...]](), list[Grid]()
     if not groups:

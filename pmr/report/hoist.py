@@ -36,7 +36,10 @@ def _history(key: str, response: Response) -> Array:
 
 
 def hoist_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about the hoist, with histories and a table of extremes; None if the run has none."""
+    """Build the block about the hoist, with histories and a table of extremes; None if the run has none.
+
+    Quantities that do not change have no history.  `prefix` begins the identifiers of the figures.
+    """
     figures = result.summary.get("hoist")
     if figures is None:
         return None

@@ -138,7 +138,7 @@ def _grids_without(without: Mapping[str, Mapping[str, float]], names: list[str])
 
 
 def _warnings(figures: Mapping[str, Any]) -> Iterator[str]:
-    """Yield sentences on sensors that disagree with the model, and unknowns that the sensors hardly tell."""
+    """Yield sentences on sensors at odds with the model, unknowns with a wide band, and innovations with a pattern."""
     for name, t in figures["first_alarm"].items():
         yield f"{name} disagrees with the model or is stuck from {format_quantity(t, 's')} on."
     for name, ratio in figures["observability"].items():

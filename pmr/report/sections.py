@@ -73,13 +73,19 @@ def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> C
 
 
 def error_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block with errors against other models beside published errors, or with the largest values alone."""
+    """Build the block with the error table of a run; None if the table has no rows.
+
+    Its heading is "Errors" if the run was compared with another model, else "Largest values".  `prefix` is not used.
+    """
     table = error_table(result)
     return Block(heading="Errors" if is_compared(result) else "Largest values", errors=table) if table.rows else None
 
 
 def accuracy_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block on the choices that meet a tolerance, the reasons for them, and the parts of the error."""
+    """Build the block on the choices that meet a tolerance, the reasons for them, and the parts of the error.
+
+    It is None if the run has no tolerance or budget.  `prefix` begins the identifiers of its figures.
+    """
     accuracy_part, budgeted = result.summary.get("accuracy"), result.summary.get("budget", {})
     if accuracy_part is None:
         return None
@@ -93,7 +99,10 @@ def accuracy_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def input_block(result: RunResult, prefix: str) -> Block:
-    """Build the block with figures of paths or extensions, loads, and angles of the boom over time."""
+    """Build the block with figures of paths or extensions, loads, and angles of the boom over time.
+
+    Loads and angles are left out if there are none or none changes.  `prefix` begins the identifiers of the figures.
+    """
     caption = f"{moving_part(result).capitalize()} position along the body over time."
     if not is_alone(result):
         caption = "Extension of each section over time."
@@ -116,7 +125,7 @@ def motion_block(result: RunResult, prefix: str, pictures: Callable[[], Album]) 
     """Build the block with the animation of the motion; None if the run has neither fields nor outputs along an axis.
 
     If the run has fields, the block shows whole bodies and the album of pictures, for which `pictures` waits; if not,
-    it shows the axes of the bodies.
+    it shows the axes of the bodies.  `prefix` begins the identifiers of the figures.
     """
     fields = [body.fields for body in result.bodies.values() if body.fields is not None]
     if not fields:
@@ -139,7 +148,11 @@ def motion_block(result: RunResult, prefix: str, pictures: Callable[[], Album]) 
 
 
 def tip_block(result: RunResult, prefix: str) -> Block:
-    """Build the block with the displacement of the tip in each direction across the axis, and its estimated error."""
+    """Build the block with the displacement of the tip in each direction across the axis, and its estimated error.
+
+    Directions in which the tip moves by round-off only are named in a sentence.  `prefix` begins the identifiers of the
+    figures.
+    """
     rows, still, quantities = [], [], tip_displacements(result)
     largest = max((float(np.abs(what(result.responses["reduced"])).max()) for what in quantities.values()), default=0.0)
     for number, (direction, what) in enumerate(quantities.items()):
@@ -160,7 +173,7 @@ def tip_block(result: RunResult, prefix: str) -> Block:
 
 
 def energy_block(result: RunResult, prefix: str) -> Block:
-    """Build the block with the total energy and its parts."""
+    """Build the block with the total energy and its parts; `prefix` begins the identifiers of its figures."""
     total, caption = attrgetter("energy.total"), "Total energy: kinetic and strain energy less the work of the loads"
     first = histories.drawn_history(f"{prefix}-energy", result, total, caption, "Total energy", "J")
     parts = histories.energy_drawing(f"{prefix}-energy-parts", result)
@@ -170,7 +183,8 @@ def energy_block(result: RunResult, prefix: str) -> Block:
 def constraint_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on how well moving constraints hold, as positions and as velocities.
 
-    It is None for a formulation that leaves velocities free, as then positions hold to round-off.
+    It is None for a formulation that leaves velocities free, as then positions hold to round-off.  `prefix` begins the
+    identifiers of the figures.
     """
     if not np.isfinite(result.responses["reduced"].residual_velocity).all():
         return None
@@ -180,7 +194,10 @@ def constraint_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def basis_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block with basis vectors, singular values of the snapshots, and natural frequencies."""
+    """Build the block with basis vectors, singular values of the snapshots, and natural frequencies.
+
+    Parts that the run lacks are left out; None if it has none of them.  `prefix` begins the identifiers of the figures.
+    """
     rows: list[tuple[Drawing, ...]] = []
     for number, (name, body) in enumerate(result.bodies.items()):
         if body.shapes is not None and set(tip_displacements(result)) == {"z"}:
@@ -222,7 +239,10 @@ def _published_frequency_grids(result: RunResult) -> Iterator[Grid]:
 
 
 def response_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block with the frequency response of the tip; None if the scene does not ask for it."""
+    """Build the block with the frequency response of the tip; None if the scene does not ask for it.
+
+    Outputs that a load does not move are left out.  `prefix` begins the identifiers of the figures.
+    """
     response = result.frequency_response
     if response is None:
         return None
@@ -246,7 +266,10 @@ def response_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def origin_block(result: RunResult, prefix: str) -> Block:
-    """Build the block on the origin of a result: its scene, sizes and times of the run, and the machine."""
+    """Build the block on the origin of a result: its scene, sizes and times of the run, and the machine.
+
+    Empty tables are left out.  `prefix` is not used.
+    """
     all_tables = (
         *scene_tables.input_tables(result.scene),
         Table("Wall time", tuple(provenance.time_rows(result.summary.get("seconds", {})))),

@@ -156,10 +156,7 @@ def _simulation_time(result: RunResult) -> Iterator[KeyNumber]:
 
 
 def comparison_sentence(table: Sequence[Row]) -> str:
-    """Sentence that counts the values that are better than, equal to or worse than published values.
-
-    It is empty if no values are published.
-    """
+    """Sentence that counts values better than, equal to and worse than published ones; empty if none is published."""
     counts = count_verdicts(table)
     counted = ", ".join(f"{number} {text}" for text, number in counts.items())
     return f"Beside {sum(counts.values())} published figures: {counted}." if counts else ""

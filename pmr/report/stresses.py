@@ -25,7 +25,7 @@ from pmr.scene.keys import ALONE, qualified_name
 def stress_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block with the largest stress of each body over time, and tables of its times and places.
 
-    It is None if the run has no stresses.
+    It is None if the run has no stresses.  `prefix` begins the identifiers of the figures.
     """
     rows, parts = [], {part["name"]: part for part in result.summary.get("sections", ())}
     for number, (name, body) in enumerate(result.bodies.items()):
@@ -44,7 +44,7 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
 def section_force_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on forces and moments of beams' cross-sections: envelopes over time and a table of extremes.
 
-    It is None if no beam has such forces.
+    It is None if no beam has such forces.  `prefix` begins the identifiers of the figures.
     """
     largest, table_rows = dict[str, float](), list[tuple[str, ...]]()
     for part in summaries_by_section(result.summary).values():
@@ -122,7 +122,7 @@ STRAIN = Unit(1e-6, "µm/m")
 def probe_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on probes: histories, extremes, load cycles of stresses and strains, and damage.
 
-    It is None if the scene has no probes.
+    It is None if the scene has no probes.  `prefix` begins the identifiers of the figures.
     """
     probes_by_name = {probe["name"]: probe for probe in result.summary.get("probes", ())}
     response = result.responses["reduced"]

@@ -197,7 +197,7 @@ def input_loads(result: RunResult) -> list[AppliedLoad]:
 
 
 def place_words(on: str | float) -> str:
-    """Words for a position on a body: the name of a part, or the distance in m along the body's axis."""
+    """Words for the place `on` a body: the name of a part, or the distance in m along the body's axis."""
     return f"on {on}" if isinstance(on, str) else f"at {format_input(on, 'm')}"
 
 

@@ -82,7 +82,7 @@ class Stretch:
 
 
 def interpolate_profile(first: BoxProfile, last: BoxProfile, share: float) -> BoxProfile:
-    """Return the profile with dimensions (1 - share) * first + share * last; both have the same faces."""
+    """Return the profile with dimensions (1 - share) * `first` + share * `last`; both have the same faces."""
     if first is last or share == 0.0:
         return first
 
@@ -120,7 +120,7 @@ class Box(BoxProfile):
 
     @model_validator(mode="after")
     def _check_variation(self) -> Box:
-        """Refuse tapers and doublers that do not fit the box, and positions along x that are too close together."""
+        """Refuse tapers and doublers that do not fit the box, and neighbouring breaks along x that are too close."""
         apart = LEAST_BREAK_DISTANCE * self.length
         for key, taper in self._tapers.items():
             self._check_taper(key, taper)
@@ -275,7 +275,8 @@ class Box(BoxProfile):
     def _thicken(self, profile: BoxProfile, doublers: dict[int, Doubler]) -> BoxProfile:
         """Return a profile whose walls are thicker by the `doublers`, which are given by their number in the box.
 
-        Raises an error of a doubler's thickness if the profile has no room for it.
+        If the profile has no room for them, the error is about the thickness of the last one, whichever of them is too
+        thick.
         """
         names: dict[WallName, None] = dict.fromkeys(
             (*self._face_names, *HALVES)

@@ -46,7 +46,7 @@ def check_machine(frame: Frame, machine: Machine) -> None:
 
 
 def _check_computed(scene: Scene, frame: Frame, free: tuple[str, ...], beside: str) -> None:
-    """Refuse settings that the equations of a computed motion do not cover, and simulators that have none of them.
+    """Refuse settings that do not go with a computed motion, and simulators without its equations.
 
     `free` are the directions that are computed, `beside` is the key with its value in words.
     """
@@ -117,7 +117,7 @@ def _check_luffing(scene: Scene, frame: Frame) -> None:
 
 
 def _check_ground(scene: Scene) -> None:
-    """Refuse a ground that nothing presses on, or on which a base stands whose forces at the pivot are not known."""
+    """Refuse a ground without gravity, and a ground under a base whose forces at the pivot are not known."""
     if scene.gravity is None:
         raise scene_error("gravity", None, "a table is needed beside frame.ground: the weight presses on the ground")
     assert scene.frame is not None and scene.frame.ground is not None

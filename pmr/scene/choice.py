@@ -41,9 +41,11 @@ class ModelChoice:
 
 
 def choose_model(member: Member, by_itself: bool = False) -> ModelChoice:
-    """Return the model that the scene names, or for ``auto`` the smallest of beam2d, beam3d and shell that suffices.
+    """Return the model that the scene names; for ``auto``, the smallest model that suffices, with the reasons.
 
-    If one section of a boom is no planar beam, none is.  With `by_itself` other sections are left out of account.
+    With ``auto``, a mass that crosses a section is a mover, and a body with a profile is a planar beam.  Others are
+    planar  beams, beams in space or shells.  A body that could be a planar beam becomes a beam in space if any other
+    section is  not planar; `by_itself` switches this off.
     """
     if member.part.body.model != "auto":
         return ModelChoice(member.part.body.model, ("the scene names it",))

@@ -280,7 +280,10 @@ class Frame(SceneTable):
 
     @property
     def tail_position(self) -> Point:
-        """Position (3,) in m of the base's tail relative to the pivot, in the axes of the boom."""
+        """Position (3,) in m of the base's tail, measured from the pivot, in the axes of the boom.
+
+        It is what the key ``pivot`` holds.
+        """
         assert self.pivot is not None  # as the validator says
         return self.pivot
 

@@ -88,7 +88,7 @@ def _check_frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:
 
 
 def _check_clearance(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[str, Box]) -> None:
-    """Refuse pads on faces that are not parallel or that a box lacks, and clearances larger than the gap.
+    """Refuse pads on faces that a box lacks or that are not parallel, and clearances larger than the gap.
 
     `inner` and `outer` are the name and the box of the two sections; `key` is the key of the ring of pads.
     """
@@ -170,9 +170,9 @@ def _check_reduction(scene: Scene, number: int) -> None:
 
 
 def _check_drive(scene: Scene, number: int) -> None:
-    """Refuse an extension that jumps, or that is not known as sections follow each other in a circle.
+    """Refuse an extension that jumps, a circle of followers, and a rope whose length is unknown or not always positive.
 
-    A rope's length has to be known too, and positive at all times.
+    `number` is the number of the section that the joint moves.
     """
     joint, key = scene.joint(number), f"sections[{number}].joint"
     chain = [scene.names[number]]
@@ -263,7 +263,7 @@ def _is_loaded_at_start(scene: Scene, beyond: Sequence[BoomSection], axis: str, 
 
 
 def _check_ground_supports(scene: Scene, number: int) -> None:
-    """Refuse supports that hold a travelling section along the boom, and pads on the ground that move."""
+    """Refuse supports of a travelling section against motion along the boom, and pads on the ground that move."""
     ranges = {name: path.bounds(0.0, scene.time.end) for name, path in list(scene.paths.items())[:number]}
     least = SLACK * scene.sections[number].length
     moves = next((name for name, (low, high) in ranges.items() if high - low > least), None)

@@ -157,7 +157,11 @@ class Joint(SceneTable):
 
     @model_validator(mode="after")
     def _check_drive(self) -> Joint:
-        """Refuse a joint unless exactly one key drives it, and a rope together with a cylinder that has a stiffness."""
+        """Refuse a joint with contradictory keys.
+
+        Exactly one of extension, overlap and follows must be given; a rope excludes a cylinder with a stiffness;
+        overlap and  rigid_overlap need pads at the mouth.
+        """
         if sum(signal is not None for signal in (self.extension, self.overlap, self.follows)) != 1:
             raise ValueError("give extension, overlap or follows, one of them")
         if self.rope is not None and self.cylinder.stiffness != "rigid":

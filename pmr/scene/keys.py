@@ -184,7 +184,7 @@ class Usual:
     """Smallest and largest usual magnitude of a number that is not 0, in its unit or in multiples of a scale.
 
     Scales have names: "length", "mass" and "weight" of the section (outside of sections of the whole boom), "reach" and
-    "boom" (the mass) of the whole boom, "time" that is simulated, and names that a table adds by `Hinted.hint_scales`.
+    "boom" (the mass) of the whole boom, "time" (the simulated one), and names added by `Hinted.hint_scales` of a table.
     A signal is judged by its largest magnitude; `unit` is then the unit of its values.
     """
 

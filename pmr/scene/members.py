@@ -84,12 +84,12 @@ class Member:
 
     @property
     def gravity(self) -> Gravity | None:
-        """Weight of all bodies of the scene."""
+        """Weight of all bodies of the scene; None without gravity."""
         return self.scene.gravity
 
     @property
     def frame(self) -> Frame | None:
-        """Moving frame of the scene."""
+        """Moving frame of the scene; None without one."""
         return self.scene.frame
 
     @property
@@ -256,7 +256,7 @@ def seats(scene: Scene, number: int) -> Iterator[Seat]:
 
 
 def footprint(scene: Scene, ring: JointPads) -> str:
-    """Return the name that a ring's pads have in the models of the sections that they touch.
+    """Return the name of a ring's pads in the models of the two sections that they touch.
 
     Rings with equal faces, positions and size share one name, unless walls give way: each ring then has a name of its
     own.
@@ -280,7 +280,7 @@ def body_ring(ring: JointPads, name: str) -> PadRing:
 
 
 def _ring_key(ring: JointPads) -> tuple[object, ...]:
-    """Return faces, positions, length and width of a ring as a key that is equal for rings that may share a name."""
+    """Return faces, positions, length and width of a ring as a key; rings with equal keys may share a name."""
     assert ring.faces is not None
     return (tuple((face, tuple(places)) for face, places in sorted(ring.faces.items())), ring.length, ring.width)
 

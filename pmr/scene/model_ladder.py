@@ -37,7 +37,7 @@ def model_comparison(scene: Scene) -> ModelComparison:
     Both scenes are reduced and observed alike.  Unless the scene names a richer model, it is a shell that takes little
     time.
 
-    Raises an InputError that says why there is no richer model, or that the scene requests no comparison.
+    Raises an `InputError` with the reason if there is no richer model or the scene requests no comparison.
     """
     if scene.compare.richer == "none":
         raise _no_comparison("none", "not measured: compare.richer = 'none' leaves it out")
@@ -99,11 +99,12 @@ def shell_cell_count(part: BoomSection, by: float) -> float:
 
 
 def candidate_scenes(scene: Scene) -> list[Scene]:
-    """Return the scenes among which measurements choose a model, from the smallest models to shells.
+    """Return the scenes among which measurements choose a model; none if no body's model is left to measurements.
 
-    First there are planar beams and beams in space, both with rigid and with flexible walls, as far as these models can
-    carry the scene's loads; the last scene has shells.  All bodies with the model ``auto`` get the same model.  The
-    list is empty if no body's model is left to measurements.
+    First come beams with rigid walls, then beams with flexible walls, planar ones before those in space; shells are
+    last.  Planar beams are left out if some body needs a beam in space.  Rigid walls are left out if the scene has
+    flexible ones.  Beams that fail the checks of a scene are left out too.  All bodies that are left to measurements
+    get the same model.
     """
     open_ = [member for member in members(scene) if is_undecided(member)]
     if not open_:

@@ -228,7 +228,7 @@ def _check_mover(member: Member) -> None:
 
 
 def _check_box_variation(member: Member, box: Box) -> None:
-    """Refuse a box that varies along x or has frames, for models and keys that can't represent this."""
+    """Refuse a box that varies along x or has frames, together with models and keys that can't represent this."""
     model, key = model_of(member), "body.box." + " and ".join(box.varying_keys)
     if box.varying_keys and model not in VARYING:
         raise scene_error("body.model", model, f"{', '.join(VARYING[:-1])} and {VARYING[-1]} are allowed with {key}")
@@ -377,7 +377,7 @@ LARGEST_LOAD = 1e120  # N or N m; models are linear in it, their energies are it
 
 
 def check_loads(part: OneBody, end: float) -> None:
-    """Refuse loads that are so large, between 0 and `end` (s), that double precision can't compute with them."""
+    """Refuse loads that are too large for double precision at any time from 0 to `end` in s."""
     for i, load in enumerate(part.loads):
         with np.errstate(all="ignore"):
             largest = float(np.abs(load.signal.bounds(0.0, end)).max())

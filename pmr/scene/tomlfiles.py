@@ -141,7 +141,10 @@ class TomlFile:
             ) from None
 
     def origin(self, key: str | Sequence[str | int]) -> str:
-        """Return the file or option that last set a key or a key in its table, or that of the nearest outer table."""
+        """Return the file or option that last set a key or one inside it, else that of the nearest table around it.
+
+        It is the file itself if no such table has an origin.
+        """
         words = tuple(re.findall(r"\w+", key) if isinstance(key, str) else map(str, key))
         inside = [
             source for key_of_origin, source in self.origins.items() if words and key_of_origin[: len(words)] == words

@@ -353,9 +353,9 @@ class ComputedInput(SignalBase):
 def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
     """Signals, by name, of a boom's inertia inputs if its machine's motion has been computed; empty otherwise.
 
-    Averaged over a step they agree with the frame's accelerations.  The frame's accelerations at the ends of steps are
-    not used: generalized-alpha leaves in these an undamped part that alternates from step to step, and this part must
-    not be multiplied by quantities that change from step to step.
+    Averaged over a step they agree with the frame's accelerations.  Those at the ends of steps are not used:
+    generalized-alpha leaves in them an undamped part that alternates from step to step, and this part must not be
+    multiplied by quantities that change from step to step.
     """
     frame = scene.frame
     if frame is None:

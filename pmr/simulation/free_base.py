@@ -199,9 +199,10 @@ def _inertia_inputs(body: ReducedModel, first: int) -> Iterator[tuple[str, str, 
 
 
 def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Assembly) -> SectionInertia:
-    """Rigid-body properties of a section, from the work of its inertia loads and of all other loads in rigid motions.
+    """Return mass, first moment and inertia about the tail of a section, and the forces and moments of its inputs.
 
-    Raises InputError for planar sections, and if the rigid motions are not known.
+    Mass properties follow from the work of the section's inertia loads on its six rigid motions; the columns of these
+    inputs in `loads` are zero.  Raises InputError for planar sections, and if the work on rigid motions is not known.
     """
     name, W = scene.names[number], body.rigid_work
     if set(motion_directions(member_at(scene, number))) != {"x", "y", "z", "rx", "ry", "rz"}:

@@ -83,7 +83,7 @@ class Stand:
         return np.asarray(self.places[self.corners])
 
     def outputs(self, body: str) -> tuple[Output, ...]:
-        """Return the meaning of the `columns`; `body` is the name of the base section."""
+        """Return name, kind and unit of each of the `columns`, in order; `body` is the name of the base section."""
         at_corners = [self.names[k] for k in self.corners]
         units = dict.fromkeys(AXES[:3], "N") | dict.fromkeys(AXES[3:], "N m")
         return (

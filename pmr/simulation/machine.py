@@ -188,7 +188,7 @@ class MachineRun:
         self.simulation, self._in_balance = MachineSimulation(state, machine, reasons), scene.start == "equilibrium"
 
     def run(self) -> MachineMotion:
-        """Take all steps and return the motion; a SimulationError names the step that fails."""
+        """Take all steps and return the motion; a SimulationError names the step that fails, 0 for the start."""
         t, simulation, started = self._excitation.times, self.simulation, False
         try:
             self._start()

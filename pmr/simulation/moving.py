@@ -178,9 +178,9 @@ class MovingFrame:
 
     @classmethod
     def from_system(cls, system: System) -> MovingFrame | None:
-        """Frame of the scene in a system's provenance; None without a scene or without a frame in it.
+        """Frame of the scene in a system's provenance; None without a scene, or if the scene has no frame.
 
-        Raises InputError as `read_scene`, and if the scene does not drive an input or a term.
+        Raises InputError as `read_scene`, and if the system has an input or a term that the scene does not drive.
         """
         scene = read_scene(system, "system").scene if "scene" in system.provenance else None
         return None if scene is None or scene.frame is None else cls.in_scene(scene, system)

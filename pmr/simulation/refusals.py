@@ -18,7 +18,7 @@ MOST_NAMES = 3
 
 
 def describe_dependence(C: Array, names: Sequence[str]) -> str:
-    """Text that names the rows of C (m, n) that depend on each other; the first m of `names` are the rows' names."""
+    """Text with the names of those rows of C (m, n) that depend on each other; `names` begins with the rows' names."""
     involved = dependence_of_rows(C, names[: len(C)]).names
     if len(involved) == 1:
         return f"the row {involved[0]} vanishes"
@@ -26,7 +26,7 @@ def describe_dependence(C: Array, names: Sequence[str]) -> str:
 
 
 def describe_unsettled(names: Sequence[str], pushes: Mask) -> str:
-    """Text that names the contacts that only push, which did not settle as open or closed within the kernel's limit.
+    """Text with the names of the one-sided contacts, which did not settle as open or closed within the kernel's limit.
 
     `names` are the names of all m contacts, and the mask `pushes` (m,) is true for those that only push.
     """
@@ -64,7 +64,7 @@ def needs_of(system: BodySystem[Body], rigid: Mask, x: Array, rho_inf: float) ->
     rubs = Friction.from_contacts(system.contacts)
 
     def names(which: Mask) -> tuple[str, ...]:
-        """Names of the contacts of a mask (m,)."""
+        """Names of the contacts of the mask `which` (m,)."""
         return tuple(name for name, chosen in zip(system.contact_names, which, strict=True) if chosen)
 
     return SimulatorNeeds(

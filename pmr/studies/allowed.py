@@ -67,14 +67,13 @@ def _used_shares(share: Share, states: LoadedStates) -> list[float]:
 def first_load(top: float, *, grows: bool = False, guess: float = np.nan, at_once: bool = True) -> Search:
     """Return a search for the least load in kg in (0, top] at which the used share of a limit reaches 1.
 
-    The search is run by `run_searches`.  It returns 0 if the share is 1 or more without a load, and None if the share
-    is below 1 at all loads that are tried.
+    `run_searches` runs it.  It returns 0 if the share is 1 or more without a load, and None if the share is below 1 at
+    all  loads tried.
 
-    If `guess` is a load in kg close to which the result is expected, loads around `guess` are tried first; if the share
-    reaches 1 between two of these, no other loads are tried.  NaN means that there is no guess.  Otherwise the loads
-    that are tried are 0 and `top` if `grows` says that the share never falls while the load grows; else they are
-    `NODES` evenly spaced loads, which are requested together if `at_once` is true and one after the other if it is
-    false.
+    If `guess` is a load in kg close to the expected result, loads around `guess` are tried first; if the share reaches
+    1  between two of these, no others are tried.  NaN means no guess.  After that, 0 and `top` are tried if `grows`
+    says that  the share never falls while the load grows; else `NODES` evenly spaced loads, requested together if
+    `at_once` is true  and one after the other if it is false.
     """
     if 0.0 < guess < top:
         points = yield from _request_points(
@@ -102,9 +101,9 @@ def _request_points(loads: tuple[float, ...]) -> Generator[tuple[float, ...], Se
 def _find_root(points: list[Point], tolerance: float) -> Generator[tuple[float, ...], Sequence[float], float]:
     """Return the first load in kg, to about `tolerance` kg, at which the used share between ascending points is 1.
 
-    The method is inverse interpolation: the load is a polynomial in share - 1, with an error that is estimated from the
-    polynomial of one degree less.  Where a step of interpolation does not halve the interval that holds the root, the
-    quarters of that interval are tried as well.
+    The method is inverse interpolation: the load is a polynomial in share - 1; the polynomial of one degree less gives
+    an  estimate of its error.  The interval around the root should be halved by each step.  If it is not, its quarters
+    are  tried as well.
     """
     before = np.inf
     while True:

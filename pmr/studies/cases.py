@@ -49,7 +49,7 @@ class Wind(SceneTable):
 
 
 class LoadCase(SceneTable):
-    """Loads that act at once, with factors that the user chooses."""
+    """Loads that act at once, with factors chosen by the user."""
 
     name: str = Field(description="What it is called")
     standard: str = Field(default="", description="Source of the factors, for the report")
@@ -84,10 +84,10 @@ class LoadCase(SceneTable):
         return self.load > 0.0
 
     def check_loads(self, key: str, load_names: set[str], classes: Mapping[str, tuple[float, float]]) -> None:
-        """Raise InputError if the case names a load that `load_names` lacks, or a hoisting class that `classes` lacks.
+        """Raise InputError if the case names a load or a hoisting class that does not exist.
 
         `key` is the key of the case in the study file, for the message.  `load_names` are the names of the scene's
-        loads; `classes` maps the name of a hoisting class to its phi2,min and beta2 in s/m, as `hoisting_factor` uses
+        loads.  `classes` maps the name of a hoisting class to its phi2,min and beta2 in s/m, as `hoisting_factor` uses
         them.
         """
         if self.hoisting_class is not None:

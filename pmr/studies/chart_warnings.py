@@ -108,7 +108,7 @@ def warnings_of_row(
 
 
 def unnamed_loads(scene: Scene, cases: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield a line for each load that acts in runs of the scene but that no case of the chart lists in ``loads``."""
+    """Yield a line for each load that acts in runs of the scene but is listed in ``loads`` of no case of the chart."""
     named = {HOOK} | {name for case in cases for name in case["loads"]}
     for part in scene.sections:
         for load in part.loads:

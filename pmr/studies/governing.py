@@ -152,7 +152,10 @@ def governing_details(
 
 
 def _stress_columns(at: PostureMatrices) -> dict[str, dict[str, int]]:
-    """Return, by probe, the column of each stress component; without probes that limits of the stress field add."""
+    """Return, by probe, the column of each stress component among the outputs of the postures `at`.
+
+    Probes that limits of the stress field add are left out.
+    """
     return {probe: components for probe, components in at.columns.stress_columns().items() if FIELD not in probe}
 
 

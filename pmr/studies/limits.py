@@ -145,13 +145,19 @@ def _share_of_user_function(limit: Limit, at: PostureMatrices, k: int, amounts: 
 
 
 def _share_of_buckling(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
-    """Return the function from states to the used shares (p,) of a limit on the buckling factor."""
+    """Return the function from states to the used shares (p,) of a limit on the buckling factor.
+
+    The arguments after `limit` are not used.
+    """
     amount = limit.allowed_amount
     return lambda states: amount * np.array([form.inverse_factor(load) for form, load in _forms_and_loads(states)])
 
 
 def _share_of_frequency(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
-    """Return the function from states to the used shares (p,) of a limit on the lowest natural frequency."""
+    """Return the function from states to the used shares (p,) of a limit on the lowest natural frequency.
+
+    The arguments after `limit` are not used.
+    """
     amount = limit.allowed_amount
     return lambda states: np.array([_ratio(amount, form.frequency(load)) for form, load in _forms_and_loads(states)])
 
@@ -257,7 +263,7 @@ class Limit(SceneTable):
 
     @model_validator(mode="after")
     def _check_keys(self) -> Self:
-        """Refuse keys that are missing for the limited quantity, and keys that belong to other kinds of limits."""
+        """Refuse a limit without a key that its quantity needs, and one with a key of other kinds of limits."""
         needed = self.kind.amount
         for key in ("most", "least"):
             if (getattr(self, key) is not None) != (key == needed):
@@ -331,7 +337,7 @@ class Limit(SceneTable):
         return TippingMoments.compute(edges, resting, at, k, of_components)
 
     def stand_in(self, at: PostureMatrices) -> StandAtRest:
-        """Return the outriggers of a scene with a ground; raises InputError without one."""
+        """Return the outriggers of the postures `at`; raises InputError if their scene has no ground."""
         if at.ground is None:
             raise self._no_ground()
         return at.ground

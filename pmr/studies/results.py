@@ -39,9 +39,9 @@ TABLES, REPORT = ("runs.csv", "runs.npz", "seconds.csv", "summary.json"), ("repo
 class Store:
     """Folder with the results of tasks: one npz file with a JSON header for each, named by the result's digest.
 
-    The digest covers everything that decides the result.  A file appears under its name only when it is complete, and a
-    damaged file counts as missing; so a study that was interrupted continues with the files that exist.  Equal tasks of
-    several studies share a file.  Nothing in a file is pickled.
+    The digest covers everything on which the result depends.  A file appears under its name only when it is complete,
+    and a  damaged file counts as missing; so an interrupted study continues with the files that exist.  Equal tasks of
+    several  studies share a file.  Nothing in a file is pickled.
     """
 
     folder: Path
@@ -103,7 +103,7 @@ class Store:
 def _check_record(record: Mapping[str, Scalar]) -> dict[str, Scalar]:
     """Return a record as plain Python scalars.
 
-    Raises TypeError for a value that is no scalar, ValueError for a float that is not finite.
+    Raises TypeError for a value of another type, ValueError for a float that is not finite.
     """
     plain: dict[str, Scalar] = {}
     for name, value in record.items():
@@ -144,7 +144,7 @@ class RunRecord:
 
 @dataclass(frozen=True)
 class CountedWarning:
-    """A kind of warning: its text in the first run that has such a warning, and the keys of all runs that have one."""
+    """A kind of warning: its text in the first run with such a warning, and the keys of all runs with one."""
 
     text: str
     runs: tuple[str, ...]

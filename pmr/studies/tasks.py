@@ -101,7 +101,7 @@ class Task:
     cost: float = 1.0  # expected effort in any unit: long tasks start first, and the time left is estimated from it
 
     def __post_init__(self) -> None:
-        """Raise ValueError for a key that can't name a file, or for a function that is not one of a module's own."""
+        """Raise ValueError for a key that can't name a file, and for a method or nested function as the function."""
         if not KEY.fullmatch(self.key):
             raise ValueError(f"task key {self.key!r}: {KEY.pattern} is allowed")
         if "." in self.function.__qualname__:
@@ -179,10 +179,10 @@ def digests(plan: Plan, code: str) -> dict[str, str]:
 
 
 def open_nodes(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool]) -> dict[str, Node]:
-    """Return the tasks that have to be computed, by digest, each after the tasks that it needs.
+    """Return the tasks to be computed, by digest: runs that are not done, and missing results of tasks they depend on.
 
-    These are the runs that are not done, and the shared tasks that are not done and that such runs need.  `is_done`
-    returns for a digest whether its result is stored; `code` is the digest of the code.
+    Each task comes after the tasks that it needs.  `is_done` returns for a digest whether its result is stored; `code`
+    is  the digest of the code.
     """
     tasks, needs, needed = dict[str, Task](), dict[str, dict[str, str]](), set[str]()
     for plan in plans:

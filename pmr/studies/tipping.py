@@ -101,7 +101,7 @@ def _cross_matrix(force: Array) -> Array:
 
 
 def pivot_rows(at: PostureMatrices) -> Array:
-    """Return the rows (6, o) that select force and moment at the pivot from o outputs.
+    """Return the rows (6, o) that select force and moment at the pivot from the o outputs of the postures `at`.
 
     For a planar boom the rows of y, rx and rz are zero.  Raises InputError if another direction is not among the
     outputs.
@@ -121,6 +121,9 @@ def pivot_rows(at: PostureMatrices) -> Array:
 
 @lru_cache(64)
 def _tip_rows(names: tuple[str, ...], kinds: tuple[str, ...]) -> Array:
-    """Return the rows (3, o) that select the tip's displacement along the boom's x, y and z from o outputs."""
+    """Return the rows (3, o) that select the tip's displacement along the boom's x, y and z from o outputs.
+
+    `names` and `kinds` (o,) are the outputs' names and kinds.  A direction without an output has a row of zeros.
+    """
     tips = [name if kind == "tip" else "" for name, kind in zip(names, kinds, strict=True)]
     return np.array([[name.endswith(axis) for name in tips] for axis in "xyz"], dtype=float)

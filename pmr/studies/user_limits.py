@@ -97,7 +97,7 @@ def _reader(name: str, entry: str | None = None) -> Value:
     """Return a function that reads the amount `name` or, if given, the `entry` of the table `name` from amounts."""
 
     def lookup(at: Amounts) -> float:
-        """Return the amount as a float."""
+        """Return the amount in the state `at` as a float."""
         amount: Any = at[name]
         return float(amount if entry is None else amount[entry])
 
@@ -108,7 +108,7 @@ def _operation(function: Callable[..., float], parts: list[Value]) -> Value:
     """Return a function that applies an operator to the values of `parts`; it raises ValueError for a complex value."""
 
     def apply(at: Amounts) -> float:
-        """Return the operator's value."""
+        """Return the operator's value in the state `at`; ValueError if it is complex."""
         value = function(*(part(at) for part in parts))
         if isinstance(value, complex):
             raise ValueError("a power of a negative number is not a real number")
@@ -155,7 +155,7 @@ def expression_function(text: str) -> LimitFunction:
     value: Value = compile_expression(text, ("load", "luffing", "slewing"), ("output", "force"))
 
     def evaluate(at: AtRest) -> float:
-        """Return the expression's value in one state."""
+        """Return the expression's value in the state `at`."""
         numbers = {"load": at.load, "luffing": at.luffing, "slewing": at.slewing}
         return value(numbers | {"output": at.outputs, "force": at.forces})
 
@@ -177,7 +177,7 @@ def check_names(limit: str, text: str, scene: Scene) -> None:
 def amounts_of_states(
     limit_function: LimitFunction, key: str, text: str | None, at: PostureMatrices, k: int
 ) -> Callable[[LoadedStates], Array]:
-    """Return a function from states to the values (p,) of a user's limit function at the k-th posture.
+    """Return a function from states to the values (p,) of a user's limit function, for posture `k` of `at`.
 
     The returned function raises InputError with `key` and `text` (the limit function's name or the expression) if the
     limit function fails or returns NaN.

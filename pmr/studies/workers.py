@@ -192,7 +192,10 @@ def count_ranks() -> int:
 
 
 def run_on_rank(order: Order, path: list[str]) -> Failure | None:
-    """Run an order in the child process of this rank; `path` is where the child finds modules."""
+    """Run an order in the child process of this rank; return how it failed, None if it did not.
+
+    `path` is where the child finds modules.
+    """
     return _worker_of_rank(tuple(path)).run(order)
 
 
@@ -207,8 +210,8 @@ def _worker_of_rank(path: tuple[str, ...]) -> Worker:
 def serve() -> None:
     """Run the orders of the parent, one a line on standard input, and answer each by a line with null or the failure.
 
-    Runs as the child process of a worker until its input ends.  All output that libraries print is redirected to the
-    error stream, so that it can't mix with the answers.  When the parent dies, the child ends, too.
+    Runs as the child process of a worker until its input ends.  All output of libraries goes to the error stream, so
+    that  it can't mix with the answers.  When the parent dies, the child ends, too.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when the child ends
     lines, answers = os.fdopen(os.dup(0)), os.fdopen(os.dup(1), "w")

@@ -238,7 +238,7 @@ class Assembly:
                 rows.F[:, k, contacts] += np.add.reduceat(between, ends[:-1], axis=1)
 
     def _add_table_rows(self, name: str, side_numbers: Sequence[int], x: Array, contact_rows: ContactRows) -> None:
-        """Add to `contact_rows` what the single body of a system with tables over its path contributes.
+        """Add to `contact_rows` the part of the single body of a system with tables over its path.
 
         All sides, with the numbers `side_numbers`, have the same path coordinate: of the coordinates x (sides, T) in m,
         that of the first side that travels.

@@ -182,7 +182,7 @@ class RowProperties:
         """None: a full model does not record to which boom it belongs."""
 
     def ensure_whole(self, source: str) -> None:
-        """Do nothing: a full model has all of its joints."""
+        """Do nothing: a full model has all of its joints, so that there is no error about `source`."""
 
     @property
     def row_compliance(self) -> Array:

@@ -61,7 +61,7 @@ CARRIED = {
 
 @dataclass(frozen=True)
 class UnitLoad:
-    """Load that causes a unit state of stress in a body that is held at its tail."""
+    """Load for a unit state of stress in a body held at its tail."""
 
     acceleration: Array = field(default_factory=lambda: np.zeros(3))  # (3,) m/s^2 of the frame
     stretch: float = 0.0  # 1/s^2: gradient of the acceleration along x in the direction x

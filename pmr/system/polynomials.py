@@ -61,7 +61,7 @@ def _interval_numbers(table: PPoly, s: Array) -> Indices:
 
 
 def _powers(x: Array, count: int) -> Array:
-    """Powers (count, T) of x (T,), from the exponent count - 1 down to 0; several times as fast as `numpy.vander`."""
+    """Powers of x (T,) as an array (`count`, T), from the exponent `count` - 1 to 0; faster than `numpy.vander`."""
     powers = np.ones((count, len(x)))
     for k in range(count - 1, 0, -1):
         np.multiply(powers[k], x, out=powers[k - 1])

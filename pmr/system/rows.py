@@ -165,7 +165,10 @@ class Row:
         return PPoly(np.einsum("pkd,kdr->pkr", self.coefficients, measured[self.touched]), self.breaks)
 
     def refine(self, breaks: Array) -> Row:
-        """Return this row on finer `breaks`, exactly; they must contain all breaks of the row within their range."""
+        """Return this row, exactly, as polynomials on the intervals between `breaks`, which become its range.
+
+        All breaks of the row that lie in the new range must be among them.
+        """
         if np.array_equal(breaks, self.breaks):
             return self
         finer = refine_table(self._polynomial, breaks)

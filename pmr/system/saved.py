@@ -60,9 +60,9 @@ class _TermHeader:
 class _Header:
     """Header of version 6.
 
-    Version 5 stores all arrays of bodies.  Version 4 has no contacts that bear the forces of others and no ropes that
-    lengthen.  Version 3 stores all arrays of the models in ``on_modes``.  Version 2 has no such models, and version 1
-    has no terms either.
+    Version 5 stores all arrays of bodies.  Version 4 has no contacts that bear the forces of others and no lengthening
+    ropes.  Version 3 stores all arrays of the models in ``on_modes``.  Version 2 has no such models, and version 1 has
+    no  terms either.
     """
 
     bodies: tuple[str, ...]
@@ -105,9 +105,9 @@ def write(path: Path, system: StoredSystem) -> None:
 
 
 def read(path: Path) -> StoredSystem | ReducedModel:
-    """Return the system in a file that `write` wrote, or the model in a file that `ReducedModel.save` wrote.
+    """Return the system in a file of `write`, or the model in a file of `ReducedModel.save`.
 
-    An InputError that names the file is raised under the conditions of `ReducedModel.load`.
+    An InputError with the name of the file is raised under the conditions of `ReducedModel.load`.
     """
     if not isfile(path):
         allowed = f"{missing_file_reason(path)}; `pmr run` writes system.npz, or reduced.npz of one body"

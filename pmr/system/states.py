@@ -59,7 +59,7 @@ class SystemTrajectory:
         return replace(self, bodies=bodies, **change_arrays(self))
 
     def select(self, steps: Indices | slice) -> SystemTrajectory:
-        """Return the trajectory at the steps with these numbers (S,) or in this slice.
+        """Return the trajectory at the steps with the numbers `steps` (S,), or in this slice.
 
         `parts` and `impulses` become None: they belong to the steps between successive times.
         """

@@ -60,9 +60,9 @@ AnyBody = TypeVar("AnyBody", bound=Body, covariant=True)
 class BodySystem(Generic[AnyBody]):
     """Bodies of one kind, the m contacts that join them, and the terms that vary in time.
 
-    An InputError is raised if a contact or term names a body or row that does not exist, if two contacts or two terms
-    have the same name, if a rope's path does not exist, if a body has no carriers and the system is not `on_one_path`,
-    or if no contact uses a support that combines several coordinates of a full body.
+    An InputError is raised if a contact or term names a missing body or row, if two contacts or two terms have the same
+    name, if a rope's path does not exist, if a body has no carriers and the system is not `on_one_path`, or if a full
+    body's support combines several coordinates and no contact uses it.
     """
 
     # by their names; their rows are on carriers, or in tables over its path for a single body
@@ -368,7 +368,10 @@ class System(BodySystem[SlidingBody]):
         return self
 
     def ensure_lengths_stay(self, source: str) -> System:
-        """Return the system; raise an InputError about `source`, which can't handle ropes that lengthen, if any do."""
+        """Return the system itself; raise InputError if the length of any of its ropes changes with a path.
+
+        `source` is what the message blames: the part of pmr that can't handle such ropes.
+        """
         if self.compliance.paths:
             names = ", ".join(contact.name for contact in self.contacts if contact.lengthening)
             allowed = "0 is allowed here; `pmr simulate` follows ropes whose length changes"

@@ -82,10 +82,10 @@ class Term:
         return replace(self, **projected, supports={})
 
     def scatter(self, numbers: Mapping[str, Sequence[int] | Indices], size: int) -> Term:
-        """Return the term with sparse matrices on the `size` coordinates of a system, without its work on supports.
+        """Return the term with sparse matrices (size, size) on the coordinates of a system.
 
         `numbers` maps a body's name to the system's number of each of the body's coordinates; coordinates with a
-        negative number are left out.
+        negative  number are left out.  The returned term has no `supports`.
         """
         at = np.concatenate([np.asarray(numbers[name], np.int64) for name in self.bodies])
         scattered = dict[str, Any]()
@@ -132,11 +132,12 @@ def terms_of(
 
 
 def _term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Term:
-    """Matrices of one frame term on the bodies that it names, and its work on the motions of rigid supports.
+    """Build the term of the equations for one frame term, with its work on the motions of rigid supports.
 
-    A rotation gives a damping, all other terms give a stiffness.  It is the term's matrix on one body, or it belongs to
-    the distance between the tails of two sections: then it is the square of this distance times the mass or first
-    moment that the cylinder between the sections carries.
+    Terms of cylinders join two sections.  They have the stiffness m D^T D: D (d, n) gives the lateral distances between
+    the  two tails, m is the mass or first moment that the cylinder carries, or 1 for a cylinder's load.  All other
+    terms have  the term's matrix on one body: a rotation as damping, the others as stiffness; it is zero if the body
+    lacks it.
     """
     if term.kind in ("cylinder", "cylinder load"):
         apart = sp.csr_matrix(_distance_rows(scene, term, bodies))

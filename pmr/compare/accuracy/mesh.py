@@ -114,9 +114,9 @@ def mesh_budget(
 ) -> dict[str, Any]:
     """Entries ``mesh`` and ``mesh_reason`` of the error budget: the mesh's error by kind, or why there is none.
 
-    `simulate_other` makes and runs another scene, given a function that makes this scene and a name for it.  It returns
-    differences to the motion of `scene` by kind, as fractions of that motion.  Frequencies have no error on cells that
-    are long beside a pad (`mesh_warnings`), as both meshes then lack the walls' bending under it.
+    `simulate_other` runs another scene.  Its arguments are a function that returns that scene, and a name for it; it
+    returns differences to the motion of `scene` by kind, as fractions of that motion.  ``frequency`` is left out if
+    cells  are long beside a pad (`mesh_warnings`), as both meshes then lack the walls' bending under it.
     """
     try:
         other = other_mesh(scene)

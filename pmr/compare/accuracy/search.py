@@ -63,7 +63,10 @@ def find_sufficient_trial(trials: Trials, sizes: Sizes, steps: int, allowed: All
 
 
 def _step_ratio(trials: Trials, sizes: Sizes, steps: int, allowed: Allowed) -> float:
-    """Ratio of the error of the step to the allowed error; more than 1 if the error of the step is not settled."""
+    """Largest ratio of the error of the step to the allowed error, for models of these sizes in a run of `steps` steps.
+
+    It is more than 1 if the error of the step is not settled.
+    """
     size = worst_ratio(trials.step_errors(sizes, steps), allowed)
     return size if trials.is_settled(sizes, steps) else max(size, 1.0 + HALF)
 
@@ -89,12 +92,11 @@ def reduce_cost(trials: Trials, trial: Trial, allowed: Allowed, coarsest: int) -
 
 
 def find_best_affordable(trials: Trials, budget: Budget, coarsest: int) -> Trial:
-    """Trial with the smallest error that a budget allows.
+    """Trial with the smallest error within a budget of coordinates, of the time of a step, or of real time.
 
-    With a budget of coordinates, or of the time that a step takes, it has the most coordinates that the budget allows,
-    and the longest step whose error is no larger than that of the reduction.  With a budget of real time, it is the
-    best of the trials that have, for each number of steps from `coarsest` on, as many coordinates as there is time for.
-    Raises InputError if the smallest model exceeds the budget.
+    For coordinates or the time of a step, it has the most coordinates possible, and the longest step whose error is no
+    larger than that of the reduction.  For real time, trials are made with `coarsest` steps and more; each has as many
+    coordinates as there is time for.  Raises InputError if the smallest model exceeds the budget.
     """
     key = "microseconds_per_step" if budget.real_time is None else "real_time"
     if budget.coordinates is not None:
@@ -201,7 +203,10 @@ def _real_time_trials(trials: Trials, ratio: float, coarsest: int) -> Iterator[T
 
 
 def _largest_sizes(trials: Trials, seconds: float) -> Sizes | None:
-    """Most modes of each body with which a step takes at most `seconds`; None if the fewest modes take longer."""
+    """Sizes with the most elastic modes with which a step takes at most `seconds`.
+
+    All bodies have equally many elastic modes, or all of theirs.  None if a step takes longer with the fewest modes.
+    """
     low, high = trials.least - 1, trials.most_elastic_modes(trials.most) + 1
     middle = high - 1
     while high - low > 1:  # begins with all modes: most budgets of time are generous

@@ -114,7 +114,7 @@ class Trials:
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of outputs that the system has."""
+        """Kinds of outputs of the system: displacements, its forces, ``velocity``, and ``probe`` if it has any."""
         alone, system = ALONE in self._wholes, self.system(self.own)
         forces = dict.fromkeys(["pad_force"] if alone else force_kinds_of_system(system))
         probes = ["probe"] * any(np.any(other_outputs(model)) for model in self._wholes.values())
@@ -166,7 +166,7 @@ class Trials:
         return steps
 
     def with_steps(self, steps: int) -> Excitation:
-        """The excitation on this number of equal steps."""
+        """The excitation on a time grid of `steps` equal steps, with the same end and rho_inf."""
         grid = self.excitation.stepping
         return self.excitation.on_grid(TimeStepping(grid.end, grid.end / steps, grid.rho_inf))
 
@@ -188,7 +188,7 @@ class Trials:
         return tuple(max(size, min(rigid + max(2 * (size - rigid), 1), most)) for size, rigid, most in of_bodies)
 
     def neighbouring_sizes(self, sizes: Sizes, step: int) -> list[Sizes]:
-        """All sizes that differ from `sizes` by `step` modes of one body, and that this body can have.
+        """All possible sizes with `step` modes more in one body and as many as in `sizes` in the others.
 
         `step` is negative for fewer modes.
         """
@@ -212,13 +212,13 @@ class Trials:
         return sum(body.size for body in self.system(sizes).bodies.values())
 
     def estimate_trial(self, sizes: Sizes, steps: int) -> Trial:
-        """Run models of these sizes with this number of steps and estimate the errors of the run."""
+        """Run models of these sizes with `steps` steps and estimate the errors of the run."""
         reduction, step, at = self.reduction_errors(sizes, steps), self.step_errors(sizes, steps), (sizes, steps)
         of_run = self._estimates[at], self._step_errors[at]
         return Trial(sizes, self.coordinates(sizes), steps, reduction, step, self.is_settled(sizes, steps), *of_run)
 
     def is_resolved(self, sizes: Sizes, steps: int) -> bool:
-        """Whether the steps are short enough to show whether there are too few coordinates.
+        """Whether `steps` steps are short enough to show whether models of these sizes have too few coordinates.
 
         Only to be called after `step_errors` for the same sizes and steps.
         """
@@ -233,11 +233,11 @@ class Trials:
         )
 
     def difference_to_trial(self, trial: Trial, sizes: Sizes, steps: int) -> dict[str, float]:
-        """Error by kind of a reduction to fewer modes, `sizes`, than a trial has, from the difference of two runs.
+        """Error by kind of models of the given sizes, which are smaller than a trial's, by the difference of two runs.
 
-        Both runs have `steps` steps.  The modes that both models lack have other frequencies than the modes that only
-        one of them lacks, so the trial's own error is added as the root of the sum of squares.  If contacts only push,
-        both runs divide their steps alike, so that the difference is due to the reduction, not to the time of impacts.
+        Both runs have `steps` steps.  Modes that neither model has are not in this difference, so the trial's own error
+        is  added as the root of the sum of squares.  If contacts only push, both runs divide their steps alike, so that
+        the  difference is due to the reduction, not to the time of impacts.  All errors are inf if a run fails.
         """
         key = sizes, steps
         if key not in self._beside:
@@ -256,7 +256,11 @@ class Trials:
         return self._beside[key]
 
     def reduction_errors(self, sizes: Sizes, steps: int) -> dict[str, float]:
-        """Estimated error of the reduction by kind; for forces of sections it is the error between kinks."""
+        """Estimated error of the reduction by kind, a fraction, in a run of `steps` steps with models of these sizes.
+
+        It is inf for kinds without an estimate, and for all kinds if the run or its estimate fails.  For forces of
+        several  sections it is the error between kinks, where that is estimated.
+        """
         if (sizes, steps) not in self._estimates:
             try:
                 run = self._run(sizes, steps)
@@ -269,7 +273,7 @@ class Trials:
         return {kind: errors.get(f"{kind}{between}", errors.get(kind, np.inf)) for kind in self.wanted}
 
     def step_errors(self, sizes: Sizes, steps: int) -> dict[str, float]:
-        """Error of the step by kind, a fraction; infinite if it could not be computed."""
+        """Error of the step by kind, a fraction, in a run of `steps` steps; infinite if it could not be computed."""
         if (sizes, steps) not in self._step_errors:
             system, excitation = self.system(sizes), self.with_steps(steps)
             try:
@@ -281,7 +285,7 @@ class Trials:
         return {kind: np.inf if run_error is None else run_error.error_of(kind) for kind in self.wanted}
 
     def is_settled(self, sizes: Sizes, steps: int) -> bool:
-        """Whether runs with shorter steps than these approach each other, in all kinds of outputs that are wanted.
+        """Whether runs with more than `steps` steps approach each other, in all kinds of outputs that are wanted.
 
         Only to be called after `step_errors` for the same sizes and steps.
         """
@@ -296,7 +300,10 @@ class Trials:
         return without_kink_forces(system, run_outputs, excitation, excitation.times, excitation.stepping.step)
 
     def run_undamped(self, sizes: Sizes, steps: int) -> tuple[Outputs, RoundOffBounds]:
-        """Outputs of a run with little numerical damping (`pmr.compare.step_error`), and bounds of their round-off."""
+        """Outputs of a run of `steps` steps with little numerical damping, and bounds of their round-off.
+
+        The damping is that of `pmr.compare.stepped_runs.reference_rho`.
+        """
         system, excitation = self.system(sizes), self.with_steps(steps)
         grid = excitation.stepping
         stepping = TimeStepping(grid.end, grid.step, reference_rho(system, grid.rho_inf))
@@ -309,7 +316,7 @@ class Trials:
         return min(systems.observe(form, excitation, every=TIMED).seconds for _ in range(TIMES)) / TIMED
 
     def _run(self, sizes: Sizes, steps: int) -> SystemTrajectory:
-        """Motion at all steps of a run; the motion of the last run is stored."""
+        """Motion at all steps of a run of `steps` steps; the motion of the last run is stored."""
         if (sizes, steps) not in self._last:
             self._last = {(sizes, steps): run_from_start(self.system(sizes), self.with_steps(steps))}
         return self._last[sizes, steps]

@@ -265,9 +265,10 @@ def _round_values(low: float, high: float, steps: Sequence[float] = (1.0, 2.0, 5
 
 
 def curve_style(number: int, size: float = 2.6) -> dict[str, Any]:
-    """Keywords for `Axes.plot` of the curve with this number: colour, marker and dash.
+    """Keywords for `Axes.plot` of the curve with this number: colour, marker of the given size, and dash.
 
-    When all colours of `SERIES` are used, they are used again with other dashes and with markers of another fill.
+    When all colours of `SERIES` are used, they are used again with other dashes and marker fills.  After three rounds,
+    styles repeat.
     """
     colour, marker = SERIES[number % len(SERIES)]
     cycle = number // len(SERIES) % 3

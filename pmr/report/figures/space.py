@@ -142,7 +142,7 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, ground: bool 
 
 
 def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
-    """Luffing cylinder at some time steps, by the positions (2, 2) in m of its foot and its lug.
+    """Positions (2, 2) in m of the luffing cylinder's foot and lug, for each of the steps with the numbers `steps`.
 
     The list is empty if the scene has no luffing cylinder.
     """
@@ -320,9 +320,9 @@ def slews(result: RunResult) -> bool:
 
 
 def space_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block with the boom in true position, for runs whose animation shows fields.
+    """Build the block with the boom in true position; None unless the boom is in a frame and has recovered fields.
 
-    It is None for all other runs, and for a boom that is in no frame.
+    `prefix` begins the identifiers of its figures.
     """
     played = any(body.fields is not None for body in result.bodies.values())
     if result.frame is None or not played or not axis_points(result, result.responses["reduced"]):
@@ -331,7 +331,10 @@ def space_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def space_drawings(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
-    """Draw, row by row, the tip over time, the boom from above if it slews, and the buckling factor if it is known."""
+    """Draw, row by row, the tip over time, the boom from above if it slews, and the buckling factor if it is known.
+
+    `prefix` begins the identifiers of the figures.
+    """
     caption = "The tip over time: its distance from the pivot in the plane of luffing, and its height over the pivot."
     row = [drawing(f"{prefix}-tip-in-space", tip_figure, caption, result)]
     if slews(result):  # the view from the side is at the top of the page

@@ -306,9 +306,9 @@ ROUND_OFF = 1e-9
 
 
 def governing_pages(study: FinishedStudy, names: list[str], arrays: Parts, prefix: str) -> Iterator[Block]:
-    """Yield a block for each limit that governs at some point, about the point with the largest load that it governs.
+    """Yield a block for each limit that governs anywhere: about the point with the largest load among those it governs.
 
-    Each block begins a new page on paper.
+    Each block begins a new page on paper.  `prefix` begins the identifiers of the figures.
     """
     for n in range(len(names)):
         best = [(float(a["load"][k, n]) if (k := int(a["at.place"][n])) >= 0 else -1.0) for a in arrays]

@@ -145,13 +145,16 @@ def format_combination(key: str) -> str:
     return f"({first},{second})" if first.isdigit() and second.isdigit() else key
 
 
-def _comparison_row(statement: Statement, figure: Scalar) -> Row:
-    """Build the row of the table with a published statement and the study's value `figure`."""
-    shown = format_figure(figure, statement.quantity)
+def _comparison_row(statement: Statement, value: Scalar) -> Row:
+    """Build the row of the table that compares the study's `value` with a published statement.
+
+    The row has a deviation and a mark only if the statement has a value.
+    """
+    shown = format_figure(value, statement.quantity)
     if statement.value is None:
         return Row(statement.text, "", shown, statement.words or None)
     printed = statement.words or format_figure(statement.value, statement.quantity)
-    mark, deviation = _verdict(statement, figure)
+    mark, deviation = _verdict(statement, value)
     return Row(statement.text, "", shown, printed, deviation, mark)
 
 

@@ -131,7 +131,8 @@ def _cost_differs(runs: Sequence[RunRecord]) -> bool:
 def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Iterator[Block]:
     """Yield blocks of figures: values over the varied parameter, and the error over the time of a simulation.
 
-    Nothing is yielded if no parameter has several numbers.
+    `error` is the name of that error, None if there is none; `prefix` begins the identifiers of the figures.  Nothing
+    is  yielded if no parameter has several numbers.
     """
     over = varied_parameter(done)
     if over is None:

@@ -209,7 +209,7 @@ class Chirp(SignalBase):
 
     @model_validator(mode="after")
     def _check_frequencies(self) -> Chirp:
-        """Refuse times that do not increase, and frequencies that are negative or not as many as times."""
+        """Refuse times that do not increase, negative frequencies, and another number of frequencies than of times."""
         if np.any(np.diff(self.times) <= 0.0):
             raise ValueError("times must increase")
         if len(self.times) != len(self.frequencies):

@@ -108,7 +108,10 @@ def curvature(cable: Cable, q: Array, x: Array) -> Array:
 
 
 def _curvature(cable: Cable, q: Array, x: Array, elements: Indices) -> Array:
-    """Material curvature (T, o) in 1/m at the points x (o,) in m, by the shapes of the `elements` (o,)."""
+    """Material curvature (T, o) in 1/m at material points x (o,) in m, from the coordinates q (T, N, 4) of all nodes.
+
+    `elements` (o,) are the numbers of the elements whose shape functions are used, one for each point.
+    """
     slope = np.array([1.0, 0.0]) + _apply(_interpolation(cable, x, elements, derivative=1), q)
     bend = _apply(_interpolation(cable, x, elements, derivative=2), q)
     cross = slope[..., 0] * bend[..., 1] - slope[..., 1] * bend[..., 0]

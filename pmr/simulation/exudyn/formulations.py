@@ -95,7 +95,10 @@ def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, 
 def _contact_parameters(
     pads: Pads, equations: Equations, inputs: Inputs, steps: Steps, start: Start
 ) -> tuple[dict[str, Any], Callable[[exu.MainSystem, SystemItems, float], None]]:
-    """Parameters (user functions) of ObjectGenericODE2 for contacts that push or rub; function that ends a step."""
+    """Parameters (user functions) of ObjectGenericODE2 for contacts that push or rub, and a function that ends a step.
+
+    `steps` checks at each Jacobian that rows and loads were set for the step; bodies begin in the states `start`.
+    """
     stored_rows: tuple[int, Rows] | None = None
     begun = np.concatenate([state.q for state in start.values()])
     reached, loads = 0.0, np.array(inputs.loads(0.0))
@@ -131,7 +134,7 @@ def _contact_parameters(
         return equations.matrix(factor * pads.stiffness(at, state))
 
     def finish(mbs: exu.MainSystem, items: SystemItems, t: float) -> None:
-        """End the step before the one that ends at t, so that the latter starts from its friction."""
+        """End the step that begins the one up to t, so that the latter starts from its friction; at t = 0, begin."""
         nonlocal reached, loads
         if pads.law is None:
             return
@@ -200,7 +203,7 @@ def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inpu
     items = with_contacts(mbs, items, np.arange(m), mRows, scalingMarker0=F, scalingMarker1=C, offset=offset)
 
     def update(mbs: exu.MainSystem, t: float) -> bool:
-        """Pre-step function: set rows and forces to those at t."""
+        """Pre-step function: set rows and forces to those at t; True, so that Exudyn goes on."""
         inputs.begin(t)
         C, F, offset = parts(t)
         mbs.SetObjectParameter(items.oContacts, "scalingMarker0", F)
@@ -248,7 +251,8 @@ def _counts(equations: Equations) -> tuple[int, int]:
 def zero_jacobian(equations: Equations, steps: Steps) -> Callable[..., exu.MatrixContainer]:
     """User function for the Jacobian of forces other than K q and D q', which is zero: Exudyn adds K and D itself.
 
-    Without it Exudyn would differentiate K q numerically.  The function also checks that the step has been updated.
+    Without it Exudyn would differentiate K q numerically.  The function also checks, by `steps`, that the step has been
+    updated.
     """
     no_more = equations.matrix(sp.csr_matrix(equations.K.shape))
 

@@ -241,7 +241,7 @@ class Base:
         return self.paths.extensions(t, z, z_t)
 
     def moments(self, at: Extensions) -> Moments:
-        """First moments of the sections; they include the response of contacts that give way to inertia."""
+        """First moments of the sections for the extensions `at`, with the response to inertia of soft contacts."""
         return self._answering.moments(at)
 
     def answers(self, s: Array) -> InputResponse:
@@ -311,10 +311,10 @@ def driven_by_base(system: System, loads: Mapping[str, Driving]) -> dict[str, Dr
 
 
 def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on: OnBody) -> dict[str, Driving]:
-    """Amplitudes of the terms by name: of loads that stress the boom; other terms are zero, as the base adds them.
+    """Amplitudes by name of the terms of the bodies `on` a base; only terms of loads that stress the boom are not zero.
 
-    Terms of a cylinder are zero, too, if its extension is a coordinate of a node.  Raises InputError for a path that is
-    no extension.
+    The base adds the other terms.  Terms of a cylinder are zero, too, if its extension is a coordinate of a node.
+    Raises  InputError for a path that is no extension.
     """
     for name in dict.fromkeys((*on.scene.names[1:], *paths)):
         check_path(name, paths.get(name))
@@ -340,7 +340,7 @@ def _cylinder_load(load: Driving, extension: Driving, mbs: exu.MainSystem, t: fl
 
 
 def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Inputs) -> SystemItems:
-    """Add the object that couples the items of a boom with the body that carries it; return the items."""
+    """Add the object that couples a boom's items with the body below it; return the items with this object."""
     nodes = [base.node, *items.nBodies.values(), *base.paths.nodes]
     count = sum(len(mbs.GetNode(node)["referenceCoordinates"]) for node in nodes)
     evaluated_at, evaluated = None, AddedEquations(*(np.empty(0),) * 3)

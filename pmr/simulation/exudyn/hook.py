@@ -176,7 +176,7 @@ class _Joint:
         return answers.E[on], answers.E_slope[:, *on]
 
     def forces_and_stiffness(self, t: float, z: Array) -> ForcesAndStiffness:
-        """Force (N,) and stiffness (N, N) from the energy that the node w stores, and from the stiffness that holds w.
+        """Force (N,) and stiffness (N, N) from the energy stored by the node w, and from the stiffness that holds w.
 
         The node w is held in directions without flexibility.
         """

@@ -162,8 +162,8 @@ def simulate_system(
 def step_lengths(system: System, excitation: Excitation, initial: Mapping[str, InitialState]) -> StepParts:
     """Numbers of parts of each step: one part for each step, unless contacts only push.
 
-    If contacts only push, they are the numbers that the excitation gives, or else the numbers that the compiled
-    simulator chooses; for bodies too large for it, a step has as many parts as resolve the contacts.
+    If contacts only push, they are the numbers of the excitation, or else those chosen by the compiled simulator; for
+    bodies too large for it, a step has enough parts to resolve the contacts.
     """
     if np.isnan(system.clearance).all():
         return StepParts.for_contacts(excitation.stepping, 0.0)

@@ -117,7 +117,8 @@ class Drivers:
     def _take_at_once(self, values: dict[Any, Any], limits: Limits) -> bool:
         """Take all values at once if each is a float (in a frame three floats) within `limits`; return whether taken.
 
-        This takes a third of the time.  Values that are refused here are read again by methods that say what is wrong.
+        This takes a third of the time.  Values that are refused here are read again by methods with a message for each
+        error.
         """
         if self._in_parts or not self._started:
             return False

@@ -132,7 +132,7 @@ class March:
         paths, inputs, least = self.form.kernel.paths, self.form.kernel.inputs, 0.0
 
         def record_block(first: int, steps: Steps) -> None:
-            """Store energies and work of some steps, and hand these to `take`."""
+            """Store energies and work of some steps and hand these to `take`; `first` is the first record's number."""
             nonlocal least
             at = slice(first, first + len(steps.z))
             self._stored[at], self._work[at] = steps.energy.T
@@ -162,11 +162,11 @@ class March:
         room = self._record_arrays(record)
 
         def advance(first: int, last: int) -> None:
-            """Take the steps of records first to last - 1."""
+            """Take the steps of records `first` to `last` - 1."""
             self._advance((first - 1) * every, last - first, every, record)
 
         def hand_over(first: int, last: int) -> None:
-            """Check some records, and hand them to `take`."""
+            """Check records `first` to `last` - 1, and hand them, with the one before as the first, to `take`."""
             steps = room.at(slice(last - first + 1))
             self._check_finite(steps.z, first - 1, every)
             for forces in (steps.multipliers, steps.peaks):
@@ -200,7 +200,10 @@ class March:
         return Steps(**arrays)
 
     def _advance(self, first: int, rows: int, every: int, record: Record) -> None:
-        """Take the steps after number `first` that fill `rows` rows of a record, from the second row on."""
+        """Take the steps after number `first` that fill `rows` rows of a record, from the second row on.
+
+        A row has `every` steps.
+        """
         steps = rows * every
         schedule = None if self._schedule is None else self._schedule[first : first + steps]
         try:
@@ -216,7 +219,10 @@ class March:
     def _advance_sampled(
         self, first: int, steps: int, every: int, schedule: NDArray[np.int32] | None, record: Record
     ) -> None:
-        """Take `steps` steps with drivers sampled in Python, at as many points in each step as its parts need."""
+        """Take `steps` steps after number `first`, with drivers sampled in Python at as many points as parts need.
+
+        The record gets a row for every `every` steps.
+        """
         taken, per = 0, self.state.settings.parts[0]
         while taken < steps:
             skip = -taken % every  # steps up to the next record, if a call ended between two records

@@ -61,7 +61,7 @@ def simulate_form(
     progress: Progress | None = None,
     every: int = 1,
 ) -> SystemTrajectory:
-    """Simulate a system in modal form; several simulations can share the kernel of `form`.
+    """Simulate a system in modal form, and record every `every`-th step; simulations can share the kernel of `form`.
 
     If `initial` is None, the simulation starts as ``excitation.start`` says.  Otherwise as `simulate`.
     """
@@ -81,7 +81,10 @@ def follow(march: March, excitation: Excitation, take: Take, progress: Progress 
     P, i = form.kernel.paths, form.kernel.inputs
 
     def hand_over(first: int, steps: Steps) -> None:
-        """Hand some steps to `take` as a block."""
+        """Pass `steps` to `take` as a block that makes trajectories on request.
+
+        `first` is the number of the first of these steps.
+        """
 
         def trajectory_at(rows: Indices | slice) -> SystemTrajectory:
             """Trajectory of rows of the block."""
@@ -134,7 +137,7 @@ def observe(
     rubbing, P = Friction.from_contacts(system.contacts), form.kernel.paths
 
     def record_outputs(first: int, steps: Steps) -> None:
-        """Compute and store outputs and contact forces of some records."""
+        """Compute and store outputs and contact forces of the records `steps`, from the record number `first` on."""
         nonlocal evaluated
         begun, rows = perf_counter(), slice(first, first + len(steps.z))
         numbers, column, load = np.arange(rows.start, rows.stop) * every, 0, P

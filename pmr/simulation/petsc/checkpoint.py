@@ -134,7 +134,8 @@ def identity(
 ) -> dict[str, Any]:
     """Digests that distinguish this simulation from others, with one product of each matrix; collective.
 
-    Paths and loads are also evaluated in the middle of steps, which may be divided.
+    `at` are paths, loads and terms at the steps; paths and loads are also evaluated in the middle of steps, which may
+    be  divided.
     """
     stepping, between = excitation.stepping, 0.5 * (excitation.times[:-1] + excitation.times[1:])
     forms = []

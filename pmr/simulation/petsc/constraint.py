@@ -88,9 +88,9 @@ class ContactState:
         return forces
 
     def release(self, rows: PathRows, factors: SchemeFactors) -> Prediction | None:
-        """Correction of the prediction that removes the last forces of contacts that are now open; None without such.
+        """Correction of the prediction for the last forces of contacts that are now open; None without such forces.
 
-        Their stored forces are set to zero.
+        The stored forces of these contacts are set to zero.
         """
         opened = ~self._closed & ((self._force != 0.0) | (self.share != 0.0))
         if not opened.any():

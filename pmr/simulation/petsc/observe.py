@@ -140,9 +140,9 @@ class _Run:
         return steps
 
     def _step(self, steps: DividedSteps, step: int, state: State, due: bool) -> Stepped:
-        """Take a step in all its parts; return the state, and whether any rank is due for a checkpoint.
+        """Take step number `step` in all parts that `steps` makes; return the state, and whether a checkpoint is due.
 
-        A SimulationError is raised with step, time and path coordinates.
+        A checkpoint is due if it is on any rank.  A SimulationError is raised with step, time and path coordinates.
         """
         try:
             return steps.step(step, state, due, self._recorder)

@@ -174,7 +174,7 @@ class Recorder:
         self._peak, self._work = np.full_like(self._peak, -np.inf), 0.0
 
     def record(self, step: int, state: State, rows: PathRows, at: SampledExcitation) -> None:
-        """Record the state after step number `step`, if this step is selected."""
+        """Record the state after step number `step`, if this step is selected; `at` has paths and loads at steps."""
         peak, work, self._work = self._peak, self._work, 0.0
         if self._pushes:
             self._peak = np.full_like(peak, -np.inf)
@@ -206,7 +206,7 @@ class Recorder:
         return half_form(self._M, state.v), half_form(self._K, state.q), -float(f @ motion)
 
     def history(self, at: SampledExcitation, seconds: float, preparation: float) -> History:
-        """History of all records; collective."""
+        """History of all records; collective.  `at` has the paths and loads at all steps."""
         system, every = self._system, slice(None, None, self.recording.every)
         sums = system.comm.allreduce(self.sums)
         y, motion, drift, energies_of_steps = np.split(sums, self._ends, axis=1)

@@ -241,14 +241,12 @@ def static_start(system: FullSystem, excitation: Excitation) -> dict[str, Initia
 def starting_state(
     system: FullSystem, at: SampledExcitation, initial: Mapping[str, InitialState], mass: BlockFactor | None
 ) -> State:
-    """State at t = 0; collective.
+    """State at t = 0, under the paths, loads and terms `at`; collective.
 
     `mass` is a factor of M; None if nothing acts or moves and no contact only pushes.
 
-    Raises
-    ------
-    InputError
-        If the initial position violates a rigid contact, a size is wrong, or contacts depend on each other.
+    Raises  ------  InputError  If the initial position violates a rigid contact, a size is wrong, or contacts depend on
+    each other.
     """
     start = stacked_start(system, initial)
     q, v = system.local_part(start.q), system.local_part(start.v)
@@ -272,12 +270,12 @@ def starting_state(
 
 
 def _initial_grip(system: FullSystem, at: SampledExcitation, multipliers: Array) -> Grip:
-    """Friction of pads at t = 0, which is zero."""
+    """Friction of pads at t = 0, which is zero; `at` has the path coordinates of their joints."""
     return Grip.at_start(system.contacts, at.c[0][len(system.term_names) :], multipliers)
 
 
 def starts_moving(system: FullSystem, at: SampledExcitation, initial: Mapping[str, InitialState]) -> bool:
-    """Whether a load acts, or a body is deformed or moves, at t = 0; the same on every rank."""
+    """Whether a load of `at` acts, or a body is deformed or moves, at t = 0; the same on every rank."""
     load = any(np.any(local_csr(model.inputs) @ at.f[0][inputs]) for model, inputs in _inputs(system))
     start = stacked_start(system, initial)
     return bool(system.comm.allreduce(int(bool(load or np.any(start.q) or np.any(start.v)))))

@@ -392,7 +392,7 @@ def geometric_stiffness(assembly: Assembly, coefficients: Mapping[str, float]) -
 
 
 def _largest_eigenvalues(solve: Solve, rows: ContactRows, G: sp.csr_matrix, start: Array, count: int) -> Array:
-    """Largest eigenvalues 1/Lambda (count + 2,) of -A G, unsorted, by Arnoldi's method.
+    """Largest `count` + 2 eigenvalues 1/Lambda of -A G, unsorted, by Arnoldi's method.
 
     G (n, n) is the sum of c_k G_k, A the flexibility that `solve` applies, `start` (n,) the first vector.
     """

@@ -69,7 +69,10 @@ def grid_points(grid: Mapping[str, object]) -> Iterator[ScenePoint]:
 
 
 def _lists(tables: Mapping[str, object], prefix: str) -> Iterator[tuple[str, Sequence[Any]]]:
-    """Yield dotted key and values of each list in nested tables; InputError for an empty list or another value."""
+    """Yield dotted key and values of each list in nested tables; `prefix` is put before all keys.
+
+    Raises InputError for an empty list, and for a value that is neither a list nor a table.
+    """
     for key, value in tables.items():
         if isinstance(value, Mapping):
             yield from _lists(value, f"{prefix}{key}.")
