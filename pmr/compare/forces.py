@@ -190,7 +190,7 @@ def missing_reaction_warnings(scene: Scene) -> list[str]:
 
 
 def _pad_force(response: Response, name: str) -> Array | None:
-    """Force (T,) in N of a pad; None if it is unknown.
+    """Force (T,) in N of the pad `name`; None if it is unknown.
 
     A rigid pad that does not move is a support: its force is the reaction.
     """

@@ -116,7 +116,7 @@ def _past_buckling_warnings(is_included: bool, stresses: SecondOrderEffect) -> l
 
 
 def _left_out_warnings(is_included: bool, stresses: SecondOrderEffect) -> list[str]:
-    """A warning if second order is left out although it matters; else nothing."""
+    """A warning if second order matters and is left out, `is_included` being false; else nothing."""
     size = f"by {100.0 * stresses.largest_share:.2g} % at {stresses.t_largest_share:g} s"
     left_out = f"second order is left out: axial forces and the frame's speed change the stiffness {size}, so static "
     left_out += "deflections are off by as much, vibrations drift out of phase; frame.second_order = true includes it"

@@ -67,7 +67,10 @@ def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> fl
 
 
 def probe_round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> Array:
-    """Round-off (k,), as in `round_off`, of each of k probes: outputs that are neither in m nor in N; in its unit."""
+    """Round-off (k,), as in `round_off`, of each of k probes in `end` seconds, in its own unit.
+
+    Probes are outputs that are neither in m nor in N.
+    """
     return ROUND_OFF * _largest_motions(bodies, loads, end, other_outputs)
 
 

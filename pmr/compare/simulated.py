@@ -242,7 +242,10 @@ def _scene_differences(recorded_scene: Mapping[str, object], scene: Scene) -> It
 
 
 def _file_differences(recorded_digests: Mapping[str, str], read: Mapping[str, Path]) -> Iterator[Difference]:
-    """Differences in the content of files that the scene reads, shown as a file's name and as a digest."""
+    """Differences in the content of the files `read` by the scene to the recorded digests of their content.
+
+    Each is shown as a file's name and as a digest.
+    """
     for name, file in read.items():
         digest = hashlib.sha256(file.read_bytes()).hexdigest()
         if recorded_digests.get(name, digest) != digest:

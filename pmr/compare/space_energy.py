@@ -114,7 +114,7 @@ class _EnergyBalance:
         self.energy, self.drives, self.others = run.energy.copy(), np.zeros(len(run.t) - 1), np.diff(run.work)
 
     def add_fields(self, name: str, body: SlidingBody, system: System) -> None:
-        """Set the moments of a body, in place, and subtract the work of its inertia loads from the attribute `others`.
+        """Set the moments of the body `name`, in place, and subtract the work of its inertia loads from `others`.
 
         Inertia loads are forces in the frame only; in space they do no work.
         """

@@ -256,7 +256,10 @@ def _motion(in_the_mean: bool, sample: Sample) -> Array:
 
 
 def _motion_difference(in_the_mean: bool, sample: Sample, finer: Sample) -> float:
-    """Difference of a run's displacements, or of their RMS, to those of a finer run; a fraction of the latter."""
+    """Difference of a run's displacements, or of their RMS if `in_the_mean`, to those of a finer run.
+
+    It is a fraction of the latter.
+    """
     return relative_error(_motion(in_the_mean, sample), _motion(in_the_mean, finer))
 
 

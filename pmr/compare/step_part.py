@@ -107,7 +107,7 @@ def step_warnings(
 
 
 def _load_clause(name: str, signal: SignalBase, stepping: TimeStepping) -> str:
-    """Clause about the highest frequency of a signal and the number of steps in a period of it."""
+    """Clause about the highest frequency of the signal `name` and the number of steps in a period of it."""
     f = signal.highest_frequency(0.0, stepping.end)
     return f"{name} goes up to {f:.4g} Hz, {_steps_per_period(f, stepping.step)}"
 
@@ -129,5 +129,5 @@ def _motion_clause(band: float, h: float, natural: Array) -> str:
 
 
 def _steps_per_period(frequency: float, h: float) -> str:
-    """How many steps of h in s a period takes, in words."""
+    """How many steps of h in s a period of `frequency` in Hz takes, in words; "no period" for 0."""
     return f"{two_digits(1.0 / (frequency * h))} steps a period" if frequency > 0.0 else "no period"

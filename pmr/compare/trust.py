@@ -81,7 +81,10 @@ SMALL = 0.1  # share of the body's length: a tip that moves this far comes close
 
 
 def large_motion_warnings(length: float, responses: Iterable[Response]) -> list[str]:
-    """A warning if a body of `length` in m moves by more than `SMALL` of its length, too far for a linear model."""
+    """A warning if a body of `length` in m moves too far for a linear model, by more than `SMALL` of its length.
+
+    Else nothing.
+    """
     largest = max(float(np.abs(response.displacement).max(initial=0.0)) for response in responses)
     if not largest > SMALL * length:
         return []
@@ -306,7 +309,7 @@ def coverage_warnings(clauses: Sequence[str]) -> list[str]:
 
 
 def _clause_above(name: str, signal: SignalBase, stepping: TimeStepping, top: float) -> Iterator[str]:
-    """Yield a clause that says how much of a signal excites modes above the frequency `top` in Hz, if it is notable."""
+    """Yield a clause on the part of the signal `name` that excites modes above `top` in Hz; nothing if it is small."""
     tones = [part.highest_frequency(0.0, stepping.end) for part in signal.parts]
     aliased_tone = max((_aliased_frequency(tone, stepping.step) for tone in tones), default=0.0)
     if aliased_tone > top:
@@ -371,7 +374,10 @@ def unsettled_force_clauses(kinds: Sequence[str]) -> list[str]:
 
 
 def reduction_warnings(summary: Mapping[str, Any]) -> list[str]:
-    """A warning if the reduced model's error in the summary, against the full model or estimated, is above `FAR`."""
+    """A warning if the reduced model's error in the summary is above `FAR`; else nothing.
+
+    The error is that against the full model, or an estimate.
+    """
     source, errors = reduction_error(summary)
     far = {kind: error for kind, error in errors.items() if error > FAR}
     if not far:

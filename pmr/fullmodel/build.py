@@ -318,10 +318,10 @@ def log_warnings(built: Iterable[AssembledBody], comm: MPI.Comm) -> None:
 
 
 def warnings(structure: Structure) -> list[str]:
-    """Warnings about a structure: nodes of given matrices that could not be checked, and round-off in the stiffness.
+    """Warnings about a structure: nodes of given matrices that could not be checked, or round-off in the stiffness.
 
-    Elements that are very short cause round-off.  A warning is given if it changes the lowest frequency by more than
-    the share `NOTICED_ROUND_OFF`.
+    Very short elements cause round-off.  There is a warning if it changes the lowest frequency by more than the share
+    `NOTICED_ROUND_OFF`; else there is none.
     """
     if getattr(structure.model, "unchecked", False):
         return [UNCHECKED]

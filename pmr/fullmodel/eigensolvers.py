@@ -211,12 +211,12 @@ DENSE_UP_TO = 1500  # coordinates; above, sparse factors are the automatic choic
 
 
 def eigensolver(model: FullModel, choice: str) -> EigenSolver:
-    """Eigensolver of a model: ``"dense"``, ``"slepc"``, or ``"auto"``, which is dense up to `DENSE_UP_TO` coordinates.
+    """Eigensolver of a model by `choice`: ``"dense"``, ``"slepc"``, or ``"auto"``.
 
-    The method `lowest(s, count)` of the solver computes the lowest modes with the rows held at path coordinate s (m);
-    collective.  It raises a `DependentRowsError` if rigid rows depend on each other at s, and a `ConvergenceError` if
-    fewer modes exist or converge.  If some rows have a compliance, or SLEPc is not installed, ``"slepc"`` means block
-    Lanczos with one factor for all path coordinates.
+    ``"auto"`` is dense up to `DENSE_UP_TO` coordinates.  The method `lowest(s, count)` of the solver computes the
+    lowest modes with the rows held at path coordinate s (m);  collective.  It raises a `DependentRowsError` if rigid
+    rows depend on each other at s, and a `ConvergenceError` if  fewer modes exist or converge.  If some rows have a
+    compliance, or SLEPc is not installed, ``"slepc"`` means block  Lanczos with one factor for all path coordinates.
     """
     if is_dense(model, choice):
         return DenseEigenSolver(model)

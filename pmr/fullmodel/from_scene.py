@@ -174,7 +174,10 @@ def _ring_pads(ring: PadRing, faces: tuple[str, ...], travel: tuple[float, float
 
 
 def _supports(member: Member) -> tuple[Support, ...]:
-    """Supports of the mean motion of places, one for each held direction along or about which the model can move."""
+    """Supports of the mean motion of places, one for each held direction along or about which the model can move.
+
+    A rigid support has an infinite stiffness.
+    """
     moves = motion_directions(member)
     return tuple(
         Support(support.row_name(d), support.on, d, np.inf if support.stiffness == "rigid" else support.stiffness)
@@ -235,7 +238,7 @@ def _mesh_model(member: Member, comm: MPI.Comm) -> StructuralModel:
 
 
 def _model_module(name: str) -> Any:
-    """Module of a shell or solid, in pmr or in an installed plug-in.
+    """Module of the shell or solid `name`, in pmr or in an installed plug-in.
 
     Raises an `InputError` for a plug-in that has no `KINDS` or `of`.
     """

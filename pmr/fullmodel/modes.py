@@ -240,7 +240,7 @@ def check_count(count: int, dimension: int) -> None:
 
 
 def are_clustered(a: float, b: float) -> bool:
-    """Whether two values of omega^2 differ by no more than round-off."""
+    """Whether `a` and `b`, two values of omega^2, differ by no more than round-off."""
     return abs(b - a) <= CLUSTER * max(abs(a), abs(b))
 
 

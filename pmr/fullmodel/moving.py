@@ -231,7 +231,7 @@ class FrameAssembler:
 
 
 def acceleration_field(name: str, model: StructuralModel) -> tuple[Array, Array]:
-    """Tensor S (3, 3) and rigid motion r (n,) of the acceleration field of an input, a key of `CONSTANT` or `LINEAR`.
+    """Tensor S (3, 3) and rigid motion r (n,) of the acceleration field `name`, a key of `CONSTANT` or `LINEAR`.
 
     The n entries of r are the coordinates of the model under a unit rigid motion.  The field is S, applied at each node
     to the displacement vector of r there.  Both results are zero if the model lacks all directions whose rigid motion

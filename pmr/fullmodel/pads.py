@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 def slider_row(beam: Beam2D, offset: float = 0.0, name: str = "slider") -> Row:
     """Row w(s + `offset`) = 0 for the deflection w of a beam, an exact piecewise cubic in the path coordinate s.
 
-    s and `offset` are in m along the axis; the multiplier of the row is a force in N.
+    s and `offset` are in m along the axis; the multiplier of the row is a force in N.  The row gets the given name.
     """
     return row_on_coordinates(name, np.unique(beam.nodes) - offset, beam.bending_dofs, beam.deflection, beam.size)
 

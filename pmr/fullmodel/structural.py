@@ -94,7 +94,7 @@ def _images(nodes: Nodes) -> Iterator[sp.csr_matrix]:
 
 
 def _commuting_images(mirrors: Sequence[sp.csr_matrix], A: PETSc.Mat) -> list[sp.csr_matrix]:
-    """Those mirror images P for which A P x = P A x on random vectors x; collective."""
+    """Those mirror images P for which A P x = P A x on random vectors x, maybe none; collective."""
     if not mirrors:
         return []
     comm, share = A.comm.tompi4py(), slice(*A.getOwnershipRange())

@@ -103,7 +103,7 @@ class StructuralModel(Protocol):
         """
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers of all coordinates that belong to a named group and to one of the given `directions`."""
+        """Numbers of all coordinates that belong to the group `place` and to one of the given `directions`."""
 
     def rigid_motions(self) -> Array:
         """Coordinates (n, k) under unit rigid motions along and about the model's k `directions`.

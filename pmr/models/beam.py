@@ -152,7 +152,7 @@ class Beam(Line, ABC):
     def line_load(self, direction: str, degree: int) -> sp.csr_matrix:
         """Row (1, n) of a force per length on the centroids along `direction`: a Legendre polynomial of the length.
 
-        It is exact, as the displacements in an element are cubic.
+        `degree` is that of the polynomial.  The row is exact, as the displacements in an element are cubic.
         """
         points, weights = np.polynomial.legendre.leggauss(3 + degree // 2)
         ends = self.node_stations[self.grid.cells]
@@ -247,7 +247,7 @@ class Beam(Line, ABC):
     def stresses(self) -> StressRows | None:
         """Stresses in the profile's corners at both ends of each element, from its `section_forces`.
 
-        None if the sections have no corners.
+        None if a section has no profile.
         """
         return self.corner_stresses(self.section_forces(), np.repeat(np.arange(len(self.grid.cells)), 2))
 

@@ -214,7 +214,7 @@ class Beam2D(Beam):
         return replace(self, nodes=stations)
 
     def bending_stiffness(self, direction: str) -> dict[int, Array]:
-        """Bending stiffness EI (E,) in N m^2 for z, by the number of the slope w'; nothing for y."""
+        """Bending stiffness EI (E,) in N m^2 by the number of the slope w', for the direction z; nothing for y."""
         return {len(self.directions) - 1: self.stiffnesses.bending[self.number]} if direction == "z" else {}
 
     @property

@@ -317,7 +317,10 @@ class Beam3D(Beam):
         return replace(self, stations=stations)
 
     def bending_stiffness(self, direction: str) -> dict[int, Array]:
-        """Bending moments (E,) in N m^2 about both principal axes, by the numbers of the slopes v' and w'."""
+        """Bending moments (E,) in N m^2 about both principal axes for a unit curvature of the axis along `direction`.
+
+        They are by the numbers of the slopes v' and w'.
+        """
         turned = self.sections.principal[:, :, "yz".index(direction)]
         moments = self.body.material.young * self.sections.second_moments * turned
         return {3: moments[self.number, 0], 5: moments[self.number, 1]}

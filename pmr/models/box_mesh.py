@@ -327,7 +327,10 @@ def _frame_surfaces(drawing: Drawing, boom: BoxBoom, outer: list[int], x: float)
 
 
 def _wall_patches(drawing: Drawing, boom: BoxBoom, quads: bool) -> list[Entity]:
-    """Surfaces of the walls' cross-section at x = 0: one for each side, and one for each right-angled sharp corner."""
+    """Surfaces of the walls' cross-section at x = 0: one for each side, and one for each right-angled sharp corner.
+
+    They are meshed by rectangles if `quads`, else by triangles.
+    """
     patches, count = [], len(boom.sides)
     inside = [[drawing.point(0.0, *p) for p in shifted_ends(boom.sides, k, _inner_distance)] for k in range(count)]
     outside = [[drawing.point(0.0, *p) for p in _outer_ends(boom, k)] for k in range(count)]

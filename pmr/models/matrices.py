@@ -85,7 +85,7 @@ class Matrices(TracedModel):
         return float(np.sqrt(max(squares.min(), 1e-12 * squares.max())))
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers of all coordinates that belong to a node of a group and to one of the given `directions`."""
+        """Numbers of all coordinates of the nodes of the group `place` that are in one of the given `directions`."""
         on = np.isin(self.body_matrices.node, self._group(place))
         along = np.isin(self.body_matrices.direction, [DIRECTIONS.index(direction) for direction in directions])
         return np.flatnonzero(on & along)
@@ -137,7 +137,7 @@ class Matrices(TracedModel):
         return Strip(places[:, 0], places[:, 1], weights, sp.csr_matrix(interpolation @ value), extent)
 
     def _group(self, name: str) -> Indices:
-        """Numbers of a group's nodes; raises an `InputError` if there is no such group."""
+        """Numbers of the nodes of the group `name`; raises an `InputError` if there is no such group."""
         if name not in self.body_matrices.groups:
             allowed = f"groups of the file are allowed: {', '.join(self.body_matrices.groups) or 'it has none'}"
             raise InputError(self.body_matrices.source, "groups", name, allowed)

@@ -82,7 +82,10 @@ class Drawing:
         return self._curve(start, end, divisions, lambda: self._model.geo.addCircleArc(start, centre, end))
 
     def _curve(self, start: int, end: int, divisions: int, draw: Callable[[], int]) -> int:
-        """Tag in gmsh of the curve between two points; if there is none yet, `draw` draws it."""
+        """Tag in gmsh of the curve from `start` to `end`, tags of points; if there is none yet, `draw` draws it.
+
+        A new curve gets cells by the given number of divisions.
+        """
         key = frozenset((start, end))
         if key not in self._curves:
             self._curves[key] = draw()
@@ -90,7 +93,10 @@ class Drawing:
         return self._curves[key]
 
     def patch(self, sides: Sequence[int], quads: bool) -> Entity:
-        """Surface within four curves, meshed in rows and columns: by rectangles if `quads`, else by triangles."""
+        """Surface within the four curves `sides`, meshed in rows and columns: by rectangles if `quads`.
+
+        Else the cells are triangles.
+        """
         geo = self._model.geo
         surface = geo.addPlaneSurface([geo.addCurveLoop(sides, reorient=True)])
         geo.mesh.setTransfiniteSurface(surface)
@@ -106,7 +112,8 @@ class Drawing:
     def sweep(self, entities: Sequence[Entity], distance: float, layers: list[float], quads: bool) -> list[Entity]:
         """Sweep curves or surfaces along x by `distance` in m; returns the entities that gmsh makes, in its order.
 
-        `layers` are the ends of the layers of cells as shares of `distance`.
+        `layers` are the ends of the layers of cells as shares of `distance`; cells are not split in triangles if
+        `quads`.
         """
         once = [1] * len(layers)
         return list(self._model.geo.extrude(list(entities), distance, 0, 0, once, layers, recombine=quads))
@@ -133,7 +140,7 @@ class Drawing:
         return patches
 
     def _distance(self, a: int, b: int) -> float:
-        """Distance in m between two points, given by their gmsh tags."""
+        """Distance in m between the points with the gmsh tags `a` and `b`."""
         p, q = (np.array(self._model.getValue(0, tag, [])) for tag in (a, b))
         return float(np.linalg.norm(p - q))
 

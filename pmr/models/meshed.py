@@ -75,7 +75,7 @@ class MeshedModel(TracedModel):
     transformation: None = None  # the space's coordinates are the model's
 
     def cut(self, parts: int) -> None:
-        """None: a body that is no beam is not cut."""
+        """None, for any number of `parts`: a body that is no beam is not cut."""
 
     @property
     @abstractmethod
@@ -132,7 +132,7 @@ class MeshedModel(TracedModel):
         return {}
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers of all coordinates that belong to a named group and to one of the given `directions`."""
+        """Numbers of all coordinates that belong to the group `place` and to one of the given `directions`."""
         return coordinates_on(self.mesh, self.nodes, place, [DIRECTIONS.index(d) for d in directions])
 
     def rigid_motions(self) -> Array:

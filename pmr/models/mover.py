@@ -64,11 +64,11 @@ class Mover:
         return sp.csr_matrix(np.tile(np.eye(1, self.size), (len(places), 1)))
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        """Row (1, n) of the displacement z."""
+        """Row (1, n) of the displacement z, the same for every `place`; `about` is not used."""
         return self.displacement(place)
 
     def centroid(self, place: str | float) -> Array:
-        """Place in m along the axis (3,)."""
+        """Position (3,) in m of a place on the axis; InputError for a group other than tail and tip."""
         ends = {"tail": 0.0, "tip": self.body.length}
         if isinstance(place, str) and place not in ends:
             raise InputError("scene", "place", place, "tail, tip or a number is allowed on a mover")
@@ -79,7 +79,7 @@ class Mover:
         raise InputError("scene", "pads.on", face, "a point, without faces, is allowed on a mover")
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Number of the coordinate z if `directions` have z, else no number."""
+        """Number of the coordinate z if `directions` have z, else no number; the same for every `place`."""
         return np.arange(int("z" in directions))
 
     def rigid_motions(self) -> Array:

@@ -343,7 +343,7 @@ def named_mesh(
     """
 
     def refuse(what: str) -> InputError:
-        """The error for a mesh with these cells."""
+        """The error for a mesh with these cells; `what` says what is wrong with them."""
         return InputError(source, "", None, f"{what}; cells of kind {' or '.join(kinds)} are allowed")
 
     top = max((dim for _, dim, _ in blocks), default=0)

@@ -267,7 +267,10 @@ def _poisson_factor(across: float, along: float, nu: float) -> float:
 
 
 def _shear_coefficient(m: float, nu: float) -> float:
-    """Cowper's shear coefficient kappa of a thin-walled box; m is its size across the force over its size along it."""
+    """Cowper's shear coefficient kappa of a thin-walled box with Poisson's ratio `nu`.
+
+    m is the size of the box across the force over its size along the force.
+    """
     return (
         10.0 * (1.0 + nu) * (1.0 + 3.0 * m) ** 2
         / (

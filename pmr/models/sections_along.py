@@ -187,7 +187,10 @@ def sections_of(body: Beam3DBody, stations: Array, box: Box | None = None) -> Se
 
 
 def mean_section(stretch: Stretch, poisson: float) -> BeamSection:
-    """Mean properties of the section over a stretch by Gauss' rule; exact for the area, which is quadratic in x."""
+    """Mean properties of the section over a stretch by Gauss' rule; exact for the area, which is quadratic in x.
+
+    `poisson` is Poisson's ratio.
+    """
     if stretch.first is stretch.last:
         return section_of(stretch.first, poisson)
     x, w = np.polynomial.legendre.leggauss(3)

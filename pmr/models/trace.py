@@ -143,8 +143,8 @@ def group_trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: in
 def section_trace(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trace:
     """Trace of the displacement on the cross-section at the coordinate `at` (m) along the mesh's longest extent.
 
-    The displacements are weighted by a hat over the cells around the cross-section, as a mesh need not have nodes in
-    it.
+    `degree` is that of the displacement in each cell.  The displacements are weighted by a hat over the cells around
+    the  cross-section, as a mesh need not have nodes in it.
 
     Raises an `InputError` if the mesh does not reach the cross-section.
     """
@@ -188,7 +188,10 @@ def _named_group(mesh: NamedMesh, name: str) -> Group:
 
 
 def _entity_nodes(mesh: NamedMesh, nodes: Nodes, name: str, kind: str) -> Indices:
-    """First coordinates (e, k) of k displacement nodes on each of e entities, in the order of Lagrange functions."""
+    """First coordinates (e, k) of k displacement nodes on each entity of the group `name`, as Lagrange functions go.
+
+    `kind` is the kind of the entities' cells.
+    """
     topology = cell_topology(kind) if mesh.groups[name].dim else [[[0]]]
     tables = [
         _part_coordinates(mesh, nodes, name, parts)
@@ -199,9 +202,9 @@ def _entity_nodes(mesh: NamedMesh, nodes: Nodes, name: str, kind: str) -> Indice
 
 
 def _part_coordinates(mesh: NamedMesh, nodes: Nodes, name: str, parts: list[list[int]]) -> Indices:
-    """First coordinates (e, p) of the nodes on p sub-entities of each of the e entities of a group.
+    """First coordinates (e, p) of the nodes on p sub-entities of each of the e entities of the group `name`.
 
-    `parts` are the vertices of the sub-entities on the reference cell.
+    `parts` are the vertices of the sub-entities on the reference cell.  Raises InputError if the mesh lacks one.
     """
     entities = mesh.groups[name].entities
     vertices = entities[:, parts]

@@ -121,10 +121,10 @@ class FullOrder:
         return References(responses, states, missing)
 
     def reference(self, name: str, clock: Clock | None = None) -> Response | None:
-        """Return the response of ``"full"`` or, for a single body, ``"ancf"``; on rank 0, others may get None.
+        """Return the response of the reference `name`: ``"full"`` or, for a single body, ``"ancf"``.
 
-        Raises SimulationError if the simulation fails or can't be trusted (`pmr.compare.trust`); for ``"full"`` on
-        every rank.
+        It is returned on rank 0; other ranks may get None.  Raises SimulationError if the simulation fails or can't be
+        trusted  (`pmr.compare.trust`); for ``"full"`` on every rank.
         """
         if name == "full":
             return self._simulate_full(clock or Clock(), (), None, None)[0]

@@ -119,7 +119,10 @@ def measure_mesh(
 
 
 def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:
-    """Return the entries of summary.json for an error that can't be measured: ``reason`` and, if long, ``detail``."""
+    """Return the entries of summary.json for an error that can't be measured: ``reason`` and, if long, ``detail``.
+
+    `label` is the name of the other scene.
+    """
     reason = error.allowed if isinstance(error, InputError) else str(error)
     if isinstance(error, NotHeldError):
         short = f"nothing holds its {label}: {error.short}; pads or supports that hold this motion are needed"
@@ -155,7 +158,10 @@ def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None) -> 
 def _model_budget(
     scene: Scene, other: Motion | None, label: str, comm: MPI.Comm, cache: Cache | None
 ) -> dict[str, Any]:
-    """Return, on every rank, the difference of a scene's motion to the motion `other`, which only rank 0 has."""
+    """Return, on every rank, the difference of a scene's motion to the motion `other`, which only rank 0 has.
+
+    `label` is the name of the other scene.
+    """
     motion = _motion_on_first(scene, comm, cache)
     part = None if motion is None or other is None else model_budget(scene, motion, other, label)
     errors: dict[str, Any] = comm.bcast(part)

@@ -146,7 +146,10 @@ class Reduction:
         return Recovery(self.built[body].model, self.bodies[body].V, self.bodies[body].model)
 
     def _gather_rows(self, body: str, local: Array) -> Array:
-        """Whole array (n, ...) on every rank, of which each rank has the part `local` (n_local, ...)."""
+        """Whole array (n, ...) on every rank, of which each rank has the part `local` (n_local, ...).
+
+        `body` is the name of the body whose ranks take part.
+        """
         return np.concatenate(self.built[body].model.comm.allgather(local))
 
     @property

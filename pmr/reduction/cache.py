@@ -206,9 +206,9 @@ class Cache:
         return ReducedBody(snapshots, Basis(V, arrays["sigma"], str(arrays["product"])), model)
 
     def _load(self, load: Callable[[Path], Content], file: Path) -> Content | None:
-        """Model or system, on every rank, from the file that belongs to `file`; None if that is not sound.
+        """Model or system, on every rank, that `load` reads from the file that belongs to `file`.
 
-        Collective.
+        None if it is not sound.  Collective.
         """
         loaded = None
         if self.model.comm.rank == 0:

@@ -117,7 +117,7 @@ class FreeBody:
 
 
 def _anchor_rows(model: FullModel, Z: Array) -> list[Row]:
-    """Rows that each hold one coordinate, as many as there are rigid-body modes Z (n_local, c).
+    """Rows that each hold one coordinate, as many as there are rigid-body modes Z (n_local, c); may be none.
 
     The coordinates are those that determine the modes best: they are chosen by pivoted QR of the modes, with each
     coordinate weighted by the square root of its mass.

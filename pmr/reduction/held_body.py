@@ -230,7 +230,10 @@ def _hold_body(built: AssembledBody, s: float) -> _HeldModel:
 
 
 def _static_response(model: _HeldModel, G: sp.csr_matrix, solver: str) -> Array:
-    """Static response Psi (n, 6 F) to unit motions G (6 F, n) of F frames."""
+    """Static response Psi (n, 6 F) to unit motions G (6 F, n) of F frames, by the direct solver `solver`.
+
+    Raises InputError if the body is not held, or if a frame is at a clamped place.
+    """
     try:
         static = static_solver(model.full, model.rows, solver)
     except SingularError:

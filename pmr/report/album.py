@@ -155,7 +155,10 @@ class _Views:
                     yield from (replace(block, corners=block.corners + along) for block in blocks)
 
     def _drawn_displacement(self, body: str, frame: int, x: float) -> Array:
-        """Return the mean displacement (3,) in m, enlarged as drawn, of a body's cross-section nearest to x in m."""
+        """Return the mean displacement (3,) in m of a body's cross-section nearest to x in m, enlarged as drawn.
+
+        `frame` is the number of the time among those of the body's fields.
+        """
         surface, fields = self.surfaces[body], self.fields[body]
         apart = np.abs(surface.points[:, 0] - x)
         displaced = surface.point_displacements(fields, fields.displacement[frame])[apart <= apart.min() + 1e-6]

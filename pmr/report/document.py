@@ -82,7 +82,7 @@ def with_date(kind: str, summaries: Sequence[Mapping[str, object]]) -> str:
 
 
 def render_runs(chapters: Sequence[Chapter], kind: str = KIND) -> str:
-    """Render the report of runs as HTML."""
+    """Render the report of runs as HTML; `kind` is the kind of document, for its head."""
     title = chapters[0].title if len(chapters) == 1 else "Reduced sliding structures"
     headings = list(dict.fromkeys(number.label for chapter in chapters for number in chapter.key_numbers))
     return render("report.html", title, chapters, kind=kind, headings=headings)
@@ -130,7 +130,7 @@ def escape_plain_text(value: object) -> object:
 
 
 def write_pdf(text: str, file: Path) -> None:
-    """Write a page of HTML as a PDF file."""
+    """Write a page of HTML, `text`, as a PDF file."""
     import_weasyprint().HTML(string=_without_screen(text)).write_pdf(file)
 
 
@@ -159,10 +159,10 @@ def import_weasyprint() -> Any:
 
 
 def _without_screen(text: str) -> str:
-    """Remove the parts of a page that only a screen shows or a script reads, and embed each figure as one image.
+    """Remove from a page of HTML what only a screen shows or a script reads, and embed each figure as one image.
 
-    The reason is time: the elements of a figure that is part of the page are matched with the page's styles one by one,
-    which takes half the time of a PDF.
+    `text` is the page.  The reason is time: the elements of a figure that is part of the page are matched with the
+    page's  styles one by one, which takes half the time of a PDF.
     """
 
     def embed_figure(match: re.Match[str]) -> str:

@@ -163,7 +163,7 @@ def _format_error(error: float) -> str:
 
 
 def _format_norm(unit: str, value: float) -> str:
-    """Format the norm of a difference with its unit; ``1`` is the unit of a pure number."""
+    """Format the norm `value` of a difference with its unit; ``1`` is the unit of a pure number."""
     if unit == "m":
         return format_length(value, 3)
     return (
@@ -187,8 +187,8 @@ def _stress_rows(result: RunResult) -> Iterator[Row]:
 def _comparison_row(comparison: str, place: str, error: float, other: float, decimals: int) -> Row:
     """Build a row with an error beside the published one; both are given as fractions.
 
-    `place` names the quantity, `other` is the published error, and `decimals` is the number of decimals with which the
-    published error is stated in per cent.
+    `comparison` says which models are compared, `place` names the quantity, `other` is the published error, and
+    `decimals`  is the number of decimals with which the published error is stated in per cent.
     """
     printed, deviation = f"{100.0 * other:.{decimals}f}{SPACE}%", signed_deviation(error, other)
     rounded = abs(error - other) <= 0.5 * 10.0 ** -(decimals + 2) * (1.0 + 1e-9)

@@ -319,5 +319,5 @@ def _position_text(result: RunResult, position: float) -> str:
 
 
 def _round(value: float) -> str:
-    """Format a number rounded to two decimals."""
+    """Format the number `value`, rounded to two decimals."""
     return format_input(round(value, 2))

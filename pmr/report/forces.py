@@ -289,8 +289,8 @@ def _rigid_support_grids(result: RunResult, at_pivot: bool, caption: str) -> Ite
 def _grid(extremes_by_name: Mapping[str, Extremes], base: str, largest: float, caption: str) -> Grid:
     """Build a table with a row of extremes for each name, in the unit that suits the largest of them.
 
-    `base` is the unit without prefix.  Values below the share `NOTHING` of the largest value in the table are printed
-    as 0, and so are values below the share `ROUND_OFF` of `largest`.
+    `base` is the unit without prefix, `caption` the text above the table.  Values below the share `NOTHING` of the
+    largest  value in the table are printed as 0, and so are values below the share `ROUND_OFF` of `largest`.
     """
     most = max((extreme.size for extreme in extremes_by_name.values()), default=0.0)
     unit, nothing = unit_for(most, base), max(NOTHING * most, ROUND_OFF * largest)

@@ -88,13 +88,16 @@ def format_percent(fraction: float, digits: int = 3) -> str:
 
 
 def format_quantity(value: float, base: str, digits: int = 3) -> str:
-    """Format a value, given in the unit `base`, with the prefix that suits the value, such as ``47.9 mm``."""
+    """Format a value, given in the unit `base`, with the prefix that suits it and `digits` digits, as ``47.9 mm``."""
     unit = unit_for(value, base)
     return f"{significant(value / unit.size, digits)}{SPACE}{unit.name}"
 
 
 def format_length(value: float, digits: int = 3) -> str:
-    """Format a length given in m: in mm from 0.01 mm to 1 m, so that small and large lengths are easily compared."""
+    """Format the length `value` in m, with `digits` digits: in mm from 0.01 mm to 1 m.
+
+    So small and large lengths are easily compared.
+    """
     if 1e-5 <= abs(value) < 1.0:
         return f"{significant(1e3 * value, digits)}{SPACE}mm"
     return format_quantity(value, "m", digits)

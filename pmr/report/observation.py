@@ -98,13 +98,16 @@ def _in_pairs(drawings: list[Drawing]) -> tuple[tuple[Drawing, ...], ...]:
 
 
 def _with_band(last: Mapping[str, float], unit: str) -> str:
-    """Mean and half the width of the band of 90 % of an estimate, as text."""
+    """Mean and half the width of the band of 90 % of an estimate in `unit`, as text.
+
+    `last` has its ``mean`` and ``deviation``, the last ones of a run.
+    """
     mean, half = format_quantity(last["mean"], unit), format_quantity(WIDTH * last["deviation"], unit, 2)
     return f"{mean.rstrip()} ± {half.rstrip()}"
 
 
 def _estimate_caption(name: str, figures: Mapping[str, Any]) -> str:
-    """Caption of the figure of an estimate, with the share of true values within its band where they are given."""
+    """Caption of the figure of the estimate `name`, with the share of true values within its band if it is given."""
     share = figures["coverage"].get(name)
     covered = "" if share is None else f" {format_percent(share)} of the true values lie within the band."
     missing = " No part of the run's error budget covers it." if name in figures["not_covered"] else ""
@@ -127,7 +130,10 @@ def _sensor_grid(figures: Mapping[str, Any], innovations: Mapping[str, Array]) -
 
 
 def _grids_without(without: Mapping[str, Mapping[str, float]], names: list[str]) -> tuple[Grid, ...]:
-    """Table of how much wider the band of each estimate is without each sensor."""
+    """Table of how much wider the band of each estimate of `names` is without each sensor.
+
+    Estimates that `without` lacks have no row.
+    """
     rows = [
         (name, *(significant(of[name]) if name in of else "–" for of in without.values()))
         for name in names

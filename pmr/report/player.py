@@ -147,8 +147,9 @@ def _view_extent(views: list[Array]) -> list[float]:
 def _lane_data(result: RunResult, name: str, frames: NDArray[np.int64], lateral: Mapping[str, Array]) -> dict[str, Any]:
     """Data of one model's lane: the axis of each body with its colour and width, and its displacements.
 
-    Sections of a boom have their own colours, and outer sections are drawn thicker.  A body alone is drawn in the style
-    of the model.  `lateral` has the lateral displacements (frames, points) in m, by body.
+    `name` is the model's; `frames` are numbers of the reduced response's times.  Sections of a boom have their own
+    colours,  and outer sections are drawn thicker; a body alone is drawn in the style of the model.  `lateral` has the
+    lateral  displacements (times, points) in m, by body.
     """
     response, t, pen = result.responses[name], result.responses["reduced"].t, PENS[name]
     lines_of_model = axis_points(result, response)

@@ -89,7 +89,11 @@ class SceneWords:
                 yield from self._rows_of_value(tables, key, part, name, defaults)
 
     def _rows_of_value(self, table: BaseModel, key: str, value: object, name: str, defaults: bool) -> Rows:
-        """Yield a row with the value of a key under `name`; for a list of tables, a row for each of these."""
+        """Yield a row with the value of a key under `name`; for a list of tables, a row for each of these.
+
+        Nothing is yielded for a value without a description.  `defaults` is that of `describe`, for the tables of a
+        list.
+        """
         if isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
             single = name.removesuffix("es" if name.endswith("sses") else "s")
             for entry in value:
@@ -159,7 +163,7 @@ def describe_plain(value: object, unit: str = "") -> str:
 
 
 def _format_numbers(values: Sequence[float], unit: str) -> str:
-    """Format numbers with one unit for all; more than `MOST_VALUES` are described by their number and range."""
+    """Format the numbers `values` with one unit for all; more than `MOST_VALUES` become their number and range."""
     if unit in DEGREES:
         values, unit = [float(np.rad2deg(value)) for value in values], DEGREES[unit]
     largest, size = max(map(abs, values)), 1.0

@@ -57,7 +57,10 @@ def figures_of(result: RunResult, anchor: str) -> Figures:
 
 
 def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> Chapter:
-    """Build the chapter about a run; if `figures` is None, the figures of `figures_of` are drawn now."""
+    """Build the chapter about a run; if `figures` is None, the figures of `figures_of` are drawn now.
+
+    `anchor` begins all identifiers in the chapter.
+    """
     figures, rows = figures or figures_of(result, anchor), error_rows(result)
     return Chapter(
         anchor=anchor,

@@ -199,7 +199,7 @@ def _other_points_clause(places: Sequence[Sequence[float]]) -> str:
 
 
 def _format_point(position: Sequence[float]) -> str:
-    """Format a point (x, y, z) given in m, rounded to 0.01 m."""
+    """Format the `position` (x, y, z) of a point in m, rounded to 0.01 m."""
     # adding 0.0 removes the sign of a negative zero
     x, y, z = (f"{round(value, 2) + 0.0:.2f}".replace("-", MINUS) for value in position)
     return f"({x}, {y}, {z}){SPACE}m"

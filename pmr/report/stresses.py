@@ -166,7 +166,7 @@ def _damage_grids(result: RunResult) -> list[Grid]:
 
 
 def _format_cycles(value: float | None) -> str:
-    """Format a number of cycles; None, which stands for a life without damage, is ``without end``."""
+    """Format the number of cycles `value`; None, which stands for a life without damage, is ``without end``."""
     return "without end" if value is None else significant(value)
 
 
@@ -179,7 +179,7 @@ def _drawn_measurements(names: Iterable[str], extremes_by_name: Mapping[str, Ext
 
 
 def _history_drawing(result: RunResult, anchor: str, name: str, unit: str) -> Drawing:
-    """Draw a probe's measurement over time.
+    """Draw the measurement `name` of a probe in `unit` over time; `anchor` is the identifier of the drawing.
 
     Models that do not have this measurement have NaN for it, and are left out of the figure.
     """
@@ -210,7 +210,10 @@ def _probe_caption(result: RunResult, probes_of_run: Iterable[Mapping[str, Any]]
 
 
 def _rainflow_grid(result: RunResult, name: str, unit: Unit) -> Grid:
-    """Build a table of a measurement's load cycles, counted by rainflow, in `CLASSES` intervals of their range."""
+    """Build a table of a measurement's load cycles, counted by rainflow, in `CLASSES` intervals of their range.
+
+    `name` is the name of the measurement.  Intervals without cycles are left out.
+    """
     response = result.responses["reduced"]
     load_cycles = rainflow_cycles(response.t, response.other(name))
     top = float(load_cycles[:, 0].max(initial=0.0))

@@ -116,7 +116,10 @@ class Body(SceneTable):
     @model_validator(mode="wrap")
     @classmethod
     def _spread_attached_mass(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Validate a table with `attached_mass_per_length` as one whose material has as much more density."""
+        """Validate a table with `attached_mass_per_length` as one whose material has as much more density.
+
+        A mass that is no number from 0 to 1e6 is refused, and a body that is not given by a box of one material alone.
+        """
         key = "attached_mass_per_length"
         if not (isinstance(data, dict) and key in data):
             return handler(data)
@@ -438,7 +441,10 @@ class Gravity(SceneTable):
     @model_validator(mode="wrap")
     @classmethod
     def _resolve_inclination(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Validate a table with an `inclination` in degrees as one with the direction (-sin, 0, -cos) of that angle."""
+        """Validate a table with an `inclination` in degrees as one with the direction (-sin, 0, -cos) of that angle.
+
+        An angle outside of -90 to 90 degrees is refused, and `inclination` beside `direction`.
+        """
         if not (isinstance(data, dict) and "inclination" in data):
             return handler(data)
         other_keys, angle = {key: value for key, value in data.items() if key != "inclination"}, data["inclination"]

@@ -234,12 +234,12 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
 
 
 def load_any(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
-    """Read a scene file of one section or of several; arguments and errors are as in `load`."""
+    """Read a scene file of one section or of several; `path`, `overrides` and errors are as in `load`."""
     return vary(path, [override(text) for text in overrides])
 
 
 def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
-    """Load a scene and lay `changes` over its tables in order.
+    """Load the scene at `path` and lay `changes` over its tables in order.
 
     Published results are kept only as far as they hold for the changed scene.
     """
@@ -255,13 +255,13 @@ def vary(path: str | Path, changes: Sequence[Change]) -> Scene:
 
 
 def has_sections(path: str | Path) -> bool:
-    """Whether a scene file describes a boom of more than one section."""
+    """Whether the scene file `path` describes a boom of more than one section."""
     sections = _read_file(path).data.get("sections")
     return isinstance(sections, list) and len(sections) > 1
 
 
 def beam_scene(path: str | Path) -> Scene:
-    """Load a scene of a planar beam with a profile and sliding points; raises InputError for any other scene."""
+    """Load the scene at `path`, of a planar beam with a profile and sliding points; raises InputError for any other."""
     scene = load(path)
     if scene.body.profile is None or scene.pads:
         raise InputError(str(path), "body.profile", None, "a scene with a planar beam, without pads, is allowed here")
@@ -269,7 +269,10 @@ def beam_scene(path: str | Path) -> Scene:
 
 
 def _read_file(path: str | Path) -> TomlFile:
-    """Read a scene file, a folder's ``scene.toml`` or a workflow by its name, with the files that it extends."""
+    """Read the scene file `path` with the files that it extends.
+
+    `path` may also be a folder with ``scene.toml``, or the name of a workflow.
+    """
     return TomlFile.read(resolve_path(Path(path), "scene.toml"), DIALECT)
 
 

@@ -148,9 +148,10 @@ def _unusual_in_value(
 def _unusual_number(
     value: float, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales
 ) -> Iterator[_UnusualNumber]:
-    """Yield a number if its magnitude is outside of the range that its `usual` ranges have in common.
+    """Yield the number `value` of a key if its magnitude is outside of all that its `usual` ranges have in common.
 
-    0 is never unusual.  A range in multiples of a scale is left out if `scales` lacks this scale or has it as 0.
+    `unit` is its unit if the last range has none.  0 is never unusual.  A range in multiples of a scale is left out if
+    `scales` lacks this scale or has it as 0.
     """
     ranges = [of for of in usual if not of.scale or scales.get(of.scale)]
     if not (value and ranges):
@@ -222,7 +223,10 @@ def scene_file_schema() -> Schema:
 
 
 def union_schema(schemas: Sequence[Schema], title: str) -> Schema:
-    """Return the schema of files that fit any one of `schemas`; tables with the same name are equal in all of these."""
+    """Return the schema, with a title, of files that fit any one of `schemas`.
+
+    Tables with the same name are equal in all of these.
+    """
     parts: Schema = {}
     complete, extending = [], []
     for schema in schemas:

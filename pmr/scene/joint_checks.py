@@ -56,7 +56,7 @@ def check_fit(scene: Scene, number: int) -> None:
 
 
 def _check_tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
-    """Refuse an inner box whose tail does not fit into the outer box where this one tapers towards its tail."""
+    """Refuse section `number` if its tail, of the box `inner`, does not fit into the outer box's taper at the tail."""
     first, _ = scene.extension(number).bounds(0.0, scene.time.end)
     low, _ = outer.parallel_range
     if first >= low:
@@ -72,7 +72,7 @@ def _check_tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
 
 
 def _check_frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:
-    """Refuse frames of the outer box that leave too little room for the inner box, which slides past them."""
+    """Refuse frames of the outer box if section `number`, with the inner box, has too little room to slide past."""
     first, _ = scene.extension(number).bounds(0.0, scene.time.end)
     reached = [x for x in outer.frames if x >= first]
     if not reached:
@@ -154,7 +154,7 @@ def _check_section_names(scene: Scene) -> None:
 
 
 def _check_reduction(scene: Scene, number: int) -> None:
-    """Refuse settings of the reduction, slider and length that a section of a boom can't have."""
+    """Refuse settings of the reduction, slider and length of section `number` that no section of a boom can have."""
     choice, key = scene.sections[number].reduction, f"sections[{number}].reduction"
     if choice.basis != "free_modes" or choice.file is not None:
         allowed = "'free_modes' is allowed, without a file: sections have no common path"
@@ -200,7 +200,7 @@ def _check_drive(scene: Scene, number: int) -> None:
 
 
 def _check_flexible_drive(scene: Scene, number: int) -> None:
-    """Refuse a rigid drive of a section that follows one with a flexible drive, and friction with some drives.
+    """Refuse a rigid drive of section `number` if it follows a flexible one, and friction with some drives.
 
     Friction is refused if the section's drive changes its length, or if the drives of this section and of others that
     it carries are flexible.
@@ -224,7 +224,10 @@ def _check_flexible_drive(scene: Scene, number: int) -> None:
 
 
 def _check_equilibrium_start(scene: Scene, number: int) -> None:
-    """Refuse play of pads that no load takes up at t = 0; only to be called for a start in equilibrium."""
+    """Refuse play of the pads of section `number` that no load takes up at t = 0.
+
+    Only to be called for a start in equilibrium.
+    """
     joint, beyond = scene.joint(number), scene.sections[number:]
     for axis, turn, faces in (("y", "rz", {"left", "right"}), ("z", "ry", {"bottom", "top"})):
         if _is_loaded_at_start(scene, beyond, axis, turn) or (axis == "y" and is_planar(member_at(scene, number))):
@@ -263,7 +266,7 @@ def _is_loaded_at_start(scene: Scene, beyond: Sequence[BoomSection], axis: str, 
 
 
 def _check_ground_supports(scene: Scene, number: int) -> None:
-    """Refuse supports of a travelling section against motion along the boom, and pads on the ground that move."""
+    """Refuse supports of section `number` along the boom if it travels, and pads on the ground that move."""
     ranges = {name: path.bounds(0.0, scene.time.end) for name, path in list(scene.paths.items())[:number]}
     least = SLACK * scene.sections[number].length
     moves = next((name for name, (low, high) in ranges.items() if high - low > least), None)
@@ -280,7 +283,7 @@ def _check_ground_supports(scene: Scene, number: int) -> None:
 
 
 def _check_extension(scene: Scene, number: int) -> None:
-    """Refuse extensions that bring a section behind the next outer one, out of it, or its pads off it.
+    """Refuse extensions that bring section `number` behind the next outer one, out of it, or its pads off it.
 
     A carriage, without pads at a mouth, may go wherever its own pads are on the next outer section (`_check_pads`).
     """
@@ -311,7 +314,10 @@ def _check_extension(scene: Scene, number: int) -> None:
 
 
 def _check_pads(scene: Scene, number: int) -> None:
-    """Refuse pads that do not lie on a section over their whole length at all times, or lie where its box tapers."""
+    """Refuse pads that at some time are not wholly on section `number`, or are where its box tapers.
+
+    Refuses pads without faces, too, unless the section is a planar beam and all of its pads are points.
+    """
     length = scene.sections[number].length
     touching = list(seats(scene, number))
     points = [seat for seat in touching if seat.ring.faces is None]
@@ -343,7 +349,10 @@ def _check_pads(scene: Scene, number: int) -> None:
 
 
 def _check_section(scene: Scene, number: int) -> None:
-    """Check a section as a body of its own; errors name the key of the section, or of the joint of a ring of pads."""
+    """Check section `number` as a body of its own.
+
+    Errors name the key of the section, or of the joint of a ring of pads.
+    """
     part, member = scene.sections[number], member_at(scene, number)
     try:
         check_proportions(part)

@@ -264,7 +264,10 @@ class OneBody(SceneTable):
         return self.body.length or observed[-1] - min(observed[0], 0.0)
 
     def position_of(self, on: str | float) -> float | None:
-        """Return the position along the axis in m of a group or number; None for a group of which only a mesh knows."""
+        """Return the position in m along the axis of the group or number `on`; None for a group whose place is unknown.
+
+        Only a mesh knows where groups other than the ends are.
+        """
         if isinstance(on, str):
             return ENDS[on] * self.body.length if on in ENDS and self.body.length else None
         return on

@@ -46,7 +46,7 @@ _FEW, _NAMED = 12, 8
 
 
 def key_error(key: str, value: object, allowed: str) -> PydanticCustomError:
-    """Return the error that a validator of a whole table raises about one of the table's keys."""
+    """Return the error that a validator of a table raises about the value of a key; `allowed` says what is allowed."""
     return PydanticCustomError(_OF_A_KEY, "{allowed}", {"key": key, "value": value, "allowed": allowed})
 
 

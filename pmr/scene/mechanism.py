@@ -167,7 +167,8 @@ def _body_wrenches(scene: Scene, member: Member, along: Mapping[str, Array]) -> 
 def _cylinder_wrench(body: str, cylinder: LuffingCylinder, angle: Array) -> ContactWrench:
     """Return force and moment on the ground per unit of a luffing cylinder's force at luffing angles (T,) in rad.
 
-    The force on the ground points from lug to foot: a cylinder that pushes the boom up pushes the ground down.
+    `body` is the name of the base.  The force on the ground points from lug to foot: a cylinder that pushes the boom up
+    pushes the ground down.
     """
     wrench = np.zeros((len(angle), 6))
     wrench[:, [0, 2]] = -cylinder.direction(angle)
@@ -176,7 +177,7 @@ def _cylinder_wrench(body: str, cylinder: LuffingCylinder, angle: Array) -> Cont
 
 
 def _force_names(body: str, what: str) -> tuple[str, ...]:
-    """Return the names that a force between a body and the ground may have.
+    """Return the names that a force between a body and the ground may have; `what` is the force's name at the body.
 
     They are the names of a force of the body, of a contact, and of the reaction of a permanent row.
     """
@@ -188,7 +189,10 @@ def _force_names(body: str, what: str) -> tuple[str, ...]:
 
 
 def _wrench(place: Array, direction: str) -> Array:
-    """Return force and moment (T, 6) about the pivot of a unit force or moment at points (T, 3) m from the pivot."""
+    """Return force and moment (T, 6) about the pivot of a unit force or moment at points (T, 3) m from the pivot.
+
+    The force or moment is along or about the axis `direction`.
+    """
     axis, wrench = np.eye(3)["xyz".index(direction[-1])], np.zeros((len(place), 6))
     if direction.startswith("r"):
         wrench[:, 3:] = axis
@@ -354,7 +358,7 @@ def rope_length(scene: Scene, number: int) -> float | None:
 
 
 def longest_rope(scene: Scene, number: int) -> float:
-    """Return the greatest length in m of a section's rope over the simulated time.
+    """Return the greatest length in m of the rope of section `number` over the simulated time.
 
     If the rope runs out, the result is the least length instead, which is 0 or negative.
     """

@@ -242,7 +242,7 @@ def _slider_name(points: tuple[float, ...], at: float) -> str:
 
 
 def seats(scene: Scene, number: int) -> Iterator[Seat]:
-    """Yield the seat of each ring of joints on a section: rings of its own joint, then of the next section's joint."""
+    """Yield the seat of each ring of joints on section `number`: rings of its own joint, then of the next section's."""
     for k in range(max(number, 1), min(number + 2, len(scene.sections))):  # its own joint and the next section's
         joint, outer = scene.joint(k), scene.sections[k - 1].length
         first, last = scene.extension(k).bounds(0.0, scene.time.end)

@@ -256,7 +256,10 @@ class BoxProfile(SceneTable):
     @model_validator(mode="wrap")
     @classmethod
     def _resolve_sizes(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Validate a table with `sizes` as one with the dimensions of the mid-surface that follow from them."""
+        """Validate a table with `sizes` as one with the dimensions of the mid-surface that follow from them.
+
+        Other words than those of `SURFACES` are refused.
+        """
         if not (isinstance(data, dict) and "sizes" in data):
             return handler(data)
         sizes, others = data["sizes"], {key: value for key, value in data.items() if key != "sizes"}

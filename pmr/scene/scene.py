@@ -197,7 +197,10 @@ class Scene(SectionTables):
     @model_validator(mode="before")
     @classmethod
     def _from_either_form(cls, data: object) -> object:
-        """Return the fields of a scene, from a body at the top of a file or from sections and their shared keys."""
+        """Return the fields of a scene, from a body at the top of a file or from sections and their shared keys.
+
+        Refuses `section` if it is no table; content of another form is returned unchanged, for pydantic to refuse.
+        """
         if not isinstance(data, Mapping):
             return data
         if "sections" not in data:

@@ -308,7 +308,10 @@ def _check_pads(member: Member) -> None:
 
 
 def _check_pad_range(member: Member, length: float, ring: PadRing, key: str) -> None:
-    """Refuse a ring of pads with the key `key` that leaves its faces along the axis at some position of the slider."""
+    """Refuse a ring of pads with the key `key` that leaves its faces along the axis at some position of the slider.
+
+    `length` is that of the body in m.
+    """
     low, high = member.travel if ring.moving else (0.0, 0.0)
     start, end = low + ring.at - ring.length / 2.0, high + ring.at + ring.length / 2.0
     slack, box = SLACK * length, member.part.body.box
@@ -365,7 +368,10 @@ def check_reserved(key: str, names: Iterable[str], reserved: Iterable[str]) -> N
 
 
 def scene_error(key: str, value: object, allowed: str) -> InputError:
-    """Return the error of a key of a scene; the reader of the file adds the file's name."""
+    """Return the error of a key of a scene; `allowed` says what is allowed.
+
+    The reader of the file adds the file's name.
+    """
     return InputError("scene", key, value, allowed)
 
 

@@ -125,7 +125,10 @@ class Damping(SceneTable):
     @model_validator(mode="wrap")
     @classmethod
     def _resolve_ratio(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Validate a table with `ratio` and `frequencies` as one with the factors of mass and stiffness that follow."""
+        """Validate a table with `ratio` and `frequencies` as one with the factors of mass and stiffness that follow.
+
+        Refuses other keys beside these, a negative ratio, and anything but two ascending positive frequencies.
+        """
         if not (isinstance(data, dict) and {"ratio", "frequencies"} & set(data)):
             return handler(data)
         try:
@@ -255,7 +258,10 @@ class Profile(SceneTable):
     )
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
-        """Return EI of a cantilever that sags by its own length, and EA of a beam in which waves travel at 1 m/s."""
+        """Return EI of a cantilever that sags by its own length, and EA of a beam in which waves travel at 1 m/s.
+
+        Of the `scales`, only "gravity" is used.
+        """
         return {
             "sag": self.mass_per_length * scales["gravity"] * self.length**3 / 8.0,
             "mass per length": self.mass_per_length,

@@ -107,7 +107,7 @@ class TomlFile:
 
     @classmethod
     def read(cls, path: str | Path, dialect: Dialect) -> TomlFile:
-        """Read a file and all files that it extends; keys of the file override those of the files it extends.
+        """Read the file `path` and all files that it extends; keys of the file override those of the files it extends.
 
         The key ``extends`` names a file relative to this one, or a workflow.
         """
@@ -155,7 +155,8 @@ class TomlFile:
     def _with_base(self, path: Path, extending: tuple[Path, ...]) -> dict[str, Any]:
         """Return the tables of a file merged over those of the files it extends.
 
-        `extending` are the files that lead to this one by their keys ``extends``.
+        `extending` are the files that lead to this one by their keys ``extends``.  Raises InputError if one of these is
+        the  file itself, if there are too many, or if ``extends`` names no file.
         """
         what = self.dialect.name
         data = read_tables(path, what)

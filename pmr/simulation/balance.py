@@ -85,7 +85,10 @@ def round_off(mobility: Array, loads: Array, step: float) -> float:
 
 
 def refuse_growth(surplus: float, simulator: str, moving: list[str]) -> None:
-    """Raise GrowthError if `surplus` exceeds `GROWN`; `moving` holds the names of the rigid rows that move."""
+    """Raise GrowthError if `surplus` exceeds `GROWN`, with the name of the simulator.
+
+    `moving` holds the names of the rigid rows that move.
+    """
     if surplus > GROWN:
         line = f"{simulator}: the motion grows without bound, {describe_surplus(surplus)}{describe_remedy(moving)}"
         raise GrowthError(line, tuple(moving))

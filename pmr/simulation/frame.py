@@ -67,7 +67,10 @@ class FrameSignal(Derived):
     """A scalar signal that follows from the frame's angles and paths; its rate is a difference quotient over a step."""
 
     def highest_frequency(self, start: float, end: float) -> float:
-        """Twice the highest frequency in Hz of angles and paths, since their rates enter as squares and products."""
+        """Twice the highest frequency in Hz of angles and paths from `start` to `end` in s.
+
+        Their rates enter as squares and products.
+        """
         return 2.0 * max(signal.highest_frequency(start, end) for signal in self.signals)
 
     def bounds(self, start: float, end: float) -> Interval:
@@ -178,10 +181,9 @@ class SectionAcceleration(AngleAmplitude):
         return value_of
 
     def highest_frequency(self, start: float, end: float) -> float:
-        """Twice the highest frequency in Hz of angles, gravity and paths.
+        """Twice the highest frequency in Hz of angles, gravity and paths from `start` to `end` in s.
 
-        If the base is shaken, it is at least the sum of the base's highest frequency and of the highest one of the
-        others.
+        If the base is shaken, it is at least the sum of two highest frequencies: the base's and that of all others.
         """
         of_angles = super().signals
         slow, shaken = (
@@ -260,7 +262,7 @@ class GroundForceComponent(AngleAmplitude):
         return lambda quantity: np.asarray(self.force.value(t)) if quantity[0] == "load" else of_angles(quantity)
 
     def highest_frequency(self, start: float, end: float) -> float:
-        """Sum of the highest frequencies in Hz of the force and of the frame's angles."""
+        """Sum of the highest frequencies in Hz of the force and of the frame's angles from `start` to `end` in s."""
         return sum(signal.highest_frequency(start, end) for signal in self.signals)
 
 

@@ -136,7 +136,10 @@ class LuffingRun(MachineRun):
 
 
 def kernel_cylinder(cylinder: LuffingCylinder, level: float, t: Array) -> Cylinder:
-    """Return the kernel's data of a luffing cylinder at times t (T,), for a machine that is level at `level` in rad."""
+    """Return the kernel's data of a luffing cylinder at times t (T,), for a machine that is level at `level` in rad.
+
+    A cylinder without a stroke has one from 0 to inf.
+    """
     kind, oil = cylinder.drives[0], cylinder.oil
     drive: SignalBase | None = cylinder.force or cylinder.length
     further = dict[str, Any]()

@@ -81,7 +81,10 @@ def read_scene(system: System, source: str) -> StoredScene:
 
 
 def _read_body_scene(scene: Mapping[str, Any], system: System) -> StoredScene:
-    """Stored scene of a single body, read by keys that files of all versions have."""
+    """Stored scene of a single body, read by keys that files of all versions have.
+
+    Raises ValueError unless there is one load for each input of the system.
+    """
     loads = [_SIGNAL.validate_python(load["signal"]) for load in scene["loads"]]
     weight = Gravity.model_validate(scene["gravity"]) if scene.get("gravity") else None
     if weight is not None:
@@ -100,7 +103,7 @@ def _read_body_scene(scene: Mapping[str, Any], system: System) -> StoredScene:
 
 
 def _read_boom_scene(scene: Any, system: System) -> StoredScene:
-    """Stored scene of a boom."""
+    """Stored scene of a boom; ValueError unless its sections and paths are those of the system."""
     boom = stored_scene(scene, "provenance.scene", RECORDED)
     _check_steps(TimeStepping(boom.time.end, boom.time.step))
     if set(system.bodies) != set(boom.bodies) or not set(system.paths) <= set(boom.driven_paths):

@@ -35,7 +35,10 @@ def describe_unsettled(names: Sequence[str], pushes: Mask) -> str:
 
 
 def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact], iterations: int) -> str:
-    """Text about forces of terms and friction that have not converged after `iterations` iterations of a step."""
+    """Text about forces of terms and friction that have not converged after `iterations` iterations of a step.
+
+    They are called by `term_names` and by the joints of `contacts` with friction; without any, it is the hoist rope.
+    """
     causes = [*term_names, *(f"friction of {joint}" for joint in friction_joints(contacts))] or ["the hoist rope"]
     further = len(causes) - MOST_NAMES
     names = ", ".join(causes[:MOST_NAMES]) + (f" and {further} more" if further > 0 else "")

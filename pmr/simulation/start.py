@@ -142,7 +142,7 @@ def check_position(C: Array, q: Array, names: tuple[str, ...], largest: float = 
 def _impulse(M: Array | sp.csr_matrix, C: Array, drift: Array, names: tuple[str, ...]) -> Array:
     """Change of velocity dv (n,) of least kinetic energy with C dv = `drift` (m,).
 
-    Raises InputError if the rows depend on each other.
+    Raises InputError with the `names` of the rows if they depend on each other.
     """
     right = np.concatenate([np.zeros(M.shape[0]), drift])
     if sp.issparse(M):
@@ -159,7 +159,10 @@ def _impulse(M: Array | sp.csr_matrix, C: Array, drift: Array, names: tuple[str,
 
 
 def check_impulse(achieved: Array, drift: Array, names: tuple[str, ...]) -> None:
-    """Raise InputError if row values `achieved` (m,) differ from `drift` (m,), since the rows depend on each other."""
+    """Raise InputError if row values `achieved` (m,) differ from `drift` (m,), as rows that depend on each other do.
+
+    `names` are the names of the rows.
+    """
     if not np.allclose(achieved, drift, rtol=0.0, atol=1e-6 * np.abs(drift).max()):
         raise InputError("initial state", "v", None, f"the rows {', '.join(names)} depend on each other")
 
@@ -170,7 +173,7 @@ def _magnitude(C: Array, q: Array, largest: float = 0.0) -> Array:
 
 
 def _vector(name: str, values: ArrayLike, size: int) -> Array:
-    """Values as a float array (size,); an InputError is raised if they have another size or are not finite."""
+    """Values as a float array (size,); InputError about `name` if they have another size or are not finite."""
     vector = np.asarray(values, dtype=float)
     if vector.shape != (size,) or not np.all(np.isfinite(vector)):
         allowed = f"{size} finite values are allowed, found an array of shape {vector.shape}"

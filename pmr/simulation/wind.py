@@ -100,7 +100,7 @@ class WindOnSection(Derived):
         return Interval(float(values.min()), float(values.max()))
 
     def highest_frequency(self, start: float, end: float) -> float:
-        """Sum of the highest frequencies in Hz of pressure, angles and extensions."""
+        """Sum of the highest frequencies in Hz of pressure, angles and extensions from `start` to `end` in s."""
         return sum(signal.highest_frequency(start, end) for signal in self.signals)
 
 

@@ -189,7 +189,10 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _point_arrays(chart: Chart, models: ChartModels, k: int, rope: Rope | None) -> dict[str, NDArray[Any]]:
-    """Return one point's row of the arrays ``load``, ``case``, ``error...`` and ``hoist`` of `allow_row`."""
+    """Return the row of point number `k` in the arrays ``load``, ``case``, ``error...`` and ``hoist`` of `allow_row`.
+
+    Errors are NaN without richer models; ``hoist`` is missing without a rope.
+    """
     places = chart.places(models.reduced, k)
     loads = chart.loads(places)
     case, load = _least_case(loads)
@@ -209,7 +212,10 @@ def _point_arrays(chart: Chart, models: ChartModels, k: int, rope: Rope | None) 
 
 
 def _hoist_factor(loaded: LoadedStructure, load: float, rope: Rope, gravity: float) -> float:
-    """Return the rope's largest force at lift-off over the weight of `load` in kg; NaN if that is 0 or infinite."""
+    """Return the rope's largest force at lift-off over the weight of `load` in kg; NaN if that is 0 or infinite.
+
+    `gravity` is in m/s^2.
+    """
     if not 0.0 < load < np.inf:
         return np.nan
     return lift_off(loaded.state(load).form, load, rope, gravity)

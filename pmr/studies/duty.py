@@ -115,10 +115,10 @@ class DutyTable:
         return csv_text(heads, rows)
 
     def workbook(self, title: str, names: Sequence[str]) -> bytes:
-        """Return the table as an XLSX file with sheets of loads, lower bounds and limits.
+        """Return the table as an XLSX file with the given title, and sheets of loads, lower bounds and limits.
 
-        A cell holds the load as a number, and shows the letter of its limit behind it.  Raises InputError if openpyxl
-        is not installed.
+        A cell holds the load as a number, and shows the letter of its limit behind it.  `names` are those of the
+        limits.  Raises InputError if openpyxl is not installed.
         """
         book = import_package("openpyxl").Workbook()
         book.properties.title = title

@@ -123,7 +123,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
 
 
 def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
-    """Read a study file and apply `changes` to it; raises InputError if its kind is unknown."""
+    """Read the study file `path` and apply `changes` to it; raises InputError if its kind is unknown."""
     file = TomlFile.read(path, DIALECT)
     for change in changes:
         file.apply(change)

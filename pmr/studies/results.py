@@ -217,7 +217,7 @@ class StudyResults:
         return Store(path.parent).read(path.stem).arrays
 
     def column(self, name: str) -> NDArray[Any]:
-        """Return one column (runs,) of the table; a run without a value has NaN, or "" in a column of texts."""
+        """Return the column `name` (runs,) of the table; a run without a value has NaN, or "" in a column of texts."""
         return _column([run.row.get(name) for run in self.runs])
 
     def save(self, summary: Mapping[str, object], tables: Mapping[str, str | bytes] | None = None) -> None:

@@ -217,7 +217,10 @@ def _without_loads(scene: Scene) -> Scene:
 
 
 def _scene_task(function: TaskFunction, kind: str, name: str, scene: Scene, **more: Any) -> Task:
-    """Return a task on the scene: its key is `name` with a digest of its arguments; `more` are further arguments."""
+    """Return a task on the scene: its key is `name` with a digest of its arguments; `more` are further arguments.
+
+    `kind` is the kind of task by which its cost is known.
+    """
     arguments = scene_arguments(scene) | more
     digest = hashlib.sha256(json.dumps(arguments, sort_keys=True).encode()).hexdigest()[:12]
     return Task(f"{name}-{digest}", function, arguments, cost=COSTS[kind])

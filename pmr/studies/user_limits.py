@@ -37,11 +37,11 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
 
 
 def compile_expression(text: str, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
-    """Compile an expression to a function that returns the expression's value from a mapping of amounts.
+    """Compile the expression `text` to a function that returns its value from a mapping of amounts.
 
-    Allowed are numbers, + - * / **, `FUNCTIONS`, `names`, and entries of `tables` as table["name"].  A ValueError says
-    in one line what is not allowed.  The returned function may raise KeyError for an entry that a table lacks,
-    ValueError or ArithmeticError.
+    Allowed are numbers, + - * / **, `FUNCTIONS`, `names`, and entries of `tables` as table["name"].  Raises ValueError
+    with  one line on what is not allowed.  The returned function may raise KeyError for an entry that a table lacks,
+    ValueError  or ArithmeticError.
     """
     if len(text) > LONGEST:
         raise ValueError(f"at most {LONGEST} characters are allowed")
@@ -56,14 +56,17 @@ def compile_expression(text: str, names: tuple[str, ...], tables: tuple[str, ...
 
 
 def entry_names(text: str, table: str) -> list[str]:
-    """Return the names of the entries of a `table` in an expression that `compile_expression` has accepted."""
+    """Return the names of the entries of a `table` in the expression `text`, one that `compile_expression` accepts."""
     subscripts = [node for node in ast.walk(ast.parse(text, mode="eval")) if isinstance(node, ast.Subscript)]
     of_table = [node for node in subscripts if isinstance(node.value, ast.Name) and node.value.id == table]
     return [str(node.slice.value) for node in of_table if isinstance(node.slice, ast.Constant)]
 
 
 def _compile_node(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...]) -> Value:
-    """Compile one node of an expression and the nodes below it; raises ValueError for a node that is not allowed."""
+    """Compile one node of an expression and the nodes below it, with the `names` and `tables` of `compile_expression`.
+
+    Raises ValueError for a node that is not allowed.
+    """
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
         constant = _as_float(node.value)
         return lambda at: constant
@@ -148,9 +151,9 @@ def plugin_function(limit: str, name: str | None) -> LimitFunction:
 
 @lru_cache(256)  # all places of a chart use the same expression
 def expression_function(text: str) -> LimitFunction:
-    """Compile an expression in ``load``, ``luffing``, ``slewing``, ``output["name"]`` and ``force["name"]``.
+    """Compile `text`, an expression in ``load``, ``luffing``, ``slewing``, ``output["name"]`` and ``force["name"]``.
 
-    A ValueError says what is not allowed in it.
+    Raises ValueError with what is not allowed in it.
     """
     value: Value = compile_expression(text, ("load", "luffing", "slewing"), ("output", "force"))
 
@@ -185,7 +188,10 @@ def amounts_of_states(
     luffing, slewing = float(at.place.luffing[k]), float(at.place.slewing[k])
 
     def amount(load: float, outputs: Mapping[str, float], forces: Mapping[str, float]) -> float:
-        """Return the limit function's value in one state."""
+        """Return the limit function's value under `load` in kg, from outputs and forces by name.
+
+        Raises InputError if the function fails or returns NaN.
+        """
         try:
             value = float(limit_function(AtRest(load, luffing, slewing, outputs, forces)))
         except KeyError as error:

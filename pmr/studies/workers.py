@@ -201,7 +201,10 @@ def run_on_rank(order: Order, path: list[str]) -> Failure | None:
 
 @lru_cache(1)
 def _worker_of_rank(path: tuple[str, ...]) -> Worker:
-    """Return the worker of this rank, made at the first call; its child ends with this process."""
+    """Return the worker of this rank, made at the first call; its child ends with this process.
+
+    `path` is where the child finds modules.
+    """
     worker = Worker(path)
     atexit.register(worker.close)
     return worker

@@ -216,7 +216,7 @@ class Assembly:
         return moved_outputs
 
     def _add_carrier_rows(self, name: str, side_numbers: Sequence[int], x: Array, rows: ContactRows) -> None:
-        """Add to `rows` what a body on carriers contributes, by its sides with the numbers `side_numbers`.
+        """Add to `rows` the part of the body `name`, on carriers, by its sides with the numbers `side_numbers`.
 
         The places of these sides are at x (sides, T) in m.
         """
@@ -238,10 +238,10 @@ class Assembly:
                 rows.F[:, k, contacts] += np.add.reduceat(between, ends[:-1], axis=1)
 
     def _add_table_rows(self, name: str, side_numbers: Sequence[int], x: Array, contact_rows: ContactRows) -> None:
-        """Add to `contact_rows` the part of the single body of a system with tables over its path.
+        """Add to `contact_rows` the part of the body `name`, the single one of a system with tables over its path.
 
-        All sides, with the numbers `side_numbers`, have the same path coordinate: of the coordinates x (sides, T) in m,
-        that of the first side that travels.
+        All sides, with the numbers `side_numbers`, share one path coordinate: of the coordinates x (sides, T) in m,
+        that of the  first side that travels.
         """
         body, sides = self.system.bodies[name], [self.system.sides[a] for a in side_numbers]
         s = next((at for side, at in zip(sides, x, strict=True) if side.place.path is not None), x[0])

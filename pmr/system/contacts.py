@@ -133,7 +133,10 @@ class Contact:
 
 
 def contact_error(contact: str, key: str, value: object, allowed: str) -> InputError:
-    """InputError about the `value` of the property `key` of the contact with the name `contact`."""
+    """InputError about the `value` of the property `key` of the contact with the name `contact`.
+
+    `allowed` says what is allowed.
+    """
     return InputError("system", f"contacts.{contact}.{key}", value, allowed)
 
 

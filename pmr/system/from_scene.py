@@ -146,7 +146,7 @@ def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator
 
 
 def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str]) -> Iterator[JointPad]:
-    """Pads of one ring of a joint that have one of the `rows` of both sections.
+    """Pads of one ring in the joint of section `number`, without those that have none of the `rows` of both sections.
 
     A planar beam has no rows for sideways motion.  The names of the pads begin with `prefix`.
     """
@@ -176,7 +176,7 @@ def _arm(part: BoomSection, face: str) -> float:
 
 
 def _ground_contacts(name: str, body: Body, joined_rows: set[tuple[str, str]], part: BoomSection) -> Iterator[Contact]:
-    """Contacts of a body with the ground: its pads, and its supports that combine several coordinates.
+    """Contacts of the body `name` with the ground: its pads, and its supports that combine several coordinates.
 
     Supports on a single coordinate are no contacts, because the model fixes that coordinate.  The pairs (body, row) in
     `joined_rows`, and the rows of tails and points, are no contacts with the ground either.
@@ -193,7 +193,10 @@ def _ground_contacts(name: str, body: Body, joined_rows: set[tuple[str, str]], p
 
 
 def _luffing_place(name: str, body: Body) -> Place:
-    """Place of a luffing cylinder's row, whose domain spans a turn of the angle (`pmr.fullmodel.luffing`)."""
+    """Place of the luffing cylinder's row of the body `name`; its domain spans a turn of the angle.
+
+    See `pmr.fullmodel.luffing`.
+    """
     assert body.carriers is not None
     breaks = body.carriers.row(body.row_names.index(LUFFING_CYLINDER), LUFFING_CYLINDER).breaks
     low, high = float(breaks[0]), float(breaks[-1])

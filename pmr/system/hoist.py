@@ -93,7 +93,10 @@ def recorded_hoist(provenance: Mapping[str, Any]) -> Hoist | None:
 
 
 def _ground_slots(scene: Scene, of_frame: tuple[str, ...]) -> list[Slot]:
-    """Slots of gravity, of accelerations of the pivot, and of the rotation."""
+    """Slots of gravity, of accelerations of the pivot, and of the rotation.
+
+    `of_frame` are the names of the frame's inputs to the hoist; empty if nothing moves the frame.
+    """
     shaken = [f"{HOIST}shaken {axis}" for axis in "xyz"]
     if of_frame:
         turned = [Slot(0.0, 1.0, name) for name in of_frame[-9:]]

@@ -376,7 +376,7 @@ def _upgrade_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> 
     """Arrays of a file of version 4 or earlier, under the names of the current version.
 
     The header of such a file has the names of inputs, rows and outputs, the provenance and Rayleigh's factors; they
-    become arrays.
+    become arrays.  Raises TypeError if a list of names has anything else.
     """
     arrays = npz.rename_keys(data, _OLD_NAMES)
     for name in _NAMES:

@@ -177,7 +177,7 @@ class Row:
 
 
 def row_on_coordinates(name: str, breaks: Array, dofs: ArrayLike, coefficients: Array, size: int) -> Row:
-    """Row whose carriers are single coordinates out of `size`, those numbered in `dofs` (k, d) on each of k intervals.
+    """Row called `name` on single coordinates out of `size`: those numbered in `dofs` (k, d) on each of k intervals.
 
     `breaks` (k + 1,) in m and `coefficients` (powers, k, d) are as in `Row`.
     """
@@ -221,9 +221,10 @@ def dense_entries(entries: sp.csr_matrix, powers: int) -> TouchedWeights:
 
 
 def fixed_row(name: str, carrier: sp.csr_matrix, domain: tuple[float, float]) -> Row:
-    """Row that does not depend on s, as of a support or of a slider at rest; its entries are `carrier` (1, n).
+    """Row called `name` that does not depend on s, as of a support or of a slider at rest.
 
-    The `domain` in m is the interval of path coordinates on which the row is defined.
+    Its entries are `carrier` (1, n).  The `domain` in m is the interval of path coordinates on which the row is
+    defined.
     """
     return Row(name, np.array(domain, float), sp.csr_matrix(carrier), np.zeros((1, 1), np.int64), np.ones((1, 1, 1)))
 
@@ -319,7 +320,10 @@ class SharedCarriers:
 
 
 def _shared_carriers(rows: Sequence[Row], size: int) -> SharedCarriers:
-    """Rows on carriers that are stored once each; on single coordinates if these are less than half as many."""
+    """Rows on carriers in `size` coordinates, each stored once.
+
+    They are on single coordinates instead if these are less than half as many.
+    """
     numbers: dict[bytes, int] = {}
     new, touched = [sp.csr_matrix((0, size))], []
     for row in rows:

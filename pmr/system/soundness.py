@@ -56,7 +56,7 @@ def describe_misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> st
 
 
 def describe_misshapen(field: str, matrices: Mapping[str, NDArray[np.float64]], size: int) -> str | None:
-    """Description of the first matrix that is not (size, size) or not finite; None if there is none."""
+    """Description of the first matrix, as ``field.name``, that is not (size, size) or not finite; None without one."""
     for name, A in matrices.items():
         if A.shape != (size, size) or not np.isfinite(A).all():
             return f"{field}.{name} has shape {A.shape} or is not finite, {(size, size)} is allowed"
@@ -64,9 +64,9 @@ def describe_misshapen(field: str, matrices: Mapping[str, NDArray[np.float64]], 
 
 
 def describe_names(field: str, names: object) -> str | None:
-    """Description of the first entry that is no name (`pmr.errors.text.is_name`); None if there is none.
+    """Description of the first entry of `names` that is no name (`pmr.errors.text.is_name`); None if there is none.
 
-    None is also returned if `names` is no tuple.
+    `field` is what holds them.  None is also returned if `names` is no tuple.
     """
     wrong = [name for name in names if not is_name(name, LONGEST)] if isinstance(names, tuple) else []
     return f"{field} holds {wrong[0]!r:.60}, which is not a name" if wrong else None

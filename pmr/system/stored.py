@@ -85,7 +85,7 @@ def _describe_fault(carriers: CarrierRows) -> str | None:
 
 
 def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> dict[str, PPoly]:
-    """Tables that follow from values on the carriers, by their names in the file.
+    """Tables that follow from values on the carriers, by their names in the file; empty without breaks.
 
     They are on the breaks of the rows in `arrays`; tables that have other breaks in `arrays` are left out.
     """
@@ -109,7 +109,10 @@ def _triangle_kind(A: Array) -> str | None:
 
 
 def _unpack_triangle(triangle: Array, sign: float) -> Array:
-    """Matrix (n, n) with the lower triangle `triangle`, row by row; `sign` is 1 if symmetric, -1 if antisymmetric."""
+    """Matrix (n, n) with the lower triangle `triangle`, row by row; `sign` is 1 if symmetric, -1 if antisymmetric.
+
+    Raises ValueError if `triangle` has another length than n (n + 1) / 2.
+    """
     n = int((np.sqrt(8.0 * triangle.size + 1.0) - 1.0) / 2.0 + 0.5)
     if triangle.shape != (n * (n + 1) // 2,):
         raise ValueError(f"{triangle.shape} is not the shape of a triangle of a matrix")

@@ -117,7 +117,10 @@ def add_terms(A: sp.csr_matrix, terms: Sequence[Term], key: str, c: Sequence[flo
 
 
 def term_error(term: str, key: str, value: object, allowed: str) -> InputError:
-    """InputError about the `value` of the property `key` of the term with the name `term`."""
+    """InputError about the `value` of the property `key` of the term with the name `term`.
+
+    `allowed` says what is allowed.
+    """
     return InputError("system", f"terms.{term}.{key}", value, allowed)
 
 

@@ -275,7 +275,7 @@ def _with_step(scene: Scene, steps: int) -> Scene:
 
 
 def _list_errors(tolerance: float, sizes: Mapping[str, float]) -> str:
-    """Errors by kind in words; an error above the tolerance is never rounded down to the tolerance."""
+    """Errors by kind, `sizes`, in words; an error above the tolerance is never rounded down to the tolerance."""
     listed, limit = list[str](), percent(tolerance, "their size")
     for kind, size in sizes.items():
         words = percent(size, "their size")

@@ -114,7 +114,10 @@ def find_best_affordable(trials: Trials, budget: Budget, coarsest: int) -> Trial
 
 
 def explain_trial(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
-    """Yield clauses that say why the trial has these coordinates and this number of steps."""
+    """Yield a clause on why the trial has these coordinates, and one on why it has this number of steps.
+
+    `coarsest` is the smallest number of steps that follow path and loads.
+    """
     r, steps = trial.coordinates, trial.steps
     coarse = trials.fewest_resolving_steps(steps)
     if fewer := [

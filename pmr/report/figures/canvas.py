@@ -246,7 +246,7 @@ def octave_axis(ax: Axes, low: float, high: float) -> bool:
 
 
 def log_x(ax: Axes, low: float, high: float) -> None:
-    """Make the x-axis logarithmic with the labels 1, 2, 5, 10.
+    """Make the x-axis logarithmic from `low` to `high`, with the labels 1, 2, 5, 10.
 
     If the range spans more than three decades, the labels are powers of ten.
     """
@@ -361,7 +361,7 @@ def drawing(name: str, draw: Callable[..., Figure], caption: str, *arguments: An
 
 
 def drawn_text(drawn: str) -> str:
-    """All text in an SVG; the embedded font is reduced to the characters of this text."""
+    """All text in the SVG `drawn`; the embedded font is reduced to the characters of this text."""
     return "".join(re.findall(r">([^<]+)<", drawn))
 
 

@@ -54,7 +54,7 @@ def responses_in_drawing_order(result: RunResult) -> Mapping[str, Response]:
 
 
 def sliding_spans(t: Array, rate: Array) -> tuple[Span, ...]:
-    """Intervals of time in which something moves, by its `rate` (T,) at the times `t` (T,) in s.
+    """Intervals of time in which something moves, by its `rate` (T,) at the times `t` (T,) in s; may be none.
 
     Standstills of up to `PAUSE` samples, where one ramp ends and the next one begins, do not divide an interval.
     """
@@ -174,7 +174,7 @@ class Timeline:
             ax.tick_params(labelbottom=False)
 
     def legend(self, names: Sequence[str]) -> list[Any]:
-        """Legend entries for these simulators and for the shade of the phases in which something moves."""
+        """Legend entries for the simulators `names`, and for the shade of the phases in which something moves."""
         return [*(Line2D([], [], label=PENS[name].label, **PENS[name].line()) for name in names), *self.shade_legend()]
 
     def shade_legend(self) -> list[Any]:
@@ -231,7 +231,7 @@ def difference_clause(time: Timeline, signals: Mapping[str, Array], shown: str, 
     """Clause on the difference to the reference; empty without a reference.
 
     If the difference is visible, the clause begins with `shown`, which says where in the figure; otherwise it says how
-    small the difference is.
+    small the difference is.  `largest` is that of `Timeline.visible_differences`.
     """
     base, limit = time.reference, invisible_difference(time.result)
     if base is None or base not in signals:
@@ -268,8 +268,8 @@ def history_figure(
 ) -> Figure:
     """Draw signals (T,) over time, and below them their differences to the reference if these are visible.
 
-    On the right, signals and differences are enlarged within `window`, if this is not None.  `base` is the unit without
-    prefix.
+    On the right, signals and differences are enlarged within `window`, if this is not None.  `label` and `base` are the
+    quantity and its unit without prefix; `largest` is that of `Timeline.visible_differences`.
     """
     panels = [(label, signals)]
     panels += [("Difference", of) for of in time.visible_differences(signals, largest=largest) if of]
@@ -292,7 +292,10 @@ def history_figure(
 
 
 def energy_drawing(name: str, result: RunResult) -> Drawing:
-    """Draw strain, kinetic and external energy over time, and on the right their differences to the reference model."""
+    """Draw strain, kinetic and external energy over time, and on the right their differences to the reference model.
+
+    `name` is the identifier of the drawing.
+    """
     time, parts = Timeline(result), ("strain", "kinetic", "external")
     signals = [time.signals(attrgetter(f"energy.{part}")) for part in parts]
     differences = time.visible_differences(*signals)
@@ -329,7 +332,8 @@ def _energies(
 def residual_drawing(name: str, result: RunResult, level: str, unit: str) -> Drawing:
     """Draw the residual of the moving constraint over time, in `unit`.
 
-    `level` says whether it is the residual of the ``position`` or of the ``velocity``.
+    `name` is the identifier of the drawing.  `level` says whether it is the residual of the ``position`` or of the
+    ``velocity``.
     """
     time = Timeline(result)
     signals = {of: np.abs(signal) for of, signal in time.signals(attrgetter(f"residual_{level}")).items()}
@@ -340,7 +344,7 @@ def residual_drawing(name: str, result: RunResult, level: str, unit: str) -> Dra
 
 
 def _residuals(time: Timeline, signals: Mapping[str, Array], label: str) -> Figure:
-    """Draw the upper envelopes of signals (T,) on a logarithmic axis."""
+    """Draw the upper envelopes of signals (T,) on a logarithmic axis with the given label."""
     figure, axes = make_sheet(HALF, 2.0)
     ax, drawn_values = axes[0, 0], [0.0]
     for order, (name, signal) in enumerate(signals.items()):

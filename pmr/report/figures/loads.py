@@ -110,7 +110,10 @@ def _plot(
 
 
 def _legend(names: Sequence[str], colours: Sequence[str] = _COLOURS, minimum: int = 2) -> list[Any]:
-    """Legend entries of lines; empty for fewer than `minimum` names, as the label of the axis then names the line."""
+    """Legend entries of lines in these colours, which are used again after the last one.
+
+    It is empty for fewer than `minimum` names, as the label of the axis then names the line.
+    """
     if len(names) < minimum:
         return []
     return [Line2D([], [], label=name, color=colours[i % len(colours)]) for i, name in enumerate(names)]
@@ -198,7 +201,10 @@ def stress_figure(result: RunResult, body: BodyResult) -> Figure:
 
 
 def envelope_figure(result: RunResult, quantities: Sequence[str]) -> Figure:
-    """Draw the range over time of forces or moments along the beams, by the reduced model, one panel a quantity."""
+    """Draw the range over time of forces or moments along the beams, by the reduced model, one panel a quantity.
+
+    `quantities` are the names of these forces and moments.
+    """
     envelopes_by_body = {
         name: body.envelopes["reduced"] for name, body in result.bodies.items() if "reduced" in body.envelopes
     }

@@ -51,7 +51,7 @@ class Paper:
         self.ax.set_axis_off()
 
     def box(self, x: float, y: float, width: float, height: float, **look: Any) -> None:
-        """Draw a rectangle with its lower left corner at (x, y); `look` are keywords of the patch."""
+        """Draw a rectangle with its lower left corner at (x, y), a `width` and a `height`; `look` are its keywords."""
         self.ax.add_patch(Rectangle((x, y), width, height, **look))
 
     def disc(self, x: float, y: float, radius: float, **look: Any) -> None:
@@ -59,7 +59,7 @@ class Paper:
         self.ax.add_patch(Circle((x, y), radius, linewidth=0.8, zorder=3.0, **look))
 
     def arrow(self, x: float, y: float, dx: float, dy: float, colour: str = LOAD, two_heads: bool = False) -> None:
-        """Draw an arrow from (x, y) by (dx, dy), with a head at its end or at both ends.
+        """Draw an arrow from (x, y) by (dx, dy), with a head at its end, or at both ends if `two_heads`.
 
         Nothing is drawn if its length is 0.
         """
@@ -75,7 +75,7 @@ class Paper:
             self.ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none"))
 
     def write(self, x: float, y: float, text: str, colour: str = INK, **where: Any) -> None:
-        """Write a text at (x, y), centred about this point unless the keywords `where` align it otherwise."""
+        """Write a text in a colour at (x, y), centred there unless the keywords `where` align it otherwise."""
         self.ax.text(x, y, text, color=colour, **{"ha": "center", "va": "center", **where})
 
     def range(self, y: float, start: float, end: float, text: str) -> None:
@@ -232,7 +232,7 @@ def _draw_stress_ring(paper: Paper, result: RunResult, tail: float, above: float
 
 
 def _draw_fixture(paper: Paper, x: float, kind: str) -> None:
-    """Draw a support at `x` m by its symbol."""
+    """Draw a support at `x` m by the symbol of its `kind`."""
     inch = paper.inch
     if kind == "clamped":
         paper.box(x - 0.03 * inch, -0.16 * inch, 0.06 * inch, 0.32 * inch, facecolor=INK)
@@ -244,7 +244,7 @@ def _draw_fixture(paper: Paper, x: float, kind: str) -> None:
 
 
 def _draw_slider(paper: Paper, x: float, fill: str) -> None:
-    """Draw a slider at `x` m: a roller above the body and one below."""
+    """Draw a slider at `x` m: a roller above the body and one below, filled with the colour `fill`."""
     for side in (-1.0, 1.0):
         centre = (x, side * 0.08 * paper.inch)
         paper.ax.add_patch(
@@ -283,8 +283,8 @@ def _draw_masses(paper: Paper, result: RunResult, tip: float) -> Iterator[tuple[
 def _draw_load(paper: Paper, load: AppliedLoad, values: NDArray[np.float64], x: float, above: float) -> None:
     """Draw a load at `x` m as an arrow in its direction, with two heads if its `values` change sign.
 
-    A moment is drawn as an arc, and a lateral force as the tip of an arrow, seen from the front.  Temperatures and wind
-    are not drawn.
+    `above` is the height of the lower end of a vertical arrow.  A moment is drawn as an arc, and a lateral force as the
+    tip  of an arrow, seen from the front.  Temperatures and wind are not drawn.
     """
     size, two_heads = ARROW * paper.inch, bool(values.min(initial=0.0) < 0.0 < values.max(initial=0.0))
     back = not two_heads and values.min(initial=0.0) < 0.0

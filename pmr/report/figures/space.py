@@ -180,7 +180,10 @@ def _label_times(ax: Axes, axes: Array, t: Array, first: int) -> list[Array]:
 def _draw_stress_ring(
     ax: Axes, worst: LargestStress, body: Axis, view: str, moment: int, labels: Sequence[Array]
 ) -> None:
-    """Draw a ring around the point of the largest stress, and write its value beside it, clear of all lines."""
+    """Draw a ring around the point of the largest stress, and its value beside it, clear of all lines and `labels`.
+
+    `view` is the name of the view, `moment` the number of the drawn position of the body among those in this view.
+    """
     places = getattr(body, view)[moment]
     at = np.array([np.interp(worst.x, body.x, places[:, 0]), np.interp(worst.x, body.x, places[:, 1])])
     drawn = [_subdivide(_to_inches(ax, np.asarray(line.get_xydata()))) for line in ax.lines]
@@ -245,7 +248,7 @@ def _text_box(centre: Array, text: str, across: str, up: str) -> Array:
 def _make_paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> Figure:
     """Make a figure with axes of one scale that have room for the points `drawn` (..., 2) in m, the pivot and labels.
 
-    Above the axes there is room for a legend of `rows` rows.
+    `across` and `up` are the labels of the axes.  Above the axes there is room for a legend of `rows` rows.
     """
     every = np.concatenate([*drawn, np.zeros((1, 2))])
     low, high = every.min(axis=0), every.max(axis=0)

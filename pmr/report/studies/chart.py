@@ -176,9 +176,9 @@ def _hoisting_sentences(study: FinishedStudy) -> list[str]:
 
 
 def _limit_grid(study: FinishedStudy, names: list[str]) -> Grid:
-    """Build the table of limits: amount, factor, and numbers of points at which the limit governs or is not reached.
+    """Build the table of the limits `names`: amount, factor, and numbers of points.
 
-    A last number counts the points at which the limit is passed without a load.
+    Points are counted at which the limit governs, is not reached, or is passed without a load.
     """
     limits = {str(limit["name"]): limit for limit in study.study_file["limits"]}
     rows = []
@@ -197,7 +197,7 @@ def _limit_grid(study: FinishedStudy, names: list[str]) -> Grid:
 
 
 def _error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
-    """List with a table of the error bars of each limit and of their parts, as shares of the load.
+    """List with a table of the error bars of the limits `names` and of their parts, as shares of the load.
 
     It is empty if no error bars were asked for.
     """
@@ -306,7 +306,7 @@ ROUND_OFF = 1e-9
 
 
 def governing_pages(study: FinishedStudy, names: list[str], arrays: Parts, prefix: str) -> Iterator[Block]:
-    """Yield a block for each limit that governs anywhere: about the point with the largest load among those it governs.
+    """Yield a block for each limit of `names` that governs anywhere: about the largest load that it governs.
 
     Each block begins a new page on paper.  `prefix` begins the identifiers of the figures.
     """
@@ -320,9 +320,9 @@ def governing_pages(study: FinishedStudy, names: list[str], arrays: Parts, prefi
 def _governing_page(
     study: FinishedStudy, names: list[str], n: int, row: int, arrays: Mapping[str, Array], anchor: str
 ) -> Block:
-    """Build the block about the largest load that limit number `n` governs.
+    """Build the block about the largest load that limit number `n` of `names` governs.
 
-    It occurs in run number `row`, and `arrays` are those of this run.
+    It occurs in run number `row`, and `arrays` are those of this run.  `anchor` is the identifier of the figure.
     """
     k = int(arrays["at.place"][n])
     load, error = float(arrays["load"][k, n]), float(arrays["error"][k, n])
@@ -381,7 +381,10 @@ def _stop_sentences(study: FinishedStudy, limit: str, stops: Array) -> Iterator[
 
 
 def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections: tuple[str, ...]) -> list[Table]:
-    """Build tables of the use of each limit, stresses of probes, displacements of sections' tips, and forces."""
+    """Build tables of the use of each limit of `names`, and of stresses, displacements of tips and forces.
+
+    They are those under the largest load that limit number `n` governs; `sections` are the names of the sections.
+    """
     used = zip(names, arrays["at.used"][n], strict=True)
     tables = [Table("Used of each limit", tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used))]
     if len(stress := arrays["at.stress"][n]):

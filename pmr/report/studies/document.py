@@ -59,7 +59,10 @@ def _provenance_chapter(summary: Mapping[str, Any], studies: Sequence[FinishedSt
 
 
 def study_chapter(study: FinishedStudy, anchor: str) -> Chapter:
-    """Build the chapter about a study; if a run has no result yet, the chapter is about the runs that have one."""
+    """Build the chapter about a study; if a run has no result yet, the chapter is about the runs that have one.
+
+    `anchor` begins all identifiers in the chapter.
+    """
     build = CHAPTERS.get(study.kind, runs.build_chapter)
     content = (runs.build_chapter if study.unfinished_runs else build)(study, anchor)
     hints = [f"{text[:1].upper()}{text[1:]}" for text in study.summary.get("hints", ())]

@@ -159,7 +159,7 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
 
 
 def _is_visible(runs: Sequence[RunRecord], name: str) -> bool:
-    """Whether a value differs enough between runs for a curve to show the difference.
+    """Whether the value `name` differs enough between runs for a curve to show the difference.
 
     Errors always do, as their axis is logarithmic.
     """
@@ -261,7 +261,7 @@ def _columns(runs: Sequence[RunRecord]) -> list[str]:
 
 
 def _repeats_parameter(runs: Sequence[RunRecord], name: str, parameters: Sequence[str]) -> bool:
-    """Whether a value equals one of `parameters` in all runs, as a number of coordinates may."""
+    """Whether the value `name` equals one of `parameters` in all runs, as a number of coordinates may."""
     values = [run.figures.get(name) for run in runs]
     return any(values == [run.parameters.get(key) for run in runs] for key in parameters)
 
@@ -298,7 +298,10 @@ def value_figure(done: Sequence[RunRecord], parameter: str, names: Sequence[str]
 
 
 def error_over_time_figure(done: Sequence[RunRecord], parameter: str, error: str) -> Figure:
-    """Draw an error over the time of a simulation in ms."""
+    """Draw an error over the time of a simulation in ms.
+
+    Runs that differ only in `parameter` look alike.
+    """
     figure, axes = make_sheet(WIDE, 2.5, margins=_legend_margin(done, parameter))
     ax, times = axes[0, 0], {run.key: 1e3 * run.seconds[TIME] for run in done}
     for look, group in _curves(done, parameter):

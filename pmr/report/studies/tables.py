@@ -331,7 +331,7 @@ def _numbers_called(runs: Sequence[RunRecord], name: str, *keys: str) -> Iterato
 
 
 def _format_span(run: RunRecord, name: str, size: float) -> str:
-    """Format the least and the largest value in a unit of size `size`; the least value may be missing."""
+    """Format the least and the largest value of `name` in a unit of size `size`; the least value may be missing."""
     figures: Mapping[str, Scalar] = run.figures
     least, most = figures.get(f"{name}.min"), figures.get(f"{name}.max")
     first = "" if least is None else f"{_format_value(least, size)}{SPACE}…{SPACE}"

@@ -78,7 +78,10 @@ class Sum(SignalBase):
         return Interval(float(low), float(high))
 
     def _samples(self, parts: list[SignalBase], start: float, end: float) -> Array:
-        """Return sample times (S,) in s, with the breaks and the last representable number before each break."""
+        """Return sample times (S,) in s from `start` to `end`, with the breaks and the last number before each break.
+
+        They are as dense as the highest frequency of the `parts` needs.
+        """
         fastest = max(part.highest_frequency(start, end) for part in parts)
         count = 1 + min(MOST_SAMPLES, max(FEWEST_SAMPLES, int(SAMPLES_A_PERIOD * fastest * (end - start))))
         breaks = np.array([b for b in self.breaks if start <= b <= end])

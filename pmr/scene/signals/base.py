@@ -75,7 +75,10 @@ class SignalBase(BaseModel):
         return ()
 
     def kinks(self, end: float) -> dict[float, float]:
-        """Return by how much the rate jumps at each kink, by the kink's time in s; only times within (0, end] count."""
+        """Return by how much the rate jumps at each kink, by the kink's time in s; only times within (0, end] count.
+
+        Empty without kinks.
+        """
         at = np.array([b for b in self.breaks if 0.0 < b <= end])
         if not len(at):
             return {}

@@ -99,7 +99,7 @@ class Equations:
         return self._rows
 
     def body_coordinates(self, name: str, values: Array) -> Array:
-        """Coordinates (T, n') of one body from those (T, n) of all; zero for coordinates that supports hold."""
+        """Coordinates (T, n') of the body `name` from those (T, n) of all; zero for coordinates that supports hold."""
         coordinates = np.zeros((len(values), self.system.bodies[name].size))
         coordinates[:, self.assembly.free_coordinates[name]] = values[:, self.assembly.coordinate_slices[name]]
         return coordinates
@@ -109,14 +109,17 @@ class Equations:
     ) -> dict[str, InitialState]:
         """Consistent initial state of each body on the coordinates that supports leave free.
 
-        Errors as `consistent_start`.
+        `s` and `rates` are the path coordinates and their rates at the start, by name.  Errors as `consistent_start`.
         """
         free = self.assembly.free_coordinates
         states = consistent_start(self.assembly, self.side_positions_on(s)[0], self.system.side_rates(rates), initial)
         return {name: InitialState(start.q[free[name]], start.v[free[name]]) for name, start in states.items()}
 
     def needs(self, x: Array, rho_inf: float = 0.0) -> SimulatorNeeds:
-        """Properties of the system that a simulator has to support, with the contacts' sides at x (T, sides) m."""
+        """Properties of the system that a simulator has to support, with the contacts' sides at x (T, sides) m.
+
+        `rho_inf` is the spectral radius of the time integration.
+        """
         return needs_of(self.system, self.assembly.contact_rows(x[0]).rigid, x, rho_inf)
 
 
@@ -147,7 +150,7 @@ class NodeCoordinate:
 
 
 def check_path(name: str, path: object) -> None:
-    """Raise InputError if `path` is neither a signal, nor a function, nor a `NodeCoordinate`."""
+    """Raise InputError if the `path` called `name` is neither a signal, nor a function, nor a `NodeCoordinate`."""
     if not (hasattr(path, "value") and hasattr(path, "rate")) and not callable(path):
         allowed = (
             "a signal, an object with value(t) and rate(t), a function of mbs and t, or a NodeCoordinate is allowed"

@@ -193,7 +193,7 @@ def add_bodies(
 
 
 def add_coordinates(mbs: exu.MainSystem, name: str, start: InitialState) -> exu.NodeIndex:
-    """Add a NodeGenericODE2 with the initial coordinates and rates of `start`, and return its number."""
+    """Add a NodeGenericODE2 called `name` with the initial coordinates and rates of `start`, and return its number."""
     size = len(start.q)
     return mbs.AddNode(
         NodeGenericODE2(

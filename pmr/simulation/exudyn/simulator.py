@@ -234,7 +234,10 @@ class SystemRun:
         return read_sensor(self._mbs, sensor, self._lengths, self._describe)
 
     def _trajectory(self, motion: Motion, balanced: Balance, seconds: float) -> SystemTrajectory:
-        """Trajectory at the steps, from the motion at the ends of all parts of steps."""
+        """Trajectory at the steps, from the motion at the ends of all parts of steps; `seconds` is the wall time.
+
+        Raises GrowthError if the motion grows without bound.
+        """
         system, ends, parts = self.system, self._lengths.ends, self._lengths.parts
         pushes, t = ~np.isnan(system.clearance), self._excitation.times
         B, inertia = self._equations.B, self._equations.assembly.M.diagonal()

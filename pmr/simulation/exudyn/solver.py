@@ -154,7 +154,8 @@ def read_sensor(
 ) -> Array:
     """Values (N, c) that a sensor stored, one row for each step or part of a step, t = 0 included.
 
-    Raises SimulationError if steps are missing or a value is not finite.
+    Raises SimulationError if steps are missing or a value is not finite; `place` returns the text about the path at a
+    time.
     """
     values = mbs.GetSensorStoredData(sensor)[:, 1:]
     if len(values) != stepping.steps + 1:
@@ -185,5 +186,5 @@ def describe_slider(position: Callable[[float], float]) -> Callable[[float], str
 
 
 def _describe_failed_step(number: int, t: float, place: Callable[[float], str]) -> str:
-    """Text with number, time and path coordinates of a failed step."""
+    """Text about the failed step `number` with time and path coordinates; `place` returns the latter for a time."""
     return f"Exudyn failed at step {number}, t = {t:g} s, {place(t)}"

@@ -199,7 +199,7 @@ class Drivers:
         return k in self._unwarned and abs(change - self._step * self._rates[k]) > LEFT_OUT
 
     def _warn_of_jump(self, name: str, change: float, unit: str) -> None:
-        """Warn, once for each name, of a motion that changes by `change` in a step."""
+        """Warn, once for each name, of a motion that changes by `change` in a step; `unit` is its unit."""
         if name in self._told:
             return
         self._told.add(name)
@@ -265,7 +265,10 @@ def _motion_names(numbers: Mapping[str | int, int]) -> list[str]:
 
 
 def _read_in_order(values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> Array:
-    """Values of all motions of a kind, given as a number or a sequence, as a float array."""
+    """Values of all motions of a kind, given as a number or a sequence, as a float array.
+
+    Raises InputError about `key` if their number is wrong, with `what` in words as allowed, or if one is not finite.
+    """
     count = len(numbers) // 2
     array = np.asarray(values, dtype=float)
     if array.shape != (count,) and not (array.ndim == 0 and count == 1):
@@ -279,7 +282,10 @@ def _read_in_order(values: Values, numbers: Mapping[str | int, int], key: str, w
 
 
 def _read_motion(value: Motion, key: str) -> list[float]:
-    """Value of a motion, with its rate and second rate if they are given, as a list of one to three floats."""
+    """Value of a motion, with its rate and second rate if they are given, as a list of one to three floats.
+
+    Raises InputError about `key` for other shapes and numbers that are not finite.
+    """
     array = np.atleast_1d(np.asarray(value, float))
     if array.ndim != 1 or not 1 <= len(array) <= 3:
         allowed = "a value, or that with its rate and its second rate, is allowed"

@@ -286,7 +286,11 @@ class Stepper:
             raise SimulationError(f"march failed at {self._step_text}: not finite")
 
     def _start(self, initial: Mapping[str, InitialState] | None, static: bool) -> None:
-        """Set the state to t = 0: as `initial` says, in equilibrium if it is None and `static`, or at rest."""
+        """Set the state to t = 0: as `initial` says, in equilibrium if it is None and `static`, or at rest.
+
+        Raises InputError for a system that the simulator does not support or nothing holds; SimulationError if a solve
+        fails.
+        """
         kernel, motions = self._state.kernel, self._bound.motions
         u = kernel.frame_drivers(motions)[0] if kernel.motions else motions[0].copy()
         modal, paths = self._form.modal, self._path_coordinates
@@ -363,7 +367,7 @@ class Stepper:
             raise self._failure(self._step_text, error) from None
 
     def _failure(self, where: str, error: StepError) -> SimulationError:
-        """Error of a failed step or start, for the user."""
+        """Error of a failed step or start for the user; `where` names the step or time."""
         paths = self._path_coordinates
         where = f"{where}{path_text(tuple(paths), np.array(list(paths.values())))}"
         return step_failure(where, self._form, error, self._form.modal.side_coordinates(paths))

@@ -196,7 +196,7 @@ class _RayleighCoefficients:
 
     @classmethod
     def from_damping(cls, rayleigh: Rayleigh, v_gain: float, q_gain: float) -> _RayleighCoefficients:
-        """Coefficients of a Rayleigh damping with the gains dv and dq."""
+        """Coefficients of a Rayleigh damping with the gains dv = `v_gain` and dq = `q_gain`."""
         at_once = rayleigh.beta / (q_gain + v_gain * rayleigh.beta)
         return cls(rayleigh.alpha - at_once * (1.0 + v_gain * rayleigh.alpha), at_once)
 

@@ -122,7 +122,10 @@ class _Run:
         return ReachedState(0, 0.0, state, self._lengths.parts)
 
     def _steps(self, reached: ReachedState, resumed: bool) -> DividedSteps:
-        """Integrator of the steps from the reached state on, with the numbers of parts chosen at the beginning."""
+        """Integrator of the steps from the reached state on, with the numbers of parts chosen at the beginning.
+
+        The start is recorded, unless the run is `resumed` from a checkpoint.
+        """
         system, recorder, state, mass = self._system, self._recorder, reached.state, self._mass
         lengths = replace(self._lengths, parts=reached.parts)
         fine, begun = self._at, reached.step * lengths.finest

@@ -206,7 +206,10 @@ class Recorder:
         return half_form(self._M, state.v), half_form(self._K, state.q), -float(f @ motion)
 
     def history(self, at: SampledExcitation, seconds: float, preparation: float) -> History:
-        """History of all records; collective.  `at` has the paths and loads at all steps."""
+        """History of all records, in a run under the excitation `at`; collective.
+
+        `seconds` and `preparation` are the wall times in s of the steps and of what came before them.
+        """
         system, every = self._system, slice(None, None, self.recording.every)
         sums = system.comm.allreduce(self.sums)
         y, motion, drift, energies_of_steps = np.split(sums, self._ends, axis=1)

@@ -290,7 +290,10 @@ class Form:
         return np.asarray(-pull / np.linalg.norm(pull))
 
     def frequency(self, load: float) -> float:
-        """Lowest natural frequency in Hz with `load` in kg as a mass on its directions; 0 past buckling."""
+        """Lowest natural frequency in Hz with `load` in kg as a mass on its directions.
+
+        0 past buckling; inf if no coordinate has a mass.
+        """
         if load >= self.critical:
             return 0.0
         M, place = self.condensed.M, self.condensed.load_position
@@ -393,7 +396,10 @@ class LoadedStructure:
         return LoadedState(load, np.full_like(state.outputs, np.nan), np.full_like(state.forces, np.nan), state.form)
 
     def _solve_closed(self, closed: Mask, load: float) -> tuple[LoadedState, Mask]:
-        """State with the contacts of a mask (m,) closed, and a mask (m,) of contacts on the wrong side."""
+        """State under `load` in kg with the contacts of a mask (m,) closed, and a mask (m,) of wrong contacts.
+
+        A closed contact is wrong if it pulls, an open one if it overlaps; only contacts that just push can be wrong.
+        """
         form, o, m = self._form(closed), len(self.equations.outputs), len(closed)
         values = form.responses(np.array([load]))[0]
         forces, beyond, pushes = values[o : o + m], values[o + m :], self.equations.pushes

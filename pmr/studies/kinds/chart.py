@@ -145,7 +145,10 @@ class Study(StudyBase):
         return self
 
     def plan(self) -> Plan:
-        """Return a task for each row of extensions, and the tasks of all rows: postures and a richer model."""
+        """Return a task for each row of extensions, and the tasks of all rows: postures and a richer model.
+
+        Raises InputError for a limit or unit that does not fit the scene, too many points, or a missing openpyxl.
+        """
         scene, rows, size = self._scene, self._extension_rows, self._row_size
         if self.spreadsheet:
             check_installed("openpyxl")
