@@ -395,7 +395,8 @@ class State:
         names = self.kernel.names("contacts")
         contact = names[trouble] if 0 <= trouble < len(names) else "one of the contacts"
         reasons = {
-            lib.PMR_REFUSED: "drivers that are not finite, of another system, or parts that the settings have not",
+            lib.PMR_REFUSED: "drivers that are not finite, of another system, parts that the settings have not, or "
+            "derivatives with a hoist",
             lib.PMR_DEPENDENT: f"{contact} depends on those before it, or nothing holds the bodies",
             lib.PMR_UNSETTLED: "which contacts are closed was not settled in 1000 solves",
             lib.PMR_UNCONVERGED: "forces of terms or friction do not converge",

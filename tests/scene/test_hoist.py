@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from processes import called
 
 import pmr
 from pmr.errors import InputError
@@ -59,3 +62,10 @@ def test_a_payload_at_rest_weighs_and_its_rope_presses() -> None:
         [-weight * up - weight / 2.0, 0.0, -weight * up]
     )
     assert distance_along(scene, 0.0) == pytest.approx(np.hypot(10.0 * up + 0.5, 10.0 * up - 0.4))
+
+
+def test_a_load_chart_refuses_a_hoist(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    refused = called(monkeypatch, capsys, "chart", "hoist", "--up-to", "1000", "--out", str(tmp_path / "chart"))
+    assert refused.returncode == 2 and "hoist: none is allowed in a load chart" in refused.stderr

@@ -398,10 +398,14 @@ class Study(StudyBase):
 
 
 def _check_at_rest(scene: Scene) -> None:
-    """Raise InputError for a machine that moves by itself, or a base whose motion is not constant."""
+    """Raise InputError for a machine that moves by itself, a hoist, or a base whose motion is not constant."""
     assert scene.frame is not None
     if scene.frame.machine is not None:
         raise InputError("scene", "frame.machine", None, "a machine that stands still is allowed in a load chart")
+    if scene.hoist is not None:
+        raise InputError(
+            "scene", "hoist", None, "none is allowed in a load chart, which hangs its own loads at the tip"
+        )
     if scene.frame.luffing == "free":
         raise InputError("scene", "frame.luffing", "free", "an angle over time is allowed in a load chart")
     base = scene.frame.base
