@@ -216,7 +216,7 @@ def estimate_warnings(
 
 
 def error_envelope(error: Array) -> Array:
-    """Largest absolute value (T, o) of errors (T, o), around each time, within two periods of their oscillation."""
+    """Largest absolute value (T, o) of `error` (T, o), around each time, within two periods of its oscillation."""
     signs = np.signbit(error)
     crossings = np.count_nonzero(signs[1:] != signs[:-1], axis=0)
     width = np.empty_like(error)

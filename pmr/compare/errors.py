@@ -52,9 +52,9 @@ def relative_error(signal: Array, reference: Array) -> float:
     """RMS of the difference over the RMS of the reference, averaged over all components that move; a fraction.
 
     It is e_NRMS without the limit of 1, so a growing motion can be recognised.  Signal and reference have the shape
-    (T,)  or (T, M): times, components.  If squares of the values would leave the range of double precision, both are
-    divided by  the largest absolute value of the reference first.  If the reference is zero throughout, the error is 0
-    if the signal  is zero too, and 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a value is
+    (T,) or (T, M): times, components.  If squares of the values would leave the range of double precision, both are
+    divided by the largest absolute value of the reference first.  If the reference is zero throughout, the error is 0
+    if the signal is zero too, and 1 otherwise.  Raises ValueError if the shapes differ; SimulationError if a value is
     not finite.
     """
     if signal.shape != reference.shape:
@@ -78,7 +78,7 @@ def _norms_over_time(values: Array) -> Any:
 
 
 def absolute_error(signal: Array, reference: Array) -> float:
-    """Error e_abs, the Euclidean norm of the difference over all steps and components, in the unit of the signals.
+    """Error e_abs, the Euclidean norm of `signal` - `reference` over all steps and components, in their unit.
 
     Raises SimulationError if a value of the difference, or its norm, is not finite.
     """

@@ -331,8 +331,8 @@ def ropes_part(scene: Scene, response: Response) -> SummaryPart:
     """``ropes`` of summary.json: ``name``, the section that it ``follows`` or None, and extremes of its ``force`` in N.
 
     A section that follows no other also has the ``power`` in W: that for moving it and all its followers.  A rope with
-    a  stiffness EA also has its largest ``length`` in m on the way, and the ``stiffness`` in N/m of all its strands
-    together  at that length.  There is a warning about ropes that would have to push.
+    a stiffness EA also has its largest ``length`` in m on the way, and the ``stiffness`` in N/m of all its strands
+    together at that length.  There is a warning about ropes that would have to push.
     """
     if len(scene.sections) < 2:
         return SummaryPart()

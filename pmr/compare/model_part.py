@@ -202,7 +202,7 @@ def _largest(motion: Motion) -> float:
 
 
 def _relative_difference(y: Array, reference: Array) -> float | None:
-    """Norm of the difference over the norm of the reference, a fraction; None if the reference is zero.
+    """Norm of y - reference over the norm of the reference, a fraction; None if the reference is zero.
 
     Both are divided by the largest value of the reference first, so that squares don't overflow.
     """

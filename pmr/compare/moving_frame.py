@@ -124,7 +124,7 @@ def _left_out_warnings(is_included: bool, stresses: SecondOrderEffect) -> list[s
 
 
 def _base_ranges(base: BaseMotion, t: Array) -> dict[str, dict[str, float]]:
-    """Smallest and largest value of each motion of the base, in m or the frame's unit of angles.
+    """Smallest and largest value at times t (T,) of each motion of the base, in m or the frame's unit of angles.
 
     Accelerations that the scene prescribes are included, as ``acceleration.<axis>``.
     """
@@ -133,7 +133,7 @@ def _base_ranges(base: BaseMotion, t: Array) -> dict[str, dict[str, float]]:
 
 
 def _signal_range(angle: Array) -> dict[str, float]:
-    """Smallest and largest value of a signal (T,), as ``min`` and ``max``."""
+    """Smallest and largest entry of `angle` (T,), as ``min`` and ``max``."""
     return {"min": float(angle.min()), "max": float(angle.max())}
 
 

@@ -198,7 +198,7 @@ def boom_quantities(excitation: Excitation, response: Response) -> Mapping[str, 
 
     ``tip`` returns the displacements of the last section's tip in m, ``beam`` all displacements in m, and each kind of
     forces of `response`, such as ``pad_force``, the forces of that kind in N.  If an extension has a kink before the
-    end,  there is also ``<kind>_between_kinks`` for each kind of forces, without all times within `BESIDE_KINK` steps
+    end, there is also ``<kind>_between_kinks`` for each kind of forces, without all times within `BESIDE_KINK` steps
     of a kink.  The force at a kink has no limit: it grows as the step gets shorter or the cylinder stiffer.
     """
     last, t, stepping = response.outputs[len(response.output_names) - 1].body, response.t, excitation.stepping

@@ -39,7 +39,7 @@ class Pair(NamedTuple):
 
 
 def zero_round_off(signal: Array, reference: Array, round_off: float | Array) -> Pair:
-    """Signal and reference (T, o) with zeros in those columns in which neither exceeds `round_off`.
+    """Signal and reference (T, o), both zero in those columns in which neither exceeds `round_off`.
 
     `round_off` is one value, or one for each column (o,), in the unit of the signals.
     """
@@ -67,7 +67,7 @@ def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> fl
 
 
 def probe_round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> Array:
-    """Round-off (k,), as in `round_off`, of each of k probes in `end` seconds, in its own unit.
+    """Round-off (k,), as in `round_off`, of each of k probes under `loads` for `end` seconds, in its own unit.
 
     Probes are outputs that are neither in m nor in N.
     """
@@ -134,7 +134,7 @@ def _norms(A: Array, rows: Array) -> Array:
 
 
 def _load_norm(A: Array, body: SlidingBody, loads: Array) -> float:
-    """Sum over the inputs of the largest absolute load (T, i) in N times the norm of the input's column of B.
+    """Sum over the inputs of the largest absolute value of `loads` (T, i) times the norm of the input's column of B.
 
     The norm is that of `_norms` with the matrix A.
     """

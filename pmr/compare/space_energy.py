@@ -180,7 +180,7 @@ class _EnergyBalance:
 
 
 def _speeds(scene: Scene, omega: Array, number: int, t: Array) -> Array:
-    """Velocities (T, 4, 3) of points at rest in the frame, without the velocity of the pivot.
+    """Velocities (T, 4, 3), at times t (T,), of points at rest in the frame, without the velocity of the pivot.
 
     First comes the velocity at the tail of the section with this `number` in m/s, then its slopes over x, y and z in
     1/s.  `omega` (T, 3) in rad/s is the angular velocity of the frame.
@@ -195,7 +195,10 @@ def _speeds(scene: Scene, omega: Array, number: int, t: Array) -> Array:
 
 
 def _pivot_velocity(frame: Frame, t: Array) -> Array:
-    """Velocity (T, 3) in m/s of the pivot along the axes of the ground; accelerations are integrated."""
+    """Velocity (T, 3) in m/s of the pivot at times t (T,), along the axes of the ground.
+
+    Accelerations of the base are integrated.
+    """
     velocity = np.zeros((len(t), 3))
     if frame.base is not None:
         for k, axis in enumerate("xyz"):
@@ -207,7 +210,7 @@ def _pivot_velocity(frame: Frame, t: Array) -> Array:
 
 
 def _contract(a: Array, b: Array) -> Array:
-    """Sums (T,) over the last two axes of the products of the entries of two arrays."""
+    """Sums (T,) over i and j of the products a_ij b_ij of two arrays a and b (T, i, j)."""
     return np.asarray(np.einsum("tij,tij->t", a, b))
 
 

@@ -110,7 +110,7 @@ class SteppedSystem:
         """Time grid of a run with the given step halved `times` times, and with the reference rho_inf.
 
         If the given run chose the numbers of parts of its steps, each part of a given step gets the largest number of
-        parts of  that step, the one before and the one after; else the grid has the number of parts of the given grid
+        parts of that step, the one before and the one after; else the grid has the number of parts of the given grid
         or of the contacts.
         """
         grid, step = self.given, self.given.step / 2**times

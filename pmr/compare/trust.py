@@ -259,7 +259,7 @@ def highest_mode_frequency(model: ReducedModel, stepping: TimeStepping, count: i
     """Frequency in Hz with which time stepping shows the highest of the first `count` enrichment modes (None: of all).
 
     It is arctan(omega h / 2) / (pi h) with the step h, less than the natural frequency (`effects_not_covered`).  The
-    model  must have enrichment modes.
+    model must have enrichment modes.
     """
     assert model.enrichment is not None
     omega = float(np.sqrt(model.enrichment.stiffness[:count][-1]))

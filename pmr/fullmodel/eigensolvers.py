@@ -214,9 +214,9 @@ def eigensolver(model: FullModel, choice: str) -> EigenSolver:
     """Eigensolver of a model by `choice`: ``"dense"``, ``"slepc"``, or ``"auto"``.
 
     ``"auto"`` is dense up to `DENSE_UP_TO` coordinates.  The method `lowest(s, count)` of the solver computes the
-    lowest modes with the rows held at path coordinate s (m);  collective.  It raises a `DependentRowsError` if rigid
-    rows depend on each other at s, and a `ConvergenceError` if  fewer modes exist or converge.  If some rows have a
-    compliance, or SLEPc is not installed, ``"slepc"`` means block  Lanczos with one factor for all path coordinates.
+    lowest modes with the rows held at path coordinate s (m); collective.  It raises a `DependentRowsError` if rigid
+    rows depend on each other at s, and a `ConvergenceError` if fewer modes exist or converge.  If some rows have a
+    compliance, or SLEPc is not installed, ``"slepc"`` means block Lanczos with one factor for all path coordinates.
     """
     if is_dense(model, choice):
         return DenseEigenSolver(model)

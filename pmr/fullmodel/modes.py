@@ -266,7 +266,10 @@ def finish_modes(model: FullModel, s: float, omega2: Array, phi: Array, cut: boo
 
 
 def _residuals(model: FullModel, s: float, omega2: Array, phi: Array) -> Array:
-    """Backward errors (k,) of k eigenpairs at path coordinate s, less the part that constraint forces balance."""
+    """Backward errors (k,) of k eigenpairs `omega2` (k,), `phi` (n_local, k) at path coordinate s.
+
+    The part of a residual that constraint forces balance is no error.
+    """
     comm = model.comm
     first, last = model.M.getOwnershipRange()
     residual = times(model.K, phi) - times(model.M, phi) * omega2

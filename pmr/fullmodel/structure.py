@@ -255,7 +255,7 @@ class Coupling:
         """The load vector as a row (1, n') for an input of one; collective.
 
         M is the model's mass matrix.  `moving` assembles the loads of acceleration fields.  Raises InputError for
-        temperatures  and line loads on a body that is no beam.
+        temperatures and line loads on a body that is no beam.
         """
         if isinstance(load, Action):
             return self.rows([load])

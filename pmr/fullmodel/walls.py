@@ -189,7 +189,7 @@ def summary(bodies: Mapping[str, Walls]) -> dict[str, list[dict[str, Any]]]:
 
 
 def _root(C: Array) -> Array:
-    """Symmetric roots of symmetric matrices (..., k, k); eigenvalues that are negative or round-off count as zero."""
+    """Symmetric roots of symmetric matrices C (..., k, k); eigenvalues that are negative or round-off count as zero."""
     values, vectors = np.linalg.eigh((C + np.swapaxes(C, -1, -2)) / 2.0)
     least = SAME * np.abs(values).max(axis=-1, initial=0.0, keepdims=True)
     roots = np.sqrt(np.where(values > least, values, 0.0))

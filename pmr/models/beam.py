@@ -75,8 +75,8 @@ class Beam(Line, ABC):
         """Shape functions (q, d, 2 d): motion of the axis at a point in each of q elements by the coordinates of these.
 
         Point i is at the share X[i] in [0, 1] of an element with length h[i] in m and section number[i]; h, X and
-        number are  (q,).  Rows are displacements along, then rotations about, the directions.  Columns are the d
-        coordinates of the  function space at the element's first node, then those at its second node.
+        number are (q,).  Rows are displacements along, then rotations about, the directions.  Columns are the d
+        coordinates of the function space at the element's first node, then those at its second node.
         """
 
     @abstractmethod
@@ -293,7 +293,10 @@ class Beam(Line, ABC):
         return create_mesh(comm, "interval", points[:, None], cells)
 
     def element_coordinates(self, cells: Indices) -> list[Indices]:
-        """Numbers (c, 2) of the function space's coordinates on c elements, one array for each of d components."""
+        """Numbers (c, 2) of the function space's coordinates on the elements `cells` (c,), by component.
+
+        There is an array for each of the d components.
+        """
         nodes = self.first[cells, None] + np.arange(2)
         return [len(self.directions) * nodes + i for i in range(len(self.directions))]
 

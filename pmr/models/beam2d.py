@@ -173,7 +173,10 @@ class Beam2D(Beam):
         return field[0] if i else None, None, field[i] + J * field[i + 1]
 
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
-        """Motion (q, d, 2 d) of the axis at a point in each of q elements, with the arguments of `Beam.in_elements`."""
+        """Motion (q, d, 2 d) of the axis at a point in each of q elements, by the coordinates of these.
+
+        h, X and number are as in `Beam.in_elements`.
+        """
         d, (value, slope) = len(self.directions), Bending(self.stiffnesses.bending).shape_weights(h, X, number)
         local = np.zeros((len(h), d, 2 * d))
         for k, component in enumerate((d - 2, d - 1, 2 * d - 2, 2 * d - 1)):

@@ -280,7 +280,7 @@ class Beam3D(Beam):
     def in_elements(self, h: Array, X: Array, number: Indices) -> Array:
         """Motion (q, 6, 12) of the axis along and about x, y, z at a point in each of q elements.
 
-        The arguments are those of `Beam.in_elements`.  The coordinates of the function space at a node are u, phi, v,
+        h, X and number are as in `Beam.in_elements`.  The coordinates of the function space at a node are u, phi, v,
         v', w and w'.
         """
         local = np.zeros((len(h), 6, 12))
@@ -309,7 +309,10 @@ class Beam3D(Beam):
         return planes
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        """Axial and torsion stresses in the profile's corners; None if a section has no profile."""
+        """Axial and torsion stresses in the profile's corners, at points in the elements `element` (P,).
+
+        None if a section has no profile.
+        """
         return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, corner_stress_factors)
 
     def on_nodes(self, stations: Array) -> Beam3D:

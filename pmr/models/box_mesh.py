@@ -132,7 +132,10 @@ def _in_triangle(p: Array, sides: Sequence[Side], k: int, depth: float) -> Place
 
 
 def _triangle_points(first_share: Array, second_share: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
-    """Points (N, 2) m with the given shares (N,) along the vectors to start and end of side k; `depth` is not used."""
+    """Points (N, 2) m with given shares (N,) along the vectors to the ends of side k; `depth` is not used.
+
+    `first_share` is that along the vector to the start of the side, `second_share` that to its end.
+    """
     return np.outer(first_share, sides[k].start) + np.outer(second_share, sides[k].end)
 
 

@@ -17,7 +17,7 @@ from pmr.files.arrays import Array, Indices
 
 
 def codes(entities: Indices, points: int) -> Indices:
-    """One number (e,) for each entity (e, k) with sorted vertices, made from its three lowest vertices.
+    """One number (e,) for each of `entities` (e, k) with sorted vertices, made from its three lowest vertices.
 
     It is unique among vertices, edges and faces.  `points` is the number of the mesh's vertices.
     """
@@ -74,7 +74,7 @@ class Nodes:
 
 
 def number_nodes(cell: str, points: Array, cells: Indices, components: Mapping[int, tuple[int, ...]]) -> Nodes:
-    """Number the nodes of a function space on a mesh of cells of the kind `cell`.
+    """Number the nodes of a function space on a mesh with the vertices `points` (N, 3) and `cells` of the kind `cell`.
 
     `components` says for each dimension of entities which components their nodes carry.  Dimensions without nodes are
     left out of it.

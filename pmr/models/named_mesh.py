@@ -169,7 +169,7 @@ FOLDED = -0.99
 
 
 def mesh_fault(cell: str, points: Array, cells: Indices) -> str:
-    """Describe why a mesh is unsound; an empty text if it is sound.
+    """Describe why a mesh of `cells` with the vertices `points` is unsound; an empty text if it is sound.
 
     `cell` is dolfinx' name of the kind of cells.
     """
@@ -229,9 +229,10 @@ def _connected_parts(facet_codes: Indices) -> tuple[int, list[int]]:
 
 
 def _count_folds(corners: Array, cells: Indices, edge_codes: Indices) -> int:
-    """Number of pairs of triangles with a common edge that are folded on each other, on the same side of the edge.
+    """Number of pairs of triangles with a common edge that are folded on each other.
 
-    `edge_codes` (C, 3) are the codes of the three edges of each triangle.
+    Such triangles lie on the same side of the edge.  `corners` (C, 3, 3) are the positions and `cells` (C, 3) the
+    vertices of the triangles, `edge_codes` (C, 3) the codes of their edges.
     """
     opposite = np.tile(np.arange(3), len(cells))  # edge i of the reference triangle lies opposite vertex i
     triangle = np.repeat(np.arange(len(cells)), 3)
@@ -337,9 +338,10 @@ def named_mesh(
     kinds: Sequence[str],
     source: str = "mesh",
 ) -> NamedMesh:
-    """Checked mesh from blocks of cells (kind, dimension, vertices) and each group's numbers of cells in every block.
+    """Checked mesh with the vertices `points`, from blocks of cells (kind, dimension, vertices).
 
-    `kinds` are the allowed kinds of cells.  `source` is the mesh's name in errors.  Raises the errors of `read_mesh`.
+    `memberships` are each group's numbers of cells in every block, `kinds` the allowed kinds of cells.  `source` is the
+    mesh's name in errors.  Raises the errors of `read_mesh`.
     """
 
     def refuse(what: str) -> InputError:

@@ -323,10 +323,10 @@ def frames(mesh: NamedMesh) -> Array:
 
 
 def _outward(mesh: NamedMesh, places: Array, normals: Array) -> Array:
-    """Normals (f, 3) at the points `places` (f, 3) of a surface, turned away from the body's axis.
+    """The unit `normals` (f, 3) at the points `places` (f, 3) of a surface, turned away from the body's axis.
 
-    On a flat plate, and for a normal that points neither away from the axis nor towards it, the normal is turned so as
-    to  have a positive largest component.
+    On a flat plate, and for a normal that points neither away from the axis nor towards it, the normal is turned so
+    that its largest component is positive.
     """
     largest = np.take_along_axis(normals, np.abs(normals).argmax(axis=1)[:, None], axis=1)[:, 0]
     flat = bool(np.all(np.abs(normals @ normals[0]) > FLAT))

@@ -144,7 +144,7 @@ def section_trace(mesh: NamedMesh, nodes: Nodes, at: float, degree: int) -> Trac
     """Trace of the displacement on the cross-section at the coordinate `at` (m) along the mesh's longest extent.
 
     `degree` is that of the displacement in each cell.  The displacements are weighted by a hat over the cells around
-    the  cross-section, as a mesh need not have nodes in it.
+    the cross-section, as a mesh need not have nodes in it.
 
     Raises an `InputError` if the mesh does not reach the cross-section.
     """
@@ -380,10 +380,10 @@ def _face_normal(mesh: NamedMesh, group: Group, face: str) -> Array:
 
 
 def orient_outward(face: str, normal: Array, middle: Array, points: Array) -> Array:
-    """Normal (3,) of a face, turned to point out of the body of `points` (N, 3); `middle` (3,) is the face's middle.
+    """The `normal` (3,) of a face, turned to point out of the body of `points` (N, 3).
 
-    If the face is in the middle of a flat body, the name of the face decides, by the direction that `FACES` gives for
-    it.  Raises an `InputError` if `FACES` gives no direction, or one along the face.
+    `middle` (3,) is the face's middle.  If it is in the middle of a flat body, the name of the face decides, by the
+    direction that `FACES` gives for it.  Raises an `InputError` if `FACES` gives no direction, or one along the face.
     """
     along = float(normal @ (middle - (points.min(axis=0) + points.max(axis=0)) / 2.0))
     if abs(along) <= BESIDE * np.ptp(points, axis=0).max():

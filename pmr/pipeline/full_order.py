@@ -124,7 +124,7 @@ class FullOrder:
         """Return the response of the reference `name`: ``"full"`` or, for a single body, ``"ancf"``.
 
         It is returned on rank 0; other ranks may get None.  Raises SimulationError if the simulation fails or can't be
-        trusted  (`pmr.compare.trust`); for ``"full"`` on every rank.
+        trusted (`pmr.compare.trust`); for ``"full"`` on every rank.
         """
         if name == "full":
             return self._simulate_full(clock or Clock(), (), None, None)[0]

@@ -173,7 +173,7 @@ def join_bodies(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:
     """System of a scene's bodies as simulations take it; its `on_modes` has the bodies without cylinder modes.
 
     Its provenance is the scene's.  For a single body without terms it is the body's own, so that a frame moves it
-    within  the kernel, both in the run and after saving and loading.
+    within the kernel, both in the run and after saving and loading.
     """
     bodies = with_stress_flags(scene, bodies)
     joined_system = system_of(scene, {name: body.model for name, body in bodies.items()})

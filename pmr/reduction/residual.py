@@ -208,7 +208,10 @@ def _matrices(
 def _cylinder_values(
     residual: ResidualFlexibility, shared_carriers: SharedCarriers, x: Array, motions: Array | None
 ) -> CylinderResponses:
-    """Values, on carriers, inputs, outputs and supports, of the responses x (n_local, n) to the cylinder's force."""
+    """Values, on carriers, inputs, outputs and supports, of the responses x (n_local, n) to the cylinder's force.
+
+    `motions` are unit motions of the supports; None if there are no rigid ones.
+    """
     model, load = residual.model, _tail_weights(shared_carriers)
     assert load is not None  # without a load there is no x
     U, comm = shared_carriers.carriers[:, model.share], model.comm

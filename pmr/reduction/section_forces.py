@@ -78,7 +78,7 @@ class SectionForces:
         """Section forces (S, P) in N and N m at S times; collective.
 
         q (S, n) are the full coordinates; every rank passes all of them and gets the whole result.  `acting` are the
-        loads and  contact forces at these times; None if nothing acts.
+        loads and contact forces at these times; None if nothing acts.
         """
         a, supports = self._whole.acceleration(q, acting)
         on_pieces, displaced = self._pieces.loads(q, a, supports, acting)
@@ -111,7 +111,10 @@ class _WholeBeam:
         self._support_stiffness = np.linalg.pinv(self._held @ self._support_responses, hermitian=True)
 
     def acceleration(self, q: Array, acting: BodyStates | None) -> tuple[Array, dict[str, Array]]:
-        """Acceleration (S, n) in m/s^2 and rad/s^2, and forces (S,) in N or N m of rigid supports by name."""
+        """Acceleration (S, n) in m/s^2 and rad/s^2, and forces (S,) in N or N m of rigid supports by name.
+
+        q (S, n) are the coordinates, `acting` the loads and contact forces; None if nothing acts.
+        """
         free = self._mass.solve((_state_loads(self._B, self._rows, acting, len(q)) - q @ self._K).T)
         supports = self._support_stiffness @ (self._held @ free)
         return (free - self._support_responses @ supports).T, dict(zip(self._names, supports, strict=True))

@@ -180,7 +180,10 @@ def pad_blocks(ring: PadRing, body: Array, box: Box | None) -> list[Block]:
 
 
 def _block(start: Array, end: Array, sides: Indices) -> Block:
-    """Build a block from its opposite corners `start` and `end` (3,) in m."""
+    """Build a block from its opposite corners `start` and `end` (3,) in m.
+
+    `sides` (k, 4) are those to be drawn, as indices of corners.
+    """
     return Block((start + end) / 2.0 + _CUBE * (end - start), sides)
 
 

@@ -55,9 +55,9 @@ def extreme_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
 
 
 def envelope_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
-    """Indices of the largest sample in each of `bins` equal intervals.
+    """Indices of the largest of the `values` (n,) in each of `bins` intervals of about as many values.
 
-    If there are at most `bins` samples, the indices of all of them are returned.
+    If there are at most `bins` values, the indices of all of them are returned.
     """
     values = np.asarray(values, dtype=float)
     count = len(values)
@@ -90,7 +90,7 @@ def _pieces(count: int, bins: int) -> list[tuple[int, int]]:
 
 
 def encode_array(values: Array) -> dict[str, Any]:
-    """Encode an array for a page as whole numbers.
+    """Encode `values` for a page as whole numbers.
 
     ``data`` are these numbers as little-endian 16-bit integers in base64, and ``count`` is the value that the number 1
     stands for.
@@ -343,7 +343,10 @@ def _point_force_names(contact: str) -> dict[str, list[str]]:
 
 
 def _ring_positions(result: RunResult, ring: PadRing, tail: Array) -> Array:
-    """Position (T,) in m of a ring along the axis: `ring.at`, or s + `ring.at` if the ring moves along the body."""
+    """Position (T,) in m of a ring along the axis: `ring.at`, or s + `ring.at` if the ring moves along the body.
+
+    `tail` (T,) gives the number of times.
+    """
     return ring.at + (result.abscissa if ring.moving else np.zeros_like(tail))
 
 

@@ -138,8 +138,8 @@ def import_weasyprint() -> Any:
     """Import and return the package weasyprint, which loads Pango and other libraries.
 
     weasyprint looks each library up under several names.  For names of other systems, `find_library` starts the
-    compiler,  the linker and others, some fifty processes.  So the import is tried first with a `find_library` that
-    finds nothing,  and libraries are loaded by the names of their files.  If this fails, it is tried again with the
+    compiler, the linker and others, some fifty processes.  So the import is tried first with a `find_library` that
+    finds nothing, and libraries are loaded by the names of their files.  If this fails, it is tried again with the
     real `find_library`.  Raises InputError if weasyprint can't be imported.
     """
     name, find = "weasyprint", ctypes.util.find_library
@@ -162,7 +162,7 @@ def _without_screen(text: str) -> str:
     """Remove from a page of HTML what only a screen shows or a script reads, and embed each figure as one image.
 
     `text` is the page.  The reason is time: the elements of a figure that is part of the page are matched with the
-    page's  styles one by one, which takes half the time of a PDF.
+    page's styles one by one, which takes half the time of a PDF.
     """
 
     def embed_figure(match: re.Match[str]) -> str:

@@ -188,7 +188,7 @@ def _comparison_row(comparison: str, place: str, error: float, other: float, dec
     """Build a row with an error beside the published one; both are given as fractions.
 
     `comparison` says which models are compared, `place` names the quantity, `other` is the published error, and
-    `decimals`  is the number of decimals with which the published error is stated in per cent.
+    `decimals` is the number of decimals with which the published error is stated in per cent.
     """
     printed, deviation = f"{100.0 * other:.{decimals}f}{SPACE}%", signed_deviation(error, other)
     rounded = abs(error - other) <= 0.5 * 10.0 ** -(decimals + 2) * (1.0 + 1e-9)

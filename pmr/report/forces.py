@@ -290,7 +290,7 @@ def _grid(extremes_by_name: Mapping[str, Extremes], base: str, largest: float, c
     """Build a table with a row of extremes for each name, in the unit that suits the largest of them.
 
     `base` is the unit without prefix, `caption` the text above the table.  Values below the share `NOTHING` of the
-    largest  value in the table are printed as 0, and so are values below the share `ROUND_OFF` of `largest`.
+    largest value in the table are printed as 0, and so are values below the share `ROUND_OFF` of `largest`.
     """
     most = max((extreme.size for extreme in extremes_by_name.values()), default=0.0)
     unit, nothing = unit_for(most, base), max(NOTHING * most, ROUND_OFF * largest)

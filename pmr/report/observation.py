@@ -36,7 +36,10 @@ def write_report(folder: Path) -> ReportFiles:
 
 
 def build_chapter(figures: Mapping[str, Any], table: Array) -> Chapter:
-    """Build the chapter from the contents of ``observe.json`` and the columns (c, T) of ``estimates.csv``."""
+    """Build the chapter from the contents `figures` of ``observe.json``.
+
+    `table` (c, T) are the columns of ``estimates.csv``.
+    """
     sensors = list[str](figures["sensors"])
     units = {name: {"1": ""}.get(unit, unit.replace("^2", "²")) for name, unit in figures["units"].items()}
     t, estimates = table[0], 1 + 2 * len(units)

@@ -148,8 +148,8 @@ def _lane_data(result: RunResult, name: str, frames: NDArray[np.int64], lateral:
     """Data of one model's lane: the axis of each body with its colour and width, and its displacements.
 
     `name` is the model's; `frames` are numbers of the reduced response's times.  Sections of a boom have their own
-    colours,  and outer sections are drawn thicker; a body alone is drawn in the style of the model.  `lateral` has the
-    lateral  displacements (times, points) in m, by body.
+    colours, and outer sections are drawn thicker; a body alone is drawn in the style of the model.  `lateral` has the
+    lateral displacements (times, points) in m, by body.
     """
     response, t, pen = result.responses[name], result.responses["reduced"].t, PENS[name]
     lines_of_model = axis_points(result, response)
@@ -173,7 +173,10 @@ def _lane_data(result: RunResult, name: str, frames: NDArray[np.int64], lateral:
 
 
 def _pad_data(result: RunResult, axis: list[AxisPoints], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
-    """Data of the pads of each ring on one face; `section` is the number of the body that the pads touch."""
+    """Data of the pads of each ring on one face, at the times with the numbers `frames`.
+
+    ``section`` is the number of the body that the pads touch; rings on bodies without a drawn axis are left out.
+    """
     rings_of_run, names = list(ring_forces(result)), [of.body for of in axis]
     largest = max((float(np.abs(ring.force).max()) for ring in rings_of_run), default=0.0) or 1.0
     return [
@@ -338,7 +341,7 @@ def compress(frames: NDArray[np.float32], most_values: int) -> CompressedFrames:
 
 
 def _encode_indices(values: NDArray[np.int64]) -> str:
-    """Encode indices as little-endian 32-bit integers in base64."""
+    """Encode the indices `values` as little-endian 32-bit integers in base64."""
     return base64.b64encode(np.ascontiguousarray(values, "<u4").tobytes()).decode()
 
 

@@ -44,8 +44,8 @@ def choose_model(member: Member, by_itself: bool = False) -> ModelChoice:
     """Return the model that the scene names; for ``auto``, the smallest model that suffices, with the reasons.
 
     With ``auto``, a mass that crosses a section is a mover, and a body with a profile is a planar beam.  Others are
-    planar  beams, beams in space or shells.  A body that could be a planar beam becomes a beam in space if any other
-    section is  not planar; `by_itself` switches this off.
+    planar beams, beams in space or shells.  A body that could be a planar beam becomes a beam in space if any other
+    section is not planar; `by_itself` switches this off.
     """
     if member.part.body.model != "auto":
         return ModelChoice(member.part.body.model, ("the scene names it",))

@@ -156,7 +156,7 @@ class LuffingCylinder(SceneTable):
         return float(angle - between + np.copysign(np.pi / 2.0, between))
 
     def lug_position(self, angle: ArrayLike) -> NDArray[np.float64]:
-        """Return the lug's positions (..., 2) in m at luffing angles (...) in rad.
+        """Return the lug's positions (..., 2) in m at the luffing angles `angle` (...) in rad.
 
         The two components are x and z from the pivot, along the axes of the foot, which do not luff.
         """
@@ -164,9 +164,9 @@ class LuffingCylinder(SceneTable):
         return np.stack([x * cosine - z * sine, x * sine + z * cosine], axis=-1)
 
     def length_and_arm(self, angle: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return length L and arm dL / dphi about the pivot, both (...) in m, at luffing angles phi (...) in rad.
+        """Return length L and arm dL / dphi about the pivot, both (...) in m, at the luffing angles `angle` (...).
 
-        The arm is 0 where the length is 0.
+        Angles phi are in rad.  The arm is 0 where the length is 0.
         """
         lug = self.lug_position(angle)
         from_foot = lug - self.foot
@@ -175,7 +175,10 @@ class LuffingCylinder(SceneTable):
         return length, np.divide(turned, length, out=np.zeros_like(length), where=length > 0.0)
 
     def direction(self, angle: ArrayLike) -> NDArray[np.float64]:
-        """Return unit vectors (..., 2) from foot to lug, along x and z of the boom, at luffing angles (...) in rad."""
+        """Return unit vectors (..., 2) from foot to lug, along x and z of the boom.
+
+        `angle` (...) are the luffing angles in rad.
+        """
         along_cylinder = self.lug_position(angle) - self.foot
         x, z = np.moveaxis(along_cylinder / np.linalg.norm(along_cylinder, axis=-1, keepdims=True), -1, 0)
         sine, cosine = np.sin(angle), np.cos(angle)

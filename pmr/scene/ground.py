@@ -121,8 +121,8 @@ def polygon_area(polygon: ArrayLike) -> float:
 def edge_rows(polygon: ArrayLike, height: float) -> NDArray[np.float64]:
     """Return rows (e, 6) whose product with a force and its moment about the pivot (6,) is the moment about each edge.
 
-    Edges run anticlockwise, whichever way the corners X, Y in m from the pivot are given; the pivot is `height` in m
-    above them.  A positive moment tips the machine over the edge.
+    The corners of `polygon` are X and Y in m from the pivot, in either direction; edges run anticlockwise.  The pivot
+    is `height` in m above them.  A positive moment tips the machine over the edge.
     """
     corners = np.insert(np.asarray(polygon, float), 2, -height, axis=1)
     if polygon_area(polygon) < 0.0:

@@ -160,7 +160,7 @@ class Joint(SceneTable):
         """Refuse a joint with contradictory keys.
 
         Exactly one of extension, overlap and follows must be given; a rope excludes a cylinder with a stiffness;
-        overlap and  rigid_overlap need pads at the mouth.
+        overlap and rigid_overlap need pads at the mouth.
         """
         if sum(signal is not None for signal in (self.extension, self.overlap, self.follows)) != 1:
             raise ValueError("give extension, overlap or follows, one of them")

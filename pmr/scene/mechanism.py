@@ -165,10 +165,10 @@ def _body_wrenches(scene: Scene, member: Member, along: Mapping[str, Array]) -> 
 
 
 def _cylinder_wrench(body: str, cylinder: LuffingCylinder, angle: Array) -> ContactWrench:
-    """Return force and moment on the ground per unit of a luffing cylinder's force at luffing angles (T,) in rad.
+    """Return force and moment on the ground per unit of a luffing cylinder's force, at luffing angles (T,) in rad.
 
-    `body` is the name of the base.  The force on the ground points from lug to foot: a cylinder that pushes the boom up
-    pushes the ground down.
+    `body` is the name of the base, `angle` are the angles.  The force on the ground points from lug to foot: a cylinder
+    that pushes the boom up pushes the ground down.
     """
     wrench = np.zeros((len(angle), 6))
     wrench[:, [0, 2]] = -cylinder.direction(angle)
@@ -189,7 +189,7 @@ def _force_names(body: str, what: str) -> tuple[str, ...]:
 
 
 def _wrench(place: Array, direction: str) -> Array:
-    """Return force and moment (T, 6) about the pivot of a unit force or moment at points (T, 3) m from the pivot.
+    """Return force and moment (T, 6) about the pivot of a unit force or moment at points `place` (T, 3) in m from it.
 
     The force or moment is along or about the axis `direction`.
     """

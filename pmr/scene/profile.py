@@ -210,7 +210,7 @@ def _is_within_arc(arc: Side, arm: Array) -> bool:
 
 
 def _pair(p: Array) -> Pair:
-    """Return an array (2,) as two floats."""
+    """Return the array p (2,) as two floats."""
     return float(p[0]), float(p[1])
 
 

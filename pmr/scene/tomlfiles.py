@@ -156,7 +156,7 @@ class TomlFile:
         """Return the tables of a file merged over those of the files it extends.
 
         `extending` are the files that lead to this one by their keys ``extends``.  Raises InputError if one of these is
-        the  file itself, if there are too many, or if ``extends`` names no file.
+        the file itself, if there are too many, or if ``extends`` names no file.
         """
         what = self.dialect.name
         data = read_tables(path, what)

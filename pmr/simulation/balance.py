@@ -126,7 +126,7 @@ def half_form(A: Array | sp.csr_matrix, x: Array) -> Array:
 
 
 def row_products(a: Array, b: Array) -> Array:
-    """Scalar products (T,) of the rows of two arrays (T, n)."""
+    """Scalar products (T,) of the rows of a and b (T, n)."""
     return np.asarray(np.einsum("tn,tn->t", a, b))
 
 

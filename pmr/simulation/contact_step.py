@@ -71,7 +71,7 @@ def row_frequency(F: Array, mobility: Array) -> float:
     """Largest natural frequency in rad/s of m contact rows: the root of the largest eigenvalue of F^-1 C M^-1 C^T.
 
     The flexibility F in m/N and the mobility C M^-1 C^T in 1/kg are (S, m, m), at S positions.  Positions with a
-    singular F  are left out; 0 if all are.
+    singular F are left out; 0 if all are.
     """
     gives = np.linalg.matrix_rank(F, hermitian=True) == F.shape[-1]  # simulators refuse a rigid row that only pushes
     squares = np.linalg.eigvals(np.linalg.solve(F[gives], mobility[gives])).real

@@ -184,7 +184,7 @@ class BoomState:
         """Angular momentum (3,) about O, int rho r x r', of sections that move along the boom and bend.
 
         X (S,) in m/s are the rates of the sections along the boom.  mu (S, 4, 3) are the moments of the displacements'
-        rates  u': int rho u', then int rho x u', int rho y u' and int rho z u'.  With second rates as X and mu, it is
+        rates u': int rho u', then int rho x u', int rho y u' and int rho z u'.  With second rates as X and mu, it is
         int rho r x r''.
         """
         moments = np.outer(_E[0], X @ self.own).T + self.d.T @ mu[:, 0] + mu[:, 1:].sum(axis=0)

@@ -185,7 +185,10 @@ class FreeBase:
     def base_equations(
         self, motion: FrameMotion, extended: Extensions, q: Array, rate: Array, moments: Moments | None = None
     ) -> BaseEquations:
-        """Mass matrix and forces of the equations of base, coordinates and extensions, at one instant."""
+        """Mass matrix and forces of the equations of base, coordinates q and extensions, at one instant.
+
+        `rate` are the rates of q; `moments` are those of the boom if None.
+        """
         state = BoomState(self.boom, motion, extended, q, rate, moments)
         return BaseEquations(state.mass(), state.forces())
 

@@ -150,7 +150,7 @@ def _shares(G: Array, k: Array) -> Array:
 def machine_wrench(scene: Scene, t: Array) -> Array:
     """Force and moment about the pivot (T, 6), in N and N m, of weight and inertia of the machine's masses.
 
-    They are along the axes of the machine; `scene` has a frame with a ground.
+    They are at times t (T,), along the axes of the machine; `scene` has a frame with a ground.
     """
     frame = scene.frame
     assert frame is not None and frame.ground is not None  # the caller has checked it

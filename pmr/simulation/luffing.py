@@ -115,7 +115,8 @@ class LuffingRun(MachineRun):
     def _load_cylinder(self, place: Array, z: Array) -> None:
         """Balance the cylinder's force with weight and loads at rest at the start.
 
-        A SimulationError is raised if a chamber would need a pressure below that of the surroundings.
+        `place` (6,) is the displacement of the base and z the modal coordinates.  A SimulationError is raised if a
+        chamber would need a pressure below that of the surroundings.
         """
         frame = self._scene.frame
         assert frame is not None

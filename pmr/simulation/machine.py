@@ -109,7 +109,10 @@ def modes_in_bodies(form: SystemForm, size: int) -> Array:
 
 
 def _path_rates(scene: Scene, frame: MovingFrame, t: Array) -> Array:
-    """Rates (T, n) of the n drivers; 0 for a driver that is no path, and the mean of both rates at a kink of a path."""
+    """Rates (T, n) of the n drivers at times t (T,); 0 for a driver that is no path.
+
+    At a kink of a path it is the mean of the rates before and after.
+    """
     rates = np.zeros((len(t), len(frame.drivers)))
     before = np.maximum(np.nextafter(t, -np.inf), 0.0)
     for k, name in enumerate(frame.paths):

@@ -169,7 +169,7 @@ def inertia_share(body: SlidingBody, reactions: Reactions) -> Array:
 
 
 def forces_without_rows(body: SlidingBody, reactions: Reactions, trajectory: Trajectory, loads: Array) -> Array:
-    """Forces (T, h) of `support_forces` without the term of the rows' multipliers lambda."""
+    """Forces (T, h) of `support_forces` under `loads` (T, i), without the term of the rows' multipliers lambda."""
     r, P = body.size, inertia_share(body, reactions)
     forces = loads @ (reactions.inputs - P @ body.B).T - trajectory.v @ (reactions.damping[:, :r] - P @ body.D).T
     return np.asarray(forces - trajectory.q @ (reactions.stiffness[:, :r] - P @ body.K).T)
@@ -228,7 +228,8 @@ def _refine_modes(M: Array, K: Array, X: Array) -> Modes:
 def modal_damping(D: Array, remainder: Array, omega2: Array, X: Array, rayleigh: Rayleigh | None) -> Array:
     """Matrix X^T D X (r, r), exactly diagonal if damping is Rayleigh's or couples modes by round-off only.
 
-    `remainder` is D - alpha M - beta K of the `rayleigh` damping; all of D if `rayleigh` is None.
+    `omega2` (r,) are the squared frequencies of the modes X.  `remainder` is D - alpha M - beta K of the `rayleigh`
+    damping; all of D if `rayleigh` is None.
     """
     classical = np.zeros_like(omega2) if rayleigh is None else rayleigh.modal_damping(omega2)
     if np.linalg.norm(remainder) <= CLASSICAL * np.linalg.norm(D):

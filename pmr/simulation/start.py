@@ -173,7 +173,7 @@ def _magnitude(C: Array, q: Array, largest: float = 0.0) -> Array:
 
 
 def _vector(name: str, values: ArrayLike, size: int) -> Array:
-    """Values as a float array (size,); InputError about `name` if they have another size or are not finite."""
+    """`values` as a float array (size,); InputError about `name` if they have another size or are not finite."""
     vector = np.asarray(values, dtype=float)
     if vector.shape != (size,) or not np.all(np.isfinite(vector)):
         allowed = f"{size} finite values are allowed, found an array of shape {vector.shape}"

@@ -68,12 +68,12 @@ def first_load(top: float, *, grows: bool = False, guess: float = np.nan, at_onc
     """Return a search for the least load in kg in (0, top] at which the used share of a limit reaches 1.
 
     `run_searches` runs it.  It returns 0 if the share is 1 or more without a load, and None if the share is below 1 at
-    all  loads tried.
+    all loads tried.
 
     If `guess` is a load in kg close to the expected result, loads around `guess` are tried first; if the share reaches
-    1  between two of these, no others are tried.  NaN means no guess.  After that, 0 and `top` are tried if `grows`
-    says that  the share never falls while the load grows; else `NODES` evenly spaced loads, requested together if
-    `at_once` is true  and one after the other if it is false.
+    1 between two of these, no others are tried.  NaN means no guess.  After that, 0 and `top` are tried if `grows`
+    says that the share never falls while the load grows; else `NODES` evenly spaced loads, requested together if
+    `at_once` is true and one after the other if it is false.
     """
     if 0.0 < guess < top:
         points = yield from _request_points(
@@ -102,8 +102,8 @@ def _find_root(points: list[Point], tolerance: float) -> Generator[tuple[float, 
     """Return the first load in kg, to about `tolerance` kg, at which the used share between ascending points is 1.
 
     The method is inverse interpolation: the load is a polynomial in share - 1; the polynomial of one degree less gives
-    an  estimate of its error.  The interval around the root should be halved by each step.  If it is not, its quarters
-    are  tried as well.
+    an estimate of its error.  The interval around the root should be halved by each step.  If it is not, its quarters
+    are tried as well.
     """
     before = np.inf
     while True:

@@ -71,7 +71,10 @@ class StopMotion:
         share, rate = place.share(limit), self.speed / self.duration
 
         def most(outputs: Array, forces: Array) -> float:
-            """Return the largest share of the limit when the boom stops in either direction."""
+            """Return the largest share of the limit when the boom stops in either direction.
+
+            `outputs` and `forces` are those per unit of deceleration.
+            """
             of, by = (state.outputs, state.forces), (rate * outputs, rate * forces)
             extremes = [np.vstack([values + more, values - more]) for values, more in zip(of, by, strict=True)]
             return float(share(LoadedStates.with_outputs(state, *extremes)).max())

@@ -98,7 +98,7 @@ def _share_of_quantity(limit: Limit, at: PostureMatrices, k: int, amounts: Seque
     """Return the function from states to the used shares (p,) of a limit on a quantity that runs have, too.
 
     `amounts` are not used.  Raises InputError if the limit is on the luffing cylinder and the cylinder has no lever arm
-    to  raise the boom at the k-th posture of `at`.
+    to raise the boom at the k-th posture of `at`.
     """
     if limit.of == "luffing" and not at.place.arm[k] > 0.0:
         reason = f"at {np.rad2deg(at.place.luffing[k]):.4g} degrees the cylinder has an arm of {at.place.arm[k]:.2g} m"

@@ -40,8 +40,8 @@ class Store:
     """Folder with the results of tasks: one npz file with a JSON header for each, named by the result's digest.
 
     The digest covers everything on which the result depends.  A file appears under its name only when it is complete,
-    and a  damaged file counts as missing; so an interrupted study continues with the files that exist.  Equal tasks of
-    several  studies share a file.  Nothing in a file is pickled.
+    and a damaged file counts as missing; so an interrupted study continues with the files that exist.  Equal tasks of
+    several studies share a file.  Nothing in a file is pickled.
     """
 
     folder: Path

@@ -182,7 +182,7 @@ def open_nodes(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool])
     """Return the tasks to be computed, by digest: runs that are not done, and missing results of tasks they depend on.
 
     Each task comes after the tasks that it needs.  `is_done` returns for a digest whether its result is stored; `code`
-    is  the digest of the code.
+    is the digest of the code.
     """
     tasks, needs, needed = dict[str, Task](), dict[str, dict[str, str]](), set[str]()
     for plan in plans:

@@ -82,7 +82,10 @@ class TippingMoments:
 
 
 def weight_of_masses(masses: Sequence[MachineMass], at: PostureMatrices, k: int, amounts: Array) -> Array:
-    """Return the weight of `masses` of the machine and its moment about the pivot (6,) at the k-th posture of `at`."""
+    """Return the weight of `masses` of the machine and its moment about the pivot (6,) at the k-th posture of `at`.
+
+    `amounts` are the amounts of the loads of the postures, the weight's among them.
+    """
     turned = boom_rotation(at.place.luffing[k : k + 1], at.place.slewing[k : k + 1])[0]
     weight, up = amounts[at.loads.names.index(WEIGHT)] * at.gravity, turned @ at.place.up[k]
     resting, (c, s) = np.zeros(6), (np.cos(at.place.slewing[k]), np.sin(at.place.slewing[k]))

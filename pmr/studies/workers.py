@@ -214,7 +214,7 @@ def serve() -> None:
     """Run the orders of the parent, one a line on standard input, and answer each by a line with null or the failure.
 
     Runs as the child process of a worker until its input ends.  All output of libraries goes to the error stream, so
-    that  it can't mix with the answers.  When the parent dies, the child ends, too.
+    that it can't mix with the answers.  When the parent dies, the child ends, too.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when the child ends
     lines, answers = os.fdopen(os.dup(0)), os.fdopen(os.dup(1), "w")

@@ -241,7 +241,7 @@ class Assembly:
         """Add to `contact_rows` the part of the body `name`, the single one of a system with tables over its path.
 
         All sides, with the numbers `side_numbers`, share one path coordinate: of the coordinates x (sides, T) in m,
-        that of the  first side that travels.
+        that of the first side that travels.
         """
         body, sides = self.system.bodies[name], [self.system.sides[a] for a in side_numbers]
         s = next((at for side, at in zip(sides, x, strict=True) if side.place.path is not None), x[0])

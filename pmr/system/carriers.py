@@ -127,7 +127,7 @@ class CarrierFlexibility:
     def add_modes(self, U: Array, modes: EnrichmentModes, share: Array) -> CarrierFlexibility:
         """Return the flexibility plus share_j phi_j phi_j^T for each of c modes phi_j.
 
-        The values of the modes on the carriers are U (K, c).  `share` (c,) is 1 / omega^2 for truncated modes, and  -1
+        The values of the modes on the carriers are U (K, c).  `share` (c,) is 1 / omega^2 for truncated modes, and -1
         / omega^2 for modes that become coordinates.
         """
         scaled = share[:, None] * modes.B

@@ -225,7 +225,10 @@ class CombinedRings:
     shares: Array | None = None
 
     def original_forces(self, reduced_forces: Array) -> Array:
-        """Forces (..., m) in N of the original contacts, from the forces (..., m') in N of the contacts of `system`."""
+        """Forces (..., m) in N of the original contacts, from those of the contacts of `system`.
+
+        The latter are `reduced_forces` (..., m') in N.
+        """
         return reduced_forces if self.shares is None else reduced_forces @ self.shares.T
 
 

@@ -188,11 +188,11 @@ def row_on_coordinates(name: str, breaks: Array, dofs: ArrayLike, coefficients: 
 
 
 def columns_by_interval(touching: Indices, n: int, k: int) -> tuple[Indices, Indices, Indices]:
-    """Columns out of n that each of k intervals touches, from codes ``interval * n + column`` in any order.
+    """Columns out of n that each of k intervals touches, from the codes `touching`: ``interval * n + column``.
 
-    Three arrays are returned: the codes that occur, once each and ascending; the index of each of these codes among the
-    codes of its interval; and the columns (k, w), in which an interval that touches fewer than w repeats its last
-    column.
+    The codes may be in any order.  Three arrays are returned: the codes that occur, once each and ascending; the index
+    of each of these among the codes of its interval; and the columns (k, w).  An interval with fewer than w columns
+    repeats its last one.
     """
     different = np.unique(touching)
     interval, width = different // n, np.bincount(different // n, minlength=k)

@@ -62,7 +62,7 @@ class _Header:
 
     Version 5 stores all arrays of bodies.  Version 4 has no contacts that bear the forces of others and no lengthening
     ropes.  Version 3 stores all arrays of the models in ``on_modes``.  Version 2 has no such models, and version 1 has
-    no  terms either.
+    no terms either.
     """
 
     bodies: tuple[str, ...]

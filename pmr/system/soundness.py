@@ -198,7 +198,7 @@ def _singular_above(A: Array, B: Array, low: float) -> float | None:
 
 
 def is_definite(A: Array) -> bool:
-    """Whether a symmetric matrix (n, n) is positive definite, by Cholesky."""
+    """Whether the symmetric matrix A (n, n) is positive definite, by Cholesky."""
     return bool(scipy.linalg.lapack.dpotrf(A, lower=1, clean=0)[1] == 0)
 
 

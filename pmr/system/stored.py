@@ -102,7 +102,7 @@ def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> d
 
 
 def _triangle_kind(A: Array) -> str | None:
-    """``triangle`` for a symmetric matrix, ``antitriangle`` for an antisymmetric one; None for other or small ones."""
+    """``triangle`` if A is symmetric, ``antitriangle`` if it is antisymmetric; None for others and small ones."""
     if A.ndim != 2 or A.shape[0] != A.shape[1] or len(A) < LEAST:
         return None
     return next((kind for kind, sign in _SIGNS.items() if np.array_equal(A, sign * A.T)), None)

@@ -85,7 +85,7 @@ class Term:
         """Return the term with sparse matrices (size, size) on the coordinates of a system.
 
         `numbers` maps a body's name to the system's number of each of the body's coordinates; coordinates with a
-        negative  number are left out.  The returned term has no `supports`.
+        negative number are left out.  The returned term has no `supports`.
         """
         at = np.concatenate([np.asarray(numbers[name], np.int64) for name in self.bodies])
         scattered = dict[str, Any]()
@@ -138,8 +138,8 @@ def _term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> T
     """Build the term of the equations for one frame term, with its work on the motions of rigid supports.
 
     Terms of cylinders join two sections.  They have the stiffness m D^T D: D (d, n) gives the lateral distances between
-    the  two tails, m is the mass or first moment that the cylinder carries, or 1 for a cylinder's load.  All other
-    terms have  the term's matrix on one body: a rotation as damping, the others as stiffness; it is zero if the body
+    the two tails, m is the mass or first moment that the cylinder carries, or 1 for a cylinder's load.  All other
+    terms have the term's matrix on one body: a rotation as damping, the others as stiffness; it is zero if the body
     lacks it.
     """
     if term.kind in ("cylinder", "cylinder load"):

@@ -120,7 +120,7 @@ def is_modal(model: ReducedModel) -> bool:
 
 
 def _is_diagonal(A: Array) -> bool:
-    """Whether off-diagonal entries are small relative to the diagonal ones (`MODAL`)."""
+    """Whether off-diagonal entries of A are small relative to the diagonal ones (`MODAL`)."""
     scale = np.sqrt(np.abs(np.outer(np.diagonal(A), np.diagonal(A))))
     coupling = np.abs(A - np.diag(np.diagonal(A)))
     return bool(np.all(coupling <= MODAL * scale + _round_off(A)))

@@ -116,7 +116,7 @@ def mesh_budget(
 
     `simulate_other` runs another scene.  Its arguments are a function that returns that scene, and a name for it; it
     returns differences to the motion of `scene` by kind, as fractions of that motion.  ``frequency`` is left out if
-    cells  are long beside a pad (`mesh_warnings`), as both meshes then lack the walls' bending under it.
+    cells are long beside a pad (`mesh_warnings`), as both meshes then lack the walls' bending under it.
     """
     try:
         other = other_mesh(scene)

@@ -184,7 +184,7 @@ def scene_on_other_mesh(scene: Scene, trial: Trial) -> mesh.OtherMesh:
     """The scene with a trial's step, on the mesh by which the error of the scene's own mesh is estimated.
 
     A single body has `COORDINATES` coordinates, doubled until it has as many as the trial, so that most choices share
-    one  scene.  Raises an `InputError` with the reason if there is no other mesh.
+    one scene.  Raises an `InputError` with the reason if there is no other mesh.
     """
     other = mesh.other_mesh(_with_step(scene, trial.steps))
     if len(scene.bodies) > 1:
@@ -204,7 +204,7 @@ def accuracy_summary(choice: Choice) -> dict[str, Any]:
     ``chosen.{coordinates,step}``, for booms also ``chosen.sections``, ``reasons``, and ``seconds`` of the search.
     ``budget`` has the errors of ``reduction``, ``step`` and ``mesh`` by kind of output (fractions, None if unknown) and
     their ``sum``.  Its ``first`` is the name of the largest of the three errors, to be improved first.  Its
-    ``mesh_reason``  says why the error of the mesh is unknown.
+    ``mesh_reason`` says why the error of the mesh is unknown.
     """
     trial, goal = choice.trial, choice.scene.goal
     assert goal is not None  # as of every choice

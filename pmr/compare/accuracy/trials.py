@@ -236,8 +236,8 @@ class Trials:
         """Error by kind of models of the given sizes, which are smaller than a trial's, by the difference of two runs.
 
         Both runs have `steps` steps.  Modes that neither model has are not in this difference, so the trial's own error
-        is  added as the root of the sum of squares.  If contacts only push, both runs divide their steps alike, so that
-        the  difference is due to the reduction, not to the time of impacts.  All errors are inf if a run fails.
+        is added as the root of the sum of squares.  If contacts only push, both runs divide their steps alike, so that
+        the difference is due to the reduction, not to the time of impacts.  All errors are inf if a run fails.
         """
         key = sizes, steps
         if key not in self._beside:
@@ -259,7 +259,7 @@ class Trials:
         """Estimated error of the reduction by kind, a fraction, in a run of `steps` steps with models of these sizes.
 
         It is inf for kinds without an estimate, and for all kinds if the run or its estimate fails.  For forces of
-        several  sections it is the error between kinks, where that is estimated.
+        several sections it is the error between kinks, where that is estimated.
         """
         if (sizes, steps) not in self._estimates:
             try:

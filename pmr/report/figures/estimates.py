@@ -20,7 +20,10 @@ WIDTH = 1.6449
 
 
 def band_figure(t: Array, mean: Array, deviation: Array, measured: Array, truth: Array, unit: str) -> Figure:
-    """Draw an estimate (T,) in `unit` with its band; `measured` and `truth` (T,) are NaN where there is none."""
+    """Draw an estimate, its `mean` and `deviation` (T,) in `unit` at t (T,) in s, with its band.
+
+    `measured` and `truth` (T,) are NaN where there is none.
+    """
     figure, axes = make_sheet(HALF, 1.9)
     ax, pen = axes[0, 0], unit_for(float(np.nanmax(np.abs(mean))), unit)
     shown = spread_indices(len(t), 2 * bins_of(ax))
@@ -46,7 +49,7 @@ def band_figure(t: Array, mean: Array, deviation: Array, measured: Array, truth:
 
 
 def innovation_figure(t: Array, innovations: Array) -> Figure:
-    """Draw a sensor's innovations (T,) over their standard deviations, and lines between which 90 % should lie."""
+    """Draw a sensor's innovations (T,) over their standard deviations at t (T,) in s, and lines around 90 % of them."""
     figure, axes = make_sheet(HALF, 1.6)
     ax, at = axes[0, 0], np.flatnonzero(np.isfinite(innovations))
     at = at[spread_indices(len(at), 4 * bins_of(ax))]

@@ -215,10 +215,10 @@ def _corners(place: Array) -> Array:
 
 
 def _cell_angles(place: Array) -> Array:
-    """Boundaries (E, A + 1, 2) in m of the cells along the angle.
+    """Boundaries (E, A + 1, 2) in m of the cells along the angle, from the positions `place` (E, A, 2) in m.
 
-    They are the first angle, the angles half way between neighbours, and the last angle.  A boundary between two angles
-    lies at the mean radius of both positions.
+    They are at the first angle, half way between neighbouring angles, and at the last angle.  A boundary between two
+    angles lies at the mean radius of both positions.
     """
     polar = np.stack([np.linalg.norm(place, axis=-1), np.arctan2(place[..., 1], place[..., 0])], axis=-1)
     radius, angle = np.moveaxis(_midpoints(polar, 1), -1, 0)

@@ -38,7 +38,7 @@ def basis_figure(result: RunResult, body_shapes: Shapes) -> Figure:
     """Draw the transverse shapes of the first `MOST_SHAPES` basis vectors, each divided by its largest value.
 
     A vector that moves the body along its axis only is a straight line.  All small panels share one pair of axes, since
-    two  dozen pairs take longer to draw than all other figures.
+    two dozen pairs take longer to draw than all other figures.
     """
     x, shapes = body_shapes.x, body_shapes.shapes
     count = min(shapes.shape[1], MOST_SHAPES)

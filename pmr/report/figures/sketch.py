@@ -284,7 +284,7 @@ def _draw_load(paper: Paper, load: AppliedLoad, values: NDArray[np.float64], x: 
     """Draw a load at `x` m as an arrow in its direction, with two heads if its `values` change sign.
 
     `above` is the height of the lower end of a vertical arrow.  A moment is drawn as an arc, and a lateral force as the
-    tip  of an arrow, seen from the front.  Temperatures and wind are not drawn.
+    tip of an arrow, seen from the front.  Temperatures and wind are not drawn.
     """
     size, two_heads = ARROW * paper.inch, bool(values.min(initial=0.0) < 0.0 < values.max(initial=0.0))
     back = not two_heads and values.min(initial=0.0) < 0.0

@@ -155,11 +155,11 @@ def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
 
 
 def _label_times(ax: Axes, axes: Array, t: Array, first: int) -> list[Array]:
-    """Write the time beside the end of each axis (S, n, 2) in m, at the S moments that are drawn.
+    """Write the time beside the end of each of the drawn `axes` (S, n, 2) in m, at times t (S,) in s.
 
-    The corners (2, 2) in inches of each label's box are returned.  A label that would cover another one is left out.
-    The moment number `first`, that of the largest stress, always has a label; the last moment comes next, and the
-    moments in between come last.
+    Return the corners (2, 2) in inches of each label's box.  A label that would cover another one is left out.  The
+    moment number `first`, that of the largest stress, always has a label; the last moment comes next, and the moments
+    in between come last.
     """
     boxes = list[Array]()
     for k in dict.fromkeys([first, len(t) - 1, *range(len(t))]):
@@ -228,14 +228,14 @@ def _to_inches(ax: Axes, places: Array) -> Array:
 
 
 def _subdivide(line: Array) -> Array:
-    """Points along a polyline (n, 2) in inches, with distances of at most `CLEAR` / 2 between neighbours."""
+    """Points along the polyline `line` (n, 2) in inches, with at most `CLEAR` / 2 between neighbours."""
     steps = np.maximum(np.ceil(np.linalg.norm(np.diff(line, axis=0), axis=1) / (CLEAR / 2.0)).astype(int), 1)
     pieces = [np.linspace(line[k], line[k + 1], count, endpoint=False) for k, count in enumerate(steps)]
     return np.concatenate([*pieces, line[-1:]])
 
 
 def _text_box(centre: Array, text: str, across: str, up: str) -> Array:
-    """Lower left and upper right corner (2, 2) of the box of a text at a point (2,), all in inches.
+    """Lower left and upper right corner (2, 2) of the box of a text at the point `centre` (2,), all in inches.
 
     `across` and `up` are the alignments of the text at this point: ``left``, ``center`` or ``right``, and ``bottom`` or
     ``center``.

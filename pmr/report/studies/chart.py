@@ -109,7 +109,7 @@ def _format_load(load: float | np.floating) -> str:
 
 
 def _headline(study: FinishedStudy, least_loads: Array) -> str:
-    """Sentence on the range of the least loads (E, A) in kg, which are NaN where no limit is reached."""
+    """Sentence on the range of `least_loads` (E, A) in kg, which are NaN where no limit is reached."""
     if not np.isfinite(least_loads).any():
         hint = (
             ""
@@ -123,10 +123,10 @@ def _headline(study: FinishedStudy, least_loads: Array) -> str:
 
 
 def _key_numbers(study: FinishedStudy, least_loads: Array, error: Array) -> list[KeyNumber]:
-    """Key numbers: number of points, largest load and least load.
+    """Key numbers: number of points, largest and least of `least_loads` in kg.
 
-    If error bars are known, the largest one follows, and the number of points where another limit may govern within
-    them.
+    If any `error` bar is finite, the largest one follows, and the number of points where another limit may govern
+    within them.
     """
     count = len(study.study_file["limits"]) + 1
     key_numbers = [KeyNumber(str(least_loads.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
@@ -278,7 +278,10 @@ def _duty_grids(study: FinishedStudy, duty: DutyTable) -> Iterator[Grid]:
     columns = spread_indices(len(duty.lengths), COLUMNS)
 
     def cell(r: int, e: int, values: Array) -> str:
-        """Value in kg at radius number `r` and boom length number `e` with the letter of its limit; empty outside."""
+        """Entry of `values`, in kg, at radius number `r` and boom length number `e`, with the letter of its limit.
+
+        Empty where the entry is NaN.
+        """
         if np.isnan(values[r, e]):
             return ""
         letter = letters(int(duty.which[r, e])) if duty.which[r, e] >= 0 else "–"

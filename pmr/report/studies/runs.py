@@ -132,7 +132,7 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
     """Yield blocks of figures: values over the varied parameter, and the error over the time of a simulation.
 
     `error` is the name of that error, None if there is none; `prefix` begins the identifiers of the figures.  Nothing
-    is  yielded if no parameter has several numbers.
+    is yielded if no parameter has several numbers.
     """
     over = varied_parameter(done)
     if over is None:

@@ -119,7 +119,10 @@ def _curvature(cable: Cable, q: Array, x: Array, elements: Indices) -> Array:
 
 
 def _interpolation(cable: Cable, x: Array, elements: Indices, derivative: int) -> Array:
-    """Matrix (o, 2 N) from values and slopes at N nodes to a derivative of order `derivative` at points x (o,)."""
+    """Matrix (o, 2 N) from values and slopes at N nodes to a derivative of order `derivative` at points x (o,).
+
+    `elements` (o,) are the numbers of the elements whose shape functions are used.
+    """
     h = cable.element_length
     matrix = np.zeros((len(x), 2 * (cable.elements + 1)))
     for j, shape in enumerate(_SHAPES):

@@ -236,7 +236,10 @@ class Pads:
         self.grip = Grip.at_start(self._equations.system.contacts, rows.s, self._multipliers(rows, q, f, 0.0))
 
     def end(self, rows: Rows, q: Array, f: Array, t: float) -> PadState:
-        """End the present step at t s, so that the next step starts from its friction.  Otherwise as `state`."""
+        """End the step at t s with coordinates q (n,) and loads f (i,), and return the state of the contacts.
+
+        The next step starts from its friction.  Otherwise as `state`.
+        """
         ended = self.state(rows, q, f, t)
         self.grip, self.t = ended.grip, t
         return ended

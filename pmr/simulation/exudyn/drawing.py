@@ -66,7 +66,10 @@ class SystemObserver:
         return loads if base is None else loads + base.inertia(self._mbs, t)
 
     def _contact_state(self, t: float, q: Array) -> tuple[Array, ContactRows, Array | None]:
-        """Contact forces (m,) without friction, rows, and friction of the pads (None if no pad rubs), at t s."""
+        """Contact forces (m,) without friction, rows, and friction of the pads, at t s with the coordinates q (n,).
+
+        The friction is None if no pad rubs.
+        """
         equations, inputs, multipliers = self._items.equations, self._items.inputs, np.zeros(len(self._rest))
         x, f, rubbing, grip = inputs.positions(t), self._loads(t), self._items.rubbing, None
         if self._held:
@@ -86,13 +89,13 @@ def add_sensors(mbs: exu.MainSystem, items: SystemItems) -> SystemSensors:
     def write_forces(
         mbs: exu.MainSystem, t: float, sensors: Array, factors: Array, configuration: exu.ConfigurationType
     ) -> Array:
-        """User function of the sensor of contact forces."""
+        """User function of the sensor of contact forces, which needs neither `sensors` nor `factors`."""
         return watched.forces(t, configuration)
 
     def write_outputs(
         mbs: exu.MainSystem, t: float, sensors: Array, factors: Array, configuration: exu.ConfigurationType
     ) -> Array:
-        """User function of the sensor of outputs."""
+        """User function of the sensor of outputs, which needs neither `sensors` nor `factors`."""
         return watched.outputs(t, configuration)
 
     added = [

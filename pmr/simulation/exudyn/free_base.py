@@ -314,7 +314,7 @@ def terms_on_base(loads: Mapping[str, Driving], paths: Mapping[str, Driving], on
     """Amplitudes by name of the terms of the bodies `on` a base; only terms of loads that stress the boom are not zero.
 
     The base adds the other terms.  Terms of a cylinder are zero, too, if its extension is a coordinate of a node.
-    Raises  InputError for a path that is no extension.
+    Raises InputError for a path that is no extension.
     """
     for name in dict.fromkeys((*on.scene.names[1:], *paths)):
         check_path(name, paths.get(name))
@@ -346,7 +346,7 @@ def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Input
     evaluated_at, evaluated = None, AddedEquations(*(np.empty(0),) * 3)
 
     def evaluate(t: float, q: Array, q_t: Array) -> AddedEquations:
-        """Mass, force and stiffness at t s, computed once for the same coordinates and rates."""
+        """Mass, force and stiffness at t s, computed once for the same coordinates q and rates q_t."""
         nonlocal evaluated_at, evaluated
         x, rate = np.array(q), np.array(q_t)
         arguments = (t, x.tobytes(), rate.tobytes())
@@ -379,7 +379,7 @@ def _with_rows(mbs: exu.MainSystem, items: SystemItems, base: Base, extending: E
     k, n = base.count, base.boom.size
 
     def split(t: float, z: Array) -> tuple[Array, Array]:
-        """Extensions (S,) and coordinates (n,) of the boom, from a marker's coordinates with reference values."""
+        """Extensions (S,) and coordinates (n,) of the boom, from a marker's coordinates z with reference values."""
         z_array = np.array(z)
         return base.extensions(t, z_array[k + n :] - base.paths.reference, z_array[k + n :]).value, z_array[k : k + n]
 

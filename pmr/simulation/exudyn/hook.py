@@ -178,7 +178,7 @@ class _Joint:
     def forces_and_stiffness(self, t: float, z: Array) -> ForcesAndStiffness:
         """Force (N,) and stiffness (N, N) from the energy stored by the node w, and from the stiffness that holds w.
 
-        The node w is held in directions without flexibility.
+        z (N,) are the coordinates, w first.  The node w is held in directions without flexibility.
         """
         w, (_, _, s), along, e = z[:3], self._split(t, z[6:]), self._base.paths.along, self._scale
         (E, E_slope), K = self._flexibility(s), np.zeros((len(z),) * 2)

@@ -52,7 +52,7 @@ class Steps(NamedTuple):
     hoist: Array | None = None  # (T, 7): outputs of a hoist
 
     def at(self, rows: NDArray[np.int64] | slice) -> Steps:
-        """Some of the steps, by their numbers from 0 on."""
+        """Those of the steps with the numbers `rows`, from 0 on, or in this slice."""
         return Steps._make(None if array is None else array[rows] for array in self)
 
 
@@ -221,7 +221,8 @@ class March:
     ) -> None:
         """Take `steps` steps after number `first`, with drivers sampled in Python at as many points as parts need.
 
-        The record gets a row for every `every` steps.
+        The record gets a row for every `every` steps.  `schedule` (steps,) are the numbers of parts of each step; None
+        leaves them to the kernel.
         """
         taken, per = 0, self.state.settings.parts[0]
         while taken < steps:
@@ -252,7 +253,10 @@ class March:
         return step_failure(self._step_text(step), self.form, error, modal.side_coordinates(at))
 
     def _check_finite(self, recorded: Array, first: int, every: int) -> None:
-        """Raise SimulationError for the first row that is not finite; row 0 is step number `first` times `every`."""
+        """Raise SimulationError for the first row of `recorded` that is not finite.
+
+        Row 0 is step number `first` times `every`; each further row is `every` steps later.
+        """
         finite = np.isfinite(recorded).all(axis=1)
         if not finite.all():
             where = self._step_text((first + int(np.argmin(finite))) * every)
@@ -265,5 +269,5 @@ class March:
 
 
 def without_pull(multipliers: Array, pushing: NDArray[np.bool_]) -> None:
-    """Set negative forces (T, m) of contacts `pushing` (m,) to zero, in place: they are round-off of other forces."""
+    """Set negative `multipliers` (T, m) of contacts `pushing` (m,) to zero, in place: round-off of other forces."""
     multipliers[:, pushing] = np.maximum(multipliers[:, pushing], 0.0)

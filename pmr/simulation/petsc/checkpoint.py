@@ -135,7 +135,7 @@ def identity(
     """Digests that distinguish this simulation from others, with one product of each matrix; collective.
 
     `at` are paths, loads and terms at the steps; paths and loads are also evaluated in the middle of steps, which may
-    be  divided.
+    be divided.
     """
     stepping, between = excitation.stepping, 0.5 * (excitation.times[:-1] + excitation.times[1:])
     forms = []

@@ -171,7 +171,7 @@ class Constraint:
             raise SimulationError(describe_dependence(C[:, np.unique(C.indices)].toarray(), names)) from None
 
     def correction(self, multipliers: Array) -> Array:
-        """This rank's rows (n_local,) of S^{-1} C^T lambda."""
+        """This rank's rows (n_local,) of S^{-1} C^T lambda with lambda = `multipliers` (m,)."""
         if self._stored is not None:
             return np.concatenate([stored.correction(self.rows, multipliers) for stored in self._stored])
         return self._factor.solve(self.rows.apply_transposed(multipliers))

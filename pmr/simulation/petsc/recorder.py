@@ -191,7 +191,7 @@ class Recorder:
         self.sums[row] = np.concatenate([self._outputs @ state.q, rows.apply(state.q), drift, [*energy, work]])
 
     def _energy(self, state: State, f: Array) -> tuple[float, float, float]:
-        """This rank's contributions to kinetic energy, strain energy and potential of the loads, in J."""
+        """This rank's contributions to kinetic energy, strain energy and potential of the loads f (i,), in J."""
 
         def half_form(matrices: Sequence[PETSc.Mat], x: Array) -> float:
             """This rank's contribution to x^T A x / 2, for a matrix of each body."""
@@ -256,7 +256,7 @@ class Recorder:
         )
 
     def _of_bodies(self, y: Array) -> dict[str, Array]:
-        """Selected outputs (T, o) of each body."""
+        """Selected outputs (T, o) of each body, from those y of all bodies."""
         columns = zip(self._system.bodies, self._system.output_slices, strict=True)
         return {name: y[:, (self.chosen >= at.start) & (self.chosen < at.stop)] for name, at in columns}
 

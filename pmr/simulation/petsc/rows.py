@@ -53,7 +53,7 @@ class BlockFactor:
         return solution
 
     def solve_columns(self, columns: Array) -> Array:
-        """This rank's rows (n_local, k) of the solutions, from its rows of k right-hand sides."""
+        """This rank's rows (n_local, k) of the solutions, from those of k right-hand sides, `columns` (n_local, k)."""
         parts = zip(self.of_bodies, self._local, strict=True)
         return np.concatenate([factor.solve_columns(np.asfortranarray(columns[at])) for factor, at in parts])
 
@@ -198,7 +198,7 @@ class PathRows:
         return np.asarray(exponents * self.x ** np.maximum(exponents - 1, 0))
 
     def apply_transposed(self, multipliers: Array) -> Array:
-        """This rank's rows (n_local,) of C^T lambda."""
+        """This rank's rows (n_local,) of C^T lambda with lambda = `multipliers` (m,)."""
         return np.asarray(self._E.T @ ((self.X @ self.Gamma) * multipliers[self.layout.contact_of_entry]))
 
     def transposed_slopes(self, moments: Array) -> Array:

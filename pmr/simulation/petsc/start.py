@@ -131,7 +131,10 @@ class Terms:
             self._iteration.restart()
 
     def extrapolate(self, w: Array, old: PadFriction, new_w: Array, new: PadFriction) -> tuple[Array, PadFriction]:
-        """Forces w and friction with which the next iteration begins, from those of this iteration and its results."""
+        """Forces and friction with which the next iteration begins.
+
+        This iteration began with the forces w and the friction `old`; its results are `new_w` and `new`.
+        """
         size, first = len(w), self._comm.rank == 0  # sums of joints count once
         if self._iteration is None:
             self._iteration = FixedPoint(size + len(new.sums), MOST_DIRECTIONS, self._comm.allreduce)
@@ -148,7 +151,7 @@ class Terms:
         return bool(np.abs(new.gap - old.gap).max(initial=0.0) <= CONVERGED * self._widest)
 
     def has_converged(self, old: Array, new: Array, times: int, rubbed: PadFriction) -> bool:
-        """Whether the forces no longer change, after `times` iterations.
+        """Whether the forces no longer change from `old` to `new`, after `times` iterations.
 
         Raises SimulationError if they diverge, or have not converged after `LIMIT` iterations.
         """
@@ -245,7 +248,7 @@ def starting_state(
 
     `mass` is a factor of M; None if nothing acts or moves and no contact only pushes.
 
-    Raises  ------  InputError  If the initial position violates a rigid contact, a size is wrong, or contacts depend on
+    Raises ------ InputError If the initial position violates a rigid contact, a size is wrong, or contacts depend on
     each other.
     """
     start = stacked_start(system, initial)
@@ -270,7 +273,10 @@ def starting_state(
 
 
 def _initial_grip(system: FullSystem, at: SampledExcitation, multipliers: Array) -> Grip:
-    """Friction of pads at t = 0, which is zero; `at` has the path coordinates of their joints."""
+    """Friction of pads at t = 0, which is zero, under the contact forces `multipliers` (m,).
+
+    `at` has the path coordinates of the pads' joints.
+    """
     return Grip.at_start(system.contacts, at.c[0][len(system.term_names) :], multipliers)
 
 

@@ -213,7 +213,7 @@ class Form:
         return np.asarray(values[:, :last])
 
     def is_stable(self, loads: Array) -> Mask:
-        """Mask (p,) that is true where a load (p,) is below the load at which the structure buckles."""
+        """Mask (p,) that is true for those `loads` (p,) in kg at which the structure does not buckle."""
         return np.asarray(loads < self.critical)
 
     @cached_property

@@ -69,7 +69,7 @@ class _ForcedMotion:
         self.period = 2.0 * np.pi * float(np.sqrt(inertia[-1]))
 
     def values(self, row: Array, t: Array) -> Array:
-        """Values (T,) of row . x at times (T,) in s, for a row (n,)."""
+        """Values of row . x at times t in s (T,), for a row (n,)."""
         of, angle = row @ self._shapes, self._w * (t[:, None] - self._since)
         free = np.cos(angle) @ (of * self._amplitude) + np.sin(angle) @ (of * self._rate)
         return np.asarray(free + of @ self._constant + t * (of @ self._growing))
