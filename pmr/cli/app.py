@@ -36,7 +36,7 @@ class _Commands(TyperGroup):
     """Group of commands that raises an InputError for wrong use, as for any other wrong input."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse arguments; raises InputError for wrong ones.  If there are no arguments, the help is printed."""
+        """Parse the arguments `args`; raises InputError for wrong ones.  Without any, the help is printed."""
         if not args:
             return super().parse_args(ctx, args)  # typer prints the help
         try:

@@ -67,7 +67,7 @@ def print_text(console: Console, text: str) -> None:
 
 
 def print_sentences(console: Console, text: str) -> None:
-    """Print sentences: on a terminal wrapped between words, elsewhere in one line."""
+    """Print the sentences `text`: on a terminal wrapped between words, elsewhere in one line."""
     shown = wrap_at_spaces(text, console.width, "  ") if console.is_terminal else escape_controls(text)
     console.print(shown, soft_wrap=True)
 

@@ -200,7 +200,7 @@ def matrices(
 
 
 def _held_motions_text(count: int) -> str:
-    """Return a clause on the number of rigid motions that supports and springs in a stiffness hold."""
+    """Return a clause on the number `count` of rigid motions that supports and springs in a stiffness hold."""
     if not count:
         return "free to move as a rigid body"
     return f"supports and springs in its stiffness hold {count} of 6 rigid motions"

@@ -282,7 +282,7 @@ class _StageLines:
         self._timer.start()
 
     def __call__(self, stage: str, share: float) -> None:
-        """Store the present stage, and print it if the run has taken `QUIET` s."""
+        """Store the present stage unless its `share` is 1, and print it if the run has taken `QUIET` s."""
         if share < 1.0:
             self._stage = stage
             if time.monotonic() - self._begin >= QUIET:
@@ -303,7 +303,8 @@ class _StageLines:
 def _progress(title: str, shown: bool) -> Iterator[Report]:
     """Yield a function that shows progress: on a terminal a bar for each stage, elsewhere a line.
 
-    The function shows nothing if `shown` is false, as it is on all ranks but the first.
+    `title` is what the run is called.  The function shows nothing if `shown` is false, as it is on all ranks but the
+    first.
     """
     if shown and not err.is_terminal:
         lines = _StageLines(title)

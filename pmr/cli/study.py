@@ -145,7 +145,10 @@ def _run_experiment(
 
 
 def _worker_pool(jobs: int | None) -> AbstractContextManager[workers.Pool | None]:
-    """Return a context with the pool of worker processes; under MPI, ranks that are workers get None."""
+    """Return a context with the pool of `jobs` worker processes; None stands for one on each core.
+
+    Under MPI, ranks that are workers get None, and InputError is raised if `jobs` is given.
+    """
     from pmr.studies import workers
 
     if workers.count_ranks() == 1:

@@ -72,7 +72,7 @@ def plugin_names(group: str) -> set[str]:
 
 
 def plugin_error(group: str, name: str, says: str | None = None) -> InputError:
-    """Return the error for an entry point; `says` is the reason.
+    """Return the error for the entry point `name` of a group; `says` is the reason.
 
     By default the reason is that the object is not what its group expects.
     """
@@ -281,7 +281,10 @@ def launched_process_count() -> int:
 
 
 def _processes(variable: str) -> int:
-    """Return the number of processes that a launcher's environment variable states; 1 if the variable is not set."""
+    """Return the number of processes that a launcher's environment variable states; 1 if the variable is not set.
+
+    Raises InputError if it is no positive number.
+    """
     text = os.environ.get(variable, "1")
     if not re.fullmatch("[0-9]{1,9}", text) or int(text) < 1:
         allowed = "the number of processes, which a launcher of MPI sets, is allowed; `unset` removes the variable"

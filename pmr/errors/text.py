@@ -108,7 +108,7 @@ def warning_kind(warning: str) -> str:
 
 
 def duration_text(seconds: float) -> str:
-    """Return a time given in s as text, in s, min or h."""
+    """Return the time `seconds` as text, in s, min or h."""
     if seconds < 60.0:
         return f"{seconds:.0f} s"
     if seconds < 3600.0:

@@ -173,7 +173,7 @@ def _sid_lines(body: NodalBody) -> Iterator[str]:
 
 
 def _node_lines(number: int, point: Array, translation: Array, turned: Array) -> Iterator[str]:
-    """Yield the lines of a node at `point` (3,), with modal displacements and rotations (3, m)."""
+    """Yield the lines of node `number` at `point` (3,), with modal displacements and rotations `turned` (3, m)."""
     m, skew = translation.shape[1], np.zeros((3, translation.shape[1], 3))
     for a, (b, c) in enumerate(_NEXT):
         skew[c, :, b], skew[b, :, c] = turned[a], -turned[a]
@@ -187,7 +187,7 @@ def _node_lines(number: int, point: Array, translation: Array, turned: Array) ->
 
 
 def _taylor_lines(indent: int, name: str, value: Taylor, m: int) -> Iterator[str]:
-    """Yield the lines of a matrix called `name`, of a body with m modes."""
+    """Yield the lines of a matrix called `name`, of a body with m modes, behind `indent` blanks."""
     yield f"{'':{indent}}{name}"
     sizes = {"order": int(value.M1 is not None), "nrow": len(value.M0), "ncol": value.M0.shape[1], "nq": m, "nqn": 0}
     structure = value.structure if np.any(value.M0) or value.M1 is not None else 0
@@ -202,10 +202,10 @@ def _taylor_lines(indent: int, name: str, value: Taylor, m: int) -> Iterator[str
 
 
 def _entry_line(indent: int, key: str, value: str) -> str:
-    """Line of a key and its value, which begins in a fixed column."""
+    """Line of a key, behind `indent` blanks, and its value, which begins in a fixed column."""
     return f"{'':{indent}}{key:<{48 - indent}}={value}"
 
 
 def _number(x: float) -> str:
-    """Number with all 17 digits in Fortran's notation; 23 characters, as readers allow 19 at most for the mantissa."""
+    """The number x with all 17 digits in Fortran's notation; 23 characters, as mantissas may have 19 at most."""
     return f"{x: .16E}".replace("E", "D")

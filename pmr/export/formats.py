@@ -34,7 +34,7 @@ class Format:
 
 
 def _writer(module: str, name: str) -> Callable[..., Path]:
-    """Function of a module of `pmr.export`, imported only when it is called."""
+    """The function `name` of a module of `pmr.export`, imported only when it is called."""
 
     def write(*arguments: Any) -> Path:
         """Call the function and return the path that it has written."""

@@ -134,7 +134,7 @@ def _vtu(grid: Grid, points: Array, of_points: Named, of_cells: Named) -> str:
 
 
 def _array(name: str, values: NDArray[np.generic], part: str) -> str:
-    """Compressed DataArray element; `part` is its parent element: Points, Cells, PointData or CellData."""
+    """Compressed DataArray element called `name`; `part` is its parent: Points, Cells, PointData or CellData."""
     kind = f"{_NUMBERS[values.dtype.kind]}{8 * values.dtype.itemsize}"
     wide = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 and part != "Cells" else ""
     data = _compress(np.ascontiguousarray(values, values.dtype.newbyteorder("<")).tobytes())

@@ -208,7 +208,7 @@ def load_with_positions(npz_path: Path, options: Options) -> tuple[System, Mappi
 
 
 def section_alone(npz_path: Path, name: str) -> System:
-    """System of one section, from a saved boom or from a section's file, on its own supports or free, without joints.
+    """System of the section `name`, from a saved boom or a section's file, on its own supports or free, without joints.
 
     Raises InputError if the file has no such section, or a luffing cylinder holds it.
     """
@@ -357,14 +357,17 @@ def _output4_deck(space: StateSpace) -> Iterator[str]:
 
 
 def _lines_with_remainder(letter: str, number: str, A: Array, form: int) -> Iterator[str]:
-    """Yield the lines of a matrix, and of the remainder that its fields can't hold."""
+    """Yield the lines of the matrix called `letter` and `number`, and of the remainder that its fields can't hold.
+
+    `form` is the number of the matrix's form in DMIG lines; an L after the letter marks the remainder.
+    """
     rounded = np.vectorize(lambda x: float(_field(x).replace("D", "e")), otypes=[float])(A)
     yield from _dmig_lines(f"{letter}{number}", A, form)
     yield from _dmig_lines(f"{letter}L{number}", A - rounded, form)
 
 
 def _dmig_lines(name: str, A: Array, form: int) -> Iterator[str]:
-    """Yield the DMIG lines of a matrix."""
+    """Yield the DMIG lines of the matrix called `name`, of the form with the number `form`."""
     columns = f"{A.shape[1]:<8d}" if form == _RECTANGULAR_DMIG else ""
     yield f"DMIG    {name:<8}{0:<8d}{form:<8d}{_DOUBLE:<8d}{_DOUBLE:<8d}{'':<16}{columns}".rstrip()
     for j in range(A.shape[1]):
@@ -376,7 +379,7 @@ def _dmig_lines(name: str, A: Array, form: int) -> Iterator[str]:
 
 
 def _field(x: float) -> str:
-    """Text of a number with as many digits as fit into a field."""
+    """Text of the number x with as many digits as fit into a field."""
     for digits in range(FIELD, 0, -1):
         mantissa, exponent = f"{x:.{digits}e}".split("e")
         text = f"{mantissa}D{int(exponent):+d}"

@@ -306,7 +306,7 @@ def hermite_space(mesh: Mesh, linear: int, planes: int = 1) -> FunctionSpace:
 
 
 def _element(mesh: Mesh, family: str, degree: int, components: int = 0) -> Element:
-    """Element of a scalar or, if `components` is not 0, of a vector with as many components."""
+    """Element of a `family` and `degree`: of a scalar, or of a vector with `components` components if this is not 0."""
     if not _WRAPPED:
         shape = (components,) if components else None
         return basix.ufl.element(family, mesh.topology.cell_name(), degree, shape=shape)

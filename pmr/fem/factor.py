@@ -103,7 +103,7 @@ class Factor(_PetscFactor):
     def _say(self, name: str, needed: int, free: int) -> None:
         """Raise an `InputError` if the factor does not fit even with files, else warn that it is kept in files.
 
-        `needed` and `free` are in MB on a rank.
+        `name` is the name of the matrix; `needed` and `free` are in MB on a rank.
         """
         least = self._factor.getMumpsInfog(26)
         sizes = f"the factor of {name} takes {needed} MB of memory on a rank, and {free} MB are there for it"
@@ -186,7 +186,8 @@ def factor_of(A: PETSc.Mat, name: str) -> Factor | SparseFactor:
 def factor_for_steps(A: PETSc.Mat, name: str) -> MatrixFactor:
     """Factor for single right-hand sides, one after another: by CHOLMOD on one rank, else the one of `factor_of`.
 
-    CHOLMOD is taken only if PETSc was built with it.  Raises the errors of `factor_of`.
+    `name` is the matrix's, for messages.  CHOLMOD is taken only if PETSc was built with it.  Raises the errors of
+    `factor_of`.
     """
     if HAS_PETSC and A.comm.size == 1:
         with suppress(PETSc.Error):
@@ -226,8 +227,8 @@ def refusal(name: str, code: int) -> InputError:
 def factorise(A: PETSc.Mat, free: int, in_files: bool = False) -> PETSc.Mat:
     """Factor of A by MUMPS in at most `free` MB on a rank, 0: without a limit; collective.
 
-    If the analysis by MUMPS finds that this is too little, MUMPS sets an error code and computes nothing.  The factor
-    holds no reference to A.
+    The factor is kept in files if `in_files`.  If the analysis by MUMPS finds that the memory is too little, MUMPS sets
+    an error code and computes nothing.  The factor holds no reference to A.
     """
     pc = cholesky(A, "mumps")
     factor = pc.getFactorMatrix()
@@ -325,7 +326,7 @@ def factor_for_columns(A: PETSc.Mat, name: str) -> MatrixFactor | ReplicatedFact
     """Factor for many columns at a time; collective.
 
     On several ranks it is complete on each rank if it fits into the memory.  Otherwise, and on one rank, it is the
-    factor of `factor_of`.
+    factor of `factor_of`.  `name` is the matrix's, for messages.
     """
     if A.comm.size > 1:
         try:

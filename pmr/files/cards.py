@@ -30,7 +30,7 @@ class Place:
     line: int
 
     def error(self, why: str) -> InputError:
-        """Return an error that names the file and the line."""
+        """Return an error that names the file and the line; `why` says what is wrong."""
         return InputError(self.source, f"line {self.line}", None, why)
 
 
@@ -108,14 +108,17 @@ class _Files:
             yield from self._expand(*pending, (*within, path))
 
     def _expand(self, place: Place, text: str, within: Sequence[Path]) -> Iterator[tuple[Place, str]]:
-        """Yield a line, or the lines of the file that it includes."""
+        """Yield the line `text`, or the lines of the file that it includes; `within` are the files around it."""
         if text[:1] == "*" and (card := _head(place, text)).keyword == "INCLUDE":
             yield from self.include(card, within)
         else:
             yield place, text
 
     def include(self, card: Card, within: Sequence[Path]) -> Iterator[tuple[Place, str]]:
-        """Return the lines of the file that the option INPUT of a card names; `within` are the files around it."""
+        """Return the lines of the file that the option INPUT of a card names; `within` are the files around it.
+
+        Raises InputError, with file and line, for a file that is missing or includes itself.
+        """
         name = card.options.get("INPUT", "")
         files = [folder / name for folder in (self.folder, within[-1].parent)]
         file = next((file for file in files if name and file.is_file()), None)
@@ -131,7 +134,7 @@ class _Files:
 
 
 def _head(place: Place, text: str) -> Card:
-    """Return the card of a keyword line, without data."""
+    """Return the card of the keyword line `text`, without data."""
     keyword, *parts = (part.strip() for part in text[1:].split(","))
     options = {name.strip().upper(): value.strip().strip('"') for name, _, value in (o.partition("=") for o in parts)}
     return Card(place, " ".join(keyword.upper().split()), options, ())
@@ -181,7 +184,8 @@ def read_axes(card: Card) -> Axes | None:
 def rectangular(card: Card, axes: Axes | None, coordinates: Sequence[float]) -> Point:
     """Return the place in the axes of the whole of a node with `coordinates` (3,) on a card `*NODE`.
 
-    They are x, y, z, or with ``SYSTEM=C`` radius, angle in degrees and z, in the axes of `*SYSTEM`.
+    They are x, y, z, or with ``SYSTEM=C`` radius, angle in degrees and z, in the axes of `*SYSTEM`.  Raises InputError
+    for another SYSTEM.
     """
     system = card.options.get("SYSTEM", "R").upper()
     if system not in ("R", "C"):
@@ -199,7 +203,7 @@ def turned_axes(card: Card, points: Array) -> Array:
     """Return the axes (k, 3, 3), as rows, of displacements at `points` (k, 3) in m that a card `*TRANSFORM` gives.
 
     Its line has two points: of TYPE=R one on the x axis and one in the xy plane from the origin, of TYPE=C two on the
-    polar axis, where the axes are radial, circumferential and axial.
+    polar axis, where the axes are radial, circumferential and axial.  Raises InputError for anything else.
     """
     kind = card.options.get("TYPE", "R").upper()
     numbers = [number for line in card.lines for number in _numbers(line, 6)]
@@ -218,10 +222,10 @@ def turned_axes(card: Card, points: Array) -> Array:
 
 
 def move_instance(card: Card, points: Sequence[Point]) -> list[Point]:
-    """Return nodes (N,) of an instance in its place, from their places in its part.
+    """Return nodes (N,) of an instance in its place, from their places in its part; empty without nodes.
 
     The first line of its card has a translation.  The second one has two points on an axis and an angle in degrees by
-    which the nodes are turned about it after they were moved.
+    which the nodes are turned about it after they were moved.  Raises InputError for other lines.
     """
     if not points:
         return []
@@ -243,7 +247,10 @@ def move_instance(card: Card, points: Sequence[Point]) -> list[Point]:
 
 
 def _numbers(line: DataLine, most: int) -> list[float]:
-    """Return the numbers of a line of data, at most `most` of them; an empty field in between is 0."""
+    """Return the numbers of a line of data; an empty field in between is 0.
+
+    Raises InputError for a field that is no number, and for more than `most` numbers.
+    """
     fields = list(line.fields)
     while fields and not fields[-1]:
         fields.pop()

@@ -114,14 +114,17 @@ class _Assembly:
     last: tuple[int, int] = (0, 0)  # largest numbers of nodes and elements of the whole
 
     def begin_part(self, card: Card) -> Deck:
-        """Return the empty deck of a part."""
+        """Return the empty deck of a part; InputError for a second part of the same name."""
         name = card.options.get("NAME", "").lower()
         if name in self.parts:
             raise card.place.error(f"a second part {name} is not read; each name once is allowed")
         return self.parts.setdefault(name, Deck())
 
     def begin_instance(self, card: Card) -> Deck:
-        """Return the content of an instance: a copy of its part, to which cards within the instance are added."""
+        """Return the content of an instance: a copy of its part, to which cards within the instance are added.
+
+        Raises InputError for a missing or second name, for a part that was not read before, and for too many nodes.
+        """
         card.allow_options("NAME PART")
         name, part = (card.options.get(key, "").lower() for key in ("NAME", "PART"))
         if not name or name in self.instances:
@@ -228,7 +231,10 @@ def _read_system(deck: Deck, card: Card) -> None:
 
 
 def _read_nodes(deck: Deck, card: Card) -> None:
-    """Add the nodes on a card to the deck."""
+    """Add the nodes on a card to the deck.
+
+    Raises InputError with file and line for a line that can't be read, and for a node that is there already.
+    """
     card.allow_options("NSET SYSTEM INPUT")
     numbers = list[int]()
     for line in card.lines:
@@ -252,7 +258,7 @@ def _read_nodes(deck: Deck, card: Card) -> None:
 
 
 def _read_elements(deck: Deck, card: Card) -> None:
-    """Add the elements on a card to the deck."""
+    """Add the elements on a card to the deck; InputError with file and line for an element that can't be read."""
     card.allow_options("TYPE ELSET INPUT")
     block = Elements(card.options.get("TYPE", "").upper(), [], [], [])
     count, parts, begun = CORNERS.get(KINDS.get(block.type, "")), list[int](), card.place
@@ -319,7 +325,11 @@ def _read_set(deck: Deck, card: Card, instances: Mapping[str, _Numbers]) -> None
 
 
 def _read_range(line: DataLine, card: Card, fields: list[str], numbers: Mapping[int, int]) -> list[int]:
-    """Return those of `numbers` that are in the range of a line of a set's card: first, last and step."""
+    """Return those of `numbers` that are in the range of a line of a set's card.
+
+    `fields` are its first, last and step, 1 if there is none.  Raises InputError for other fields, and for ends that do
+    not exist.
+    """
     bounds = [_whole_number(line, field, "first, last and step") for field in fields]
     if len(bounds) not in (2, 3) or bounds[2:] == [0]:
         raise line.place.error("first, last and step as whole numbers are allowed")
@@ -330,7 +340,10 @@ def _read_range(line: DataLine, card: Card, fields: list[str], numbers: Mapping[
 
 
 def _element_set_nodes(deck: Deck, card: Card, instance: str) -> set[int]:
-    """Return the nodes of all elements in the element set that the card names, of an instance if one is named."""
+    """Return the nodes of all elements in the element set that the card names, of an instance if one is named.
+
+    Raises InputError if no such set was read before.
+    """
     name = f"{instance}." * bool(instance) + card.options["ELSET"].lower()
     if name not in deck.element_sets:
         raise card.place.error(f"ELSET={card.options['ELSET']} is no set of elements that stands further up")

@@ -72,7 +72,10 @@ def misfit(M: sp.csr_matrix, body: Resistance) -> Reason | None:
 
 
 def indefinite_superelement(M: sp.csr_matrix, K: sp.csr_matrix) -> Reason | None:
-    """Return (``M`` or ``K``, reason) if the whole matrix of nodes and modal amplitudes has negative eigenvalues."""
+    """Return (``M`` or ``K``, reason) if the whole matrix of nodes and modal amplitudes has negative eigenvalues.
+
+    Else return None.
+    """
     return next(_indefinite(M, K), None)
 
 
@@ -323,7 +326,7 @@ def _free_motion_count(body: Resistance) -> int:
 
 
 def _nodes_without_rotations(body: Resistance) -> Mask:
-    """Return a mask (N,) of nodes that have displacements but lack a rotation that most nodes have."""
+    """Return a mask (N,) of nodes with displacements but without a rotation that is common among the nodes."""
     missing, displaced = np.zeros(len(body.points), dtype=bool), ~body.missing_displacements.any(axis=1)
     for k in range(3, 6):
         rotates = np.bincount(body.node[body.direction == k], minlength=len(body.points)) > 0

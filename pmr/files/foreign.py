@@ -255,7 +255,7 @@ def _read_triplets(path: Path) -> sp.csr_matrix:
 def _read_coordinates(path: Path, between: str, head: int) -> Indices:
     """Read node and direction (n, 2) from all lines after the first `head` ones.
 
-    `between` is the sign that separates the two.
+    `between` is the sign that separates the two.  Raises UnreadableError with the number of a line of another form.
     """
     pairs = list[tuple[int, int]]()
     for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
@@ -278,7 +278,8 @@ def _is_node_number(text: str) -> bool:
 def _read_csv_nodes(path: Path) -> _Nodes:
     """Read nodes and groups from a CSV file; its first line is skipped.
 
-    Each line has node, x, y, z in m and the names of the groups that the node belongs to.
+    Each line has node, x, y, z in m and the names of the groups that the node belongs to.  Raises UnreadableError with
+    the number of a line of another form.
     """
     numbers, points, groups = list[int](), list[list[float]](), dict[str, list[int]]()
     for at, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
@@ -299,7 +300,10 @@ def _read_csv_nodes(path: Path) -> _Nodes:
 
 
 def _read_deck_nodes(path: Path) -> _Nodes:
-    """Read nodes, sets and constraint cards from an input deck of Abaqus or CalculiX."""
+    """Read nodes, sets and constraint cards from an input deck of Abaqus or CalculiX.
+
+    Raises InputError if two instances have nodes with the same number.
+    """
     deck = read_deck(path)
     if deck.renumbered is not None:
         allowed = (
@@ -320,7 +324,10 @@ def _read_deck_nodes(path: Path) -> _Nodes:
 
 
 def _make_nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[str, list[int]]) -> _Nodes:
-    """Return nodes from their numbers, points and groups; groups without members are left out."""
+    """Return nodes from their numbers, points and groups; groups without members are left out.
+
+    Raises UnreadableError without any node.
+    """
     if not numbers:
         raise UnreadableError("nodes are allowed: this file has none")
     sets_of_nodes = {name: np.unique(np.array(members, dtype=np.int64)) for name, members in groups.items() if members}
@@ -328,9 +335,9 @@ def _make_nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: d
 
 
 def _refuse_unknown(source: str, key: str, numbers: Indices, place: dict[int, int], nodes: Path) -> None:
-    """Raise an InputError with the key `key` for the first of `numbers` that is not a node in the file `nodes`.
+    """Raise an InputError for the first of `numbers` that is not a node in the file `nodes`.
 
-    `place` has the index of each node, by its number.
+    The error is about the key `key` of the file `source`.  `place` has the index of each node, by its number.
     """
     unknown = [int(number) for number in numbers if int(number) not in place]
     if unknown:
@@ -348,7 +355,10 @@ def _is_market(path: Path) -> bool:
 
 
 def _read_market(path: Path) -> sp.csr_matrix:
-    """Read a matrix in the format of Matrix Market, or in the format that Abaqus writes."""
+    """Read a matrix in the format of Matrix Market, or in the format that Abaqus writes.
+
+    Raises UnreadableError unless it is real, and general or symmetric.
+    """
     if not _is_market(path):
         entries = labelled.read_entries(path)
         return _complete_symmetric(entries.matrix(entries.pairs))

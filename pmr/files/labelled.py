@@ -210,9 +210,9 @@ def _displacement_axes(kind: str, beta: Array, angle: float) -> Array:
 
 
 def _group_sets(text: Sequence[str], grids: Indices) -> dict[str, Indices]:
-    """Return the members of each SET1 entry by name, such as ``set7``.
+    """Return the members of each SET1 entry in the lines `text` by name, such as ``set7``.
 
-    A range contains all of its numbers that are in `grids`.
+    A range contains all of its numbers that are in `grids`.  Raises UnreadableError for an entry of another form.
     """
     sets = dict[str, Indices]()
     for line, fields in _entries(text, "SET1"):
@@ -234,7 +234,10 @@ def _group_sets(text: Sequence[str], grids: Indices) -> dict[str, Indices]:
 
 
 def _external_pairs(text: Sequence[str]) -> Indices:
-    """Return grid point and component (n, 2) of the rows of a superelement's matrices, as EXTRN lists them."""
+    """Return grid point and component (n, 2) of the rows of a superelement's matrices, as EXTRN lists them in `text`.
+
+    Raises UnreadableError for an entry of another form.
+    """
     pairs = list[tuple[int, int]]()
     for line, fields in _entries(text, "EXTRN"):
         named = [field for field in fields if field]
@@ -247,7 +250,7 @@ def _external_pairs(text: Sequence[str]) -> Indices:
 
 
 def _entries(text: Sequence[str], name: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number of the first line and the fields of each entry of a `name`.
+    """Yield the number of the first line and the fields of each entry of a `name` in the lines `text`.
 
     Continuation lines of an entry begin with a blank, plus, star or comma.
     """

@@ -53,7 +53,7 @@ _log = logging.getLogger(__name__)
 
 
 def json_text(data: Any, indent: int | None = None) -> str:
-    """Return `data` as JSON, with null in place of each number that is not finite.
+    """Return `data` as JSON, with null in place of each number that is not finite; `indent` is that of `json.dumps`.
 
     Raises TypeError if `data` contains anything but numbers, text, truth values, None, lists, tuples and mappings.
     """
@@ -254,8 +254,8 @@ def record_arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
 def record_from_arrays(cls: Callable[..., T], data: Mapping[str, NDArray[Any]], prefix: str = "") -> T:
     """Return the dataclass `cls` from the arrays that `record_arrays` returned.
 
-    Numbers get the types of the fields.  Raises KeyError if a field without a default is missing, and TypeError or
-    ValueError if an array is of another type.
+    `prefix` is what their names begin with.  Numbers get the types of the fields.  Raises KeyError if a field without a
+    default is missing, and TypeError or ValueError if an array is of another type.
     """
     values: dict[str, Any] = {}
     for field in fields(cls):  # type: ignore[arg-type]

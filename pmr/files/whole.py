@@ -95,7 +95,7 @@ def report_full_disk(path: Path) -> Iterator[None]:
 
 
 def flush_file(path: Path) -> None:
-    """Write a file's content to the disk; called before the file gets the name that shows that it is complete."""
+    """Write a file's content to the disk; called before the file gets the name of a complete one."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
 
@@ -283,7 +283,7 @@ def _make_locked(folder: Path, is_whole: Callable[[Path], bool], make: Callable[
 def _publish(part: Path, folder: Path, is_whole: Callable[[Path], bool]) -> None:
     """Rename the complete temporary folder `part` to `folder`, unless another process has completed `folder` by now.
 
-    An incomplete `folder` is replaced.
+    `is_whole` tells whether a folder is complete; an incomplete `folder` is replaced.
     """
     for file in part.iterdir():
         with file.open("rb") as content:

@@ -73,7 +73,7 @@ class Supports:
 
 
 def supports_of(system: System, name: str, form: Modal, output: bool = True) -> Supports:
-    """Reactions of a body's rigid supports in its modes; none if `output` is false or reactions are not known."""
+    """Reactions of rigid supports of the body `name` in its modes; none if `output` is false or they are not known."""
     body, X, r = system.bodies[name], form.X, form.body.size
     reactions = body.reactions if isinstance(body, ReducedModel) else None
     carried = reactions is not None and reactions.carried is not None and body.carriers is not None
@@ -93,7 +93,10 @@ def supports_of(system: System, name: str, form: Modal, output: bool = True) -> 
 
 
 def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, supports: Supports) -> ReducedModel:
-    """Return the body in its modes, `modal`, with the reactions of supports as outputs after the body's own."""
+    """Return the body `name` in its modes, `modal`, with the reactions of supports as outputs after its own.
+
+    It is returned unchanged if `supports` is empty.
+    """
     body = system.bodies[name]
     if not supports.names or not isinstance(body, ReducedModel):
         return modal

@@ -82,7 +82,7 @@ class ContactSearch:
         self._state = ffi.new("pmr_search *")
 
     def change(self, closed: Mask, wrong: Mask) -> Mask:
-        """Contacts (m,) to be closed in the next solve, from those that were `closed` and those that are `wrong`.
+        """Contacts (m,) to be closed in the next solve, by the masks `closed` of this solve and `wrong` of its result.
 
         A contact is wrong if it is closed and pulls, or if it is open and overlaps.
         """

@@ -104,8 +104,8 @@ class Machine:
 class MachineSimulation:
     """Simulation of a machine with its boom over T steps, and recorded arrays; `state` is the state of the boom.
 
-    An InputError is raised for a boom that a machine can't carry: on a frame without a base that moves, with contacts
-    that only push, or with settings of several substeps or of energy.
+    An InputError is raised for a boom on a frame without a moving base, for one with contacts that only push, and for
+    settings of several substeps or of energy.
     """
 
     def __init__(self, state: State, machine: Machine, reasons: Mapping[int, str] = REASONS) -> None:

@@ -376,7 +376,7 @@ class State:
         room[:] = array
 
     def _check_array(self, name: str, values: ArrayLike, count: int) -> Array:
-        """Contiguous array of `values`; an InputError with `name` unless it has the shape (count,) and is finite."""
+        """Contiguous array of `values`; InputError with `name` unless they are `count` finite numbers, (count,)."""
         array = np.ascontiguousarray(values, float)
         if array.shape != (count,):
             raise InputError("state", name, array.shape, f"{(count,)} is allowed")
@@ -432,7 +432,10 @@ def _check_room(record: Record, first: int, rows: int) -> None:
 
 
 def _schedule(parts: Integers | None, steps: int) -> Any:
-    """Address of the numbers of substeps of each step, NULL for None; an InputError unless they are int32 (steps,)."""
+    """Address of the numbers of substeps of each of `steps` steps, NULL for None.
+
+    Raises InputError unless they are contiguous and int32 (steps,).
+    """
     if parts is None:
         return ffi.NULL
     if parts.dtype != np.int32 or parts.shape != (steps,) or not parts.flags.c_contiguous:
@@ -441,7 +444,7 @@ def _schedule(parts: Integers | None, steps: int) -> Any:
 
 
 def _rows(rows: Integers | None, count: int) -> Any:
-    """Address of the numbers of rows of motions that count, NULL for None; an InputError unless int32 (count,)."""
+    """Address of the numbers `rows` of motions, NULL for None; InputError unless they are `count` contiguous int32."""
     if rows is None:
         return ffi.NULL
     if rows.dtype != np.int32 or rows.shape != (count,) or not rows.flags.c_contiguous:

@@ -142,7 +142,7 @@ class Observation:
         }
 
     def _is_covered(self, name: str) -> bool:
-        """Whether a part of the error budget has an output."""
+        """Whether a part of the error budget has the output `name`."""
         return any(name in of_part for of_part in self.observer.errors.values())
 
     def write(self, folder: Path) -> list[Path]:

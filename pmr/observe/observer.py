@@ -101,7 +101,7 @@ class Estimates:
         return self.unknown_mean[:, k], self.unknown_deviation[:, k]
 
     def coverage(self, name: str, truth: Array, share: float = 0.9) -> float:
-        """Share of T true values that lie in the bands of an output or unknown that should hold `share` of them.
+        """Share of T true values within the bands of the output or unknown `name` that should hold `share` of them.
 
         Times at which the true value is NaN are left out.
         """
@@ -110,7 +110,7 @@ class Estimates:
         return float(np.mean((np.abs(truth - mean) <= width * deviation)[given]))
 
     def whiteness(self, lags: int = 10) -> dict[str, float]:
-        """p-value of the Ljung-Box test of each sensor's innovations: small where they are not white noise."""
+        """p-value of the Ljung-Box test of each sensor's innovations with `lags` lags: small if they are not white."""
         values = dict[str, float]()
         for name, column in zip(self.sensors, self.innovations.T, strict=True):
             x = column[np.isfinite(column)]

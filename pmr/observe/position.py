@@ -233,7 +233,10 @@ class PositionObserver:
         )  # fmt: skip
 
     def _changes(self, count: int, start: float) -> Array:
-        """Chances (D, D) in a step to change from a speed to a neighbour, from rest (in the middle) with `start`."""
+        """Chances (D, D) in a step to change from one of D = `count` speeds to a neighbour; `start` is that from rest.
+
+        Rest is in the middle of the speeds.
+        """
         W = np.zeros((count, count))
         for d in range(count):
             neighbours = [e for e in (d - 1, d + 1) if 0 <= e < count]
@@ -245,7 +248,7 @@ class PositionObserver:
         """Positions from accelerations (T,) at the models' step; NaN where nothing was measured.
 
         `activity` (T,) or a number is the power of what only a slider in motion excites, such as the acceleration above
-        the modes' frequencies; by default nothing tells.
+        the modes' frequencies; by default nothing tells.  Raises InputError for arrays of other shapes.
         """
         y = np.ascontiguousarray(acceleration, float)
         if y.ndim != 1:

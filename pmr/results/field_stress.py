@@ -142,7 +142,7 @@ class PeakSummary(TypedDict, total=False):
 class StressPeak:
     """Largest von Mises stress `value` in Pa, its time t in s, its position (3,) in m, and its face, cell and region.
 
-    `shared` are positions (3,) in m of other points that have the same stress at that time.
+    `shared` are the positions (3,) in m of other points with the same stress at that time.
     """
 
     value: float

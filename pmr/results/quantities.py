@@ -231,7 +231,7 @@ def columns_by_support(columns: Columns, looks_at: Callable[[str], bool]) -> dic
 
 
 def support_names(columns: Columns, number: int) -> tuple[str, ...]:
-    """Return the two names of a support's column: its own, and that of its contact, such as ``base pivot x``."""
+    """Return the two names of a support's column number `number`: its own, and its contact's, as ``base pivot x``."""
     body, name = columns.bodies[number], columns.names[number]
     row = name.removeprefix(REACTION).removeprefix(f"{body}: ").removeprefix(FORCE)
     return name, f"{body} {row}".strip()
@@ -424,7 +424,7 @@ LIMITED = {quantity.limit: quantity for quantity in QUANTITIES.values() if quant
 
 
 def error_label(name: str) -> str:
-    """Return words for the quantity of an error in summary.json, such as ``pad_force_between_kinks``.
+    """Return words for the quantity of the error `name` in summary.json, such as ``pad_force_between_kinks``.
 
     A key that is not in `QUANTITIES` is returned unchanged.
     """

@@ -417,7 +417,7 @@ def _read_frequencies(data: Data) -> Frequencies:
 
 
 def _read_body(folder: Path, data: Data, name: str) -> BodyResult:
-    """Return the results of a body from the arrays of trajectories.npz and the file of its fields."""
+    """Return the results of the body `name` from the arrays of trajectories.npz and the file of its fields."""
     of, file = _array_prefix(name), folder / _fields_file(name)
     stress, along = f"{of}peak_stress.", f"{of}envelope."
     models = sorted({key.removeprefix(along).split(".")[0] for key in data if key.startswith(along)})

@@ -186,7 +186,7 @@ def outputs_csv(run: Reference, drivers: Drivers, variables: Sequence[Variable])
 
 
 def _csv(names: Sequence[str], rows: Array) -> str:
-    """Comma-separated text of a header and rows of numbers."""
+    """Comma-separated text of a header with `names`, and of rows of numbers."""
     lines = [",".join(f'"{name}"' for name in names)]
     return "\n".join([*lines, *(",".join(map(repr, row)) for row in rows.tolist()), ""])
 
