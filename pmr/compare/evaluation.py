@@ -220,7 +220,7 @@ MACHINE = "machine"
 
 
 def append_machine(scene: Scene, response: Response) -> Response:
-    """Append displacements, rates and forces of a machine whose motion is computed to the response of a scene.
+    """Append to a scene's response the displacements, rates and forces of a machine with a computed motion.
 
     Displacements are in m or rad, rates in m/s or rad/s.  Forces in N or N m are those of springs, dampers and
     constraints, positive along the axes, by the directions of ``[frame.base]``; a direction without any of these has no

@@ -134,7 +134,7 @@ def frequency_response(
 
     A drive or a controller acts on a boom with this response.  It is computed by `Assembly.frequency_responses` at
     `RESPONSE_FREQUENCIES` frequencies, from a tenth of the lowest natural frequency to 1.2 times the highest.  For each
-    load, the output is the displacement of the tip that the load moves most when it is static.
+    load, the output is that displacement of the tip which is largest under the static load.
 
     Parameters
     ----------

@@ -312,7 +312,7 @@ def divide_steps(system: System, excitation: Excitation, run: SystemTrajectory |
 def outputs_of_run(
     system: System, run: SystemTrajectory, excitation: Excitation, every: int = 1, rates: bool = True
 ) -> Outputs:
-    """Outputs at every `every`-th step of a run that contains all steps of the excitation.
+    """Outputs at every `every`-th step of a run; the run must contain all steps of the excitation.
 
     Velocities, which take long to compute, are left out unless `rates` is true.
     """

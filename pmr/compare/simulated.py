@@ -99,7 +99,7 @@ def excitation_of_scene(scene: Scene, system: System) -> Excitation:
 
 
 def check_scene_fits(scene: Scene, system: System) -> None:
-    """Raise an InputError if a scene has other bodies, joints or loads than those that a system was made from."""
+    """Raise an InputError if a scene's bodies, joints or loads are not those of the scene behind a system."""
     parts = scene.bodies
     if tuple(parts) != tuple(system.bodies):
         allowed = f"the sections of the system are allowed: {', '.join(system.bodies)}"
@@ -210,7 +210,7 @@ def check_same_scene(model: HasProvenance, scene: Scene, number: int | None = No
 
 
 class Difference(NamedTuple):
-    """Difference between a scene and the one that a model was made from: key, the scene's value, the model's value."""
+    """Difference between a scene and the one behind a model: key, the scene's value, the model's value."""
 
     key: str
     present: object

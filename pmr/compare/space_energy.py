@@ -149,7 +149,7 @@ class _EnergyBalance:
             self.drives -= by_motion + np.diff(c) / 2.0 * row_products(step_means(q), step_means(G))
 
     def _add_shortening(self, frame_term: FrameTerm, c: Array, bent: Array, rate: Array) -> None:
-        """Add to the moments the displacement along the axis of a section that bends, or whose cylinder leans.
+        """Add to the moments the displacement of a section along its axis, as the section bends or its cylinder leans.
 
         `bent` and `rate` (T,) are q^T G q / 2 and its rate, with the matrix G of the term and its amplitude c (T,).
         """
@@ -164,7 +164,7 @@ class _EnergyBalance:
         moments.rate[:, over, 0] += rate
 
     def add_momentum(self, number: int, moments: _Moments) -> None:
-        """Add the energy and work that are linear in the displacements of the section with this `number`."""
+        """Add energy and work of section `number`, those parts that are linear in its displacements."""
         t, omega, gravity = self._run.t, self._turning.velocity, self._scene.gravity
         weight = (gravity.signal.value(t) if gravity else 0.0 * t)[:, None] * self._turning.up
         V = _speeds(self._scene, omega, number, t)

@@ -48,7 +48,7 @@ NO_DIFFERENCE = 1e-12
 
 
 class ConvergenceSeries(Generic[Compared]):
-    """Differences between runs with ever smaller steps, and the error of a run that they show.
+    """Differences between runs with ever smaller steps, and the error of a run by these differences.
 
     `difference` measures the difference of a run to a finer run, as a fraction.  `first` is the run with the longest
     step.  The error is that of the run `initial` ("the given run"), or of `first` if `initial` is None.

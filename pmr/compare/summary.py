@@ -211,7 +211,7 @@ def parts_of_forces(scene: Scene, system: System, response: Response) -> list[Su
 
 
 def warnings_of_response(scene: Scene, system: System, response: Response) -> tuple[str, ...]:
-    """Warnings about a response of a system that can be given without another model, the gravest first."""
+    """Those warnings about a system's response that need no other model, the gravest first."""
     excitation = Excitation.from_scene(scene)
     omega = contact_step.contact_frequency(system, excitation)
     parts = [

@@ -163,7 +163,7 @@ def _contacts(
 ) -> Array:
     """What the m contacts measure of the rigid motions of b bodies at T positions, (T, m, 6 b).
 
-    A row is set to zero if it is round-off of the terms that it is summed from.
+    A row is set to zero if it is a sum of terms that cancel up to round-off.
     """
     names, x = list(bodies), system.side_coordinates(positions.s)
     rows, terms = np.zeros((2, len(positions.labels), len(system.contacts), 6 * len(names)))

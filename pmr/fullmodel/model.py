@@ -292,5 +292,5 @@ class FullSystem(BodySystem[FullModel]):
 
     @cached_property
     def side_rows(self) -> tuple[Row, ...]:
-        """Constraint row of each of the `sides`, on the carrier rows of the body that the side belongs to."""
+        """Constraint row of each of the `sides`, on the carrier rows of the side's body."""
         return tuple(self.row(side.place) for side in self.sides)

@@ -309,7 +309,7 @@ def _point_row(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
 
 
 def _lattice(pad: Pad) -> tuple[float, int]:
-    """Spacing of a pad's stations in m, and the number of stations on either side of its centre that have a weight."""
+    """Spacing of a pad's stations in m, and the number of stations with a weight on either side of its centre."""
     return pad.length / (4 * STATIONS + 2), 2 * STATIONS
 
 

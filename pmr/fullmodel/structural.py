@@ -136,7 +136,7 @@ def images_of(carriers: sp.csr_matrix, mirrors: Sequence[sp.csr_matrix]) -> list
 
 
 def _partners(U: sp.csr_matrix, P: sp.csr_matrix) -> Indices:
-    """For each row of U (K, n) the number of the row that is its image under P, or -1 if there is none."""
+    """For each row of U (K, n) the number of its image under P among the rows, or -1 if it has none."""
     V, partner_of = sp.csr_matrix(U @ P.T), np.full(U.shape[0], -1)
     size = np.asarray(U.multiply(U).sum(axis=1)).ravel()
     shared = sp.coo_matrix(V @ U.T)

@@ -170,7 +170,7 @@ class Coupling:
     walls: Walls
 
     def attached_mass(self) -> sp.csr_matrix:
-        """Mass (n', n') of attached masses and of walls that give way.
+        """Mass (n', n') of attached masses and of flexible walls.
 
         An attached mass m with inertia J moves by G z and contributes G^T diag(m, J) G.
         """

@@ -94,7 +94,7 @@ class StructuralModel(Protocol):
         """Centroid of a place, (3,) m."""
 
     def strip(self, face: str, window: Window) -> Strip:
-        """Points for the integrals of pads, within `window` on a flat face or on the line that represents it on a beam.
+        """Points for the integrals of pads, within `window`, on a flat face or, for a beam, on a line in its place.
 
         Raises
         ------

@@ -200,7 +200,7 @@ class Matrices(TracedModel):
 
 
 def _interval_middles(start: float, end: float, spacing: float) -> tuple[Array, float]:
-    """Middles of equal intervals between `start` and `end` whose width is at most `spacing`, and this width; all in m.
+    """Middles of equal intervals, of a width up to `spacing`, between `start` and `end`; and the width; all in m.
 
     There are no intervals if `end` <= `start`.
     """

@@ -348,7 +348,7 @@ def inset_sides(sides: tuple[Side, ...], depth: float) -> tuple[Side, ...]:
 
 
 def enclosed_figure(sides: tuple[Side, ...]) -> Plane:
-    """Area and moments of the figure that the mid-line of the `sides` of a profile encloses."""
+    """Area and moments of the figure inside the mid-line of a profile with these `sides`."""
     area, first, second = 0.0, np.zeros(2), np.zeros((2, 2))
     for side in sides:
         p = points_along(side, POINTS)

@@ -168,7 +168,7 @@ def centre_motion_matrices(sections: SectionsAlong) -> Array:
 
 
 def sections_of(body: Beam3DBody, stations: Array, box: Box | None = None) -> SectionsAlong:
-    """Sections of a beam with nodes at `stations` (N,) m, from its section, its profile or a `box` that varies.
+    """Sections of a beam with nodes at `stations` (N,) m, from its section, its profile or a varying `box`.
 
     A stretch of constant profile is one section.  Where the profile changes along a stretch, each element is a section.
     """

@@ -289,7 +289,7 @@ def _reduce_section(scene: Scene, member: Member, model: FullModel, cache: Cache
 
 
 def _without_flexibility(model: ReducedModel) -> ReducedModel:
-    """Return the model without the residual flexibility of the modes that it leaves out."""
+    """Return the model without residual flexibility."""
     assert model.carriers is not None  # section models have carriers
     return replace(model, flexibility=None, carriers=replace(model.carriers, flexibility=None, answers=None))
 

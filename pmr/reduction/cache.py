@@ -40,7 +40,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ReducedBody:
-    """Reduced model of a body, with its basis and the snapshots that the basis is made from; same on every rank."""
+    """Reduced model of a body, with its basis and the snapshots behind the basis; same on every rank."""
 
     snapshots: Snapshots
     basis: Basis

@@ -282,7 +282,7 @@ def _rows_on_path(model: FullModel) -> SharedCarriers:
 
 
 def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: Array) -> ReducedModel:
-    r"""Return the model without stiffness of rigid-body modes and without couplings that are round-off.
+    r"""Return the model with zeros for the stiffness of rigid-body modes and for couplings by round-off only.
 
     Round-off in the stiffness of a rigid-body mode acts as a positive or negative spring to ground.  A coupling of the
     basis vectors i and j with

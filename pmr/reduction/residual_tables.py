@@ -231,7 +231,7 @@ def _dense(A: sp.csr_matrix | Array) -> Array:
 
 
 def load_pairs(shared_carriers: SharedCarriers, inputs: int) -> sp.csr_matrix:
-    """Pattern (L, L) of the pairs of loads that tables at one path coordinate need.
+    """Pattern (L, L) of those pairs of loads which tables at one path coordinate need.
 
     They are pairs of carriers that rows touch on the same interval, and pairs of an input with any load.  On the path
     of a beam each load pairs with a few others, however fine the mesh.

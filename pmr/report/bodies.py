@@ -266,7 +266,7 @@ class PointOfBody(NamedTuple):
 def place_of_peak(result: RunResult, moment: Moment) -> PointOfBody:
     """Return the body and the point with the largest stress, as the summary states them.
 
-    If the summary does not state them, the point is the middle of the cell that has the largest stress of all bodies at
+    If the summary does not state them, the point is the middle of the cell with the largest stress of all bodies at
     `moment`.
     """
     fields, peak = fields_by_body(result), _summary_peak(result)

@@ -330,7 +330,7 @@ def ring_forces(result: RunResult) -> Iterator[RingForces]:
 
 
 def _force_names_by_face(ring: PadRing) -> dict[str, list[str]]:
-    """Names of the forces of a ring's pads, by the face ``bottom`` or ``top`` that the pads are on."""
+    """Names of the forces of a ring's pads, by the face of these pads, ``bottom`` or ``top``."""
     return {side: [FORCE_OF + name for name, face, _ in ring.named_pads if face == side] for side in ("bottom", "top")}
 
 

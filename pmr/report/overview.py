@@ -130,7 +130,7 @@ def _body_rows(result: RunResult) -> Rows:
 
 
 def _mass_rows(result: RunResult) -> Rows:
-    """Yield a row for each point mass, and a row with the total mass of the bodies and all that is attached."""
+    """Yield a row for each point mass, and a row with the total mass of the bodies with everything attached to them."""
     for name, part in result.scene.bodies.items():
         for mass in part.masses:
             yield qualified_name(name, mass.name), f"{format_input(mass.mass, 'kg')} on {mass.on}{_offset(part, mass)}"

@@ -314,7 +314,7 @@ def drawing_sentence(data: dict[str, Any]) -> str:
 
 
 class CompressedFrames(NamedTuple):
-    """Factors of frames, ready for JSON, and the share of the frames that their product leaves out."""
+    """Factors of frames, ready for JSON, and the share of the frames missing in their product."""
 
     factors: dict[str, Any]
     lost: float

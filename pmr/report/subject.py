@@ -218,7 +218,7 @@ def axial_supports(result: RunResult) -> list[str]:
 
 
 def changing_angles(result: RunResult) -> dict[str, SignalBase]:
-    """Signals of the angles of luffing and slewing that change during the run, by name; empty without a frame."""
+    """Signals of those angles, luffing and slewing, that change during the run, by name; empty without a frame."""
     frame, end = result.frame, result.scene.time.end
     angles = {} if frame is None else dict(zip(("luffing", "slewing"), frame.angles, strict=True))
     bounds = {name: angle.bounds(0.0, end) for name, angle in angles.items()}
@@ -245,7 +245,7 @@ def has_pushing_pads(result: RunResult) -> bool:
 
 
 def luffing_support_names(result: RunResult) -> set[str]:
-    """Names of the luffing cylinder's force and of the supports that model it; empty if the scene has none.
+    """Names of the luffing cylinder's force, and of the supports in its place; empty if the scene has none.
 
     The force of the luffing cylinder has its own row.
     """

@@ -120,7 +120,7 @@ class Box(BoxProfile):
 
     @model_validator(mode="after")
     def _check_variation(self) -> Box:
-        """Refuse tapers and doublers that do not fit the box, and neighbouring breaks along x that are too close."""
+        """Refuse tapers and doublers that do not fit the box, and breaks along x too close to each other."""
         apart = LEAST_BREAK_DISTANCE * self.length
         for key, taper in self._tapers.items():
             self._check_taper(key, taper)

@@ -140,7 +140,7 @@ IN_LINE, SAMPLES = 0.01, 1001
 
 
 def check_frame(scene: Scene) -> None:
-    """Refuse a moving frame whose angles jump or have kinks, and settings of the scene that a frame does not allow.
+    """Refuse a moving frame if its angles jump or have kinks, or if it does not go with the scene's settings.
 
     Such settings are gravity with a direction of its own, models that can't follow the frame's motion, whatever the
     terms of second order do not cover, and the ANCF reference.  A scene without a frame passes.
@@ -320,7 +320,7 @@ def check_time(scene: Scene) -> None:
 
 
 def _check_reduction(scene: Scene) -> None:
-    """Refuse settings of the reduction that exclude each other, and fewer coordinates than constraint rows."""
+    """Refuse contradictory settings of the reduction, and fewer coordinates than constraint rows."""
     choice = scene.reduction
     if choice.basis == "paper" and choice.flexibility:
         allowed = "'eigenmodes' or 'free_modes' is allowed with flexibility: supports then need no coordinates"

@@ -83,7 +83,7 @@ def has_walls_that_could_give(member: Member) -> bool:
 
 
 def motion_directions(member: Member) -> tuple[Direction, ...]:
-    """Return those of x, y, z, rx, ry, rz along or about which a point of the body's model can move."""
+    """Return those of x, y, z, rx, ry, rz along or about which points of a body can move in its model."""
     if model_of(member) == "mover":
         return ("z",)
     if not is_planar(member):
@@ -131,7 +131,7 @@ def axis_loads(member: Member) -> tuple[Load, ...]:
 class RopePull(NamedTuple):
     """Load by which the rope of a hoist pulls a body at `place`, ``head`` or ``winch``; its signal is zero.
 
-    `lever` is by how much a unit of the displacement or angle that the load works along moves the place, (3,).
+    `lever` (3,) is the displacement of the place per unit of the load's own displacement or angle.
     """
 
     load: Load

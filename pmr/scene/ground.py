@@ -68,7 +68,7 @@ class Ground(SceneTable):
 
     @model_validator(mode="after")
     def _check_outriggers(self) -> Self:
-        """Refuse fewer than three outriggers, those on one line, and names or places that occur twice."""
+        """Refuse fewer than three outriggers, outriggers on one line, and repeated names or places."""
         for key in ("masses", "outriggers"):
             names = [part.name for part in getattr(self, key)]
             if twice := next((name for name in names if names.count(name) > 1), None):

@@ -26,7 +26,7 @@ def still_rotation(scene: Scene) -> Array:
 
 
 class PlaceOnBoom(NamedTuple):
-    """Place in m of head or winch where no section is extended, and the number of the section that carries it.
+    """Place in m of head or winch where no section is extended, and the number of the section around it.
 
     It is along axes of the boom, from the pivot of its frame or from the base's tail without one; on the machine along
     axes that do not luff.

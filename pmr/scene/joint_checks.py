@@ -373,7 +373,7 @@ def _check_section(scene: Scene, number: int) -> None:
 
 
 def _check_overlaps_and_friction(scene: Scene) -> None:
-    """Refuse rigid overlaps unless all are planar beams, and friction of sections that can't move along the boom."""
+    """Refuse rigid overlaps unless all are planar beams, and friction where sections can't move along the boom."""
     for number in range(1, len(scene.sections)):
         member = member_at(scene, number)
         if scene.joint(number).rigid_overlap and not is_planar(member):

@@ -370,14 +370,14 @@ def longest_rope(scene: Scene, number: int) -> float:
 
 @dataclass(frozen=True)
 class Drive:
-    """Compliance of the cylinder or rope that holds a section along the boom."""
+    """Compliance of a section's drive, the cylinder or rope by which it is held along the boom."""
 
     compliance: float  # m/N, where the section's extension is 0
     changes_length: float = 0.0  # 1/N: growth of the compliance per m of extension
 
     @classmethod
     def of_section(cls, scene: Scene, number: int) -> Drive:
-        """Return the compliance of the cylinder or rope that moves section `number` (1 or more)."""
+        """Return the drive of section `number` (1 or more), a cylinder or rope."""
         joint = scene.joint(number)
         if joint.rope is not None:
             length, EA = rope_length(scene, number), joint.rope.strands * joint.rope.EA

@@ -124,7 +124,7 @@ def comparable_scene(scene: Scene) -> Scene:
 
 
 def _choose_models(scene: Scene, model: str, walls: str) -> Scene:
-    """Return the scene with this model and these walls for all bodies whose model is left to measurements."""
+    """Return the scene with this model and these walls for those bodies whose model is left to measurements."""
     parts = []
     for member in members(scene):
         part = member.part

@@ -212,7 +212,7 @@ class Reduction(SceneTable):
 
     @property
     def estimable(self) -> bool:
-        """Whether the inertia of the modes that are left out is kept too, from which the error is estimated."""
+        """Whether the inertia of the left-out modes is kept too; the error is estimated from it."""
         return self.extendable and self.estimate
 
 

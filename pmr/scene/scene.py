@@ -181,7 +181,7 @@ class BodyFile(OneBody, CommonTables):
 
 
 def _describe_common_keys(schema: Schema) -> None:
-    """Describe in a JSON schema, which is changed in place, the table of keys that all sections share."""
+    """Change a JSON schema in place: describe the table of the keys shared by all sections."""
     about = "Keys that every section has unless it has its own"
     schema["properties"]["section"] = {"type": "object", "description": about, "default": {}}
 

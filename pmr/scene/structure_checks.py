@@ -162,7 +162,7 @@ def _check_travel(member: Member) -> None:
 
 
 def _check_body(member: Member) -> None:
-    """Refuse keys of body and mesh that contradict each other or the body's model."""
+    """Refuse a body whose keys, with those of its mesh, contradict each other or its model."""
     body, file, model = member.part.body, member.part.mesh.file, model_of(member)
     if body.mover is not None or model == "mover":
         return _check_mover(member)
@@ -244,7 +244,7 @@ def _check_box_variation(member: Member, box: Box) -> None:
 
 
 def _check_frames(box: Box) -> None:
-    """Refuse frames of a beam that are not in order within the box, or do not fit into its profile."""
+    """Refuse a beam with frames if these are not in order within the box or do not fit into its profile."""
     places = (0.0, *box.frames, box.length)
     if any(b <= a for a, b in pairwise(places)):
         allowed = f"ascending places within 0 and {box.length:g} m are allowed"

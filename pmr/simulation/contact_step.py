@@ -54,7 +54,7 @@ def contact_frequency(system: System, excitation: Excitation) -> float:
 
 
 def contact_frequency_at(system: System, x: Array) -> float:
-    """Largest omega in rad/s of the contacts that only push, with the sides of contacts at x (T, sides) m.
+    """Largest omega in rad/s of one-sided contacts, with the sides of all contacts at x (T, sides) m.
 
     The result is 0 if no contact only pushes.
     """
@@ -175,7 +175,7 @@ class StepParts:
         return int(self.parts.max())
 
     def factors(self, parts: int) -> SchemeFactors:
-        """Factors of the time integration for one part of a step that has the number `parts` of parts."""
+        """Factors of the time integration for one of the `parts` equal parts of a step."""
         return SchemeFactors.of(self.stepping.divide(parts).step, self.stepping.rho_inf)
 
     @cached_property

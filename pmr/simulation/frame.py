@@ -241,7 +241,7 @@ class CylinderAmplitude(Amplitude):
 
 
 class GroundForceComponent(AngleAmplitude):
-    """Component along a body's axis of a force that has the direction of a ground axis."""
+    """Component, along a body's axis, of a force along an axis of the ground."""
 
     force: SignalBase
     name: str  # of the load

@@ -285,7 +285,7 @@ class MovingFrame:
         return tuple(signals[name] for name in self.drivers)
 
     def drives(self, excitation: Excitation) -> bool:
-        """Whether an excitation has the paths, loads and amplitudes of terms that the scene has on its time grid."""
+        """Whether an excitation's paths, loads and amplitudes of terms are those of the scene, on its time grid."""
         if self.scene.frame is None or self.scene.frame.computed_key is not None:
             return False
         of_scene = Excitation.from_scene(self.scene).on_grid(excitation.stepping)

@@ -110,7 +110,7 @@ def is_aliased(signal: SignalBase, stepping: TimeStepping) -> bool:
 
 
 def _describe_loss(signal: SignalBase, stepping: TimeStepping) -> Iterator[str]:
-    """Yield a line for each tone of a signal that the steps do not follow, and for its largest overshoot."""
+    """Yield a line for each tone of a signal too fast for the steps, and for the signal's largest overshoot."""
     h = stepping.step
     for part in signal.parts:
         f = part.highest_frequency(0.0, stepping.end)

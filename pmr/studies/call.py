@@ -141,7 +141,7 @@ def _progress(
 ) -> Progress:
     """Return the progress after `elapsed` seconds, while the tasks with these `keys` are being computed.
 
-    `done` holds the digests of the tasks that have a result, `failures` the failures by digest.
+    `done` holds the digests of the tasks with a result, `failures` the failures by digest.
     """
     cost_done = sum(nodes[digest].task.cost for digest in done)
     cost_left = sum(node.task.cost for digest, node in nodes.items() if digest not in done and digest not in failures)

@@ -33,7 +33,7 @@ PARTS = ("reduction", "mesh", "model", "rotation")
 
 @dataclass(frozen=True)
 class Chart:
-    """Limits of a chart and the load cases in which they are evaluated.
+    """Limits of a chart, and the load cases for which these are evaluated.
 
     Array shapes in the methods: c load cases; l limits, which are those of `limits` in their order, and stability as
     last.

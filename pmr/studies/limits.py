@@ -178,7 +178,7 @@ def _stress_probes(scene: Scene) -> list[str]:
 
 
 def _force_names_of(kind: str) -> Callable[[Scene], Sequence[str]]:
-    """Return a function of a scene that lists the names of its contact forces of this kind."""
+    """Return a function that takes a scene and lists the names of its contact forces of this kind."""
     return lambda scene: force_names(scene)[kind]
 
 
@@ -408,7 +408,7 @@ def bodies_with_field(scene: Scene) -> list[str]:
 
 
 def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:
-    """Return the scene with probes at all stress points of the bodies or regions that fit one of the `patterns`.
+    """Return the scene with probes at all stress points of those bodies and regions that fit one of the `patterns`.
 
     A region is named by its body and its own name, ``fly: flange``.  `places` is the number of points of the chart.
     Raises InputError if no body or region fits, or if the stresses at all these points and places would fill the

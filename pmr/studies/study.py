@@ -67,7 +67,7 @@ class StudyBase(SceneTable):
         return {}
 
     def tables(self, results: StudyResults) -> Mapping[str, str | bytes]:
-        """Return the contents of further tables of the runs that are done, by file name.
+        """Return the contents of further tables of the finished runs, by file name.
 
         For an empty content no file is written, and an old file is deleted.
         """

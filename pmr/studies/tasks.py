@@ -47,7 +47,7 @@ def cell_number(value: Scalar) -> float:
 
 @dataclass(frozen=True)
 class TaskResult:
-    """Numbers for the table (`record`), arrays, times and warnings that a task returns.
+    """Result of a task: numbers for the table (`record`), arrays, times and warnings.
 
     Each entry of the `record` is a column of the table; its value must not depend on the machine.  Measured times,
     which differ from run to run, are in `seconds` instead.  `warnings` are the warnings of a run of the same scene, one
@@ -154,10 +154,10 @@ class Plan:
 
 @dataclass(frozen=True)
 class Node:
-    """A task with its digest and, by name, the digests of the results that it needs.
+    """A task with its digest and, by name, the digests of all results on which it depends.
 
-    `urgency` is the cost of the longest chain of tasks that begins with this one.  Starting the most urgent task first
-    keeps all workers busy longest (list scheduling by upward rank; Topcuoglu, Hariri, Wu 2002, section 4.1).
+    `urgency` is the cost of the longest chain of tasks from this one on.  Starting the most urgent task first keeps all
+    workers busy longest (list scheduling by upward rank; Topcuoglu, Hariri, Wu 2002, section 4.1).
     """
 
     digest: str

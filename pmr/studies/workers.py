@@ -139,7 +139,7 @@ class Pool:
 
 @contextmanager
 def local_pool(jobs: int) -> Iterator[Pool]:
-    """Yield a pool of `jobs` workers on this machine, each with a thread and a child that end with the context."""
+    """Yield a pool of `jobs` workers on this machine, each with a thread and a child; all end with the context."""
     thread, workers = threading.local(), [Worker(sys.path) for _ in range(jobs)]
     unused = iter(workers)
 

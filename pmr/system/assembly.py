@@ -69,7 +69,7 @@ class Assembly:
 
     @cached_property
     def K(self) -> sp.csr_matrix:
-        """Stiffness matrix (n, n), without contacts and terms that vary in time."""
+        """Stiffness matrix (n, n), without contacts and without terms."""
         return self._blocks(lambda body, free: body.K[np.ix_(free, free)])
 
     @cached_property

@@ -52,7 +52,7 @@ class Flexibility:
     energy: Array  # B^T R B (i, i) m/N: twice the residual strain energy under unit inputs
 
     def with_rows(self, numbers: Sequence[int]) -> Flexibility:
-        """Return the flexibility of the body that keeps only the rows with these `numbers`."""
+        """Return the flexibility after the body has dropped all rows but those with these `numbers`."""
         rows, inputs = (select_rows(table, numbers) for table in (self.rows, self.inputs))
         outputs = select_columns(self.outputs, numbers)
         return replace(self, rows=select_columns(rows, numbers), inputs=inputs, outputs=outputs)

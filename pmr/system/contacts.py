@@ -229,7 +229,7 @@ class Compliance:
     def from_contacts(cls, contacts: Sequence[Contact]) -> Compliance:
         """Compliance of a system's contacts.
 
-        An InputError is raised if a contact bears the force of a contact that does not exist.
+        An InputError is raised if a contact bears the force of another that is missing.
         """
         names = [contact.name for contact in contacts]
         S = np.eye(len(contacts))

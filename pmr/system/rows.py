@@ -345,7 +345,7 @@ def _shared_carriers(rows: Sequence[Row], size: int) -> SharedCarriers:
 def _on_single_coordinates(rows: Sequence[Row], coordinates: Indices) -> SharedCarriers:
     """Rows on single coordinates, from rows on common carriers.
 
-    `coordinates` are the ascending numbers of all coordinates that the common carriers touch.
+    `coordinates` are the ascending numbers of the coordinates in all common carriers.
     """
     U, count = rows[0].carriers[:, coordinates], len(coordinates)
     single = sp.csr_matrix((np.ones(count), coordinates, np.arange(count + 1)), (count, rows[0].carriers.shape[1]))

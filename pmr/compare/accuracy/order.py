@@ -50,7 +50,7 @@ _NEEDED = {"probe": "probes", "pad_force": "pads", "cylinder_force": "cylinders"
 
 @dataclass(frozen=True)
 class Choice:
-    """The model and the step that a scene gets, and their errors."""
+    """The model and the step chosen for a scene, and their errors."""
 
     scene: Scene  # with the chosen step and, for a single body, the chosen coordinates
     models: Mapping[str, ReducedModel]  # by name of the body (`ALONE` or sections), without cylinder modes
@@ -99,9 +99,9 @@ def _join_models(scene: Scene, models: Mapping[str, ReducedModel]) -> System:
 class Search:
     """Search for the model and the step of a scene with a tolerance or a budget; `trial` is the best one so far.
 
-    `models` are the reductions, on free modes, of the bodies of the scene that `prepare_scene` returned, by name.
-    Raises InputError if errors of these models, or of the outputs that the scene names, can't be estimated, or if every
-    model exceeds the scene's budget.
+    `models` are the reductions, on free modes, of the bodies by name; the scene is the result of `prepare_scene`.
+    Raises InputError if errors of these models, or of the scene's chosen outputs, can't be estimated, or if every model
+    exceeds the scene's budget.
     """
 
     def __init__(self, scene: Scene, models: Mapping[str, ReducedModel]) -> None:
@@ -153,7 +153,7 @@ class Search:
         return self
 
     def choose(self, mesh_reason: str | None) -> Choice:
-        """Leave out coordinates and steps that are not needed, and return the choice.
+        """Leave out superfluous coordinates and steps, and return the choice.
 
         `mesh_reason` says why the error of the mesh is unknown; None if it is known.  Raises InputError or
         SimulationError as for `pmr.simulation.Simulator`.

@@ -137,7 +137,7 @@ def explain_trial(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
 
 
 def _fewest_modes(trials: Trials, trial: Trial, allowed: Allowed) -> Sizes:
-    """Sizes with the fewest modes whose error against the trial is at most the part of `allowed` that its step leaves.
+    """Smallest sizes with an error against the trial of at most `allowed` less the error of the trial's step.
 
     Modes are left out of all bodies first, then of each body.  The runs have the fewest steps that resolve the motion.
     """

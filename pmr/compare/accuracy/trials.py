@@ -285,7 +285,7 @@ class Trials:
         return {kind: np.inf if run_error is None else run_error.error_of(kind) for kind in self.wanted}
 
     def is_settled(self, sizes: Sizes, steps: int) -> bool:
-        """Whether runs with more than `steps` steps approach each other, in all kinds of outputs that are wanted.
+        """Whether runs with more than `steps` steps approach each other, in all wanted kinds of outputs.
 
         Only to be called after `step_errors` for the same sizes and steps.
         """

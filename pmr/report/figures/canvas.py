@@ -259,7 +259,7 @@ def log_x(ax: Axes, low: float, high: float) -> None:
 
 
 def _round_values(low: float, high: float, steps: Sequence[float] = (1.0, 2.0, 5.0)) -> list[float]:
-    """Products of one of `steps` and a power of ten that lie between `low` and `high`."""
+    """Values from `low` to `high`, each the product of one of `steps` and a power of ten."""
     decades = range(floor(log10(low)), ceil(log10(high)) + 1)
     return [tick for decade in decades for step in steps if low <= (tick := step * 10.0**decade) <= high]
 

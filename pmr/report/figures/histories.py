@@ -68,7 +68,7 @@ def sliding_spans(t: Array, rate: Array) -> tuple[Span, ...]:
 
 
 def _relative_rates(result: RunResult, t: Array) -> Array:
-    """Largest relative rate (T,) of all paths and angles that change, at the times `t` (T,) in s.
+    """Largest relative rate (T,) of all changing paths and angles, at the times `t` (T,) in s.
 
     Each rate is divided by its own largest value, as rates of lengths and of angles have no common unit.
     """

@@ -360,7 +360,7 @@ def _governing_page(
 
 
 def _stop_sentences(study: FinishedStudy, limit: str, stops: Array) -> Iterator[str]:
-    """Yield a sentence for each stop of the study that is known at this point, on how far the tip swings after it.
+    """Yield a sentence for each stop with results at this point, on how far the tip swings after it.
 
     Each row of `stops` has five numbers.  The first is the swing of the tip as a multiple of the displacement by a
     steady deceleration; it is NaN if not known.  The next three are the use of the limit at rest, under the steady

@@ -66,7 +66,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
 
 
 def _opening_sentence(runs: Sequence[RunRecord]) -> str:
-    """Sentence on the number of runs and on the parameters that vary; parameters with few values are listed with these.
+    """Sentence on the number of runs and on the varied parameters; parameters with few values are listed with these.
 
     It is empty if no parameter varies.
     """

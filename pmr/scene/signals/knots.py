@@ -52,7 +52,7 @@ class _Knots(SignalBase):
 
     @model_validator(mode="after")
     def _check_lengths(self) -> _Knots:
-        """Refuse numbers of times and of values that differ."""
+        """Refuse unequal numbers of times and values."""
         if len(self.times) != len(self.values):
             raise ValueError(f"{len(self.times)} times but {len(self.values)} values; give as many of each")
         return self
@@ -85,7 +85,7 @@ class _Knots(SignalBase):
         return (Strand(curve.x[:-1], curve.c.T),)
 
     def bounds(self, start: float, end: float) -> Interval:
-        """Return the smallest and largest value within [start, end] s of a signal that is monotonic between knots."""
+        """Return the smallest and largest value within [start, end] s; the signal is monotonic between knots."""
         inside = [value for t, value in zip(self.times, self.values, strict=True) if start <= t <= end]
         values = [*self.value([start, end]), *inside]
         return Interval(float(min(values)), float(max(values)))

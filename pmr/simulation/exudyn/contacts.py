@@ -127,7 +127,7 @@ class Balance:
 
 
 def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> Balance:
-    """Compute stored energy and work of a motion, and fill in the forces of contacts that give way, in place.
+    """Compute stored energy and work of a motion, and fill in the forces of soft contacts, in place.
 
     With friction these forces are already known and are not computed again.  Some thousand times are evaluated
     together.
@@ -266,7 +266,7 @@ class Pads:
         raise SimulationError(f"friction of the pads along {', '.join(law.joints)} does not settle")
 
     def add_friction(self, motion: Motion, t: Array) -> Motion:
-        """Motion at t (N,) in s with friction, and with the forces of contacts that give way, step by step."""
+        """Motion at t (N,) in s with friction and with the forces of soft contacts, step by step."""
         rows = self.rows(motion.x[:1])
         self.begin(rows, motion.q[0], motion.f[0])
         begun = self._multipliers(rows, motion.q[0], motion.f[0], 0.0)

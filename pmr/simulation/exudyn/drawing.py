@@ -83,7 +83,7 @@ class SystemObserver:
 
 
 def add_sensors(mbs: exu.MainSystem, items: SystemItems) -> SystemSensors:
-    """Add sensors of the outputs y and the contact forces lambda of a system that `simulator.add_system` added."""
+    """Add sensors of the outputs y and the contact forces lambda of a system, one from `simulator.add_system`."""
     watched, equations = SystemObserver(mbs, items), items.equations
 
     def write_forces(

@@ -223,7 +223,7 @@ def with_contacts(
 
 
 class Steps:
-    """Calls the update of a system before each step, and refuses solvers and settings that can't solve the system.
+    """Calls the update of a system before each step, and refuses unsuitable solvers and settings.
 
     `held` says whether the system has constraints, which may move.  A refusal appears as an error of Exudyn that
     contains the text of an `InputError`.

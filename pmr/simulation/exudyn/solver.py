@@ -109,7 +109,7 @@ def solve(
 
 
 def _step_function(times: Array) -> Callable[..., None]:
-    """User function of the solver that sets time and length of each step, for ends of steps at `times` (N,) in s."""
+    """User function of the solver: sets time and length of each step, for ends of steps at `times` (N,) in s."""
     ends = iter(zip(times[1:].tolist(), np.diff(times).tolist(), strict=True))
 
     def update(

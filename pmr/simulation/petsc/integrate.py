@@ -209,7 +209,7 @@ def _sum_over_ranks(comm: MPI.Comm, motion: Array, total: float, flag: bool) -> 
 
 
 def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:
-    """Largest omega in rad/s of the contacts that only push, with the sides at x (T, q) in m; collective."""
+    """Largest omega in rad/s of one-sided contacts, with the sides at x (T, q) in m; collective."""
     pushing, largest = np.flatnonzero(~np.isnan(system.clearance)), 0.0
     steps = np.unique(np.linspace(0, len(x) - 1, contact_step.PLACES).astype(int))
     rows = rows_on_paths(system, x[steps])

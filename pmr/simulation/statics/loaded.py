@@ -126,7 +126,7 @@ class LoadedStates:
 
 @dataclass(frozen=True)
 class Condensed:
-    """Matrices of a structure on the r coordinates z of motions that rigid contacts leave free."""
+    """Matrices of a structure on r coordinates z: its motions within rigid contacts."""
 
     M: Array  # (r, r)
     K: Array  # (r, r), with the geometric stiffness of the fixed loads

@@ -213,7 +213,7 @@ class Study(StudyBase):
         return figures
 
     def summary_line(self, results: StudyResults) -> str:
-        """Return a line with the least and the largest load in kg that all limits allow, over the points."""
+        """Return a line with the least and the largest allowed load in kg, by all limits, over the points."""
         points = len(self._points)
         columns = [results.column(name) for name in ("load.least", "load.most")]
         if not all(np.isfinite(column).any() for column in columns):
@@ -259,7 +259,7 @@ class Study(StudyBase):
         return [*(limit.name for limit in self.limits), STABILITY]
 
     def table(self, results: StudyResults) -> dict[str, Any]:
-        """Return the arrays of all points of the runs that are done, in the order of the plan, by name.
+        """Return the arrays, by name, of all points of the finished runs, in the order of the plan.
 
         The arrays are those of `pmr.studies.charting.allow_row` but ``at.<name>``; for P points and l limits they are
         for instance ``load`` (P, l) in kg, ``error`` (P, l) in kg and ``case`` (P, l).  Raises IndexError if no run is
@@ -269,7 +269,7 @@ class Study(StudyBase):
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0] if name[:3] != "at."}
 
     def tables(self, results: StudyResults) -> Mapping[str, str | bytes]:
-        """Return ``chart.csv`` with a row for each point of the runs that are done, and their duty table.
+        """Return ``chart.csv`` with a row for each point of the finished runs, and the duty table of these points.
 
         The duty table (`pmr.studies.duty`) is ``duty.csv`` and, if the study asks for it, ``duty.xlsx``.  All are empty
         if no run is done.
