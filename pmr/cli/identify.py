@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from rich.table import Table
 
@@ -62,7 +62,7 @@ def identify(
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
     load_any(fitted)  # refuses what TOML can't hold, such as a key of a list that another change sets as a whole
     parameters = {
-        name: {"start": start[name], "value": float(value), "error": float(error) if np.isfinite(error) else None}
+        name: {"start": start[name], "value": float(value), "error": float(error) if math.isfinite(error) else None}
         for name, value, error in zip(result.names, result.values, result.errors, strict=True)
     }
     rms = {"start": result.start, "fitted": result.fitted, "held_out": result.held_out}
@@ -72,7 +72,7 @@ def identify(
         part.write_text(json.dumps(content, indent=2), encoding="utf-8")
     printed = Table("key", "start", "fitted", "standard error", title_justify="left")
     for name, value, error in zip(result.names, result.values, result.errors, strict=True):
-        text = f"{error:.2g}" if np.isfinite(error) else "not determined"
+        text = f"{error:.2g}" if math.isfinite(error) else "not determined"
         printed.add_row(escape_controls(name), f"{start[name]:.6g}", f"{value:.6g}", text)
     out.print(printed)
     for name, shares in by_mode.items():
@@ -107,5 +107,5 @@ def _toml_line(change: str) -> str:
 
 def _rms_by_mode(errors: Array) -> list[float | None]:
     """RMS of relative errors (k, m) of each frequency, None where it was not measured."""
-    columns = [column[np.isfinite(column)] for column in errors.T]
-    return [float(np.sqrt(np.mean(column**2))) if len(column) else None for column in columns]
+    columns = [[error for error in column if math.isfinite(error)] for column in errors.T.tolist()]
+    return [math.hypot(*column) / math.sqrt(len(column)) if column else None for column in columns]

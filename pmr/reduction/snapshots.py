@@ -167,7 +167,7 @@ def free_modes(
     if lowest.rigid > count:
         allowed = f"the fixed supports leave {lowest.rigid} rigid-body modes free; at least as many are allowed"
         raise InputError("scene", "reduction.coordinates", count, allowed)
-    if count_of_modes <= count < model.size:
+    if count > count_of_modes or count == count_of_modes < model.size:
         allowed = f"loads and sliders excite {count_of_modes} modes of this mesh; fewer than these are allowed"
         raise InputError("scene", "reduction.coordinates", count, allowed)
     beyond = np.arange(count, min(count + more, count_of_modes - spare))

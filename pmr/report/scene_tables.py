@@ -192,7 +192,11 @@ def _telling_values(
     Left out are the keys `unused`, empty values, zeros, words and switches with their default values and, unless
     `defaults`, all default values.
     """
-    unused = (*unused, *(OF_FRICTION if not getattr(table, "friction", True) else ()))
+    unused = (
+        *unused,
+        *getattr(table, "unused_keys", ()),
+        *(OF_FRICTION if not getattr(table, "friction", True) else ()),
+    )
     fields = type(table).model_fields
     for key in sorted(fields, key=lambda key: key != "kind"):
         value, field = getattr(table, key), fields[key]

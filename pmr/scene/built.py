@@ -380,12 +380,18 @@ class Load(SceneTable):
         """Refuse keys that a difference of temperature, wind, a moment or a force does not have."""
         if self.acts == "temperature" and self.direction not in ("y", "z"):
             raise key_error("direction", self.direction, "'y' or 'z' is allowed across a body")
-        for key, of in KEYS_OF_LOADS.items():
-            if self.acts not in of and getattr(self, key) != type(self).model_fields[key].default:
-                raise key_error(key, getattr(self, key), f"acts = {' or '.join(map(repr, of))} is allowed with it")
+        for key in self.unused_keys:
+            if getattr(self, key) != type(self).model_fields[key].default:
+                allowed = f"acts = {' or '.join(map(repr, KEYS_OF_LOADS[key]))} is allowed with it"
+                raise key_error(key, getattr(self, key), allowed)
         if self.point is not None and self.direction.startswith("r"):
             raise key_error("point", list(self.point), "a force is allowed with it: a moment acts everywhere alike")
         return self
+
+    @property
+    def unused_keys(self) -> tuple[str, ...]:
+        """Keys that loads of this kind do not have."""
+        return tuple(key for key, kinds in KEYS_OF_LOADS.items() if self.acts not in kinds)
 
     @property
     def unit(self) -> str:

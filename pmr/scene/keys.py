@@ -131,7 +131,7 @@ def _explain_unknown_key(key: str, value: object, schema: Schema, location: Loca
     allowed_keys = [*dict.fromkeys(key for table in tables for key in table["properties"])]
     allowed_keys += ["extends"] * (tables[0] is schema)
     paths = _unique_key_paths(schema) | {name: name for name in allowed_keys}
-    near = [*get_close_matches(key, allowed_keys, cutoff=0.8), *get_close_matches(key, paths, cutoff=0.8)]
+    near = [*get_close_matches(key, allowed_keys, cutoff=0.8), *get_close_matches(key, paths, cutoff=0.81)]
     holds = isinstance(value, (Mapping, list))
     below = {
         f"{name}.{key}"
@@ -139,7 +139,7 @@ def _explain_unknown_key(key: str, value: object, schema: Schema, location: Loca
         if any(_table_schemas(table["properties"].get(key), parts))
     }
     only = below if holds and len(below) == 1 else ()
-    guesses = [*(paths[name] for name in near), *only, *get_close_matches(key, allowed_keys)]
+    guesses = [*(paths[name] for name in near), *only, *get_close_matches(key, allowed_keys, cutoff=0.65)]
     meant = f"did you mean {guesses[0]!r}? " if guesses else ""
     if len(allowed_keys) <= _FEW:
         return f"unknown key; {meant}allowed: {', '.join(allowed_keys)}"

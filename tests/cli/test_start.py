@@ -101,6 +101,7 @@ def test_the_schema_knows_every_key_of_the_booms_scene() -> None:
     written = tomllib.loads(Path("workflows/boom.toml").read_text())
     assert set(written) <= set(schema["anyOf"][0]["properties"])
     assert set(written["body"]["box"]) == set(schema["$defs"]["Box"]["properties"]) - {
+        "sizes",
         "radius",
         "chamfer",
         "frames",

@@ -24,6 +24,7 @@ def system_of(scene: Any) -> Any:
         paths=tuple(scene.paths),
         provenance=scene.provenance,
         input_names=tuple(excitation.loads),
+        load_names=tuple(excitation.loads),
         term_names=tuple(excitation.terms),
     )
 
