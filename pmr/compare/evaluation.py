@@ -224,8 +224,8 @@ def append_machine(scene: Scene, response: Response) -> Response:
 
     Displacements are in m or rad, rates in m/s or rad/s.  Forces in N or N m are those of springs, dampers and
     constraints, positive along the axes, by the directions of ``[frame.base]``; a direction without any of these has no
-    force.  A computed luffing angle and its cylinder have columns instead.  Without a computed motion, the response is
-    returned unchanged.
+    force.  If the luffing angle is computed, only the angle, its rate and its cylinder's quantities are appended.
+    Without a computed motion, the response is returned unchanged.
     """
     luffing = None if scene.frame is None else scene.frame.luffing_signal
     if isinstance(luffing, ComputedMotion):

@@ -234,8 +234,8 @@ class Slider(SceneTable):
     """The path s(t) along which moving pads slide.  Without such pads, points of a planar beam slide at s + `offsets`.
 
     A saved model, as in `pmr simulate` or an FMU, can follow any path within the range of this path, or within `travel`
-    if  given.  Points may use the whole beam.  A measured path may exceed the range by 1e-5 of the range; the excess is
-    cut  off.
+    if given.  Points may use the whole beam.  A measured path may exceed the range by 1e-5 of the range; the excess is
+    cut off.
     """
 
     path: Annotated[Signal, Usual(0.0, 2.0, "length", "m")] = Field(description="Path s over time, in m")

@@ -115,8 +115,9 @@ def mesh_budget(
     """Entries ``mesh`` and ``mesh_reason`` of the error budget: the mesh's error by kind, or why there is none.
 
     `simulate_other` runs another scene.  Its arguments are a function that returns that scene, and a name for it; it
-    returns differences to the motion of `scene` by kind, as fractions of that motion.  ``frequency`` is left out if
-    cells are long beside a pad (`mesh_warnings`), as both meshes then lack the walls' bending under it.
+    returns differences to the motion of `scene` by kind, as fractions of that motion.  The error is a share of these
+    (`OtherMesh.share`).  ``frequency`` is left out if cells are long beside a pad (`mesh_warnings`), as both meshes
+    then lack the walls' bending under it.
     """
     try:
         other = other_mesh(scene)

@@ -134,7 +134,7 @@ def _contact_parameters(
         return equations.matrix(factor * pads.stiffness(at, state))
 
     def finish(mbs: exu.MainSystem, items: SystemItems, t: float) -> None:
-        """End the step that begins the one up to t, so that the latter starts from its friction; at t = 0, begin."""
+        """End the step before the one up to t, which starts from the friction at its end; at t = 0, begin anew."""
         nonlocal reached, loads
         if pads.law is None:
             return

@@ -241,7 +241,7 @@ class Base:
         return self.paths.extensions(t, z, z_t)
 
     def moments(self, at: Extensions) -> Moments:
-        """First moments of the sections for the extensions `at`, with the response to inertia of soft contacts."""
+        """First moments of the sections for the extensions `at`, with the response of soft contacts to inertia."""
         return self._answering.moments(at)
 
     def answers(self, s: Array) -> InputResponse:
