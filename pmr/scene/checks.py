@@ -122,7 +122,7 @@ def _check_ground(scene: Scene) -> None:
         raise scene_error("gravity", None, "a table is needed beside frame.ground: the weight presses on the ground")
     assert scene.frame is not None and scene.frame.ground is not None
     if scene.frame.luffing == "free" and any(scene.frame.ground.slope):
-        allowed = "no slope is allowed beside a free luffing angle: frame.base.rx and ry incline the machine"
+        allowed = "no slope is allowed beside a free luffing angle, whose motion is computed on level ground"
         raise scene_error("frame.ground.slope", list(scene.frame.ground.slope), allowed)
     for support in scene.sections[0].supports:
         if support.points == "all":

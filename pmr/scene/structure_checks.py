@@ -97,7 +97,7 @@ def _check_points_and_temperatures(member: Member) -> None:
                 raise scene_error(f"probes[{k}].measures", list(probe.measures), allowed)
         if "ancf" in member.scene.compare.against:
             raise scene_error(
-                "compare.against", list(member.scene.compare.against), "'full' is allowed beside a temperature"
+                "compare.against", list(member.scene.compare.against), "'full' is allowed beside a temperature or wind"
             )
 
 
