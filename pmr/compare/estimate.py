@@ -159,8 +159,10 @@ def estimate_error(
 
     `models` are the reduced bodies by name, on their modes alone; the bodies of `system` have further coordinates if
     there are cylinders (`pmr.system.attachment`).  `run` is the motion of `system` under the excitation, and `response`
-    the response to it; each is computed if it is None.  The second run, and a third one if pads lift off, divide each
-    step into the same parts as `run`.
+    the response to it; each is computed if it is None.  The second run makes each step in the same substeps as `run`.
+    If pads lift off, a third run without enrichment modes shows for which kinds of outputs richer models disagree;
+    these kinds have no estimate.  The errors of the result are fractions with margin; its history `error` is the plain
+    difference between the displacements of the second run and those of `run`.
 
     Raises ValueError if there is no estimate (`reason_without_estimate`); InputError or SimulationError as for
     `pmr.simulation.Simulator`; SimulationError too if the two richer models disagree on the motion after an impact.

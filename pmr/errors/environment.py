@@ -324,9 +324,9 @@ def source_texts() -> Mapping[str, str]:
 
 @lru_cache(1)
 def _read_texts(files: tuple[tuple[Path, int], ...]) -> Mapping[str, str]:
-    """Return the texts of files by path; `files` holds each path with its time of last change.
+    """Return the texts of files by their paths relative to the package, with slashes.
 
-    The times are there so that the cache notices changes.
+    `files` holds each path with its time of last change, so that the cache notices changes.
     """
     return {file.relative_to(_PMR).as_posix(): file.read_text(encoding="utf-8") for file, _ in files}
 

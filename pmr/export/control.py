@@ -207,7 +207,11 @@ def _response_table(space: StateSpace, f: Array, response: NDArray[np.complex128
 
 
 def _draw(space: StateSpace, f: Array, gain: Array, output: str, target: Path) -> None:
-    """Draw the `gain` (S, W, i) over S grid points and frequencies f (W,) in Hz, one panel for each input, as .png."""
+    """Draw the `gain` (S, W, i) over S grid points and frequencies f (W,) in Hz, one panel for each input, as .png.
+
+    Several paths are drawn over the sum of their coordinates; if this sum is the same everywhere, a panel has a single
+    curve.  Gains below the share `FLOOR` of the largest are drawn as this share.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -263,6 +267,7 @@ end {name};
 def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
     """Write a Modelica 3 block named like the file, with A, B, C, D at all grid points; its variables are an FMU's.
 
+    The path of the file, `target`, is returned.
     Raises InputError as `pmr.export.state_space.saved_state_space`, or if Modelica does not allow the file's name.
     """
     name = target.stem

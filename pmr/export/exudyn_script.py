@@ -55,7 +55,7 @@ def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
 
 
 def _is_free(file: Path) -> bool:
-    """Whether a script's data may be written to a file, which does not exist or holds data of a script."""
+    """Whether a script's data may be written to a file: it does not exist, or it can be read as data of a script."""
     if not file.exists():
         return True
     try:
@@ -150,7 +150,7 @@ def _strands(signal: SignalBase, name: str, source: str) -> Any:
 
 
 def _tables(system: System, x: Array) -> Arrays:
-    """Tables of C, F, H and X of a single body over its path."""
+    """Tables of C, F, H and X of a single body over its path; F includes the compliance of contacts."""
     (body,) = system.reduced.values()
     numbers = [body.row_names.index(side.place.row) for side in system.sides]
     m, i, o = len(numbers), len(body.input_names), len(body.output_positions)

@@ -231,7 +231,8 @@ def section_alone(npz_path: Path, name: str) -> System:
 def path_positions(system: System, text: str | None) -> Mapping[str, Array]:
     """Coordinates (S,) in m of each path, by its name: those in `text`, or a grid of `PLACES` points on the path.
 
-    `text` is ``1.5,2,4`` for one path, and ``mid=2,fly=3; mid=2.5,fly=3`` for several paths; None selects the grid.
+    `text` is ``1.5,2,4`` for one path, and ``mid=2,fly=3; mid=2.5,fly=3`` for several paths; None selects the grid,
+    which is a single point if nothing travels.  Places on one path are returned in ascending order, each once.
     Raises InputError for any other text, and for coordinates off the paths.
     """
     ranges = system.ranges
@@ -316,7 +317,7 @@ def _write(npz_path: Path, target: Path, options: Options, lines: Callable[[Stat
 
 
 def _matrices(space: StateSpace) -> Iterator[_NastranMatrix]:
-    """Yield M, D and, for each grid point, K and the loads F."""
+    """Yield M and D, which are the same at all grid points, and for each grid point K and the loads F."""
     r = space.A.shape[1] // 2
     yield _NastranMatrix("M", "", np.eye(r), _SYMMETRIC)
     damping = -space.A[0, r:, r:]
@@ -342,7 +343,7 @@ def _dmig_deck(space: StateSpace) -> Iterator[str]:
 
 
 def _output4_deck(space: StateSpace) -> Iterator[str]:
-    """Yield the lines of an OUTPUT4 file."""
+    """Yield the lines of an OUTPUT4 file; columns of zeros are left out."""
     for matrix in _matrices(space):
         rows, columns = matrix.A.shape
         yield f"{columns:8d}{rows:8d}{matrix.form:8d}{_DOUBLE:8d}{matrix.letter + matrix.number:<8}1P,3E24.16"
@@ -367,7 +368,10 @@ def _lines_with_remainder(letter: str, number: str, A: Array, form: int) -> Iter
 
 
 def _dmig_lines(name: str, A: Array, form: int) -> Iterator[str]:
-    """Yield the DMIG lines of the matrix called `name`, of the form with the number `form`."""
+    """Yield the DMIG lines of the matrix called `name`, of the form with the number `form`.
+
+    Zeros off the diagonal are left out, and so is the upper triangle of a symmetric matrix.
+    """
     columns = f"{A.shape[1]:<8d}" if form == _RECTANGULAR_DMIG else ""
     yield f"DMIG    {name:<8}{0:<8d}{form:<8d}{_DOUBLE:<8d}{_DOUBLE:<8d}{'':<16}{columns}".rstrip()
     for j in range(A.shape[1]):

@@ -53,7 +53,8 @@ def _versions_alone() -> Iterator[None]:
     """While active, give UFL and FFCx 0.5 the versions that they read from `pkg_resources`, without loading it.
 
     The package `pkg_resources` looks through all packages of the installation, which takes as long as loading UFL and
-    FFCx together.
+    FFCx together.  A stand-in, which has nothing but `get_distribution`, takes its place and is removed at the end.  If
+    `pkg_resources` has already been loaded, nothing is changed.
     """
     name = "pkg_resources"
     if name in sys.modules:
@@ -144,7 +145,7 @@ logging.getLogger("compilers").setLevel(logging.WARNING)
 
 
 def versions() -> dict[str, str]:
-    """Versions of the finite-element libraries in use, by their names."""
+    """Versions of the finite-element libraries in use, by their names; without PETSc, that of SciPy alone."""
     if not HAS_PETSC:
         return {"sparse matrices": f"SciPy {scipy.__version__}"}
     petsc, slepc = PETSc.Sys.getVersion(), SLEPc.Sys.getVersion()

@@ -325,8 +325,8 @@ class ReplicatedFactor:
 def factor_for_columns(A: PETSc.Mat, name: str) -> MatrixFactor | ReplicatedFactor:
     """Factor for many columns at a time; collective.
 
-    On several ranks it is complete on each rank if it fits into the memory.  Otherwise, and on one rank, it is the
-    factor of `factor_of`.  `name` is the matrix's, for messages.
+    On several ranks it is complete on each rank if it fits into the memory; if not, a warning is logged.  Otherwise,
+    and on one rank, it is the factor of `factor_of`.  `name` is the matrix's, for messages.
     """
     if A.comm.size > 1:
         try:

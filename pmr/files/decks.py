@@ -148,7 +148,10 @@ class _Assembly:
         self._join(card.options["NAME"], content, card.place)
 
     def end(self) -> Deck:
-        """Return the whole; parts of a deck without instances are in place."""
+        """Return the whole; parts of a deck without instances are in place.
+
+        The sets of an only instance have no second names with the instance's name in front.
+        """
         self.end_instance()
         if not self.instances:
             for name, part in self.parts.items():
@@ -200,7 +203,7 @@ class _Assembly:
 
 
 def read_deck(path: Path) -> Deck:
-    """Read nodes, elements and sets of an input deck of Abaqus or CalculiX.
+    """Read nodes, elements and sets of an input deck of Abaqus or CalculiX; other cards are ignored.
 
     Raises InputError with file and line if a card can't be read, or if it has content that pmr does not support.
     """
@@ -233,7 +236,8 @@ def _read_system(deck: Deck, card: Card) -> None:
 def _read_nodes(deck: Deck, card: Card) -> None:
     """Add the nodes on a card to the deck.
 
-    Raises InputError with file and line for a line that can't be read, and for a node that is there already.
+    Coordinates that are missing are 0; numbers after the third coordinate are left out.  Raises InputError with file
+    and line for a line that can't be read, and for a node that is there already.
     """
     card.allow_options("NSET SYSTEM INPUT")
     numbers = list[int]()
@@ -258,7 +262,10 @@ def _read_nodes(deck: Deck, card: Card) -> None:
 
 
 def _read_elements(deck: Deck, card: Card) -> None:
-    """Add the elements on a card to the deck; InputError with file and line for an element that can't be read."""
+    """Add the elements on a card to the deck; InputError with file and line for an element that can't be read.
+
+    An element may go on over several lines.  Elements of a type that pmr does not know are added too.
+    """
     card.allow_options("TYPE ELSET INPUT")
     block = Elements(card.options.get("TYPE", "").upper(), [], [], [])
     count, parts, begun = CORNERS.get(KINDS.get(block.type, "")), list[int](), card.place
@@ -327,8 +334,8 @@ def _read_set(deck: Deck, card: Card, instances: Mapping[str, _Numbers]) -> None
 def _read_range(line: DataLine, card: Card, fields: list[str], numbers: Mapping[int, int]) -> list[int]:
     """Return those of `numbers` that are in the range of a line of a set's card.
 
-    `fields` are its first, last and step, 1 if there is none.  Raises InputError for other fields, and for ends that do
-    not exist.
+    `fields` are its first, last and step, 1 if there is none.  Numbers between the ends that do not exist are left out.
+    Raises InputError for other fields, and for ends that do not exist.
     """
     bounds = [_whole_number(line, field, "first, last and step") for field in fields]
     if len(bounds) not in (2, 3) or bounds[2:] == [0]:

@@ -63,7 +63,8 @@ def foreign_files(
 ) -> ForeignFiles:
     """Return the files of a model, and the names of its matrices in them.
 
-    A file that is None gets its default name beside `stiffness`, or is `stiffness` itself.
+    A file that is None gets its default name beside `stiffness`, or is `stiffness` itself if files of this kind hold
+    more than a matrix.  The nodes of a .pch file are in the .inp file of the same name, if there is one.
     """
     suffix = stiffness.suffix.lower()
     combined = {".op4": ("mass",), ".mtx": ("dofs",), **dict.fromkeys(_DMIG, ("mass", "dofs", "nodes"))}
@@ -100,7 +101,10 @@ class _Nodes:
 def read_foreign(files: ForeignFiles) -> GivenMatrices:
     """Read the matrices of another program, and the node and direction of each of their coordinates.
 
-    Raises InputError if a file is missing, of another kind or incomplete, or if the files do not fit each other.
+    Rotations without an entry in either matrix are left out.  Coordinates with the direction 0 are modal amplitudes.
+    If a deck gives nodes axes of their own, rows along these axes and rows along those of the whole are tried; the ones
+    that fit the nodes are taken.  Raises InputError if a file is missing, of another kind or incomplete, or if the
+    files do not fit each other.
     """
     K, M = (
         _read_by_suffix(files.stiffness, _MATRICES | _nastran_readers("K", files.stiffness_name)),
@@ -253,7 +257,7 @@ def _read_triplets(path: Path) -> sp.csr_matrix:
 
 
 def _read_coordinates(path: Path, between: str, head: int) -> Indices:
-    """Read node and direction (n, 2) from all lines after the first `head` ones.
+    """Read node and direction (n, 2) from all lines after the first `head` ones; empty lines are left out.
 
     `between` is the sign that separates the two.  Raises UnreadableError with the number of a line of another form.
     """
@@ -369,7 +373,7 @@ def _read_market(path: Path) -> sp.csr_matrix:
 
 
 def _read_bulk_nodes(path: Path) -> _Nodes:
-    """Read grid points and sets of a bulk data file of Nastran."""
+    """Read grid points, their sets and own axes, and cards that constrain coordinates from Nastran's bulk data."""
     bulk = labelled.read_bulk(path)
     groups = {name: nodes.tolist() for name, nodes in bulk.groups.items()}
     ties = [(Place(str(path), line), name) for line, name in bulk.constraints]

@@ -372,8 +372,9 @@ def _number4(text: str) -> float:
 def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str, name: str = "") -> sp.csr_matrix:
     """Return the matrix called `name`; if `name` is empty, the only matrix or the only one that begins with `letter`.
 
-    A name with K4 is that of structural damping, and no stiffness; that of a mass whose name goes on as that of a
-    stiffness (MAAX beside KAAX) is before others.  Raises UnreadableError if there is no such matrix, or several.
+    A name that begins with K4 is that of structural damping, and not taken for a stiffness.  If several names begin
+    with `letter`, only the largest matrices count; if just one of these has a partner whose name goes on in the same
+    way (MAAX beside KAAX), that one is returned.  Raises UnreadableError if there is no such matrix, or several.
     """
     by_name = {key.upper(): matrix for key, matrix in matrices.items()}
     if name:

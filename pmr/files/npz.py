@@ -230,6 +230,8 @@ def _read_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]
 def record_arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
     """Return all fields of a dataclass as arrays, by the fields' names with `prefix` before them.
 
+    Fields that are None are left out.  A field that is a dict becomes a JSON text.  The parts of a field that is a
+    dataclass, a piecewise polynomial or a mapping have keys of their own: the field's name, a dot and the part's name.
     Raises TypeError if a mapping contains values that JSON does not know.
     """
     by_name: dict[str, NDArray[Any]] = {}

@@ -176,7 +176,10 @@ def remove_matching(folder: Path, ours: Sequence[str]) -> None:
 
 
 def _finish_moves(folder: Path) -> None:
-    """Move the files of a complete new folder, if there is one, to their names in `folder`, and remove old files."""
+    """Move the files of a complete new folder, if there is one, to their names in `folder`, and remove old files.
+
+    The old files are removed first.  A file that was moved before is passed over.
+    """
     complete = folder / _COMPLETE
     if not complete.is_dir():
         return

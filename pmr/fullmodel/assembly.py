@@ -90,9 +90,10 @@ class Assembler:
         return self.assemble_form(compiled_form(form), zeros)
 
     def assemble_form(self, form: object, zeros: bool = True) -> PETSc.Mat:
-        """Assemble a compiled form to a matrix (n, n); if `zeros`, explicit zeros of its pattern are kept.
+        """Assemble a compiled form to a matrix (n, n) in the model's order of coordinates.
 
-        Collective.
+        If the model has a `transformation` T, the matrix is projected, T^T A T, onto the model's coordinates.  If
+        `zeros`, explicit zeros of the pattern are kept.  Collective.
         """
         rows = _local_rows(assemble(form))
         if not zeros:

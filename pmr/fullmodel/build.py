@@ -135,7 +135,10 @@ def free_motions(
 def describe_free_motions(
     system: FullSystem, structural: Mapping[str, StructuralModel], positions: CheckedPositions
 ) -> FreeMotions:
-    """Describe in words the free motions at the position that has most of them; collective."""
+    """Describe in words the free motions at the position that has most of them; collective.
+
+    The position is named unless all positions have the same free motions.  Both texts are empty if there are none.
+    """
     by_position = [
         {name: describe_motions(motions) for name, motions in at.items()}
         for at in free_motions(system, structural, positions)

@@ -109,7 +109,10 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
 
 
 def _load(member: Member, load: Load) -> Action | Warmth | LineLoad:
-    """Force, moment, difference of temperature or polynomial of the wind of a load along an axis of the body."""
+    """Force, moment, difference of temperature or polynomial of the wind of a load along an axis of the body.
+
+    The last word of the name of a wind's load is the degree of its polynomial.
+    """
     if load.acts == "force":
         return Action(load.name, load.on, load.direction, point=load.point)
     if load.acts == "wind":
@@ -176,7 +179,7 @@ def _ring_pads(ring: PadRing, faces: tuple[str, ...], travel: tuple[float, float
 def _supports(member: Member) -> tuple[Support, ...]:
     """Supports of the mean motion of places, one for each held direction along or about which the model can move.
 
-    A rigid support has an infinite stiffness.
+    A rigid support has an infinite stiffness.  Supports that hold all points of a place are clamps, which are left out.
     """
     moves = motion_directions(member)
     return tuple(

@@ -56,7 +56,8 @@ class Masses:
 def masses_of(model: StructuralModel, point_masses: Sequence[PointMass], M: PETSc.Mat) -> Masses | None:
     """Masses and centre of gravity of a body: of its model with mass matrix M and of its `point_masses`; collective.
 
-    Returns None for given matrices: supports inside them would falsify the mass.
+    Returns None for given matrices: supports inside them would falsify the mass.  A coordinate of the centre of
+    gravity that the model's motions do not show is 0.
     """
     if not is_assembled(model):
         return None
@@ -263,7 +264,10 @@ class FullSystem(BodySystem[FullModel]):
         return np.concatenate([np.concatenate(part, 1) for part in parts], 1) if self.comm.rank == 0 else local
 
     def with_supports(self) -> FullSystem:
-        """System in which each support of a single coordinate is a contact with the ground too, after all others."""
+        """System in which each support of a single coordinate is a contact with the ground too, after all others.
+
+        A support whose row a contact uses already adds none.
+        """
         used = {(side.place.body, side.place.row) for side in self.sides}
         held = [
             Contact(input_name(name, row), Place(name, row, model.rows.rows[number].breaks[0]))

@@ -52,9 +52,10 @@ class Gauge:
 
 
 def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
-    """Gauges of all probes of a body, one for each component that a probe measures.
+    """Gauges of all probes of a body, in their order, one for each component that a probe measures.
 
-    Raises an `InputError` if a group or face does not exist, or the model has no stresses.
+    Raises an `InputError` if a group or face does not exist, if the model has no stresses that a probe measures, or if
+    the body is given by matrices.
     """
     if not part.probes:
         return []
@@ -90,7 +91,10 @@ def probe_summary(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dic
 
 
 def _displacements(probe: Probe, model: FiniteElementModel) -> Iterator[Gauge]:
-    """Yield gauges of a probe's displacement along x, y and z, at the nearest grid point or as the mean of a group."""
+    """Yield gauges of a probe's displacement along x, y and z, at the nearest grid point or as the mean of a group.
+
+    Directions along which the model can't move are left out.
+    """
     if probe.at is not None:
         point = int(np.linalg.norm(model.grid.points - probe.at, axis=1).argmin())
         rows, names = model.point_displacements()[3 * point : 3 * point + 3], list("xyz")
@@ -140,6 +144,7 @@ class _Stresses:
     def _points(self, number: int) -> _Points:
         """Stress points of probe `number`: the nearest to its point, on a beam those beside it, or all in its group.
 
+        In a group, only points on the probe's face count, or on the model's first face if the probe names none.
         Raises an `InputError` if the probe's face or group does not exist, or has no stress point.
         """
         stress_rows, probe, key = self.rows, self.part.probes[number], f"probes[{number}]"

@@ -41,7 +41,8 @@ class Bank:
 def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array) -> BankRecord:
     """Take T steps from equally likely places, with measurements y (T,), NaN where there is none.
 
-    `activity` (T,), 0 to 1, is how much the slider is in motion, `least_level` (T,) the least level of innovations.
+    `activity` (T,), 0 to 1, is how much the slider is in motion.  The level of the innovations, a running mean of their
+    squares over their variance, scales all variances; it never falls below `least_level` (T,) and ``bank.floor``.
     """
     S, n = bank.H.shape
     arrays = {

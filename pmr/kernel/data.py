@@ -314,7 +314,10 @@ def _carrier_weights(row: Row, width: int, carriers: NDArray[np.int64]) -> tuple
 
 
 def _terms(system: System, rows: Arrangement) -> Arrays:
-    """Matrices of terms, in registers of `LANES` rows by one column; registers without entries are left out."""
+    """Matrices of terms, in registers of `LANES` rows by one column; registers without entries are left out.
+
+    Entries up to `NEGLIGIBLE` of the largest one of a matrix count as zero.
+    """
     r = rows.parts[-1].modes.stop
     where = {
         name: range(part.modes.start, part.modes.start + part.body.size)

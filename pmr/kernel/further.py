@@ -143,7 +143,7 @@ def _no_flexibility(body: ReducedModel) -> Flexibility:
 def support_arrays(
     system: System, supports: Sequence[Supports], forms: Sequence[Modal], modes: Sequence[slice], width: int
 ) -> Arrays:
-    """Arrays with the contributions of rates and terms to reactions.
+    """Arrays with the contributions of rates and terms to reactions; negligible entries of terms are left out.
 
     `modes` are the slices of each body's modes, padding included; `width` is the number of reactions, padding included.
     """

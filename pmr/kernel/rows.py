@@ -69,7 +69,10 @@ class Part:
 
     @property
     def values(self) -> Array:
-        """Values (K, modes) of the modes on the K carriers of the body, padded with zeros to whole registers."""
+        """Values (K, n) of the modes on the K carriers of the body.
+
+        Columns of zeros pad them to a number n that is a multiple of `LANES`, as many as the slice `modes` has.
+        """
         assert self.body.carriers is not None
         values = self.body.carriers.values
         return np.pad(values, ((0, 0), (0, round_up(values.shape[1]) - values.shape[1])))

@@ -76,7 +76,7 @@ class Record:
         return self.arrays[name]
 
     def at(self, first: int) -> Any:
-        """Pointers for the kernel to the row `first` of each array."""
+        """Pointers for the kernel to the row `first` of each array; NULL for arrays that are not recorded."""
         record = ffi.new("pmr_record *")
         for name, array in self.arrays.items():
             if array.size:
@@ -216,7 +216,8 @@ class State:
     def step_in_frame(self, motions: ArrayLike, rows: Integers | None = None) -> None:
         """Take one step, at the end of which the n motions of the frame are (3, n): values, rates and second rates.
 
-        Of motion k, only the first rows[k] of the three count; None stands for all 3.
+        Of motion k, only the first rows[k] of the three count; None stands for all 3.  A StepError is raised if the
+        step fails.
         """
         self._fill(self._motions, "motions", motions)
         counted = ffi.NULL if rows is None else _rows(rows, self.kernel.motions)
@@ -247,12 +248,12 @@ class State:
     def advance_sampled(
         self, u: Array, per: int, record: Record, first: int = 0, every: int = 1, parts: Integers | None = None
     ) -> tuple[int, int]:
-        """Take steps with sampled drivers; return the number of steps taken, and a number of substeps that is missing.
+        """Take steps with sampled drivers; return how many were taken, and how many substeps the next one needs.
 
         The samples u (steps * per + 1, N) are `per` in each step; the first sample is at the end of the last step
-        before.  The state stops before a step that needs more substeps than it has samples; the number of these
-        substeps is the second result, which is 0 if all steps were taken.  The other arguments and errors are those of
-        `advance`.
+        before.  The state stops before a step whose number of substeps does not divide `per`.  The second result is
+        then the number of substeps that this step needs; it is 0 if all steps were taken.  The other arguments and
+        errors are those of `advance`.
         """
         u = np.ascontiguousarray(u, float)
         steps = (len(u) - 1) // per
@@ -332,7 +333,7 @@ class State:
     def linearize(self, u: ArrayLike) -> Jacobian:
         """Derivatives of the next step, to drivers u (N,); contacts stay open or closed, pads keep sticking or sliding.
 
-        The state is not changed.
+        The state is not changed.  A StepError is raised for a system with a hoist, or if the step fails.
         """
         r, N, o, m = self.kernel.modes, self.kernel.drivers, self.kernel.outputs, self.kernel.contacts
         shapes = {"A": (3 * r, 3 * r), "B": (3 * r, N), "C": (o, 3 * r), "D": (o, N), "L": (m, 3 * r), "K": (m, N)}

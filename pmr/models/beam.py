@@ -98,10 +98,10 @@ class Beam(Line, ABC):
 
     @abstractmethod
     def bending_stiffness(self, direction: str) -> dict[int, Array]:
-        """Bending moments (E,) in N m^2 in E elements by a strain that grows by 1/m along `direction`, y or z.
+        """Bending moments (E,) in N m^2 in E elements by an axial strain that grows by 1/m along `direction`, y or z.
 
-        Each is the work on the slope of a deflection, by the number of this slope among a node's coordinates in the
-        function space.
+        The key of each is the number, among a node's coordinates in the function space, of the slope on which the
+        moment does work.  A beam that does not bend along `direction` has none.
         """
 
     @property

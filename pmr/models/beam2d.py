@@ -77,7 +77,11 @@ class Beam2D(Beam):
 
     @cached_property
     def stiffnesses(self) -> Stiffnesses:
-        """Stiffnesses, masses per length and centroids of the sections."""
+        """Stiffnesses, masses per length and centroids of the sections.
+
+        A body with given stiffnesses is one section with its centroid on the axis, and without an axial stiffness
+        unless the body has axial coordinates.
+        """
         body, sections = self.body, self.sections
         if isinstance(body, Profile):
             EI, EA, mass = (
@@ -217,7 +221,10 @@ class Beam2D(Beam):
         return replace(self, nodes=stations)
 
     def bending_stiffness(self, direction: str) -> dict[int, Array]:
-        """Bending stiffness EI (E,) in N m^2 by the number of the slope w', for the direction z; nothing for y."""
+        """Bending stiffness EI (E,) in N m^2 for the direction z, empty for y.
+
+        The only key is the number of the slope w' among a node's coordinates.
+        """
         return {len(self.directions) - 1: self.stiffnesses.bending[self.number]} if direction == "z" else {}
 
     @property

@@ -322,7 +322,7 @@ class Beam3D(Beam):
     def bending_stiffness(self, direction: str) -> dict[int, Array]:
         """Bending moments (E,) in N m^2 about both principal axes for a unit curvature of the axis along `direction`.
 
-        They are by the numbers of the slopes v' and w'.
+        The keys 3 and 5 are the numbers of the slopes v' and w' among a node's coordinates.
         """
         turned = self.sections.principal[:, :, "yz".index(direction)]
         moments = self.body.material.young * self.sections.second_moments * turned

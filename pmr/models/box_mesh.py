@@ -93,7 +93,7 @@ def taper_points(points: Array, sides: Sequence[Side], parts: Sequence[BoxStretc
     """New positions (N, 3) in m of points of a tapered box that were drawn with the profile `sides` all along.
 
     `points` (N, 3) m are the drawn points, and `parts` are the stretches of the box.  `depth` in m is the depth of the
-    frames, infinite if these close the section.
+    frames, infinite if these close the section.  Points in stretches that do not taper keep their position.
     """
     tapered_points, unplaced, depth = points.copy(), np.ones(len(points), bool), depth if np.isfinite(depth) else 0.0
     for place in (_in_side, _in_triangle):
@@ -247,7 +247,11 @@ class BoxBoom:
         return self.size_along or self.size
 
     def layers(self, start: float, end: float) -> list[float]:
-        """Ends of the layers of cells between the stations `start` and `end` (m), as shares of their distance."""
+        """Ends of the layers of cells between the stations `start` and `end` (m), as shares of their distance.
+
+        If the boom has a first layer at the tail of its own, each of the next layers is twice as long as the one
+        before, until layers have the ordinary length or half of the distance is filled.
+        """
         fine: list[float] = []
         if start == 0.0 and self.tail_layer:
             thickness = self.tail_layer

@@ -202,7 +202,7 @@ class Matrices(TracedModel):
 def _interval_middles(start: float, end: float, spacing: float) -> tuple[Array, float]:
     """Middles of equal intervals, of a width up to `spacing`, between `start` and `end`; and the width; all in m.
 
-    There are no intervals if `end` <= `start`.
+    There are no intervals, and the width is 0, if `end` <= `start`.
     """
     if end <= start:
         return np.empty(0), 0.0

@@ -143,7 +143,10 @@ def _unreadable_msh(file: Path) -> str:
 
 
 def _physical_groups(mesh: meshio.Mesh) -> dict[str, list[Indices]]:
-    """For each physical group the numbers of its cells in each of meshio's blocks, from sets (MSH 4) or tags (2)."""
+    """For each physical group the numbers of its cells in each of meshio's blocks, from sets (MSH 4) or tags (2).
+
+    The result is empty if the file has neither.
+    """
     sets = {name: parts for name, parts in mesh.cell_sets.items() if not name.startswith("gmsh:")}
     empty = np.empty(0, np.int64)
     if sets:
@@ -171,7 +174,9 @@ FOLDED = -0.99
 def mesh_fault(cell: str, points: Array, cells: Indices) -> str:
     """Describe why a mesh of `cells` with the vertices `points` is unsound; an empty text if it is sound.
 
-    `cell` is dolfinx' name of the kind of cells.
+    The first of these faults is described: degenerate cells, inverted cells, several parts that share no face (edge, if
+    cells are triangles), and neighbouring triangles that are folded on each other.  `cell` is dolfinx' name of the kind
+    of cells.
     """
     corners = points[cells]
     size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
@@ -340,6 +345,8 @@ def named_mesh(
 ) -> NamedMesh:
     """Checked mesh with the vertices `points`, from blocks of cells (kind, dimension, vertices).
 
+    Only cells of the highest dimension are its cells; one that is listed several times counts once.  Vertices that no
+    cell uses are left out, and the others are numbered along the longest extent of the mesh.
     `memberships` are each group's numbers of cells in every block, `kinds` the allowed kinds of cells.  `source` is the
     mesh's name in errors.  Raises the errors of `read_mesh`.
     """

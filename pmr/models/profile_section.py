@@ -320,7 +320,10 @@ class RingMasses:
 
 
 def ring_masses(box: Box, stations: Array) -> RingMasses:
-    """Areas and moments that a box's frames add to the elements between `stations` (E + 1,) m."""
+    """Areas and moments that a box's frames add to the elements between `stations` (E + 1,) m.
+
+    The two elements whose middles are on either side of a frame share it, so that its centre of mass stays where it is.
+    """
     h, middles = np.diff(stations), (stations[1:] + stations[:-1]) / 2.0
     area, first, second = np.zeros(len(h)), np.zeros((len(h), 2)), np.zeros((len(h), 2, 2))
     for x in box.frames:

@@ -244,7 +244,11 @@ def _frame(mesh: Mesh) -> tuple[Expr, ...]:
 
 
 def of(body: Body, mesh: NamedMesh) -> Shell:
-    """The shell model of a scene's body on a mesh."""
+    """The shell model of a scene's body on a mesh.
+
+    A region's own thickness replaces the one that the box has there.  A region without a thickness or a material has
+    the box's thickness there and the body's material.
+    """
     if body.box is not None:
         plate, regions = plates(body.box, body.material)
         if body.box.frames:
@@ -287,7 +291,10 @@ def draw_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> Bo
 
 
 def walls_along(box: Box, mesh: NamedMesh) -> Array:
-    """Thickness (C,) in m in the middle of each cell of a box, for a mesh that `draw_box` has described."""
+    """Thickness (C,) in m in the middle of each cell of a box, for a mesh that `draw_box` has described.
+
+    Cells of frames have the thickness of the frames' plates.
+    """
     boom = draw_box(box, box.length, 0.0)
     middle = mesh.points[mesh.cells].mean(axis=1)[:, 0]
     thickness = np.full(len(middle), box.frame_plate_thickness)

@@ -127,6 +127,7 @@ class Solid(MeshedModel):
         """Stresses at the middle of each facet of the surface, then in the middle of each cell.
 
         Facets are on the face ``outer``, or on ``inner`` if they look towards the body's axis; cells are on ``middle``.
+        Only faces that have stresses are named.
         """
         mesh, degree, surface = self.mesh, DEGREE[self.mesh.cell], skin(self.mesh)
         at_points = cell_values(self, self.stress_components, rule_points(mesh.cell, degree))
@@ -173,7 +174,7 @@ class Skin:
 
 
 def skin(mesh: NamedMesh) -> Skin:
-    """Facets that belong to only one cell of a solid's mesh."""
+    """Facets that belong to only one cell of a solid's mesh, with this cell and their outward normals."""
     facets = np.array(cell_topology(mesh.cell)[2])
     vertices = mesh.cells[:, facets]
     flat = vertices.reshape(-1, vertices.shape[2])

@@ -322,7 +322,7 @@ def flat_face(mesh: NamedMesh, name: str) -> FlatFace:
 
 
 def face_strip(face: FlatFace, nodes: Nodes, window: Window) -> Strip:
-    """Strip of a face within a window, for quadratic displacements.
+    """Strip of a face within a window, for quadratic displacements; without points if no cell is in the window.
 
     Raises an `InputError` if cells are so much larger than the window's spacing that there would be too many points.
     """
@@ -350,7 +350,7 @@ def line_points(window: Window, stations: Array) -> tuple[Array, Array]:
     """Coordinates (q,) m and weights (q,) m of Gauss' rule on a beam's axis within a window.
 
     The rule is exact for a linear weight times a cubic.  The axis is cut at its `stations` (nodes, ascending) and at
-    multiples of the window's spacing from the window's start.
+    multiples of the window's spacing from the window's start.  Both arrays are empty if the window is off the axis.
     """
     if window.along[0] >= stations[-1] or window.along[1] <= stations[0]:
         return np.empty(0), np.empty(0)

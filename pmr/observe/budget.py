@@ -38,7 +38,11 @@ def output_errors(
 
 
 def _error_of(table: Mapping[str, Any], name: str, kind: str) -> float | None:
-    """Error of the output `name` of a kind as one part's `table` has it; None if the part does not cover it."""
+    """Error of the output `name` of a kind as one part's `table` has it; None if the part does not cover it.
+
+    The error of a probe of this name comes first, then that of a quantity of this kind.  A velocity or acceleration has
+    the error of velocities or, without one, of the beam's displacements.
+    """
     keys = [key for key, quantity in QUANTITIES.items() if quantity.kinds == (kind,)]
     if name.startswith((VELOCITY, ACCELERATION, SPECIFIC_FORCE)):
         keys = ["velocity", "beam"]

@@ -69,6 +69,7 @@ class LinearMotion:
     def sample(self, name: str, times: ArrayLike, values: ArrayLike) -> Array:
         """Values (T,) at the model's steps, NaN where there is none: each of n `values` counts at the nearest step.
 
+        Values outside the model's steps are ignored; of several values at one step the last one counts.
         Raises an InputError with the `name` if `times` (n,) in s and values differ in length.
         """
         times, values = np.asarray(times, float), np.asarray(values, float)
@@ -109,6 +110,7 @@ class Selection(NamedTuple):
 def select_outputs(scene: Scene, system: System, targets: Sequence[str]) -> Selection:
     """Outputs of a system by their names, or by keys of the table of quantities, such as ``tip`` or ``pad_force``.
 
+    They are in the order of `targets`, each once; a key stands for all outputs of its kinds.
     A displacement may be preceded by ``velocity of``, ``acceleration of`` or, for an accelerometer, which feels
     gravity, ``specific force of``.  Raises InputError for a name that the system does not have.
     """
@@ -189,7 +191,7 @@ def linearize(
 
 
 def _gravity_of(scene: Scene, chosen: Selection) -> Array:
-    """Gravity (q,) in m/s^2 that accelerometers feel at rest, along the direction of each; zero for other outputs."""
+    """Gravity (q,) in m/s^2 that accelerometers along z feel at rest; zero for all other outputs."""
     felt = np.zeros(len(chosen.names))
     for k, (name, axis) in enumerate(zip(chosen.names, chosen.axes, strict=True)):
         if name.startswith(SPECIFIC_FORCE) and scene.gravity is not None and axis == "z":
@@ -259,7 +261,10 @@ def _differentiate(form: SystemForm, excitation: Excitation, chosen: Selection, 
 
 
 def _rates(values: Array, h: float) -> tuple[Array, Array]:
-    """First and second rates of values (T, ...) at T steps of h s, by central differences; copied to the ends."""
+    """First and second rates of values (T, ...) at T steps of h s, by central differences; copied to the ends.
+
+    They are zero for fewer than three steps.
+    """
     rates, second_rates = np.zeros_like(values), np.zeros_like(values)
     if len(values) > 2:
         rates[1:-1] = (values[2:] - values[:-2]) / (2.0 * h)

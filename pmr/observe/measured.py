@@ -88,6 +88,7 @@ class Observation:
         """Estimate; with `leave_out` once more without each sensor.
 
         `without` has, by the sensor that is left out, the mean standard deviation of each estimate over that with all.
+        It is empty without `leave_out`, or if there is a single sensor.
         `truth` has times (n,) in s and true values (n,) of estimates by their names.  Raises InputError for a name
         that is not estimated, or that has no value at the model's steps.
         """
@@ -113,7 +114,9 @@ class Observation:
     def summary(self) -> dict[str, Any]:
         """Figures for ``observe.json``: last estimates, observability, whiteness, alarms, budget, sensors left out.
 
-        With true values it has the share of them within bands of 90 %, and the RMS error of each estimate.
+        ``first_alarm`` has the time in s of each sensor's first alarm; sensors without an alarm are left out.
+        ``coverage`` and ``rms_error`` have the share of true values within bands of 90 %, and the RMS error, of each
+        estimate with true values.
         """
         estimates, t = self.estimates, self.estimates.t
         names = (*estimates.unknowns, *estimates.outputs)
@@ -146,7 +149,11 @@ class Observation:
         return any(name in of_part for of_part in self.observer.errors.values())
 
     def write(self, folder: Path) -> list[Path]:
-        """Write ``estimates.csv``, with means and standard deviations over time, and ``observe.json``."""
+        """Write ``estimates.csv``, with means and standard deviations over time, and ``observe.json``; return both.
+
+        The table has the measured and true values too, and the innovations.  Its cells are empty where nothing was
+        measured.  The folder is made if it is missing.
+        """
         folder.mkdir(parents=True, exist_ok=True)
         estimates = self.estimates
         header, columns = [f"{TIME} [s]"], [estimates.t]

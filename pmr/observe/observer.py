@@ -192,7 +192,10 @@ class Observer:
         }
 
     def total_errors(self) -> Array:
-        """Errors (q,) of the outputs over all parts of the budget, as fractions: roots of sums of squares."""
+        """Errors (q,) of the outputs over all parts of the budget, as fractions: roots of sums of squares.
+
+        A part that does not cover an output counts as 0.
+        """
         return np.array(
             [
                 np.sqrt(sum(of_part.get(name, 0.0) ** 2 for of_part in self.errors.values()))
@@ -301,7 +304,11 @@ class _Filter:
         return of_loads[:, model.input_number(payload.input)] * -acceleration * float(self.x[self.of_payload][0])
 
     def update(self, k: int, measured: Array, present: NDArray[np.bool_]) -> Array:
-        """Correct the state by measurements (p,) at step k; return innovations (p,) over their standard deviations."""
+        """Correct the state by measurements (p,) at step k; return innovations (p,) over their standard deviations.
+
+        Only measurements in the mask `present` (p,) are used; the innovations of others are NaN.  One whose innovation
+        is beyond `GATE` counts with a larger variance.
+        """
         observer, model = self.observer, self.observer.model
         n, rows, payload = self.n, self.rows, observer.payload
         rows[:, :n] = model.C[k]
@@ -354,7 +361,11 @@ class _Filter:
         self.P[range(len(self.x)), range(len(self.x))] += self.Q
 
     def run(self, values: Array) -> Estimates:
-        """Estimates from measurements (T, p) at the steps of the model."""
+        """Estimates from measurements (T, p) at the steps of the model, NaN where there is none.
+
+        Measurements of a sensor that is stuck are not used.  A sensor has an alarm where it is stuck, or while the mean
+        square of its innovations is above `ALARM`.
+        """
         observer, model = self.observer, self.observer.model
         T, q = model.reference.shape
         mean, deviation = np.zeros((T, q)), np.zeros((T, q))
@@ -378,7 +389,10 @@ class _Filter:
 
 
 def find_stuck(values: Array, count: int) -> NDArray[np.bool_]:
-    """Whether the last `count` measurements (T, p) of a sensor are one and the same number, at each step."""
+    """Whether, at each step, a sensor's measurement (T, p) repeats the one before for the `count`-th time or more.
+
+    Steps without a measurement, NaN, are passed over, and are never stuck.
+    """
     stuck = np.zeros(values.shape, bool)
     for column, marked in zip(values.T, stuck.T, strict=True):
         at = np.nonzero(np.isfinite(column))[0]

@@ -44,6 +44,7 @@ class PlaceModels:
 def sensor_modes(space: StateSpace, load: str, mass: float = 0.0) -> tuple[Array, Array, Array]:
     """Frequencies (S, r) in Hz, modes (S, r, r) and shapes b (S, r) with a sensor of `mass` kg at the place of a load.
 
+    The frequencies of each place ascend.  Its modes are columns, orthonormal in the mass that includes the sensor.
     Raises InputError if the state space has no such load.
     """
     if load not in space.inputs:
@@ -81,7 +82,8 @@ def place_models(
         Mass of the sensor beside that of the model.
     measured : mapping, optional
         Frequencies in Hz measured at places in m, lowest first: the model's are multiplied by factors on straight
-        lines between these places.
+        lines between these places, and by the factor of the nearest one beyond them.  Modes that are not measured at
+        every place keep the model's frequencies.
     rows : sequence of (q,) arrays
         Weights of the state space's outputs for each further output.
 
@@ -233,9 +235,10 @@ class PositionObserver:
         )  # fmt: skip
 
     def _changes(self, count: int, start: float) -> Array:
-        """Chances (D, D) in a step to change from one of D = `count` speeds to a neighbour; `start` is that from rest.
+        """Transition matrix (D, D) of a step between D = `count` speeds, in ascending order with rest in the middle.
 
-        Rest is in the middle of the speeds.
+        Entry (d, e) is the chance to change from speed d to speed e; each row adds up to 1.  Rest is left with the
+        chance `start`, any other speed with the setting `turn`, for each of its neighbours alike.
         """
         W = np.zeros((count, count))
         for d in range(count):

@@ -189,7 +189,7 @@ class _SingularVectors(NamedTuple):
 
 
 def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> _SingularVectors:
-    """Vectors (n_local, k) and singular values (k,) of S by LAPACK on rank 0, in the product of M.
+    """Vectors (n_local, k) and singular values (k,), descending, of S by LAPACK on rank 0, in the product of M.
 
     M is None for the Euclidean product.
     """
@@ -211,7 +211,7 @@ def _dense_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> _SingularVectors:
 
 
 def _distributed_pod(S: PETSc.Mat, M: PETSc.Mat | None) -> _SingularVectors:
-    """Vectors (n_local, k) and singular values (k,) of S by Gram-Schmidt, in the product of M.
+    """Vectors (n_local, k) and singular values (k,), descending, of S by Gram-Schmidt, in the product of M.
 
     S = Q R is computed by orthogonalising twice; then R = U Sigma W^T gives V = Q U.  M is None for the Euclidean
     product.
@@ -301,7 +301,8 @@ def without_rows(model: ReducedModel, numbers: Sequence[int]) -> ReducedModel:
 def with_held_coordinates(model: ReducedModel) -> ReducedModel:
     """Return the model with a row for each of the rows in `left_out`; each new row holds one coordinate at zero.
 
-    The coordinates that they hold are the last ones.
+    The new rows come before all others.  The first of them holds the last coordinate, the next one the last but one,
+    and so on.
     """
     count = len(model.left_out)
     held = np.zeros((len(model.rows.c), model.rows.c.shape[1], count, model.size))

@@ -65,7 +65,8 @@ INDEPENDENT = 1e-9
 def with_ports(body: FreeBody, modes: Basis) -> Basis:
     """Return the basis of free modes, followed by the attachment modes of the model's ports; collective.
 
-    The attachment modes are M-orthonormal.
+    The attachment modes are M-orthonormal, with the singular value 1.  Ports that supports hold, or that depend on
+    others, add none.
     """
     model = body.model
     V = np.array(modes.V.getDenseArray())
@@ -217,7 +218,10 @@ def reduce_bodies(
 
 
 def cached_body(scene: Scene, model: FullModel, cache: Cache | None, clock: Clock | None = None) -> ReducedBody:
-    """Reduced single body from the cache; if it is not there, `reduce_body` makes it and it is stored; collective."""
+    """Reduced single body from the cache; if it is not there, `reduce_body` makes it and it is stored; collective.
+
+    A stored body gets the provenance of this scene.  If `cache` is None, the body is made and not stored.
+    """
     if cache is None:
         return reduce_body(scene, model, clock)
     content = scene.reduction.model_dump(mode="json") | {"path": scene.travel}
@@ -267,7 +271,8 @@ def _reduce_section(scene: Scene, member: Member, model: FullModel, cache: Cache
     """Reduced section on free modes and carriers, from the cache if it is stored there.
 
     It has enrichment modes if an error is estimated or terms that vary in time may act, and inertia on carriers if an
-    error is estimated.
+    error is estimated.  A section that is stored has its residual flexibility; the result lacks it if the scene asks
+    for none.
     """
     choice, stressed = member.part.reduction, may_be_stressed(scene)
     if member.part.body.mover is not None:  # it keeps both of its coordinates

@@ -208,7 +208,7 @@ class Cache:
     def _load(self, load: Callable[[Path], Content], file: Path) -> Content | None:
         """Model or system, on every rank, that `load` reads from the file that belongs to `file`.
 
-        None if it is not sound.  Collective.
+        If it is not sound, a warning is logged and None is returned.  Collective.
         """
         loaded = None
         if self.model.comm.rank == 0:

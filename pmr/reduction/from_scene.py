@@ -39,7 +39,8 @@ DEPENDENT = 1e-10
 def vectors_from_file(model: FullModel, file: Path) -> Snapshots:
     """Snapshots from a file: the array ``V`` (n, k) of an npz file on the full model's n coordinates.
 
-    Every rank reads the file.  An InputError is raised if it has no such array, or entries that are not finite.
+    Every rank reads the file.  An InputError is raised if it has no such array, or one with another number of rows,
+    without columns or with entries that are not finite.
     """
     try:
         V = np.asarray(npz.read(file)["V"], dtype=float)
@@ -271,8 +272,8 @@ def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
 def with_array_basis(scene: Scene) -> Scene:
     """Return the scene of a single body with `reduction.basis` set to `ARRAY`, for a basis that is given as an array.
 
-    The `reduction` keeps product and flexibility.  An InputError is raised for a boom of sections, whose bases consist
-    of free modes.
+    The `reduction` keeps product and flexibility, but no error is estimated.  An InputError is raised for a boom of
+    sections, whose bases consist of free modes.
     """
     if ALONE not in scene.bodies:
         allowed = "a scene of one body is allowed with a basis: sections are reduced to free modes"

@@ -136,7 +136,10 @@ def _springs(structure: Structure, s: float) -> sp.csr_matrix:
 
 
 def _places(structure: Structure, q: Array) -> Places:
-    """Points where loads act and outputs are measured, and their motions in the modes q (n, count)."""
+    """Points where loads act and outputs are measured, and their motions in the modes q (n, count).
+
+    The loads' points come first; each point is there once.  Rotations are zero where the model has none.
+    """
     model = structure.model
     actions = [action for action in (*structure.loads, *structure.outputs) if isinstance(action, Action)]
     places = list(dict.fromkeys(action.on for action in actions))
@@ -217,7 +220,10 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
 
 
 def _hold_body(built: AssembledBody, s: float) -> _HeldModel:
-    """Full model of `built` held with its sliders at s (m)."""
+    """Full model of `built` held with its sliders at s (m).
+
+    Rows that give way become springs in its stiffness; the others become its rows, which don't depend on s.
+    """
     full, C = built.model, built.model.rows.at(s)
     soft = np.flatnonzero(full.row_compliance)
     springs = C[soft].T @ sp.diags(1.0 / full.row_compliance[soft]) @ C[soft]

@@ -183,7 +183,8 @@ class BodyFields:
     def stresses(self, q: Array, acting: BodyStates | None = None) -> Stresses:
         """Stresses at S times, from full coordinates q (S, n_local), of which each rank gives its own part.
 
-        The section forces of a beam include the loads and contact forces `acting` on it; None if nothing acts.
+        The section forces of a beam include the loads and contact forces `acting` on it; None if nothing acts.  The
+        result has None for section forces or stresses that the body does not have.
         """
         along = None if self.forces is None else self.forces.evaluate(np.hstack(self.comm.allgather(q)), acting)
         if self.stress_rows is None:
@@ -332,7 +333,10 @@ class RecoveredBody:
         }
 
     def histories(self) -> dict[str, Array]:
-        """Largest von Mises stress (S,) in Pa at each recovered time, by model: ``reduced`` and, if known, ``full``."""
+        """Largest von Mises stress (S,) in Pa at each recovered time, by model: ``reduced`` and, if known, ``full``.
+
+        The result is empty for a body without stresses.
+        """
         return {
             name: model_fields.stress.largest
             for name, model_fields in self._records()
@@ -373,7 +377,8 @@ def recover_reduced(
 ) -> dict[str, ReducedFields]:
     """Fields and stresses of the reduced models of a scene's bodies, by name; collective.
 
-    `states` are the bodies' states at the `recovered_steps`, the same on every rank.
+    `states` are the bodies' states at the `recovered_steps`, the same on every rank.  Pictures are recorded at as many
+    of these, evenly spread, as the scene's recovery has frames.
     """
     recovery_of_scene, looked = scene.recovery, {}
     assert recovery_of_scene is not None

@@ -154,7 +154,7 @@ def _cylinder_responses(
 ) -> Array | None:
     """Responses (n_local, n) to a cylinder's force, this rank's part; None for a section without a cylinder.
 
-    They are zero if supports hold the body where the cylinder acts.
+    Their number n is `RICHER` + 1.  They are zero if supports hold the body where the cylinder acts.
     """
     load = _tail_weights(shared_carriers)
     if load is None:
@@ -165,7 +165,9 @@ def _cylinder_responses(
 
 
 def _spanning_vectors(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tuple[Array | None, Array]:
-    """Vectors (n_local, p) that span the responses R g to loads g (n_local, L), and the responses in them (p, L).
+    """Vectors (n_local, p) that span the responses R g to loads g (n_local, L), and their coefficients (p, L) in these.
+
+    Each response is the product of the vectors and one column of coefficients.
 
     If there are too many loads, the vectors are None and p is 0.  For a beam, p is at most its number of coordinates;
     for a shell, at most L.

@@ -123,7 +123,8 @@ def terms(A: PETSc.Mat, X: Array) -> Array:
 def _diagonalise(model: FullModel, W: Array) -> tuple[Array, Array]:
     """Combinations W (n_local, k) of the given columns W, and K W over the diagonal of W^T K W, (n_local, k).
 
-    The combinations satisfy W^T M W = I, and their W^T K W is diagonal.  Collective.
+    The combinations satisfy W^T M W = I, and their W^T K W is diagonal.  For a column that is an eigenvector up to
+    round-off, the second result is M W, which is more accurate.  Collective.
     """
     if W.shape[1] == 0:
         return W, W

@@ -152,7 +152,7 @@ class _BeamPieces:
         """Loads, inertia included, and displacements on the c coordinates of the pieces, both (S, c).
 
         The displacements do not include delta.  The coordinates q and accelerations a of the beam are (S, n);
-        `supports` has the forces (S,) of rigid supports by name.
+        `supports` has the forces (S,) of rigid supports by name; supports that do not hold this beam are left out.
         """
         displaced = (self._displacement @ q.T).T
         forces = (

@@ -192,7 +192,10 @@ class _LowestModes:
 
 
 def _lowest_modes(body: FreeBody, count: int) -> _LowestModes:
-    """The `count` lowest modes that loads and rows can excite, or all if there are fewer."""
+    """The `count` lowest modes that loads and rows can excite, or all if there are fewer.
+
+    Rigid-body modes come first and are counted among them.
+    """
     model, Z = body.model, body.Z
     held = replace(model, rows=Rows(fixed_rows(model), model.size))
     s = _any_position(held)
@@ -275,7 +278,7 @@ def _bent_modes(model: FullModel, stress: Sequence[PETSc.Mat], modes: Modes, num
 def _relative_work(model: FullModel, phi: Array) -> Array:
     """Work (a, k) of loads and released rows on k modes phi (n_local, k), each over its largest work on any mode.
 
-    Each of the a rows belongs to a load or to a power of a released row.
+    Each of the a rows belongs to a load or to a power of a released row; it is zero if it works on none of the modes.
     """
     first = model.M.getOwnershipRange()[0]
     work = [local_csr(model.inputs).T @ phi]

@@ -101,8 +101,8 @@ class BackgroundReport:
 def has_free_core() -> bool:
     """Whether a second process would have a core for itself.
 
-    This is so if this process may use several cores and no other process uses them.  Processes that MPI started
-    together with this one count as users of the cores.
+    This is so if this process may use several cores and a launcher of MPI started no other process together with it.
+    Other programs, which may use the cores as well, are not looked at.
     """
     return environment.available_cores() > 1 and environment.launched_process_count() == 1
 

@@ -77,9 +77,10 @@ def rows(result: RunResult) -> list[Row]:
 
 
 def error_notes(result: RunResult, table: Sequence[Row]) -> list[str]:
-    """Sentences below the error table, on values that agree with the published ones by rounding, and notes of the run.
+    """Sentences below the error table: one for each row whose value rounds to the published one, then notes of the run.
 
-    If other values deviate by more than 5 % and the run has no notes, a sentence says that no reason is recorded.
+    If other rows deviate by more than 5 % from published values and the run has no notes, a sentence takes their place
+    that says that no reason is recorded.
     """
     explanations = [
         f"{row.comparison}, {row.place}: the published {row.published} is a rounded figure; "

@@ -210,10 +210,16 @@ MOST_VALUES = 400_000  # most values in all shapes of a quantity: two bytes each
 def body_motion(result: RunResult) -> dict[str, Any]:
     """Data of the animation of bodies with fields, ready for JSON; empty for a single time or for too many faces.
 
+    Its keys are the number of ``frames``, first and last of the ``times`` in s, ``speeds`` of playback, the ``first``
+    frame shown (that of the peak), the ``length`` of what is drawn, the ``path`` of the mouth, the ``scale`` of
+    displacements, ``bodies``, the least x of the section's blocks (``back``), the ``ramp`` of colours, the blocks
+    ``section``, ``near`` and ``tail`` of the surroundings, the largest share ``lost`` of a motion, and ``pose``.
+
     Each body has its P points in m, its triangles, and its shift along x in m.  Its displacement in m is the product of
     k coefficients (frames, k) and k shapes (k, 3 P).  The stress of its S faces, divided by the stress of the last
     colour, is a product of other coefficients (frames, k) and shapes (k, S).  Triangles j and S + j are the two halves
-    of quadrilateral j.  If the scene has a frame, `pose` is the motion of the frame, which moves all bodies.
+    of quadrilateral j.  If the scene has a frame, ``pose`` is the motion of the frame, which moves all bodies; else it
+    is None.
     """
     bodies = body_surfaces(result)
     if (

@@ -262,7 +262,7 @@ class Response:
 
     @property
     def tip(self) -> Array:
-        """Vertical displacement (T,) in m of the last body's free end; the last column if columns have no kinds."""
+        """Vertical displacement (T,) in m of the last body's free end; the last displacement if no column is a tip."""
         tip_columns = self.of("tip")
         return tip_columns[:, -1] if tip_columns.shape[1] else self.displacement[:, -1]
 
@@ -341,7 +341,11 @@ def outputs_of(scene: Scene, response: Response) -> tuple[Output, ...]:
 
 
 def _displacement_outputs(scene: Scene, response: Response) -> Iterator[Output]:
-    """Yield the meaning of each displacement, derived from its name."""
+    """Yield the meaning of each displacement, in the order of the columns, derived from its name.
+
+    A name that is none of a tip or of a position along a body counts as a displacement of kind ``beam`` with an empty
+    body and direction.
+    """
     tips = {
         qualified_name(body, of.observe.tip_along(d)): ("tip", body, d)
         for body, of in scene.bodies.items()

@@ -56,7 +56,10 @@ def stored_scene(data: Mapping[str, object], source: str, context: Mapping[str, 
 
     `source` names the file in messages; `context` is the context of pydantic's validation.
 
-    Raises ------ InputError For the first key that was never allowed, or the first value that is not valid.
+    Raises
+    ------
+    InputError
+        For the first key that was never allowed, or the first value that is not valid.
     """
     content = deepcopy(dict(data))
     for name in GONE:

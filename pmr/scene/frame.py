@@ -282,7 +282,7 @@ class Frame(SceneTable):
     def tail_position(self) -> Point:
         """Position (3,) in m of the base's tail, measured from the pivot, in the axes of the boom.
 
-        It is what the key ``pivot`` holds.
+        The key ``pivot`` holds this vector, despite its name.
         """
         assert self.pivot is not None  # as the validator says
         return self.pivot

@@ -134,7 +134,7 @@ def amplitudes_at_rest(scene: Scene, extensions: Mapping[str, Array], luffing: f
     """Amplitudes c (P, k) of the scene's k terms at rest, at extensions (P,) m by name and a `luffing` angle in rad.
 
     The weight acts in full.  Loads along x have their smallest value in the scene's time, all other loads their
-    largest, since these values compress the boom most.
+    largest, since these values compress the boom most.  For a scene without terms, k is 0.
     """
     if not list(frame_terms(scene)):
         return np.empty((len(next(iter(extensions.values()))), 0))
@@ -218,7 +218,7 @@ def _response_at_rest(
     """Response at rest in the posture `place`: forces of springs and contacts, on supports and on the machine.
 
     Each of the T `states` (T, n + m + i) consists of coordinates, contact forces and loads; c (T, k) are amplitudes of
-    terms at these states; x and `rows` as in `rest_rows`.
+    terms at these states; x and `rows` as in `rest_rows`.  The response has no displacements and no energies.
     """
     system, (n, m), count = assembly.system, (assembly.size, len(rows.C)), len(states)
     q, forces, loads = np.split(states, [n, n + m], axis=1)

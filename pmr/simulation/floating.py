@@ -80,7 +80,7 @@ class Shortening:
     cylinder: int | None = None
 
     def factor(self, extended: Extensions) -> tuple[float, float, float]:
-        """Factor f with its first and second rate, at the extensions `extended`."""
+        """Factor f with its first and second rate, at the extensions `extended`; 1, 0 and 0 without a cylinder."""
         if self.cylinder is None:
             return 1.0, 0.0, 0.0
         l, v, a = (getattr(extended, order)[self.cylinder] for order in ("value", "rate", "second"))

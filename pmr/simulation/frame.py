@@ -276,7 +276,7 @@ def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
 
     A load along an axis of the body has one signal.  A force along an axis of the ground has one signal for each of its
     components along the axes of the body; a component is left out if it is always zero or the model can't move along
-    its axis.
+    its axis.  The loads by which the rope of a hoist pulls come last.
     """
     signals = dict[str, SignalBase]()
     for load in member.part.loads:
@@ -293,7 +293,7 @@ def rope_load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
     """Signals of the loads by which the rope of a hoist pulls a section while its payload hangs at rest, by names.
 
     Along the boom the rope pulls with the weight over the number of its falls.  Simulators that know how the payload
-    moves put the rope's forces in their place.
+    moves put the rope's forces in their place.  The result is empty without a hoist or without gravity.
     """
     signals, hoist, gravity = dict[str, SignalBase](), scene.hoist, scene.gravity
     if hoist is None or gravity is None:

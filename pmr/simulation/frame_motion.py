@@ -109,7 +109,10 @@ class FrameRotation:
 
     @classmethod
     def from_angles(cls, luffing: Angle, slewing: Angle, rocking: Sequence[Angle] = ()) -> FrameRotation:
-        """Rotation by the frame's angles (T,) in rad, with rates and second rates, on a base turned by `rocking`."""
+        """Rotation by the frame's angles (T,) in rad, with rates and second rates, on a base turned by `rocking`.
+
+        An empty `rocking` stands for a base that does not turn.
+        """
         turning = cls._on_fixed_base(luffing, slewing)
         if not rocking:
             return turning
@@ -383,7 +386,7 @@ class MachineMotion:
 
 
 def with_computed_motion(scene: Scene, track: MachineMotion) -> Scene:
-    """Scene whose frame has a base with the computed motion `track` and has no machine."""
+    """Scene whose frame has a base with the computed motion `track`, in place of the base it had, and no machine."""
     frame = scene.frame
     assert frame is not None  # of a scene with a machine
     angle = 1.0 if frame.unit == "rad" else 180.0 / np.pi

@@ -115,8 +115,9 @@ class LuffingRun(MachineRun):
     def _load_cylinder(self, place: Array, z: Array) -> None:
         """Balance the cylinder's force with weight and loads at rest at the start.
 
-        `place` (6,) is the displacement of the base and z the modal coordinates.  A SimulationError is raised if a
-        chamber would need a pressure below that of the surroundings.
+        `place` (6,) is the displacement of the base and z the modal coordinates.  Oil on the rod's side has the back
+        pressure; if the other side would then need a negative one, that side has the back pressure.  Without a cylinder
+        nothing is done.  A SimulationError is raised if a chamber would need a pressure below that of the surroundings.
         """
         frame = self._scene.frame
         assert frame is not None

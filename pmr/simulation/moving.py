@@ -285,7 +285,10 @@ class MovingFrame:
         return tuple(signals[name] for name in self.drivers)
 
     def drives(self, excitation: Excitation) -> bool:
-        """Whether an excitation's paths, loads and amplitudes of terms are those of the scene, on its time grid."""
+        """Whether an excitation's paths, loads and amplitudes of terms are those of the scene, on its time grid.
+
+        This is never so if a part of the frame's motion is computed.
+        """
         if self.scene.frame is None or self.scene.frame.computed_key is not None:
             return False
         of_scene = Excitation.from_scene(self.scene).on_grid(excitation.stepping)

@@ -66,6 +66,7 @@ def with_support_reactions(response: Response, system: System, trajectory: Syste
     """Return the response with forces on rigid supports added.
 
     For reduced bodies, these follow from matrices; supports of full bodies are contacts with forces in the trajectory.
+    Bodies whose reactions are not known are left out.
     """
     of_bodies, reactions, first = dict[str, Supports](), dict[str, Array](), 0
     for name, body in system.bodies.items():
@@ -130,7 +131,7 @@ def _term_forces(system: System, name: str, P: Array, trajectory: SystemTrajecto
 def with_reactions(response: Response, of_bodies: Mapping[str, Supports], forces: Mapping[str, Array]) -> Response:
     """Return the response with the `forces` (T, h) of rigid supports, by body, added after all other outputs.
 
-    `of_bodies` are the supports' names and units by body.
+    `of_bodies` are the supports' names and units by body, in the order of `forces`.
     """
     if not forces:
         return response
@@ -165,7 +166,7 @@ def with_pivot_force(scene: Scene, response: Response) -> Response:
 
 
 def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
-    """Return the response with the luffing cylinder's force in N, positive in compression, if it is known."""
+    """Return the response with the luffing cylinder's force in N, positive in compression; unchanged if unknown."""
     if scene.frame is None or scene.frame.cylinder is None:
         return response
     if scene.holding_cylinder is not None:
@@ -179,14 +180,15 @@ def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
 
 
 def with_force_of_pin(scene: Scene, response: Response) -> Response:
-    r"""Return the response with the force of the pin at the pivot.
+    r"""Return the response with the force of the pin at the pivot, in place of the forces of the pin's two supports.
 
     .. math:: F_{pin} = \sum_k \lambda_k n_k + F d
 
-    The luffing cylinder's force F along d is added to the forces :math:`\lambda_k` along n_k of the supports that
-    represent the pin.  One of these supports, across the boom, represents the cylinder in the model.  So the pin
-    carries along the boom the cylinder's thrust, and across the boom the difference between the cylinder's force and
-    the force of this support.  The response is unchanged if the base is held in another way, or if a force is unknown.
+    The sum is over the pin's supports along and across the boom and the support at the lug, which stands for the
+    luffing cylinder in the model; :math:`\lambda_k` is the force on support k along n_k.  The cylinder's thrust F on
+    the boom along d acts on the machine along -d; without it, the pin's force remains.  The two outputs that held the
+    forces on the pin's supports now hold the pin's force along and across the boom.  The response is unchanged if the
+    base is held in another way, or if a force is unknown.
     """
     held = pin_and_cylinder(scene)
     if held is None or CYLINDER not in response.other_names or not set(held.pin) <= set(response.other_names):

@@ -197,7 +197,10 @@ class Grip:
 
     @classmethod
     def at_start(cls, contacts: Sequence[Contact], s: Array, multipliers: Array) -> Grip:
-        """State at t = 0 without friction, with paths at s (J,) m and contact forces `multipliers` (m,) in N."""
+        """State at t = 0 without friction, with paths at s (J,) m and contact forces `multipliers` (m,) in N.
+
+        Its arrays are empty if no contact has friction.
+        """
         law = Friction.from_contacts(contacts)
         if law is None:
             return cls()

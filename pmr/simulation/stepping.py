@@ -187,7 +187,10 @@ Take = Callable[[Block], None]
 
 @dataclass(frozen=True)
 class SimulationEnd:
-    """Results at the end of a simulation: wall time of the solver in s, and `surplus` of energy of the trajectory."""
+    """Results at the end of a simulation: wall time of the solver in s, and `surplus` of energy of the trajectory.
+
+    The surplus is the energy that no work explains, over the largest energy (`pmr.simulation.balance`).
+    """
 
     seconds: float
     surplus: float
@@ -216,7 +219,7 @@ class Recorder:
             stored[low:high] = array
 
     def trajectory(self, ended: SimulationEnd) -> SystemTrajectory:
-        """Trajectory of the recorded steps, with the solver's time and surplus."""
+        """Trajectory of the recorded steps, with the solver's wall time and the surplus of energy from `ended`."""
         assert self._recorded is not None  # every simulation has at least one block
         return replace(self._recorded, seconds=ended.seconds, surplus=ended.surplus)
 

@@ -56,7 +56,10 @@ class WindOnSection(Derived):
 
     @classmethod
     def of_load(cls, scene: Scene, member: Member, load: Load, name: str) -> Self:
-        """Amplitude of the input `name` (`pmr.scene.choice.input_directions`) of a load by wind."""
+        """Amplitude of the input `name` (`pmr.scene.choice.input_directions`) of a load by wind.
+
+        The pivot is as high above the ground as the scene's ground says, unless the load states its own height.
+        """
         frame, part, box = scene.frame, member.part, member.part.body.box
         assert frame is not None  # as the checks say
         depths = [load.depth or getattr(box, key) for key in ("height", "width")]

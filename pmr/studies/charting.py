@@ -140,7 +140,8 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     """Task: compute the loads that the limits allow at the points of one row of a chart.
 
     Argument ``rows`` holds the number of the row's first point and the number of the first point after the row.  The
-    arrays of the result have the sizes p points, l limits (stability last) and c cases out of service:
+    arrays of the result have the sizes p points, l limits (stability last) and c cases of the argument ``left``, those
+    out of service:
 
     - ``place`` (p, 2) m: radius and height of the undeformed tip; ``luffing`` (p,) rad.
     - ``load`` (p, l) kg: the smallest over all cases in service, NaN if no load up to ``up_to`` reaches the limit;
@@ -150,7 +151,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
       not cover, in words.
     - ``hoist`` (p,), only if ``hoist`` is among the arguments: the largest force of the rope while the point's smallest
       load is hoisted off the ground, over the load's weight, with the amounts of the first case.
-    - ``passed`` (p, c, l): whether the limit is exceeded without a load in a case out of service (argument ``left``).
+    - ``passed`` (p, c, l): whether the limit is exceeded without a load in a case out of service.
     - ``at.<name>``: arrays of `pmr.studies.governing.governing_details` at the points ``at.place`` (l,), where each
       limit governs the largest load of the row; ``at.place`` is -1 for a limit that governs at none.
 

@@ -50,7 +50,10 @@ def scene_of(arguments: Arguments) -> Scene:
 
 
 def refuse_second_order(scene: Scene) -> None:
-    """Raise InputError for a single body with second-order terms, which most kinds of studies can't compute."""
+    """Raise InputError if the scene is a single body with second-order terms.
+
+    Only studies of the kind ``scenes`` compute these.
+    """
     if len(scene.sections) == 1 and scene.frame is not None and scene.frame.second_order:
         allowed = "false is allowed in a study of a body alone; studies of kind 'scenes' follow second order"
         raise InputError("scene", "frame.second_order", scene.frame.second_order, allowed)

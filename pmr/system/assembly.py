@@ -101,7 +101,10 @@ class Assembly:
 
     @cached_property
     def direct(self) -> Array:
-        """Outputs W = O R B (o, i) in m/N of unit inputs B by the residual flexibility R, with the output matrix O."""
+        """Outputs W = O R B (o, i) in m/N of unit inputs B by the residual flexibility R, with the output matrix O.
+
+        The entries of bodies without residual flexibility are zero.
+        """
         W = np.zeros((_count(self.output_slices), _count(self.input_slices)))
         for name, flexibility in self._flexibility.items():
             W[self.output_slices[name], self.input_slices[name]] = flexibility.direct
@@ -152,7 +155,10 @@ class Assembly:
         return self.contact_rows_over_time(x[None]).at_time(0)
 
     def contact_rows_over_time(self, x: Array) -> ContactRows:
-        """Rows of the contacts with their places at x (T, sides) in m, at T times."""
+        """Rows of the contacts with their places at x (T, sides) in m, at T times.
+
+        Entries of the flexibility that are only round-off are zero, which marks rigid contacts.
+        """
         system = self.system
         T, m, i, o = len(x), len(system.contacts), _count(self.input_slices), _count(self.output_slices)
         C, H, X = np.zeros((T, m, self.size)), np.zeros((T, m, i)), np.zeros((T, o, m))
@@ -257,7 +263,7 @@ class Assembly:
     def frequency_responses(
         self, rows: ContactRows, omega: Array, c: Sequence[float] | Array = ()
     ) -> NDArray[np.complex128]:
-        r"""Frequency responses (W, o + m, i) of outputs and contact forces to unit inputs at omega (W,) in rad/s.
+        r"""Frequency responses (W, o + m, i) of outputs, then contact forces, to unit inputs at omega (W,) in rad/s.
 
         .. math::
             (-\omega^2 M + i \omega D + K)\, q + C^T \lambda = B f, \qquad C q + H f - F \lambda = 0, \qquad

@@ -85,7 +85,10 @@ def with_cylinder_modes(model: ReducedModel) -> ReducedModel:
 
 
 def has_frame_matrices(model: ReducedModel) -> bool:
-    """Whether the matrices of a moving frame and of second order are known on the attachment modes of this model."""
+    """Whether the matrices of a moving frame and of second order are known on the attachment modes of this model.
+
+    This is also true of a model that has no such matrices.
+    """
     carriers = model.carriers
     if carriers is None or not carriers.matrices:
         return not model.matrices
@@ -98,8 +101,8 @@ def _extend_frame_matrices(
     """Return `extended_model` with matrices and ports on its last a coordinates, which `model` does not have.
 
     These coordinates are the responses to `loads` (K + i, a) on K carriers and i inputs, plus `combinations` (k, a) of
-    the first k responses to the cylinder's force.  If the carriers have no `matrices`, `extended_model` is returned
-    unchanged.
+    the first k responses to the cylinder's force.  If the carriers know no vectors that span responses (`spanned`), the
+    `loads` are ignored.  If the carriers have no `matrices`, `extended_model` is returned unchanged.
     """
     carriers, modes, r, (count, a) = model.carriers, model.enrichment, model.size, combinations.shape
     assert carriers is not None
@@ -192,7 +195,7 @@ def with_attachment_modes(
 
 
 def _diagonalise(K: Array, M: Array) -> tuple[Array, Array]:
-    """Combinations X (k, a) with X^T M X = I and X^T K X = diag(omega^2), and omega^2 (a,) in (rad/s)^2.
+    """Combinations X (k, a) with X^T M X = I and X^T K X = diag(omega^2), and omega^2 (a,) in (rad/s)^2, ascending.
 
     K and M are (k, k).  Directions without stiffness or inertia are left out: they are round-off in a model that has
     nearly all modes of its mesh.
@@ -264,10 +267,9 @@ def _load_matrix(part: CarrierFlexibility) -> Array:
 def _principal_loads(S: Array, loads: sp.csr_matrix, left_out: float) -> Array:
     """Combinations G (K + i, k) of loads on K carriers and i inputs, whose responses have the most inertia.
 
-    `loads` (T, K + i) are T loads.  S (K + i, K + i) is the inertia of the residual responses to unit loads, and
-    G^T S G = I.  At most `MOST` combinations are
-    returned, which leave out at most a share `left_out` of the inertia.  Loads whose responses are round-off are not
-    used.
+    `loads` (T, K + i) are T loads.  S (K + i, K + i) is the inertia of the residual responses to unit loads, and G^T S
+    G = I.  At most `MOST` combinations are returned, those with the most inertia first; unless this limit cuts them
+    off, they leave out at most a share `left_out` of the inertia.  Loads whose responses are round-off are not used.
     """
     mass = np.trace(S)
     half = pivoted_cholesky(S)  # on a coarse mesh S has a low rank

@@ -323,7 +323,10 @@ class Trajectory:
 
 
 def projected(body: SlidingBody, V: Array) -> ReducedModel:
-    """Reduced model of a body on the columns of V (n, r), with all of the body's rows and its flexibility, if any."""
+    """Reduced model of a body on the columns of V (n, r), with all of the body's rows and its flexibility, if any.
+
+    It has no carriers, no enrichment modes, no provenance and no matrices of a moving frame.
+    """
     M, D, K = (symmetric_part(V.T @ (A @ V)) for A in (body.M, body.D, body.K))
     clearance = body.row_clearance
     return ReducedModel(

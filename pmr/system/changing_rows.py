@@ -129,7 +129,8 @@ class _BodyRows:
     def _weights(self, s: Array) -> TouchedWeights:
         """Numbers (k d,) of the carriers that the sides touch, and their weights with two derivatives by s (3, k, d).
 
-        The paths are at s (P,) in m.  The weights have the signs of their sides.
+        The paths are at s (P,) in m.  The weights have the signs of their sides.  A side beyond an end of its row
+        counts as at this end.
         """
         travelling = self._path >= 0
         x = np.clip(self._start + np.where(travelling, self._rate * s[self._path], 0.0), *self._ends)

@@ -72,7 +72,10 @@ class Place:
     rate: float = 1.0  # negative where the place travels towards the body's tail while the path grows
 
     def coordinate(self, s: Mapping[str, ArrayLike]) -> Array:
-        """Coordinate x (...) in m on the body; `s` maps names of paths to their coordinates (...) in m."""
+        """Coordinate x (...) in m on the body; `s` maps names of paths to their coordinates (...) in m.
+
+        For a place that does not travel, it is a single number, whatever the shape of the paths' coordinates.
+        """
         travelled = np.zeros(()) if self.path is None else self.rate * np.asarray(s[self.path], float)
         return np.asarray(self.at + travelled)
 
@@ -145,7 +148,10 @@ FRICTION = ("friction", "shear_stiffness", "static_friction", "stribeck_speed")
 
 
 def friction_law(contact: Contact) -> tuple[float, float, float]:
-    """Sliding coefficient, coefficient at rest and Stribeck speed (m/s) of a contact, ordered as in src/friction.c."""
+    """Sliding coefficient, coefficient at rest and Stribeck speed (m/s) of a contact, ordered as in src/friction.c.
+
+    A contact without a coefficient at rest has its sliding coefficient there too.
+    """
     return contact.friction, contact.static_friction or contact.friction, contact.stribeck_speed
 
 

@@ -77,7 +77,10 @@ def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]
 
 
 def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
-    """Names of a scene's forces, by kind (``pad``, ``cylinder`` and ``support``), without building any model."""
+    """Names of a scene's forces, by kind (``pad``, ``cylinder`` and ``support``), without building any model.
+
+    They go from the base to the tip.  Rigid supports count too; the list of a kind without forces is empty.
+    """
     names: dict[str, list[str]] = {"pad": [], "cylinder": [], "support": []}
     for number, (name, member) in enumerate(zip(scene.names, members(scene), strict=True)):
         if number:
@@ -106,7 +109,11 @@ def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
 
 
 def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[Contact]:
-    """Contacts of the joint in which the section with the given `number` slides; its cylinder is the last."""
+    """Contacts of the joint in which the section with the given `number` slides.
+
+    The pads at the tail and at the mouth come first, then rows that keep a rigid overlap straight, then the cylinder;
+    the last two only if the joint has them.
+    """
     joint, inner, outer = scene.sections[number].joint, scene.names[number], scene.names[number - 1]
     assert joint is not None  # as the scene's checks say
     rows = set(bodies[inner].row_names) & set(bodies[outer].row_names)
@@ -148,7 +155,8 @@ def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator
 def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str]) -> Iterator[JointPad]:
     """Pads of one ring in the joint of section `number`, without those that have none of the `rows` of both sections.
 
-    A planar beam has no rows for sideways motion.  The names of the pads begin with `prefix`.
+    A planar beam has no rows for sideways motion.  A ring without faces is one pad, or two, above and below, if it only
+    pushes.  The names of the pads begin with `prefix`.
     """
     prefix = " ".join(filter(None, (prefix, ring.name)))
     compliance = 0.0 if ring.stiffness == "rigid" else 1.0 / ring.stiffness

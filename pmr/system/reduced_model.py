@@ -184,7 +184,10 @@ class ReducedModel:
 
     @property
     def input_units(self) -> tuple[str, ...]:
-        """Unit of each input, from the model's scene: N, N m, K, N/m of wind, m/s^2 or 1/s^2 for accelerations."""
+        """Unit of each input, from the model's scene: N, N m, K, N/m of wind, m/s^2 or 1/s^2 for accelerations.
+
+        An input that the scene does not describe has the unit N.
+        """
         scene = self.provenance.get("scene")
         loads = scene.get("loads") if isinstance(scene, Mapping) else None
         listed = [load for load in loads if isinstance(load, Mapping)] if isinstance(loads, list | tuple) else []

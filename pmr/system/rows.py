@@ -144,7 +144,10 @@ class Row:
 
     @cached_property
     def held_coordinate(self) -> int | None:
-        """Number of the coordinate that the row holds at zero; None unless the row `is_fixed` and does only that."""
+        """Number of the coordinate that the row holds at zero.
+
+        It is None if the row is not fixed (`is_fixed`) or has any other entry than a single 1.
+        """
         if not self.is_fixed:
             return None
         C = self.at(self.breaks[0])
@@ -427,8 +430,9 @@ class StraightRows:
     def rows(self, point: Row) -> tuple[Row, Row]:
         """Rows w(p) + (s - p) w'(p) - w(s) and (s - p) w'(s) - w(s) + w(p), in this order, with p = `end`.
 
-        `point` is the row w(s) of the deflection at the moving point.  Both results are exact piecewise polynomials in
-        s, with the breaks and the degree of `point`.  Their names are `names`.
+        `point` is the row w(s) of the deflection at the moving point.  The first row is the gap at s between the
+        tangent at p and the beam; the second is the gap at p between the beam and the tangent at s.  Both results are
+        exact piecewise polynomials in s, with the breaks and the degree of `point`.  Their names are `names`.
         """
         j = max(int(np.searchsorted(point.breaks, self.end, side="right")) - 1, 0)
         j = min(j, len(point.breaks) - 2)

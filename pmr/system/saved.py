@@ -77,7 +77,10 @@ _HEADER = TypeAdapter(_Header)
 
 
 def write(path: Path, system: StoredSystem) -> None:
-    """Write a system to a file; an existing file is replaced only once the new one is complete."""
+    """Write a system to a file; an existing file is replaced only once the new one is complete.
+
+    Arrays that a body has in common with its model on modes are stored once.
+    """
     arrays = dict[str, NDArray[Any]]()
     for number, body in enumerate(system.bodies.values()):
         arrays |= stored.pack(body, f"bodies.{number}.")

@@ -27,8 +27,9 @@ def describe_misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> st
     """Description of what is wrong with the arrays, names and tables of a dataclass; None if nothing is wrong.
 
     Its ``AXES`` have a letter for each axis, such as ``{"rows": "mr"}`` for values (m, r).  The size of a letter is
-    taken from `sizes`, or else from the first axis with this letter.  Fields that are dataclasses with ``AXES`` of
-    their own are checked too.  `prefix` begins the names of the fields in the description.
+    taken from `sizes`, or else from the first axis with this letter.  Fields that are None are not checked; fields that
+    are dataclasses with ``AXES`` of their own are.  Only the first fault is described.  `prefix` begins the names of
+    the fields in the description.
     """
     sizes = dict(sizes)
     for name, axes in part.AXES.items():

@@ -235,7 +235,10 @@ class BodySystem(Generic[AnyBody]):
         return ranges
 
     def side_rates(self, rates: Mapping[str, ArrayLike]) -> Array:
-        """Rates (..., sides) in m/s of the places of all sides; `rates` maps names of paths to their rates in m/s."""
+        """Rates (..., sides) in m/s of the places of all sides; `rates` maps names of paths to their rates in m/s.
+
+        A place that does not travel has the rate 0.
+        """
         shape = np.broadcast_shapes(*(np.shape(values) for values in rates.values()))
         by_side = np.zeros((*shape, len(self.sides)))
         for k, side in enumerate(self.sides):

@@ -66,7 +66,8 @@ def truncate(model: ReducedModel, r: int) -> ReducedModel:
 def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
     """Return the model with its first `count` enrichment modes (None: all) as last coordinates; it undoes `truncate`.
 
-    A ValueError is raised if the model has fewer enrichment modes, or `count` is less than 1.
+    A ValueError is raised if the model has fewer enrichment modes, none at all or no residual flexibility, or if
+    `count` is less than 1.
     """
     available = 0 if model.enrichment is None else model.enrichment.count
     count = available if count is None else count

@@ -154,7 +154,10 @@ class Variable:
 
 
 def variables(drivers: Drivers, start: Array, nominal: Array) -> list[Variable]:
-    """All variables of a system, with start and nominal values as described for `pmr.export.fmi.fmu.system_file`."""
+    """All variables of a system, with start and nominal values as described for `pmr.export.fmi.fmu.system_file`.
+
+    They are in ascending order of their value references.
+    """
     names = Identifiers()
     listed = list(_inputs_and_parameters(drivers, names, start))
     first, modes = 4 + ORDERS * drivers.count, drivers.modes
@@ -204,7 +207,10 @@ class _Driver:
 
 
 def _drivers(drivers: Drivers) -> Iterator[_Driver]:
-    """Yield all drivers that are inputs, with path coordinates first."""
+    """Yield all drivers that are inputs: path coordinates, then loads, then motions of the frame.
+
+    The loads by which the rope of a hoist pulls are no inputs and are left out.
+    """
     paths, ranges = drivers.shown_paths, drivers.data.rows.ranges
     for k, (name, path, (low, high)) in enumerate(zip(path_names(paths), paths, ranges, strict=False)):
         what = "of the sliders" if path == SLIDER else path
@@ -260,7 +266,10 @@ def output_kinds(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
 
 
 def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Iterator[Variable]:
-    """Yield outputs, rates of outputs that are motions, and contact forces; the first value reference is `first`."""
+    """Yield outputs, rates of outputs that are motions, and contact forces; the first value reference is `first`.
+
+    With a hoist there are no rates.
+    """
     system, called = drivers.system, list(output_kinds(drivers))
     count, o = len(called), len(system.output_names)
     outputs = [names(force_name(name) if not moves and k < o else name) for k, (name, _, moves) in enumerate(called)]

@@ -193,7 +193,7 @@ class BoomDrawing:
 
 
 def section_tubes(scene: Scene, system: System) -> list[Tube]:
-    """One tube for each section, from the base section on.
+    """One tube for each section, from the base section on; a section without a box is a thin square one.
 
     Raises InputError if a section is observed at less than two points along it.
     """

@@ -91,7 +91,8 @@ class Drivers:
     def take_path(self, s: Values) -> None:
         """Take path coordinates; they are clipped if they are slightly beyond the end of their range.
 
-        Raises InputError if they are farther beyond, or a path is missing at the start.
+        A warning is logged, once for each path, if it jumps in a step.  Raises InputError if a coordinate is farther
+        beyond, if a rate crosses the whole range in a step, or if a path is missing at the start.
         """
         if type(s) is dict and self._take_at_once(s, self._limits):
             return
@@ -161,7 +162,10 @@ class Drivers:
         self._write(self._read(F, self._load_numbers, "F", "one load for each input"))
 
     def take_frame(self, frame: Mapping[str, Motion]) -> None:
-        """Take motions of the frame; an InputError is raised for an angle of more than a turn, unless it is slewing."""
+        """Take motions of the frame; an InputError is raised for an angle of more than a turn, unless it is slewing.
+
+        A warning is logged, once for each angle, if it jumps in a step.
+        """
         if type(frame) is dict and self._take_at_once(frame, self._limits_of_frame):
             return
         readings = self._read(frame, self._frame_numbers, "frame", "")
@@ -207,7 +211,10 @@ class Drivers:
         logger.warning(message, name, change, unit, self._step, unit)
 
     def _write(self, readings: list[Reading]) -> None:
-        """Write motions into the kernel's arrays."""
+        """Write motions into the kernel's arrays.
+
+        A warning is logged, once for each motion, if it moves without a second rate where inertia depends on it.
+        """
         for k, value, rate, second, count in readings:
             if self._started and second == 0.0 == self._seconds[k] and self._lacks_inertia(k, value - self._values[k]):
                 message = (
@@ -219,7 +226,11 @@ class Drivers:
                 self._rates[k], self._seconds[k], self._counts[k] = rate, second, count
 
     def _read(self, values: Values, numbers: Mapping[str | int, int], key: str, what: str) -> list[Reading]:
-        """Read motions that are given by name, or all in their order; `key` and `what` are for messages."""
+        """Read motions that are given by name, or all in their order; `key` and `what` are for messages.
+
+        Each result has the motion's number, its value, rate and second rate, and how many of these three were given;
+        the others are 0.
+        """
         if not _is_mapping(values):
             in_order = _read_in_order(values, numbers, key, what).tolist()
             return [(k, value, 0.0, 0.0, 1) for k, value in zip(numbers.values(), in_order, strict=False)]

@@ -157,7 +157,10 @@ class _Run:
 
 
 def sample_excitation(system: FullSystem, excitation: Excitation) -> SampledExcitation:
-    """Excitation sampled at the steps.
+    """Sample the excitation at t = 0 and at the end of each step.
+
+    The result holds paths, positions and rates of sides, and loads.  Its amplitudes are those of the system's terms,
+    followed by the path coordinates of joints with friction.
 
     Raises
     ------

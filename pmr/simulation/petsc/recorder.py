@@ -174,7 +174,10 @@ class Recorder:
         self._peak, self._work = np.full_like(self._peak, -np.inf), 0.0
 
     def record(self, step: int, state: State, rows: PathRows, at: SampledExcitation) -> None:
-        """Record the state after step number `step`, if this step is selected; `at` has paths and loads at steps."""
+        """Record the state after step number `step`, if this step is selected; `at` has paths and loads at steps.
+
+        Peak forces and work are those within this step alone.
+        """
         peak, work, self._work = self._peak, self._work, 0.0
         if self._pushes:
             self._peak = np.full_like(peak, -np.inf)
@@ -208,7 +211,9 @@ class Recorder:
     def history(self, at: SampledExcitation, seconds: float, preparation: float) -> History:
         """History of all records, in a run under the excitation `at`; collective.
 
-        `seconds` and `preparation` are the wall times in s of the steps and of what came before them.
+        `seconds` and `preparation` are the wall times in s of the steps and of what came before them.  The residual
+        velocity is NaN if a contact gives way, the energy None if it is not recorded, and the surplus NaN if it is not
+        balanced.
         """
         system, every = self._system, slice(None, None, self.recording.every)
         sums = system.comm.allreduce(self.sums)

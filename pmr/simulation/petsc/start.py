@@ -105,7 +105,10 @@ class Terms:
         return forces
 
     def pad_friction(self, rows: PathRows, multipliers: Array, grip: Grip) -> PadFriction:
-        """Friction at the rows' current positions, by contact forces `multipliers` (m,) and friction `grip`."""
+        """Friction at the rows' current positions, by contact forces `multipliers` (m,) and friction `grip`.
+
+        It is zero if no pad rubs.
+        """
         if self._friction is None:
             return PadFriction(0.0, np.zeros(0), np.zeros(len(multipliers)))
         friction, limits = self._friction, grip.limits
@@ -248,8 +251,10 @@ def starting_state(
 
     `mass` is a factor of M; None if nothing acts or moves and no contact only pushes.
 
-    Raises ------ InputError If the initial position violates a rigid contact, a size is wrong, or contacts depend on
-    each other.
+    Raises
+    ------
+    InputError
+        If the initial position violates a rigid contact, a size is wrong, or contacts depend on each other.
     """
     start = stacked_start(system, initial)
     q, v = system.local_part(start.q), system.local_part(start.v)

@@ -250,7 +250,10 @@ class Form:
         return first_singular(on.K + (factor - 1.0) * on.G[0], factor * on.G[1], near, up_to)
 
     def buckling_forces(self, load: float) -> Array:
-        """Contact forces (m,) of the first buckling shape under `load`, scaled so that the largest is 1."""
+        """Contact forces (m,) of the first buckling shape under `load`, scaled to a largest absolute value of 1.
+
+        Their common sign has no meaning.  Forces of open contacts are zero.
+        """
         N0, N1, L, on_contacts = self._unstressed_flexibility
         _, Y = np.linalg.eigh(N0 + load * N1)
         G = self.equations.G[0] + load * self.equations.G[1]

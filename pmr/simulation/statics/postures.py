@@ -156,7 +156,11 @@ class UnitLoads:
 
     @classmethod
     def from_scene(cls, scene: Scene, system: System, postures: PostureSet) -> UnitLoads:
-        """Loads of a scene made by `with_hook` on a system in these postures."""
+        """Loads of a scene made by `with_hook` on a system in these postures.
+
+        The first load is the weight.  The values of each other load are what one unit of it adds to the weight; the
+        unit of the hook's load is 1 kg.
+        """
         assert scene.gravity is not None
         names = _load_names(scene)
         unit = dict.fromkeys(names, 1.0) | {HOOK: -scene.gravity.acceleration}
@@ -204,7 +208,11 @@ class PostureMatrices:
 
     @classmethod
     def from_scene(cls, scene: Scene, system: System, postures: PostureSet) -> PostureMatrices:
-        """Matrices of a scene made by `with_hook`, of its system of reduced or full bodies, in these postures."""
+        """Matrices of a scene made by `with_hook`, of its system of reduced or full bodies, in these postures.
+
+        Outputs are probes, springs of supports and the displacements of the last body's tip, then what `rest_rows`
+        adds; contacts follow.  Terms without a stiffness, or without an amplitude in any posture, are left out.
+        """
         assert scene.frame is not None and scene.gravity is not None  # as `with_hook` says
         assembly, x = Assembly(system), side_positions(system, postures)
         rows, loads = assembly.contact_rows_over_time(x), UnitLoads.from_scene(scene, system, postures)
@@ -373,7 +381,7 @@ class DeflectionOutputs:
 
     @classmethod
     def from_system(cls, system: System, postures: PostureSet) -> DeflectionOutputs:
-        """Choose outputs across the boom of a system in these postures."""
+        """Choose outputs across the boom of a system in these postures: up to `PLACES` of each body along each axis."""
         assembly = Assembly(system)
         number, x, section, direction, first = list[int](), list[float](), list[int](), list[str](), 0
         for k, body in enumerate(system.bodies.values()):

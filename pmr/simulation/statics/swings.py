@@ -85,8 +85,8 @@ class _ForcedMotion:
 def lift_off(form: Form, load: float, rope: Rope, gravity: float) -> float:
     """Largest force of the rope over the weight of a `load` in kg that is hoisted off the ground.
 
-    `gravity` is in m/s^2.  The result is NaN if no equilibrium exists under the load, or if the rope does not lift the
-    load.
+    `gravity` is in m/s^2.  The result is NaN if no equilibrium exists under the load, if the load is 0, or if the rope
+    does not lift it.
     """
     if not form.held or not 0.0 < load < form.critical:
         return np.nan
