@@ -22,7 +22,12 @@ class BankRecord(NamedTuple):
 
 @dataclass(frozen=True)
 class Bank:
-    """S places, D speeds and n states; arrays and probabilities of a step, as `pmr_bank` (src/pmr_kernel.h)."""
+    """S places, D speeds and n states; arrays and probabilities of a step, as `pmr_bank` (src/pmr_kernel.h).
+
+    `up` and `down` are, for each speed, the chances to move to the next place and to the one before.  `rest` and
+    `active` are the transition matrices between speeds where nothing moves, and in motion; `activity` in
+    `advance_bank` is the share of the second.  The other numbers are as in `pmr.observe.position.PositionSettings`.
+    """
 
     F: Array  # (S, n, n)
     H: Array  # (S, n)

@@ -48,7 +48,8 @@ class Settings:
     """Time step, damping and substeps with which a system is simulated.
 
     With several numbers in `parts`, each step is divided into equal substeps; of these numbers, the smallest is taken
-    that keeps the error of the forces of contacts that only push within the tolerance.
+    that keeps the error of the forces of contacts that only push within the tolerance.  `energy` says whether energy
+    and work are added up.
     """
 
     step: float  # s

@@ -66,7 +66,11 @@ class ObserverFile:
 
 @dataclass(frozen=True)
 class Observation:
-    """Estimates from measurements, and what each sensor contributes to them."""
+    """Estimates from measurements, and what each sensor contributes to them.
+
+    `observability` is what `Observer.observability` returns; `without` has ratios of standard deviations by the sensor
+    that is left out (`Observation.compute`).
+    """
 
     observer: Observer
     estimates: Estimates
