@@ -215,7 +215,7 @@ static void find_receptance(pmr_state *st, const pmr_scheme *c)
                          y->load_energy[of * y->ip + y->hoist_inputs[l]];
             for (n = 0; n < y->contacts; n++)
                 sum -= st->hoist_rows[(size_t)k * y->mp + n] * st->hoist_held[(size_t)l * y->mp + n];
-            st->receptance[k * y->hoist + l] = sum;
+            st->receptance[(size_t)k * y->hoist + l] = sum;
         }
     st->receptance_of = c;
 }
@@ -253,7 +253,7 @@ static int pull_rope(pmr_state *st, const pmr_scheme *c, const double *free)
     copy(q, q_free, 3);
     for (k = 0; k < y->hoist; k++) {
         moved[k] = free[k];
-        for (l = 0; l < y->hoist; l++) moved[k] += st->receptance[k * y->hoist + l] * st->pulls[l];
+        for (l = 0; l < y->hoist; l++) moved[k] += st->receptance[(size_t)k * y->hoist + l] * st->pulls[l];
     }
     for (times = 0; times < HOIST_TIMES; times++) {
         double gives, ahead, change = 0.0;
@@ -263,7 +263,7 @@ static int pull_rope(pmr_state *st, const pmr_scheme *c, const double *free)
         ahead = rope.length;
         for (k = 0; k < y->hoist; k++) {
             given[k] = 0.0;
-            for (l = 0; l < y->hoist; l++) given[k] += st->receptance[k * y->hoist + l] * slope[l];
+            for (l = 0; l < y->hoist; l++) given[k] += st->receptance[(size_t)k * y->hoist + l] * slope[l];
             gives += slope[k] * given[k];
             ahead += slope[k] * (free[k] - moved[k]);
         }
@@ -341,7 +341,7 @@ static int settle_hoist(pmr_state *st, const pmr_scheme *c)
         find_receptance(st, c);
         for (k = 0; k < y->hoist; k++) {
             st->hoist_free[k] = displaced(st, k, st->z_free, st->hoist_rows + (size_t)k * y->mp);
-            for (l = 0; l < y->hoist; l++) st->hoist_free[k] -= st->receptance[k * y->hoist + l] * st->pulls[l];
+            for (l = 0; l < y->hoist; l++) st->hoist_free[k] -= st->receptance[(size_t)k * y->hoist + l] * st->pulls[l];
         }
         failed = pull_rope(st, c, st->hoist_free);
         if (failed) return failed;

@@ -319,7 +319,7 @@ static int machine_run_open(pmr_state *st, const pmr_machine *machine, pmr_machi
     room r = {NULL, 0};
     int n;
     *run = NULL;
-    if (!y->motions || machine->sections < 1 || machine->sections > MOST_SECTIONS || y->pushing ||
+    if (!y->motions || y->hoist || machine->sections < 1 || machine->sections > MOST_SECTIONS || y->pushing ||
         st->settings.energy || st->settings.levels != 1 || st->settings.parts[0] != 1)
         return PMR_REFUSED;
     for (n = 0; n < 3; n++)

@@ -453,7 +453,7 @@ static int correct_rates(pmr_state *st, const pmr_scheme *still, const double *r
 static int start_hoist(pmr_state *st, int kind, const double *u)
 {
     const pmr_system *y = st->system;
-    double off, largest;
+    double off, largest, before = INFINITY;
     int times, failed, k;
     for (times = 0; times < HOIST_TIMES; times++) {
         failed = begin_hoist(st, u);
@@ -465,11 +465,14 @@ static int start_hoist(pmr_state *st, int kind, const double *u)
             st->pulls[k] = st->new_pulls[k];
         }
         load_bodies(st, u + y->paths);
-        if (kind != PMR_IN_EQUILIBRIUM || (times && off <= HOIST_STILL * largest)) break;
+        if (kind != PMR_IN_EQUILIBRIUM || (times && off <= HOIST_STILL * largest) ||
+            (off <= HOIST_CLOSE * largest && off >= before))
+            return PMR_DONE;
+        before = off;
         failed = find_equilibrium(st);
         if (failed) return failed;
     }
-    return PMR_DONE;
+    return PMR_UNCONVERGED;
 }
 
 static int start(pmr_state *st, int kind, const double *u, const double *rates, const double *z, const double *v)

@@ -181,7 +181,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(hoist_before, PMR_HOIST_STATE);
     NUMBERS(slots, PMR_HOIST_SLOTS);
     NUMBERS(new_pulls, y->hoist);
-    NUMBERS(receptance, y->hoist * y->hoist);
+    NUMBERS(receptance, (size_t)y->hoist * y->hoist);
     NUMBERS(hoist_units, y->hoist * n);
     NUMBERS(hoist_rows, y->hoist * mp);
     NUMBERS(hoist_held, y->hoist * mp);

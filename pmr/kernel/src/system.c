@@ -183,6 +183,7 @@ static int read_further(pmr_system *y, char *why)
 /* A hoist and what it is driven by, behind the amplitudes of terms. */
 static int read_hoist(pmr_system *y, char *why)
 {
+    if (pmr_block_count(y, "hoist_inputs") > y->inputs) return pmr_say(why, "damaged: inputs of a hoist"), 1;
     y->hoist = (int32_t)pmr_block_count(y, "hoist_inputs");
     TAKE(hoist_inputs, PMR_INTEGERS, y->hoist);
     TAKE(hoist_slots, PMR_INTEGERS, y->hoist ? PMR_HOIST_SLOTS : 0);
