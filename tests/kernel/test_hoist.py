@@ -11,10 +11,13 @@ from hoists import REACH, SECOND_MOMENT, G, cantilever, simulate
 from scipy.special import ellipk
 
 import pmr
+from pmr.errors import SimulationError
 from pmr.kernel.state import Record, State
+from pmr.scene.hoist import ROPE, ROPE_FORCE
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
+from pmr.simulation.native.stepper import Stepper
 from pmr.system.hoist import hoist_of
 from pmr.system.system import System
 
@@ -129,6 +132,14 @@ def test_the_hook_hangs_where_reeving_says(stiff: System, falls: int, hanging: f
 
 def hoisted(system: System, scene: pmr.Scene) -> System:
     return replace(system, hoist=hoist_of(scene), provenance=scene.provenance)
+
+
+def test_a_stepper_refuses_a_rope_that_is_too_short() -> None:
+    rope = {"hoist.hanging": None, "hoist.length": {"kind": "constant", "amount": 8.0}}
+    system = hoists.reduced(cantilever(rope))
+    assert Stepper(system, step=1e-3, s=0.5).hoist[ROPE_FORCE] == pytest.approx(100.0 * G, rel=1e-12)
+    with pytest.raises(SimulationError, match="the hook is at its head sheaves: its rope is too short"):
+        Stepper(system, step=1e-3, s=0.5, F={ROPE: 0.5})
 
 
 WILD = {

@@ -34,6 +34,12 @@ DENSE = 400
 DENSE_WITH_HOIST = 3000
 
 
+def refuse_equilibrium(modes: int) -> InputError:
+    """Error of a start in equilibrium with a hoist and so many `modes`, more than `DENSE_WITH_HOIST`."""
+    allowed = f"'rest' is allowed with a hoist and {modes} coordinates, of {DENSE_WITH_HOIST} at most"
+    return InputError("scene", "start", "equilibrium", f"{allowed} the equilibrium is found")
+
+
 class Steps(NamedTuple):
     """T consecutive steps; the first one is the last step of the `Steps` before, or the start.
 
@@ -98,14 +104,16 @@ class March:
         self._start: tuple[Any, ...] = ("rest", zero)
         if initial is None and excitation.start == "equilibrium":
             self._start = ("equilibrium", zero)
-            if kernel.modes <= (DENSE if system.hoist is None else DENSE_WITH_HOIST) and self.start() is None:
-                return
-            if kernel.modes > DENSE_WITH_HOIST and system.hoist is not None:
-                allowed = (
-                    f"'rest' is allowed with a hoist and {kernel.modes} coordinates, of {DENSE_WITH_HOIST} at most"
-                )
-                raise InputError("scene", "start", "equilibrium", f"{allowed} the equilibrium is found")
+            hoisting, failed = system.hoist is not None, None
+            if hoisting and kernel.modes > DENSE_WITH_HOIST:
+                raise refuse_equilibrium(kernel.modes)
+            if hoisting or kernel.modes <= DENSE:
+                failed = self.start()
+                if failed is None:
+                    return
             initial = static_start(system, excitation)  # raises an error that names motions that are not held
+            if hoisting and failed is not None:  # the equilibrium is not that of the rope
+                raise self._failure(failed, 0)
         if initial:
             modes = start_modes(form, self.x[0], side_velocities(system, excitation), initial)
             self._start = ("given", zero, *modes)

@@ -36,7 +36,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.moving import MovingFrame, StoredScene, read_scene
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm, path_text, start_modes, static_start, step_failure
-from pmr.simulation.native.march import DENSE, DENSE_WITH_HOIST
+from pmr.simulation.native.march import DENSE, DENSE_WITH_HOIST, refuse_equilibrium
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
@@ -297,14 +297,17 @@ class Stepper:
         x = modal.side_coordinates(paths)
         refuse_unsupported("march", needs_of(modal, Assembly(modal).contact_rows(x).rigid, x[None], self._rho_inf))
         if initial is None and static:
-            if (
-                kernel.modes <= (DENSE if self._system.hoist is None else DENSE_WITH_HOIST)
-                and self._start_kernel("equilibrium") is None
-            ):
-                return
-            initial = static_start(
-                self._system, self._constant_excitation(paths, u)
-            )  # raises an error that names motions that are not held
+            hoisting, error = self._system.hoist is not None, None
+            if hoisting and kernel.modes > DENSE_WITH_HOIST:
+                raise refuse_equilibrium(kernel.modes)
+            if hoisting or kernel.modes <= DENSE:
+                error = self._start_kernel("equilibrium")
+                if error is None:
+                    return
+            # raises an error that names motions that are not held
+            initial = static_start(self._system, self._constant_excitation(paths, u))
+            if hoisting and error is not None:  # the equilibrium is not that of the rope
+                raise self._failure("t = 0 s", error)
         x = self._system.side_coordinates(paths)
         if error := self._start_kernel("given", *start_modes(self._form, x, np.zeros(len(x)), initial or {})):
             raise self._failure("t = 0 s", error)
@@ -324,7 +327,7 @@ class Stepper:
     def _constant_excitation(self, paths: Mapping[str, float], u: Array) -> Excitation:
         """Excitation of one step with constant `paths` in m, loads and amplitudes of terms, by drivers u (N,)."""
         names, first = (self._system.input_names, self._system.term_names), len(paths)
-        split = np.split(u[first:], [len(names[0])])
+        split = np.split(u[first : first + len(names[0]) + len(names[1])], [len(names[0])])
         loads, terms = (
             {name: Constant(amount=value) for name, value in zip(of, values.tolist(), strict=True)}
             for of, values in zip(names, split, strict=True)
