@@ -222,6 +222,7 @@ def basis_block(result: RunResult, prefix: str) -> Block | None:
         row.append(drawing(f"{prefix}-map", shapes.frequency_map_figure, caption, result))
     rows += [tuple(row)] if row else []
     heading = "Basis and eigenfrequencies" if is_alone(result) else "Natural frequencies"
+    heading += "" if result.scene.hoist is None else ", without the payload of the hoist"
     return Block(heading=heading, rows=tuple(rows), grids=grids) if rows or grids else None
 
 

@@ -388,6 +388,11 @@ class Load(SceneTable):
             raise key_error("point", list(self.point), "a force is allowed with it: a moment acts everywhere alike")
         return self
 
+    def blows_sideways(self, unit: str) -> bool:
+        """Whether this is wind that leaves the vertical plane of X; `unit` is that of `azimuth`, rad or degrees."""
+        azimuth = self.azimuth if unit == "rad" else math.radians(self.azimuth)
+        return self.acts == "wind" and abs(math.sin(azimuth)) > 1e-12
+
     @property
     def unused_keys(self) -> tuple[str, ...]:
         """Keys that loads of this kind do not have."""

@@ -62,6 +62,13 @@ def _check_computed(scene: Scene, frame: Frame, free: tuple[str, ...], beside: s
         if model_of(member) == "beam2d":
             key = scene.section_key(member.number, "body.model")
             raise scene_error(key, "beam2d", f"a model in space is allowed beside {beside}")
+        for k, load in enumerate(member.part.loads):
+            if load.acts == "wind":
+                key, allowed = (
+                    scene.section_key(member.number, f"loads[{k}].acts"),
+                    f"'force' is allowed beside {beside}",
+                )
+                raise scene_error(key, "wind", f"{allowed}: the pressure of wind follows angles that are prescribed")
     keyed = [(k, key, ring) for k, part in enumerate(scene.sections) for key, ring in part.keyed_rings.items()]
     for number, ring_key, ring in keyed:
         key = f"sections[{number}].{ring_key}"

@@ -282,6 +282,12 @@ def _lateral_reasons(member: Member) -> list[str]:
     """Reasons for a beam in space: causes that move the body out of the vertical plane; otherwise an empty list."""
     lateral = [load for load in member.part.loads if load.direction in ("y", "rx", "rz")]
     reasons = [f"the load {load.name} acts along {load.direction}" for load in lateral]
+    if member.frame is not None:
+        wind = [load for load in member.part.loads if load.blows_sideways(member.frame.unit)]
+        reasons += [f"the wind {load.name} blows from the side" for load in wind]
+    hoist = member.scene.hoist
+    if hoist is not None and hoist.lateral_key:
+        reasons.append(f"hoist.{hoist.lateral_key} leads out of the vertical plane")
     beside = [mass for mass in member.part.masses if mass.at is not None and mass.at[1] != 0.0]
     reasons += [f"the mass {mass.name} lies beside the vertical plane" for mass in beside]
     box = member.part.body.box

@@ -127,6 +127,18 @@ class Hoist(SceneTable):
         return self.payload + self.hook
 
     @property
+    def lateral_key(self) -> str:
+        """First key by which the rope or its payload leaves the vertical plane of the boom; empty without one."""
+        lateral = {
+            "offset": self.offset[0],
+            "swing": self.swing[1],
+            "velocity": self.velocity[1],
+            "winch.at": self.winch.at[1],
+            "wind.y": self.wind.y is not None,
+        }
+        return next((key for key, value in lateral.items() if value), "")
+
+    @property
     def rope_signal(self) -> SignalBase:
         """Signal that drives the rope: its length without force in m, or the speed of its winch in m/s."""
         return self.length or self.speed or Constant(amount=0.0)

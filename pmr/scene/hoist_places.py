@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pmr.files.arrays import Array
-from pmr.scene.choice import REFERENCE, SimulatorNeeds, model_of, refuse_unsupported
+from pmr.scene.choice import REFERENCE, SimulatorNeeds, is_planar, model_of, refuse_unsupported
 from pmr.scene.members import members
 from pmr.scene.scene import Scene
 from pmr.scene.structure_checks import scene_error
@@ -79,7 +79,17 @@ def check_hoist(scene: Scene) -> None:
             raise scene_error(f"hoist.{key}", name, f"{', '.join(scene.names)} are allowed")
     if frame is not None and frame.base_angles and not hoist.winch.section:
         raise scene_error("hoist.winch.section", None, "a section is allowed where the base rolls, pitches or yaws")
+    moved = frame is not None and frame.base is not None and "z" in frame.base.motions
+    if hoist.pivot_height and moved:
+        allowed = "0 is allowed where frame.base.z moves the pivot: the height of the hook is measured from it"
+        raise scene_error("hoist.pivot_height", hoist.pivot_height, allowed)
     for member in members(scene):
+        if hoist.lateral_key and is_planar(member):
+            key = scene.section_key(member.number, "body.model")
+            allowed = (
+                f"a model in space is allowed beside hoist.{hoist.lateral_key}, which is not in the vertical plane"
+            )
+            raise scene_error(key, model_of(member), allowed)
         if model_of(member) == "matrices":
             key = scene.section_key(member.number, "body.model")
             raise scene_error(key, "matrices", "models with a mesh are allowed with [hoist]")

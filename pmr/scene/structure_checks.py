@@ -86,6 +86,9 @@ def _check_points_and_temperatures(member: Member) -> None:
             raise scene_error(f"loads[{i}].acts", load.acts, allowed)
         if load.acts == "wind" and member.frame is None:
             raise scene_error(f"loads[{i}].acts", "wind", "'force' is allowed without [frame], which says where up is")
+        if member.frame is not None and is_planar(member) and load.blows_sideways(member.frame.unit):
+            allowed = "0 or half a turn is allowed on a planar beam, which side wind does not move"
+            raise scene_error(f"loads[{i}].azimuth", load.azimuth, allowed)
         if load.depth is None and (box is None or varies):
             allowed = "the distance of the faces is needed on a body without a box, or with one that varies along it"
             raise scene_error(f"loads[{i}].depth", None, allowed)

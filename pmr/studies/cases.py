@@ -64,7 +64,8 @@ class LoadCase(SceneTable):
         default=None, description="Speed of the hook, m/s"
     )
     loads: dict[str, float] = Field(
-        default={}, description="Loads of the scene by name, in N or N m; those that are not named do not act"
+        default={},
+        description="Loads of the scene by name, in their units (N, N m, K or Pa); those that are not named do not act",
     )
     wind: Wind | None = Field(default=None, description="Forces by speed, areas and shape factors, beside `loads`")
 
@@ -83,12 +84,12 @@ class LoadCase(SceneTable):
         """Whether a load hangs at the tip in this load case."""
         return self.load > 0.0
 
-    def check_loads(self, key: str, load_names: set[str], classes: Mapping[str, tuple[float, float]]) -> None:
+    def check_loads(self, key: str, forces: Mapping[str, bool], classes: Mapping[str, tuple[float, float]]) -> None:
         """Raise InputError if the case names a load or a hoisting class that does not exist.
 
-        `key` is the key of the case in the study file, for the message.  `load_names` are the names of the scene's
-        loads.  `classes` maps the name of a hoisting class to its phi2,min and beta2 in s/m, as `hoisting_factor` uses
-        them.
+        `key` is the key of the case in the study file, for the message.  `forces` says of each load of the scene
+        whether it is a force, as that of wind on an area is.  `classes` maps the name of a hoisting class to its
+        phi2,min and beta2 in s/m, as `hoisting_factor` uses them.
         """
         if self.hoisting_class is not None:
             hoisting_factor(f"{key}.hoisting_class", classes, self.hoisting_class, 0.0)
@@ -96,8 +97,12 @@ class LoadCase(SceneTable):
         areas = enumerate(self.wind.on if self.wind else ())
         named += [(f"wind.on[{k}].load", exposed.load, exposed.load) for k, exposed in areas]
         for of, name, value in named:
-            if name not in load_names:
-                allowed = f"{', '.join(sorted(load_names)) or 'no loads'} of the scene are allowed"
+            names = (
+                sorted(forces) if of.startswith("loads") else [load for load, is_force in forces.items() if is_force]
+            )
+            if name not in names:
+                kind = "loads" if of.startswith("loads") else "forces"
+                allowed = f"{', '.join(sorted(names)) or f'no {kind}'} of the scene are allowed"
                 raise InputError("study", f"{key}.{of}", value, allowed)
 
     def hoisting_factor(self, classes: Mapping[str, tuple[float, float]]) -> float:

@@ -10,7 +10,8 @@ from processes import called
 
 import pmr
 from pmr.errors import InputError
-from pmr.scene.choice import axis_loads
+from pmr.scene import load_any
+from pmr.scene.choice import axis_loads, choose_model
 from pmr.scene.hoist_places import distance_along
 from pmr.scene.members import members
 from pmr.simulation.excitation import Excitation
@@ -28,6 +29,7 @@ from pmr.simulation.excitation import Excitation
         ("hoist.winch.section=jib", "hoist.winch.section"),
         ("hoist.winch={section='fly', at=[6.5, 0.0, 0.0]}", "hoist.winch.at"),
         ("frame.base.rx={kind='sine', amplitude=1.0, frequency=0.1}", "hoist.winch.section"),
+        ("frame.base.z={kind='sine', amplitude=1.0, frequency=0.1}", "hoist.pivot_height"),
         ("frame.machine={mass=1e4}", "hoist"),
         ("simulation.simulators=['exudyn']", "simulation.simulators"),
         ("simulation.full=petsc", "compare.against"),
@@ -52,6 +54,21 @@ def test_a_free_luffing_angle_is_refused() -> None:
 def test_a_head_off_the_axis_turns_its_section() -> None:
     *_, fly = members(pmr.load_scene("hoist", ["hoist.offset=[0.1, 0.2]"]))
     assert [load.name for load in axis_loads(fly)] == [f"hoist {d}" for d in ("x", "y", "z", "rx", "ry", "rz")]
+
+
+@pytest.mark.parametrize(
+    "key", ["hoist.offset=[0.1, 0.0]", "hoist.swing=[0.0, 0.1]", "hoist.winch.at=[-0.5, 0.1, 0.4]", "hoist.wind.y=1.0"]
+)
+def test_a_payload_beside_the_vertical_plane_needs_sections_in_space(key: str, tmp_path: Path) -> None:
+    lines = Path("workflows/hoist.toml").read_text().splitlines()
+    file = tmp_path / "planar.toml"
+    file.write_text("\n".join(line for line in lines if not line.startswith(("slewing", "wind.y", "#:"))))
+    rings = "[{at=0.15, faces={bottom=[-0.06], top=[-0.06]}, unilateral=false}]"
+    supports = "[{on='tail', directions=['x', 'z']}, {on=1.5, directions=['z']}]"
+    plane = ["section.body.model=auto", f"sections.base.supports={supports}"]
+    plane += [f"section.joint.{end}={rings}" for end in ("tail", "mouth")]
+    assert {choose_model(member).model for member in members(load_any(file, plane))} == {"beam2d"}
+    assert {choose_model(member).model for member in members(load_any(file, [*plane, key]))} == {"beam3d"}
 
 
 def test_a_payload_at_rest_weighs_and_its_rope_presses() -> None:

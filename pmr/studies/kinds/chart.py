@@ -355,9 +355,10 @@ class Study(StudyBase):
         _check_at_rest(scene)
         frame = scene.frame.model_copy(update={"second_order": True})
         scene = scene.model_copy(update={"frame": frame})
-        load_names = {load.name for part in scene.sections for load in part.loads} - {HOOK}
+        loads = [load for part in scene.sections for load in part.loads if load.name != HOOK]
+        forces = {load.name: load.acts == "force" for load in loads}
         for k, case in enumerate(self.cases):
-            case.check_loads(f"cases[{k}]", load_names, self.classes)
+            case.check_loads(f"cases[{k}]", forces, self.classes)
         if any(stop.of == "slewing" for stop in self.stops) and frame.slewing is None:
             raise InputError("study", "stops", "slewing", "a scene whose [frame] has a slewing angle is allowed")
         self._class_factor  # noqa: B018  (refuses a class that is not there)

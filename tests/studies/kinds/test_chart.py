@@ -21,6 +21,7 @@ from pmr.report.studies.document import render_studies
 from pmr.scene import load_any
 from pmr.studies import files, shared
 from pmr.studies.call import Progress, compute_results, save
+from pmr.studies.cases import LoadCase
 from pmr.studies.kinds.chart import Study
 from pmr.studies.limits import Limit
 from pmr.studies.results import RunRecord, StudyResults
@@ -397,3 +398,10 @@ def test_names_that_limits_may_choose_are_those_of_the_models() -> None:
         system, names = shared.full_system(scene), force_names(scene)
         for kind in ("pad", "cylinder"):
             assert names[kind] == [one.name for one in system.contacts if one.kind == kind]
+
+
+def test_wind_on_an_area_is_a_force_and_no_load_with_another_unit() -> None:
+    windy = LoadCase.model_validate({"name": "a", "wind": {"speed": 20.0, "on": [{"load": "wind", "area": 2.4}]}})
+    windy.check_loads("cases[0]", {"wind": True}, {})
+    with pytest.raises(InputError, match=r"cases\[0\].wind.on\[0\].load = 'wind': no forces of the scene are allowed"):
+        windy.check_loads("cases[0]", {"wind": False}, {})
