@@ -179,7 +179,7 @@ def estimate_error(
         if why := _reason_without_forces(model, excitation, outputs, better):
             unknown.setdefault("pad_force", why)
         body, motion = only_body_motion(richer.simulation.system, richer.simulation.run, excitation)
-        indicator = chi(body, motion, excitation.forces(body.input_names), model.size)
+        indicator = chi(body, motion, richer.simulation.run.loads, model.size)
     kinds = [kind for kind in dict.fromkeys((*OUTPUT_KINDS, *outputs.kinds)) if kind != "probe"]
     errors = _errors_by_name(first.response, richer.simulation.response, excitation)
     errors |= differences(outputs, better, floors, kinds)

@@ -17,7 +17,7 @@ from pmr.compare.errors import ResponseFunction, observed_quantities
 from pmr.compare.outputs import boom_quantities, fits_in_memory
 from pmr.errors import GrowthError, InputError, environment
 from pmr.errors.environment import Clock, import_package
-from pmr.files.arrays import Indices
+from pmr.files.arrays import Array, Indices
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.choice import SIMULATORS, transverse_axes
@@ -56,6 +56,7 @@ class Simulation:
     parts: Indices | None  # (T,): number of parts of each step; None if not known
     run: SystemTrajectory | None  # motion at all steps; None if it was not kept
     own_response: Response  # the response of the system alone, without forces and motions of the scene's machine
+    loads: Array  # (T, i): values of the inputs `System.input_names`; those of a hoist's rope are its pulls
 
 
 @dataclass(frozen=True)
@@ -218,7 +219,8 @@ def _prepare_simulation(system: System, excitation: Excitation, simulator: str, 
         """Simulate by Exudyn and evaluate the response."""
         trajectory = exudyn.simulate_system(system, excitation, start, done, formulation)
         states, response = states_of(system, trajectory, steps), evaluate_motion(system, trajectory)
-        return Simulation(response, states, trajectory.parts, None if alone else trajectory, response)
+        loads = excitation.forces(system.input_names)  # Exudyn knows no hoist
+        return Simulation(response, states, trajectory.parts, None if alone else trajectory, response, loads)
 
     def repeat(count: int) -> list[float]:
         """Repeat the simulation by Exudyn `count` times and return the solver's seconds of each."""
@@ -241,20 +243,23 @@ def _prepare_march(
     def run(done: Progress | None) -> Simulation:
         """Simulate, evaluate the response block by block, and record states."""
         evaluation, recorder = Evaluation(system, excitation.times, f), Recorder(recorded_steps)
-        parts = np.ones(len(excitation.times), np.int64)
+        parts, loads = np.ones(len(excitation.times), np.int64), f if system.hoist is None else f.copy()
 
         def take(block: Block) -> None:
             """Evaluate one block, and record its states and parts of steps."""
             part = block.at(slice(None))
             evaluation(block.first, part)
-            parts[block.first : block.first + block.count] = part.parts
+            rows = slice(block.first, block.first + block.count)
+            parts[rows] = part.parts
+            if system.hoist is not None:  # `f` has the hanging weight, and the motion the rope's pulls
+                loads[rows] = part.loads
             recorder(block)
 
         ended = systems.follow(march(), excitation, take, done)
         trajectory = recorder.trajectory(ended)
         numbers = steps if every else np.arange(len(recorded_steps))
         response, states = evaluation.response(ended), states_of(system, trajectory, numbers)
-        return Simulation(response, states, parts, trajectory if every else None, response)
+        return Simulation(response, states, parts, trajectory if every else None, response, loads)
 
     return PreparedSimulation(run, lambda count: [march().rerun() for _ in range(count)])
 

@@ -83,7 +83,7 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
         combine_parts(parts),
         responses,
         result_paths(scene, excitation),
-        Loads(system.input_names, system.input_units, excitation.forces(system.input_names)),
+        Loads(system.input_names, system.input_units, results.first.loads),
         natural,
         {name: BodyResult(shapes) for name in models},
         None if alone is not None else scene.reach(excitation.times),

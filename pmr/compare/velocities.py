@@ -91,11 +91,12 @@ def output_rates(model: ReducedModel, trajectory: Trajectory, excitation: Excita
 def displacement_rates(system: System, run: SystemTrajectory, excitation: Excitation, displacement: Array) -> Array:
     r"""Rates (T, o) in m/s of the displacements `displacement` (T, o) in m, at all steps of the excitation.
 
-    For a body on one path with tables of residual flexibility they are `output_rates`.  For several bodies, and with
-    attachment modes, they are :math:`O \dot q` plus central differences of y - O q, with the displacements y, the
-    output matrix O and the coordinates q.
+    For a body on one path with tables of residual flexibility they are `output_rates`.  For several bodies, with
+    attachment modes, and with a hoist, whose rope's pulls have no rates, they are :math:`O \dot q` plus central
+    differences of y - O q, with the displacements y, the output matrix O and the coordinates q.
     """
-    if system.on_one_path and all(map(_has_rate_tables, system.bodies.values())):
+    tables = system.hoist is None and all(map(_has_rate_tables, system.bodies.values()))
+    if system.on_one_path and tables:
         body, motion = only_body_motion(system, run, excitation)
         return output_rates(body, motion, excitation.on_slider)[:, length_outputs(body)]
     rates, first = list[Array](), 0

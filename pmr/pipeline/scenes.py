@@ -178,7 +178,7 @@ def _outcome(
         combine_parts(parts),
         responses,
         result_paths(scene, excitation),
-        Loads(system.input_names, system.input_units, excitation.forces(system.input_names)),
+        Loads(system.input_names, system.input_units, motions.reduced.first.loads),
         frequencies,
         bodies.results(recovered),
         None if ALONE in built else scene.reach(excitation.times),

@@ -66,7 +66,8 @@ ROUND_OFF = 1e-9
 class Energy:
     """Kinetic, strain and external energy in J over time, each (T,).
 
-    The external energy is minus the work of the loads.
+    The external energy is minus the work of the loads.  With a hoist the strain energy includes the kinetic energy of
+    the payload and the elastic energy of the rope, and the kinetic energy is that of the bodies.
     """
 
     kinetic: Array

@@ -300,6 +300,8 @@ def energy_drawing(name: str, result: RunResult) -> Drawing:
     signals = [time.signals(attrgetter(f"energy.{part}")) for part in parts]
     differences = time.visible_differences(*signals)
     caption = "Strain, kinetic and external energy, which is minus the work of the loads"
+    if result.scene.hoist is not None:
+        caption += "; the strain energy includes the kinetic energy of the payload and the elastic energy of the rope"
     if any(differences):
         caption += f"; on the right, the differences to {model_words(time.reference or '')}"
     return drawing(name, _energies, f"{caption}.", time, parts, signals, differences)

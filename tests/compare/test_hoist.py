@@ -1,0 +1,35 @@
+"""Energies and loads of a response whose boom has a hoist, beside the balance of energy and the rope's directions."""
+
+from __future__ import annotations
+
+import hoists
+import numpy as np
+import pytest
+
+from pmr.compare.responses import Simulation
+from pmr.compare.simulated import simulate_with_states
+from pmr.scene.hoist import OUTPUTS, ROPE_FORCE
+
+
+@pytest.fixture(scope="module")
+def swinging() -> Simulation:
+    """A payload that swings on a stiff cantilever whose winch is at its tail, without damping."""
+    changes = {"time.end": 0.8, "hoist.swing": [0.5, 0.0], "hoist.EA": 1e8, "simulation.simulators": ["march"]}
+    scene = hoists.cantilever(changes | {"body.material": {"young": 2.1e13, "density": 7850.0}})
+    return simulate_with_states(scene, hoists.reduced(scene), ())
+
+
+def test_energies_of_a_swing_keep_their_sum(swinging: Simulation) -> None:
+    energy = swinging.response.energy
+    fallen = 100.0 * hoists.G * 2.0 * (1.0 - np.cos(0.5))
+    assert np.ptp(energy.external) == pytest.approx(fallen, rel=2e-3)  # the weight's work; the rope gives a little
+    assert np.ptp(energy.total) < 1e-6 * np.abs(energy.external).max()
+
+
+def test_loads_of_a_swing_are_the_pulls_of_its_rope(swinging: Simulation) -> None:
+    run = swinging.run
+    assert run is not None and run.hoist is not None
+    force, angle = (run.hoist[:, k] for k in ([*OUTPUTS].index(ROPE_FORCE), 4))
+    pulls = np.column_stack([force * (np.sin(angle) - 1.0), -force * np.cos(angle)])
+    assert np.ptp(force) > 0.25 * force.max()
+    np.testing.assert_allclose(swinging.loads[:, [0, 2]], pulls, rtol=0.0, atol=1e-4 * force.max())
