@@ -134,6 +134,7 @@ class NumberTable(NamedTuple):
 def read_table(file: Path) -> NumberTable:
     """Read a CSV table of numbers; units in brackets behind the names are left out.
 
+    Empty lines are left out; an empty cell is NaN.
     Raises InputError, with the line, for a cell that is no number and for a line of another length.
     """
     try:
@@ -166,7 +167,8 @@ class FrequencyTable:
     def read(cls, file: Path) -> FrequencyTable:
         """Read a CSV table with columns by paths, or ``s``, then ``f1``, ``f2`` ... in Hz, lowest first.
 
-        It may have ``held_out``, 1 where the fit is judged, and ``deviation``, relative standard deviations.  Raises
+        It may have ``held_out``, 1 where the fit is judged, and ``deviation``, relative standard deviations.  Where
+        these are missing, frequencies are used for the fit and have the deviation of `MeasuredFrequencies`.  Raises
         InputError for another table.
         """
         names, values = read_table(file)

@@ -82,7 +82,12 @@ def _check_computed(scene: Scene, frame: Frame, free: tuple[str, ...], beside: s
 
 
 def _check_luffing(scene: Scene, frame: Frame) -> None:
-    """Refuse what a free luffing angle does not go with, and a free angle's keys where the angle is prescribed."""
+    """Refuse what a free luffing angle does not go with, and a free angle's keys where the angle is prescribed.
+
+    Beside a free angle these are refused: a machine, rotations of the base, a stiffness of the cylinder, a cylinder
+    without a drive, valve openings beyond -1 to 1, and a stroke that does not hold the cylinder's first length or does
+    not lie between its dead centres.  Without a cylinder, a free angle is allowed.
+    """
     cylinder, free = frame.cylinder, "frame.luffing = 'free'"
     if frame.luffing != "free":
         for key in ("luffing_start", "luffing_rate"):
