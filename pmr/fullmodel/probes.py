@@ -22,7 +22,6 @@ import scipy.sparse as sp
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled
-from pmr.models.beam import Beam
 from pmr.results.field_stress import StressRows
 from pmr.scene.joints import OneBody
 from pmr.scene.keys import qualified_name
@@ -147,6 +146,8 @@ class _Stresses:
         In a group, only points on the probe's face count, or on the model's first face if the probe names none.
         Raises an `InputError` if the probe's face or group does not exist, or has no stress point.
         """
+        from pmr.models.beam import Beam  # its forms need FEniCSx, which given matrices do without
+
         stress_rows, probe, key = self.rows, self.part.probes[number], f"probes[{number}]"
         if probe.face and probe.face not in stress_rows.faces:
             raise InputError("scene", f"{key}.face", probe.face, f"{', '.join(stress_rows.faces)} are allowed")

@@ -26,7 +26,6 @@ from pmr.fullmodel.pads import Pads
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.walls import Walls
 from pmr.models import DIRECTIONS, StructuralModel
-from pmr.models.beam import Beam
 from pmr.scene import Damping
 from pmr.scene.built import WEIGHT, force_name
 from pmr.scene.frame import INERTIA
@@ -257,6 +256,8 @@ class Coupling:
         M is the model's mass matrix.  `moving` assembles the loads of acceleration fields.  Raises InputError for
         temperatures and line loads on a body that is no beam.
         """
+        from pmr.models.beam import Beam  # its forms need FEniCSx, which given matrices do without
+
         if isinstance(load, Action):
             return self.rows([load])
         if isinstance(load, Warmth | LineLoad):
