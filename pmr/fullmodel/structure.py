@@ -256,11 +256,11 @@ class Coupling:
         M is the model's mass matrix.  `moving` assembles the loads of acceleration fields.  Raises InputError for
         temperatures and line loads on a body that is no beam.
         """
-        from pmr.models.beam import Beam  # its forms need FEniCSx, which given matrices do without
-
         if isinstance(load, Action):
             return self.rows([load])
         if isinstance(load, Warmth | LineLoad):
+            from pmr.models.beam import Beam  # its forms need FEniCSx, which given matrices do without
+
             if not isinstance(self.model, Beam):
                 raise InputError("scene", "loads.acts", load.name, "'force' is allowed on a body that is no beam")
             if isinstance(load, LineLoad):
