@@ -279,8 +279,9 @@ class Resistance:
         rank = int(np.sum(sigma > 3.0 * np.sqrt(acting.sum())))
         if self.dense:
             motions = np.hstack([self.motions[:, :3], self.motions[:, 3:] / length])
-            Vt = self._held_by_energy(motions)
-            rank = len(Vt)
+            by_energy = self._held_by_energy(motions)
+            if len(by_energy) != rank:  # else the vectors of F and G are those with less round-off
+                Vt, rank = by_energy, len(by_energy)
         about_origin = np.eye(6)
         about_origin[:3, 3:] = np.cross(np.eye(3), middle).T
         about_origin[3:, 3:] *= length
