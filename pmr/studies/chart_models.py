@@ -69,6 +69,11 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
 
     at = PostureSet.from_task(arguments["at"])
     scene = with_fields(shared.scene_of(arguments), arguments.get("fields", ()), at.count)
+    if arguments["error"]:  # attachment modes of the richer model need what an estimate needs
+        reductions = [part.reduction.model_copy(update={"estimate": True}) for part in scene.sections]
+        parts = zip(scene.sections, reductions, strict=True)
+        sections = tuple(part.model_copy(update={"reduction": reduction}) for part, reduction in parts)
+        scene = scene.model_copy(update={"sections": sections})
     system = shared.reduced_system(scene)
     reduced = PostureMatrices.from_scene(scene, system, at)
     reach = at.boom_length(scene)

@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -116,7 +117,7 @@ def test_where_no_process_can_be_started_this_one_writes_the_report(
 @pytest.mark.usefixtures("two_cores")
 def test_what_can_not_be_drawn_is_said_when_the_report_is_written(boom: RunResult, tmp_path: Path) -> None:
     with BackgroundReport() as report:
-        report.draw(RunResult(**{**vars(boom), "responses": {}}))
+        report.draw(replace(boom, responses={}))
         with pytest.raises(KeyError, match="reduced"):
             report.write([boom], tmp_path)
     assert not (tmp_path / "report.html").exists()
