@@ -168,7 +168,7 @@ class Search:
             reduction = chosen.reduction.model_copy(update={"coordinates": trial.coordinates})
             chosen = chosen.model_copy(update={"reduction": reduction})
         if self.scene.budget is None:
-            why = tuple(explain_trial(trials, trial, self._coarsest))
+            why = tuple(explain_trial(trials, trial, self._coarsest, self._allowed_errors))
         else:
             took = trials.seconds_per_step(trial.sizes)
             ratio = two_digits(self.scene.time.end / (took * trial.steps))

@@ -113,18 +113,26 @@ def find_best_affordable(trials: Trials, budget: Budget, coarsest: int) -> Trial
     return min(options, key=lambda trial: max(trial.total.values()))
 
 
-def explain_trial(trials: Trials, trial: Trial, coarsest: int) -> Iterator[str]:
+def explain_trial(trials: Trials, trial: Trial, coarsest: int, allowed: Allowed) -> Iterator[str]:
     """Yield a clause on why the trial has these coordinates, and one on why it has this number of steps.
 
-    `coarsest` is the smallest number of steps that follow path and loads.
+    `coarsest` is the smallest number of steps that follow path and loads; `allowed` are the errors that reduction and
+    step may have together.
     """
     r, steps = trial.coordinates, trial.steps
     coarse = trials.fewest_resolving_steps(steps)
-    if fewer := [
-        max(trials.difference_to_trial(trial, sizes, coarse).values())
-        for sizes in trials.neighbouring_sizes(trial.sizes, -1)
-    ]:
-        yield f"{r} coordinates: with {r - 1} the reduction alone is off by {percent(min(fewer))}"
+
+    def error_of_fewer(sizes: Sizes) -> float:
+        """Largest error, over all kinds of outputs, of models of smaller sizes against the trial."""
+        return max(trials.difference_to_trial(trial, sizes, coarse).values())
+
+    if fewer := min(trials.neighbouring_sizes(trial.sizes, -1), key=error_of_fewer, default=None):
+        clause = f"{r} coordinates: with {r - 1} the reduction alone is off by {percent(error_of_fewer(fewer))}"
+        spared = {
+            kind: size + trial.step[kind] for kind, size in trials.difference_to_trial(trial, fewer, coarse).items()
+        }
+        unsettled = worst_ratio(spared, allowed) <= 1.0 and not trials.estimate_trial(fewer, steps).settled
+        yield f"{clause}, and the error of {steps} steps is not settled" if unsettled else clause
     else:
         yield f"{r} coordinates: all rigid-body modes, and one mode at least"
     if steps > coarsest:
