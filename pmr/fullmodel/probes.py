@@ -21,7 +21,7 @@ import scipy.sparse as sp
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices
-from pmr.models import FiniteElementModel, StructuralModel, is_assembled
+from pmr.models import FiniteElementModel, StructuralModel, is_assembled, is_beam
 from pmr.results.field_stress import StressRows
 from pmr.scene.joints import OneBody
 from pmr.scene.keys import qualified_name
@@ -146,15 +146,13 @@ class _Stresses:
         In a group, only points on the probe's face count, or on the model's first face if the probe names none.
         Raises an `InputError` if the probe's face or group does not exist, or has no stress point.
         """
-        from pmr.models.beam import Beam  # its forms need FEniCSx, which given matrices do without
-
         stress_rows, probe, key = self.rows, self.part.probes[number], f"probes[{number}]"
         if probe.face and probe.face not in stress_rows.faces:
             raise InputError("scene", f"{key}.face", probe.face, f"{', '.join(stress_rows.faces)} are allowed")
         at = stress_rows.points_on(probe.face) if probe.face else np.arange(len(stress_rows.points))
         if probe.at is not None:
             nearest = at[[int(np.linalg.norm(stress_rows.points[at] - probe.at, axis=1).argmin())]]
-            return self._ends(nearest, probe.at[0]) if isinstance(self.model, Beam) else _Points(nearest, np.ones(1))
+            return self._ends(nearest, probe.at[0]) if is_beam(self.model) else _Points(nearest, np.ones(1))
         regions = self.model.grid.regions
         if probe.on not in regions:
             names = ", ".join(sorted(regions)) or "none"

@@ -25,7 +25,7 @@ from pmr.fullmodel.moving import FrameAssembler, acceleration_field
 from pmr.fullmodel.pads import Pads
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.walls import Walls
-from pmr.models import DIRECTIONS, StructuralModel
+from pmr.models import DIRECTIONS, StructuralModel, is_beam
 from pmr.scene import Damping
 from pmr.scene.built import WEIGHT, force_name
 from pmr.scene.frame import INERTIA
@@ -259,9 +259,7 @@ class Coupling:
         if isinstance(load, Action):
             return self.rows([load])
         if isinstance(load, Warmth | LineLoad):
-            from pmr.models.beam import Beam  # its forms need FEniCSx, which given matrices do without
-
-            if not isinstance(self.model, Beam):
+            if not is_beam(self.model):
                 raise InputError("scene", "loads.acts", load.name, "'force' is allowed on a body that is no beam")
             if isinstance(load, LineLoad):
                 return sp.csr_matrix(self.model.line_load(load.direction, load.degree) @ self.T)

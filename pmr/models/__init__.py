@@ -64,7 +64,7 @@ class StructuralModel(Protocol):
 
     @property
     def node_stations(self) -> Array | None:
-        """Coordinates (N,) in m of a beam's N nodes along its axis; None for a body that is no beam."""
+        """Coordinates (N,) in m of a beam's nodes along its axis, or of both ends of a mover; None for other bodies."""
 
     @property
     def directions(self) -> tuple[str, ...]:
@@ -191,6 +191,18 @@ class Line(FiniteElementModel, Protocol):
         as the rows of `forces`.
         """
 
+    def line_load(self, direction: str, degree: int) -> sp.csr_matrix:
+        """Row (1, n) of a force per length on the centroids along `direction`: a Legendre polynomial of the length.
+
+        `degree` is that of the polynomial.
+        """
+
+    def bending_load(self, direction: str, gradient: float) -> sp.csr_matrix:
+        """Row (1, n) of the load by an initial strain whose gradient along `direction` is `gradient` in 1/m.
+
+        The strain is zero at the centroid.
+        """
+
 
 @dataclass(frozen=True)
 class Cut:
@@ -213,3 +225,8 @@ def ufl_product(S: Expr, v: Sequence[Expr | None], u: Sequence[Expr | None]) -> 
 def is_assembled(model: StructuralModel) -> TypeGuard[FiniteElementModel]:
     """Whether a model has weak forms on a mesh, which given matrices have not."""
     return hasattr(model, "forms")
+
+
+def is_beam(model: StructuralModel) -> TypeGuard[Line]:
+    """Whether a model is a beam, with section forces along its axis."""
+    return hasattr(model, "section_forces")
