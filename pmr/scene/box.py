@@ -275,8 +275,7 @@ class Box(BoxProfile):
     def _thicken(self, profile: BoxProfile, doublers: dict[int, Doubler]) -> BoxProfile:
         """Return a profile whose walls are thicker by the `doublers`, which are given by their number in the box.
 
-        If the profile has no room for them, the error is about the thickness of the last one, whichever of them is too
-        thick.
+        If the profile has no room for them, the error is about the first one with which it has none.
         """
         names: dict[WallName, None] = dict.fromkeys(
             (*self._face_names, *HALVES)
@@ -290,7 +289,9 @@ class Box(BoxProfile):
         try:
             return BoxProfile(**dimensions)
         except ValidationError as error:
-            (i, doubler), why = list(doublers.items())[-1], error.errors()[0]["msg"]
+            *earlier, (i, doubler) = doublers.items()
+            self._thicken(profile, dict(earlier))
+            why = error.errors()[0]["msg"]
             allowed = f"plates that the profile has room for are allowed; with its walls: {why}"
             raise key_error(f"doublers[{i}].thickness", doubler.thickness, allowed) from None
 

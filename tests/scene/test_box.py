@@ -47,6 +47,14 @@ REFUSED = [
     ('doublers=[{start=0.0, end=1.0, thickness=0.005, faces=["top left"]}]', "doublers[0].faces", "bottom, left, top"),
     ("doublers=[{start=0.0, end=1.0, thickness=0.15}]", "doublers[0].thickness", "less than 0.15 m"),
     (
+        "doublers=[{start=0.0, end=1.0, thickness=0.15}, {start=0.0, end=1.0, thickness=0.001}]",
+        "doublers[0].thickness", "less than 0.15 m",
+    ),
+    (
+        "doublers=[{start=0.0, end=1.0, thickness=0.1}, {start=0.0, end=1.0, thickness=0.1}]",
+        "doublers[1].thickness", "less than 0.15 m",
+    ),
+    (
         "doublers=[{start=0.0, end=1.0, thickness=0.005}, {start=1.001, end=2.0, thickness=0.005}]",
         "doublers", "something ends at 1 and at 1.001 m",
     ),
