@@ -34,8 +34,8 @@ def describe_unsettled(names: Sequence[str], pushes: Mask) -> str:
     return f"which of the rows {pushing} are closed was not settled in 1000 solves"
 
 
-def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact], iterations: int) -> str:
-    """Text about forces of terms and friction that have not converged after `iterations` iterations of a step.
+def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact]) -> str:
+    """Text about forces of terms, friction or a hoist rope that have not converged in a step or at the start.
 
     They are called by `term_names` and by the joints of `contacts` with friction; without any, it is the hoist rope.
     """
@@ -43,8 +43,8 @@ def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact], 
     further = len(causes) - MOST_NAMES
     names = ", ".join(causes[:MOST_NAMES]) + (f" and {further} more" if further > 0 else "")
     return (
-        f"the forces of {names} do not converge in {iterations} iterations of a step; shorter steps help where terms "
-        "change the stiffness of a step by some hundred times, or pads stick and slide, close and open again and again"
+        f"the forces of {names} do not converge; after the start, shorter steps help where terms change the stiffness "
+        "of a step by some hundred times, or pads stick and slide, close and open again and again"
     )
 
 

@@ -11,7 +11,9 @@ from hoists import REACH, SECOND_MOMENT, G, cantilever, simulate
 from scipy.special import ellipk
 
 import pmr
-from pmr.errors import SimulationError
+from pmr.errors import InputError, SimulationError
+from pmr.kernel.block_file import LINE, pack, seal, unpack
+from pmr.kernel.kernel import Kernel, checksum
 from pmr.kernel.state import Record, State
 from pmr.scene.hoist import ROPE, ROPE_FORCE
 from pmr.simulation.excitation import Excitation
@@ -140,6 +142,31 @@ def test_a_stepper_refuses_a_rope_that_is_too_short() -> None:
     assert Stepper(system, step=1e-3, s=0.5).hoist[ROPE_FORCE] == pytest.approx(100.0 * G, rel=1e-12)
     with pytest.raises(SimulationError, match="the hook is at its head sheaves: its rope is too short"):
         Stepper(system, step=1e-3, s=0.5, F={ROPE: 0.5})
+
+
+def test_a_start_whose_rope_finds_no_equilibrium_says_so(soft: System) -> None:
+    """Beside a winch that is nearer to the head than the boom bends, the pull's direction turns again and again."""
+    scene = cantilever({"body.material.young": 2.1e10, "hoist.winch.at": [REACH, 0.0, -0.05]})
+    with pytest.raises(SimulationError, match="t = 0 s.*: the forces of the hoist rope do not converge") as refused:
+        simulate(soft, scene)
+    assert "iterations" not in str(refused.value)
+
+
+def test_a_hoist_that_pulls_more_inputs_than_there_are_is_refused(stiff: System) -> None:
+    """Although the checksum fits."""
+    kernel = SystemForm.of(hoisted(stiff, cantilever())).kernel
+    arrays = unpack(kernel.block)
+
+    def block(count: int) -> bytearray:
+        """The system's block with a hoist that pulls `count` inputs."""
+        of_inputs = {"hoist_inputs": np.zeros(count, int), "hoist_levers": np.zeros(6 * count)}
+        block = pack(arrays | of_inputs)
+        seal(block, checksum(block[LINE:]))
+        return block
+
+    assert Kernel(block(kernel.inputs)).hoist == kernel.hoist
+    with pytest.raises(InputError, match="damaged: inputs of a hoist"):
+        Kernel(block(kernel.inputs + 1))
 
 
 WILD = {

@@ -42,7 +42,7 @@ def test_forces_that_do_not_converge_are_named() -> None:
         ((), pads, "friction of fly"),
         (("axial",), pads, "axial, friction of fly"),
     ):
-        said = describe_divergence(terms, contacts, 100)
+        said = describe_divergence(terms, contacts)
         assert said.startswith(f"the forces of {names} do not converge") and "buckl" not in said
 
 

@@ -99,10 +99,6 @@ class SystemForm:
         return forces if pads is None or friction is None else forces + pads.cylinder_forces(friction)
 
 
-#: Most iterations of forces of terms and friction within a step.
-ITERATIONS = 100
-
-
 def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]:
     """Signals of the kernel's N drivers in its order: paths, loads, amplitudes of terms, what drives a hoist.
 
@@ -178,7 +174,7 @@ def failure_reason(system: System, error: StepError, x: Array) -> str:
     if error.failure == Failure.UNSETTLED:
         return describe_unsettled(system.contact_names, ~np.isnan(system.clearance))
     if error.failure == Failure.UNCONVERGED:
-        return describe_divergence(system.term_names, system.contacts, ITERATIONS)
+        return describe_divergence(system.term_names, system.contacts)
     if error.failure == Failure.DEPENDENT:  # at the start the kernel does not say which rows depend on each other
         C = Assembly(system).contact_rows(x).C
         return describe_dependence(C[: error.contact + 1] if error.contact >= 0 else C, system.contact_names)

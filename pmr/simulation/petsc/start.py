@@ -78,7 +78,7 @@ class Terms:
 
     def __init__(self, system: FullSystem) -> None:
         self._comm, self._names = system.comm, system.term_names
-        self._unconverged = describe_divergence(system.term_names, system.contacts, LIMIT)
+        self._unconverged = describe_divergence(system.term_names, system.contacts)
         self._parts = list[tuple[int, Any, Product | None, Product | None]]()
         names = list(system.bodies)
         for number, term in enumerate(system.terms):
