@@ -393,5 +393,5 @@ def frame_rotations(result: RunResult, t: Array) -> Array:
     if result.frame is not None:
         return result.frame.rotation(t)
     gravity = result.scene.gravity
-    raised = np.full(len(t), 0.0 if gravity is None else np.deg2rad(gravity.inclination))
+    raised = np.full(len(t), 0.0 if gravity is None else np.deg2rad(gravity.elevation))
     return boom_rotation(raised, np.zeros(len(t)))

@@ -52,7 +52,7 @@ def system_rows(result: RunResult) -> Rows:
             if low or high:
                 yield name, format_range(low, high, "°")
     elif gravity is not None:
-        raised = f"{format_input(round(gravity.inclination, 1))}°" if is_raised(result) else "0°, it lies level"
+        raised = f"{format_input(round(gravity.elevation, 1))}°" if is_raised(result) else "0°, it lies level"
         yield "raised by", raised
     if result.reach is not None:
         yield "reach along the boom", format_range(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")

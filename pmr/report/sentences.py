@@ -62,7 +62,7 @@ def opening_sentences(result: RunResult) -> str:
             else format_input(end - low, "m")
         )
         gravity = result.scene.gravity
-        raised = round(gravity.inclination, 1) if gravity is not None else 0.0
+        raised = round(gravity.elevation, 1) if gravity is not None else 0.0
         where = f", raised by {format_input(raised)}°," if raised else ""
         what = f"A section of {format_input(end, 'm')}{where} slides through a mouth, beyond which {out} of it reach."
     else:

@@ -66,7 +66,7 @@ def direction_words(result: RunResult, direction: str) -> str:
 def is_raised(result: RunResult) -> bool:
     """Whether gravity is turned by at least 0.01 degrees, as it is for a boom that is raised."""
     gravity = result.scene.gravity
-    return gravity is not None and abs(gravity.inclination) >= 0.01
+    return gravity is not None and abs(gravity.elevation) >= 0.01
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import cached_property
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -26,8 +25,8 @@ from pmr.scene.keys import (
     Positive,
     Quantity,
     SceneTable,
-    Schema,
     Share,
+    ShorthandTable,
     Size,
     Stiffness,
     Switch,
@@ -65,22 +64,13 @@ class Region(SceneTable):
     thickness: Thickness | None = Field(default=None, description="Thickness of the region, in a shell")
 
 
-def _allow_attached_mass(schema: Schema) -> None:
-    """Allow in a JSON schema, which is changed in place, a mass per length that a material then includes."""
-    about = "Mass of hoses, cables and paint along a box, spread over its walls as a part of their density"
-    number = {"type": "number", "minimum": 0.0, "maximum": 1e6, "unit": "kg/m", "default": 0.0}
-    schema["properties"] |= {"attached_mass_per_length": number | {"description": about}}
-
-
-class Body(SceneTable):
+class Body(ShorthandTable):
     """A section: a box boom, a beam given by its stiffnesses, or the mesh of a file.
 
     With `model` ``auto`` a run takes the smallest structural model whose results are near enough to those of a shell,
     which it measures.  The density of `material` includes `attached_mass_per_length` (m') of a box: it is rho + m' L /
     V, with the box's length L and the volume V of its walls.
     """
-
-    model_config = ConfigDict(json_schema_extra=_allow_attached_mass)
 
     model: ModelName = Field(
         default="auto", description="Structural model; `auto` takes the smallest that is near enough to a shell"
@@ -103,37 +93,29 @@ class Body(SceneTable):
     walls: Literal["rigid", "give"] = Field(
         default="rigid", description="Whether the local compliance of the walls under pads is added to a beam"
     )
-
-    @cached_property
-    def written_attached_mass(self) -> float:
-        """Attached mass in kg/m as written in the file; the material's density includes it."""
-        return 0.0
-
-    @property
-    def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
-        return {"attached_mass_per_length": (self.written_attached_mass, Usual(0.05, 100.0, unit="kg/m"))}
+    attached_mass_per_length: Annotated[
+        float, Field(ge=0.0, strict=True), Quantity("kg/m", 0.0, 1e6), Usual(0.05, 100.0)
+    ] = Field(
+        default=0.0,
+        exclude=True,
+        description="Mass of hoses, cables and paint along a box, spread over its walls as a part of their density",
+    )
 
     @model_validator(mode="wrap")
     @classmethod
     def _spread_attached_mass(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Validate a table with `attached_mass_per_length` as one whose material has as much more density.
+        """Add a table's `attached_mass_per_length` to the density of its material.
 
-        A mass that is no number from 0 to 1e6 is refused, and a body that is not given by a box of one material alone.
+        A body that is not given by a box of one material alone is refused with it.
         """
-        key = "attached_mass_per_length"
-        if not (isinstance(data, dict) and key in data):
-            return handler(data)
-        mass, body = data[key], handler({name: value for name, value in data.items() if name != key})
-        if not isinstance(mass, (int, float)) or isinstance(mass, bool) or not 0.0 <= mass <= 1e6:
-            raise key_error(key, mass, "a number from 0 to 1e6 in kg/m is allowed")
+        body, key = handler(data), "attached_mass_per_length"
+        if not (isinstance(data, dict) and data.get(key)):
+            return body
         if body.box is None or body.section is not None or any(of.material for of in body.regions.values()):
-            raise key_error(
-                key, mass, "a body by its box alone, of one material, is allowed: others have their own mass"
-            )
-        density = body.material.density + mass * body.box.length / body.box.volume
-        spread = body.model_copy(update={"material": body.material.model_copy(update={"density": density})})
-        vars(spread)["written_attached_mass"] = float(mass)  # not a field: the density has it
-        return spread
+            allowed = "a body by its box alone, of one material, is allowed: others have their own mass"
+            raise key_error(key, data[key], allowed)
+        density = body.material.density + body.attached_mass_per_length * body.box.length / body.box.volume
+        return body.model_copy(update={"material": body.material.model_copy(update={"density": density})})
 
     @model_validator(mode="after")
     def _check_thickness(self) -> Body:
@@ -411,15 +393,7 @@ class Load(SceneTable):
         return {"force": scales.get("weight", 0.0)}
 
 
-def _allow_inclination(schema: Schema) -> None:
-    """Allow in a JSON schema, which is changed in place, an inclination instead of a direction."""
-    about = "Angle by which the boom is raised, in place of `direction`, which is then (-sin, 0, -cos) of it"
-    degrees = {"type": "number", "minimum": -90.0, "maximum": 90.0, "unit": "degrees", "default": None}
-    schema["properties"] |= {"inclination": degrees | {"description": about}}
-    schema["not"] = {"required": ["inclination", "direction"]}
-
-
-class Gravity(SceneTable):
+class Gravity(ShorthandTable):
     """Weight of all parts; it rises smoothly from zero within the first `rise` seconds, or acts from the start (0).
 
     By default it rises within a second if the motion begins at rest, and acts from the start if the motion begins in
@@ -427,7 +401,7 @@ class Gravity(SceneTable):
     raised boom; only one of the two is allowed.
     """
 
-    model_config = ConfigDict(json_schema_extra=_allow_inclination)
+    model_config = ConfigDict(json_schema_extra={"not": {"required": ["inclination", "direction"]}})
 
     acceleration: Annotated[float, Field(gt=0.0, strict=True), Quantity("m/s^2", 1e-9, 1e6), Usual(1.2, 30.0)] = Field(
         default=GRAVITY, description="Acceleration of free fall"
@@ -439,36 +413,29 @@ class Gravity(SceneTable):
         default=1.0,
         description="Time within which the weight rises smoothly from zero (by default 0 where `start` is equilibrium)",
     )
+    inclination: (
+        Annotated[float, Field(ge=-90.0, le=90.0, strict=True), Quantity("degrees", -90.0, 90.0), Usual(1.6, 90.0)]
+        | None
+    ) = Field(
+        default=None,
+        exclude=True,
+        description="Angle by which the boom is raised, in place of `direction`: this is (-sin, 0, -cos) of it",
+    )
 
-    @cached_property
-    def written_inclination(self) -> float:
-        """Inclination in degrees as written in the file; 0 if the file gives a direction."""
-        return 0.0
-
-    @property
-    def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
-        return {"inclination": (self.written_inclination, Usual(1.6, 90.0, unit="degrees"))}
-
-    @model_validator(mode="wrap")
+    @model_validator(mode="before")
     @classmethod
-    def _resolve_inclination(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Validate a table with an `inclination` in degrees as one with the direction (-sin, 0, -cos) of that angle.
-
-        An angle outside of -90 to 90 degrees is refused, and `inclination` beside `direction`.
-        """
-        if not (isinstance(data, dict) and "inclination" in data):
-            return handler(data)
-        other_keys, angle = {key: value for key, value in data.items() if key != "inclination"}, data["inclination"]
-        is_number = isinstance(angle, (int, float)) and not isinstance(angle, bool)
-        if "direction" in other_keys or not is_number or not -90.0 <= angle <= 90.0:
-            raise key_error("inclination", angle, "a number from -90 to 90 in degrees, or direction, is allowed")
+    def _resolve_inclination(cls, data: object) -> object:
+        """Add the direction (-sin, 0, -cos) of an `inclination`, which is refused beside a `direction`."""
+        angle = data.get("inclination") if isinstance(data, dict) else None
+        if not isinstance(data, dict) or not isinstance(angle, (int, float)):
+            return data
+        if "direction" in data:
+            raise key_error("inclination", angle, "inclination or direction is allowed, one of them")
         radians = math.radians(angle)
-        gravity = handler(other_keys | {"direction": (0.0 - math.sin(radians), 0.0, 0.0 - math.cos(radians))})
-        vars(gravity)["written_inclination"] = float(angle)  # not a field, so that equal gravities compare as equal
-        return gravity
+        return data | {"direction": (0.0 - math.sin(radians), 0.0, 0.0 - math.cos(radians))}
 
     @property
-    def inclination(self) -> float:
+    def elevation(self) -> float:
         """Angle in degrees by which the x axis points upwards."""
         return math.degrees(math.asin(0.0 - self.direction[0]))
 

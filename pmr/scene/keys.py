@@ -213,6 +213,16 @@ class SceneTable(Hinted):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
+class ShorthandTable(SceneTable):
+    """A table with keys, excluded from dumps, that stand for other keys; tables are equal where their dumps are."""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SceneTable) and type(self) is type(other) and self.model_dump() == other.model_dump()
+
+    def __hash__(self) -> int:
+        return hash(self.model_dump_json())
+
+
 @dataclass(frozen=True)
 class Quantity:
     """Unit of a number ("1" if it has none), and the smallest and largest value that is allowed."""
@@ -326,9 +336,9 @@ def check_bounds(part: SceneTable) -> None:
     """Raise an InputError for the first number of a table, or of the tables within it, that is out of its bounds."""
     for key, value, quantity in _bounded_numbers(part, ""):
         if not quantity.low <= value <= quantity.high:
-            raise InputError(
-                "scene", key, value, f"a number from {quantity.low:g} to {quantity.high:g} is allowed (SI units)"
-            )
+            unit = "" if quantity.unit == "1" else f", in {quantity.unit}"
+            allowed = f"a number from {quantity.low:g} to {quantity.high:g} is allowed{unit}"
+            raise InputError("scene", key, value, allowed)
 
 
 def _bounded_numbers(part: object, key: str, quantity: Quantity | None = None) -> Iterator[tuple[str, float, Quantity]]:

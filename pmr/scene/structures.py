@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import cached_property
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from pmr.scene.keys import (
     Area,
     Count,
     Density,
+    Frequency,
     Inertia,
     Length,
     Mass,
@@ -22,8 +22,8 @@ from pmr.scene.keys import (
     Pressure,
     Quantity,
     SceneTable,
-    Schema,
     SecondMoment,
+    ShorthandTable,
     Stiffness,
     Switch,
     Usual,
@@ -80,21 +80,7 @@ class Material(SceneTable):
         return self.young / (2.0 * (1.0 + self.poisson))
 
 
-def _allow_ratio(schema: Schema) -> None:
-    """Allow in a JSON schema, which is changed in place, a ratio at two frequencies instead of mass and stiffness."""
-    hertz = {"type": "number", "exclusiveMinimum": 0.0, "unit": "Hz"}
-    about = "Damping ratio at the two frequencies"
-    ratio = {"type": "number", "minimum": 0.0, "unit": "1", "description": about, "default": None}
-    two = {"type": "array", "items": hertz, "minItems": 2, "maxItems": 2, "default": None}
-    schema["properties"] |= {
-        "ratio": ratio,
-        "frequencies": two | {"description": "The two frequencies at which the ratio holds, in ascending order"},
-    }
-    schema["dependencies"] = {"ratio": ["frequencies"], "frequencies": ["ratio"]}
-    schema["not"] = {"required": ["ratio"], "anyOf": [{"required": ["mass"]}, {"required": ["stiffness"]}]}
-
-
-class Damping(SceneTable):
+class Damping(ShorthandTable):
     """Rayleigh damping D = a M + b K: `mass` is a and `stiffness` is b, or both follow from a damping `ratio`.
 
     M and K are the mass and stiffness matrix.  The ratio zeta holds at two `frequencies` in Hz; in between the ratio is
@@ -104,7 +90,12 @@ class Damping(SceneTable):
     keys: the first pair is then dropped.
     """
 
-    model_config = ConfigDict(json_schema_extra=_allow_ratio)
+    model_config = ConfigDict(
+        json_schema_extra={
+            "dependencies": {"ratio": ["frequencies"], "frequencies": ["ratio"]},
+            "not": {"required": ["ratio"], "anyOf": [{"required": ["mass"]}, {"required": ["stiffness"]}]},
+        }
+    )
 
     mass: Annotated[float, Field(ge=0.0, strict=True), Quantity("1/s", 0.0, 1e9)] = Field(
         default=0.0, description="Factor of the mass matrix M in D"
@@ -113,24 +104,22 @@ class Damping(SceneTable):
         default=0.0, description="Factor of the stiffness matrix K in D"
     )
 
-    @cached_property
-    def written_ratio(self) -> float:
-        """Damping ratio as written in the file; 0 if the file gives mass and stiffness."""
-        return 0.0
+    ratio: Annotated[float, Field(ge=0.0, strict=True), Quantity("1", 0.0, 1e9), Usual(0.0, 0.3)] | None = Field(
+        default=None, exclude=True, description="Damping ratio at the two frequencies"
+    )
+    frequencies: tuple[Frequency, Frequency] | None = Field(
+        default=None, exclude=True, description="The two frequencies at which the ratio holds, in ascending order"
+    )
 
-    @property
-    def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
-        return {"ratio": (self.written_ratio, Usual(0.0, 0.3, unit="1"))}
-
-    @model_validator(mode="wrap")
+    @model_validator(mode="before")
     @classmethod
-    def _resolve_ratio(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Validate a table with `ratio` and `frequencies` as one with the factors of mass and stiffness that follow.
+    def _resolve_ratio(cls, data: object) -> object:
+        """Add the factors of mass and stiffness that follow from `ratio` and `frequencies`.
 
         Refuses other keys beside these, a negative ratio, and anything but two ascending positive frequencies.
         """
         if not (isinstance(data, dict) and {"ratio", "frequencies"} & set(data)):
-            return handler(data)
+            return data
         try:
             ratio, (first, second) = float(data["ratio"]), map(float, data["frequencies"])
             fits = set(data) == {"ratio", "frequencies"} and ratio >= 0.0 and 0.0 < first < second < math.inf
@@ -140,9 +129,7 @@ class Damping(SceneTable):
             raise ValueError("ratio with two ascending frequencies in Hz, or mass and stiffness, are allowed")
         first_omega, second_omega = 2.0 * math.pi * first, 2.0 * math.pi * second
         mass = 2.0 * ratio * first_omega * second_omega / (first_omega + second_omega)
-        damping = handler({"mass": mass, "stiffness": 2.0 * ratio / (first_omega + second_omega)})
-        vars(damping)["written_ratio"] = ratio  # not a field, so that equal dampings compare as equal
-        return damping
+        return data | {"mass": mass, "stiffness": 2.0 * ratio / (first_omega + second_omega)}
 
 
 class Plate(SceneTable):

@@ -362,8 +362,8 @@ def test_a_taper_of_outer_sizes_may_have_thinner_walls_of_the_same_outer_size() 
             "wall={bottom=0.01,top=0.008,left=0.009,right=0.006}}",
             "sizes: chamfers between plates as thick on the left as on the right are allowed",
         ),
-        ("sections.base.body.attached_mass_per_length=-1.0", "attached_mass_per_length = -1.0: a number from 0 to 1e6"),
-        ("sections.base.body.attached_mass_per_length=true", "attached_mass_per_length = True: a number from 0 to 1e6"),
+        ("sections.base.body.attached_mass_per_length=-1.0", "attached_mass_per_length = -1.0: input should be"),
+        ("sections.base.body.attached_mass_per_length=true", "attached_mass_per_length = True: input should be"),
     ],
 )
 def test_sizes_and_attached_masses_that_are_not_allowed_are_refused_in_one_line(changes: str, says: str) -> None:

@@ -185,7 +185,8 @@ def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 #: Numbers with a unit for which none is likely to be meant, or that a refusal bounds, and results of others.
 WITHOUT = {
-    "Damping.mass", "Damping.stiffness", "Recovery.every", "Budget.microseconds_per_step", "PublishedFrequency.first",
+    "Damping.mass", "Damping.stiffness", "Damping.frequencies", "Recovery.every", "Budget.microseconds_per_step",
+    "PublishedFrequency.first",
     *(f"{table}.{key}" for table in ("Dampers", "InitialDisplacements", "InitialRates")
       for key in ("x", "y", "z", "rx", "ry", "rz")),
 }  # fmt: skip

@@ -75,7 +75,7 @@ REFUSED = [
     ("tolerance=0.01", "tolerance", "did you mean 'accuracy.tolerance'"),
     ("joint.frction=1", "joint", "unknown key; allowed: "),
     ("kind='collection'", "kind", "unknown key; allowed: "),  # many tables have one
-    ("gravity.inclination=95.0", "gravity.inclination = 95.0", "a number from -90 to 90 in degrees"),
+    ("gravity.inclination=95.0", "gravity.inclination = 95.0", "less than or equal to 90"),
     ("slider.path={kind='ramp',times=[0,1],vals=[1,6]}", "slider.path.vals", "did you mean 'values'"),
     ("slider.path={kind='table',file='none.csv'}", "slider.path", "no such file: none.csv"),
     ("slider.path={kind='table',times=[0,1],values=[1,nan]}", "slider.path.values[1] = nan", "finite"),
