@@ -144,8 +144,7 @@ def compared_pairs(
 ) -> dict[str, dict[str, Pair]]:
     """Pairs (signal, reference), each (T, o), that `errors_between` compares, by ``<a>_vs_<b>`` and quantity.
 
-    The number of columns of a quantity is o.  Columns in which neither signal nor reference exceeds round-off are set
-    to 0.
+    The number of columns of a quantity is o.  Columns of signal or reference that do not exceed round-off are set to 0.
     """
     present = [name for name in ORDER if name in responses]
     pairs_of_models = dict[str, dict[str, Pair]]()
@@ -162,9 +161,9 @@ def compared_pairs(
 def _other_pairs(response: Response, reference: Response, force: float) -> dict[str, Pair]:
     """Pairs (signal, reference), (T,) each, of all other outputs that both responses have, by the outputs' names.
 
-    Other outputs are probes, reactions and the like.  A pair is replaced by zeros if neither signal nor reference
-    exceeds `RELATIVE_FLOOR` times the largest output in the same unit; in N and N m also if neither exceeds `force`,
-    the round-off of forces.
+    Other outputs are probes, reactions and the like.  A signal or reference is replaced by zeros if it does not exceed
+    `RELATIVE_FLOOR` times the largest output in the same unit; in N and N m also if it does not exceed `force`, the
+    round-off of forces.
     """
     units = dict(zip(response.other_names, response.other_units, strict=True))
     common = [name for name in units if name in reference.other_names]
@@ -173,7 +172,7 @@ def _other_pairs(response: Response, reference: Response, force: float) -> dict[
     for name, pair in pairs.items():
         least = RELATIVE_FLOOR * max(size for other_name, size in sizes.items() if units[other_name] == units[name])
         least = max(least, force) if units[name] in ("N", "N m") else least
-        pairs[name] = pair if sizes[name] > least else Pair(*map(np.zeros_like, pair))
+        pairs[name] = zero_round_off(*pair, least)
     return pairs
 
 
@@ -193,7 +192,7 @@ def with_common_forces(first: Response, second: Response) -> tuple[Response, Res
 def _without_round_off(
     compared_response: Response, reference: Response, least: float, force: float
 ) -> tuple[Response, Response]:
-    """Both responses with zeros in those columns of displacements and forces in which neither exceeds round-off.
+    """Both responses, each with zeros in those columns of displacements and forces that do not exceed round-off.
 
     The round-off of displacements is `least` in m.  The round-off of forces is the larger of `force` in N and
     `ROUND_OFF` times the largest force.

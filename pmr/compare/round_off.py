@@ -39,14 +39,18 @@ class Pair(NamedTuple):
 
 
 def zero_round_off(signal: Array, reference: Array, round_off: float | Array) -> Pair:
-    """Signal and reference (T, o), both zero in those columns in which neither exceeds `round_off`.
+    """Signal and reference (T, o), each with zeros in those of its columns that do not exceed `round_off`.
 
-    `round_off` is one value, or one for each column (o,), in the unit of the signals.
+    A reference that is nothing but round-off thus counts as zero.  `round_off` is one value, or one for each column
+    (o,), in the unit of the signals.  Both may also be a single output (T,).
     """
-    moves = np.maximum(largest_absolute(signal), largest_absolute(reference)) > round_off
-    if moves.all():
-        return Pair(signal, reference)
-    return Pair(np.where(moves, signal, 0.0), np.where(moves, reference, 0.0))
+
+    def zeroed(values: Array) -> Array:
+        """The values with zeros in columns of round-off; NaN stays."""
+        still = largest_absolute(values) <= round_off
+        return np.where(still, 0.0, values) if np.any(still) else values
+
+    return Pair(zeroed(signal), zeroed(reference))
 
 
 def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> float:

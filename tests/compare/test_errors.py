@@ -8,7 +8,8 @@ import scipy.sparse as sp
 from one_body import energy, respond
 from scipy.interpolate import PPoly
 
-from pmr.compare.errors import absolute_error, errors_between, nrms
+from pmr.compare.errors import absolute_error, errors_between, nrms, relative_error
+from pmr.compare.round_off import zero_round_off
 from pmr.errors import SimulationError
 from pmr.results import Energy, Response
 from pmr.system.body import Trajectory
@@ -103,6 +104,22 @@ def test_forces_that_are_round_off_beside_others_are_nobodys_error() -> None:
     assert (
         errors_between({"full": full, "reduced": reduced}, quantities=level)["reduced_vs_full"]["cylinder_force"] == 0.0
     )
+
+
+def test_a_force_beside_a_reference_of_round_off_is_wrong_by_all_of_it_and_by_no_more() -> None:
+    """A support along the axis of a straight beam bears only round-off; a reduced model that strays bears 1 N."""
+    bears = {"other_names": ("support z", "support x"), "other_units": ("N", "N")}
+    full, reduced = (
+        replace(response(1.0), others=np.stack([800.0 * np.sin(8 * T), axial], axis=1), **bears)
+        for axial in (1e-29 * np.cos(8 * T), np.cos(8 * T))
+    )
+    errors = errors_between({"full": full, "reduced": reduced}, relative_error)["reduced_vs_full"]
+    assert errors["support x"] == 1.0 and errors["support z"] == 0.0
+
+
+def test_values_that_are_no_numbers_are_not_taken_for_round_off() -> None:
+    broken = np.where(T[:, None] < 0.5, np.nan, 1.0)
+    assert np.isnan(zero_round_off(broken, broken, 1e-9).signal[0])
 
 
 def test_outputs_in_other_units_are_compared_by_their_names() -> None:
