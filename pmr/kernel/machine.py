@@ -104,8 +104,8 @@ class Machine:
 class MachineSimulation:
     """Simulation of a machine with its boom over T steps, and recorded arrays; `state` is the state of the boom.
 
-    An InputError is raised for a boom on a frame without a moving base, for one with a hoist or with contacts that
-    only push, and for settings of several substeps or of energy.
+    An InputError is raised for a boom on a frame without a moving base, for one with contacts that only
+    push, and for settings of several substeps or of energy.
     """
 
     def __init__(self, state: State, machine: Machine, reasons: Mapping[int, str] = REASONS) -> None:
@@ -130,9 +130,7 @@ class MachineSimulation:
         self._machine = ffi.new("pmr_machine *", scalars | counts | {"inertial_count": len(machine.inertial)})
         out = ffi.new("pmr_machine_run **")
         if lib.pmr_machine_run_open(state.pointer, self._machine, out):
-            allowed = (
-                "a frame with a base that moves, contacts that hold both ways, no hoist, steps without parts and energy"
-            )
+            allowed = "a frame with a base that moves, contacts that hold both ways and steps without parts and energy"
             raise InputError("machine", "boom", None, f"{allowed} are allowed")
         self._run = ffi.gc(out[0], lib.pmr_machine_run_close)
         steps, inertial = len(machine.motions), len(machine.inertial)

@@ -67,8 +67,6 @@ def check_hoist(scene: Scene) -> None:
         raise scene_error("gravity", None, "a table [gravity] is needed with [hoist], whose payload has a weight")
     if frame is not None and frame.machine is not None:
         raise scene_error("hoist", None, "none is allowed beside frame.machine: the rope's pull on it is not known")
-    if frame is not None and frame.luffing == "free":
-        raise scene_error("hoist", None, "none is allowed beside frame.luffing = 'free', whose motion knows no payload")
     if frame is not None and frame.ground is not None and not hoist.winch.section:
         allowed = (
             "a section is allowed beside frame.ground: forces of outriggers do not know the rope's pull on a machine"
@@ -101,6 +99,8 @@ def check_hoist(scene: Scene) -> None:
                 allowed = "the tip is allowed with frame.second_order as the place of a load along the boom"
                 raise scene_error(key, on, allowed)
     t = np.linspace(0.0, scene.time.end, SAMPLES)
+    if frame is not None and frame.luffing == "free" and not hoist.winch.section:
+        t = t[:1]  # later the angle, and with it the distance from winch to head, is computed
     along = np.array([distance_along(scene, float(at)) for at in t])
     hanging = (hoist.unstretched(t, along[0]) - along) / hoist.falls
     if not hanging.min() > 0.0:

@@ -8,7 +8,7 @@ axes of the boom into those of the ground.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,6 +43,12 @@ class Hoist:
     drivers: tuple[str, ...]
     is_wound: bool  # whether the speed of the winch drives the rope, and not the rope's length
     slots: tuple[Slot, ...]  # (17,), as `SLOT_LENGTH` and what follows it in hoist.c
+
+    def in_frame(self, scene: Scene) -> Hoist:
+        """Return the hoist driven by the frame of another `scene` of the same boom."""
+        of_frame = frame_quantities(scene)
+        slots = (*self.slots[: 1 + len(WIND)], *_ground_slots(scene, tuple(of_frame)))
+        return replace(self, drivers=(ROPE, *WIND, *of_frame), slots=slots)
 
 
 def frame_quantities(scene: Scene) -> dict[str, tuple[str | int, ...]]:

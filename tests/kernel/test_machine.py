@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import free_boom
-import hoists
 import momenta
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
-from pmr.kernel.block_file import LINE, pack, seal, unpack
-from pmr.kernel.kernel import Kernel, checksum
 from pmr.kernel.machine import MachineSimulation
 from pmr.kernel.state import Settings, State
 from pmr.scene.frame import DIRECTIONS
@@ -24,7 +21,6 @@ from pmr.simulation.free_base import EliminatedContacts, FreeBase
 from pmr.simulation.machine import MachineRun, modes_in_bodies
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
-from pmr.system.hoist import hoist_of
 
 Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced
@@ -139,24 +135,6 @@ def test_what_it_cannot_carry_is_refused(run: MachineRun) -> None:
     for settings in (Settings(1e-3, parts=(1, 2), energy=False), Settings(1e-3, energy=True)):
         with pytest.raises(InputError, match="a frame with a base that moves"):
             MachineSimulation(State(kernel, settings), run.machine)
-
-
-def test_a_boom_with_a_hoist_is_refused(run: MachineRun) -> None:
-    """The step of a machine has no rope."""
-    hoist = hoist_of(hoists.cantilever())
-    assert hoist is not None
-    arrays = unpack(run.simulation.state.kernel.block) | {
-        "hoist_inputs": np.zeros(1, int),
-        "hoist_slots": np.full(len(hoist.slots), -1),
-        "hoist_shares": np.zeros(2 * len(hoist.slots)),
-        "hoist_levers": np.zeros(6),
-        "hoist_numbers": hoist.numbers,
-        "hoist_reach": np.zeros(2 * run.simulation.state.kernel.paths),
-    }
-    block = pack(arrays)
-    seal(block, checksum(block[LINE:]))
-    with pytest.raises(InputError, match="no hoist"):
-        MachineSimulation(State(Kernel(block), Settings(1e-3, energy=False)), run.machine)
 
 
 def test_no_more_steps_are_taken_than_there_are_motions(run: MachineRun) -> None:

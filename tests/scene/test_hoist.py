@@ -46,11 +46,6 @@ def test_a_head_that_is_not_at_the_tip_is_refused_in_second_order() -> None:
         pmr.load_scene("hoist", ["frame.second_order=true", "hoist.on=5.0"])
 
 
-def test_a_free_luffing_angle_is_refused() -> None:
-    with pytest.raises(InputError, match=r"hoist\.toml: hoist: none is allowed beside frame\.luffing = 'free'"):
-        pmr.load_scene("hoist", ["frame.luffing=free", "frame.luffing_start=45.0", "frame.cylinder.force=1e5"])
-
-
 def test_a_head_off_the_axis_turns_its_section() -> None:
     *_, fly = members(pmr.load_scene("hoist", ["hoist.offset=[0.1, 0.2]"]))
     assert [load.name for load in axis_loads(fly)] == [f"hoist {d}" for d in ("x", "y", "z", "rx", "ry", "rz")]

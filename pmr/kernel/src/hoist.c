@@ -127,21 +127,28 @@ static double distance(const double *a, const double *b)
     return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
 }
 
+/* Place of the winch along axes of the boom, without extensions and displacements of a section that carries it. */
+static void place_winch(const pmr_system *y, const double *slots, double *winch)
+{
+    const double *R = slots + SLOT_TURNED;
+    copy(winch, y->hoist_numbers + HOIST_WINCH, 3);
+    if (y->hoist_numbers[HOIST_LEVEL] != 0.0) { /* raised by phi, whose sine and cosine are how the boom's axes point up */
+        const double x = winch[0], z = winch[2];
+        winch[0] = x * R[8] + z * R[6];
+        winch[2] = z * R[8] - x * R[6];
+    }
+}
+
 /* The rope with the inputs' places displaced by `moved` (k,) and the payload at q, along axes of the boom; 1 where it
    has no direction. */
 static int shape_rope(const pmr_state *st, const double *slots, const double *moved, const double *q, rope_shape *rope)
 {
     const pmr_system *y = st->system;
-    const double *numbers = y->hoist_numbers, *R = slots + SLOT_TURNED, falls = numbers[HOIST_FALLS];
+    const double *numbers = y->hoist_numbers, falls = numbers[HOIST_FALLS];
     double winch[3];
     int k, n, p;
     copy(rope->head, numbers + HOIST_HEAD, 3);
-    copy(winch, numbers + HOIST_WINCH, 3);
-    if (numbers[HOIST_LEVEL] != 0.0) { /* raised by phi, whose sine and cosine are how the boom's axes point upwards */
-        const double x = winch[0], z = winch[2];
-        winch[0] = x * R[8] + z * R[6];
-        winch[2] = z * R[8] - x * R[6];
-    }
+    place_winch(y, slots, winch);
     for (p = 0; p < y->paths; p++) {
         rope->head[0] += y->hoist_reach[p] * st->s[p];
         winch[0] += y->hoist_reach[y->paths + p] * st->s[p];
@@ -408,6 +415,26 @@ static void account_hoist(pmr_state *st)
                 (now[AT_PLACE + n] - old[AT_PLACE + n]);
     st->energy[1] += work;
     store_hoist_energy(st);
+}
+
+/* Add force and moment about the pivot by which the rope pulls the displaced boom, along axes of the boom, where the state
+   stands.  Between head and winch on the boom the rope pulls both, and adds nothing. */
+static void add_rope_wrench(const pmr_state *st, double *force, double *moment)
+{
+    const double *numbers = st->system->hoist_numbers, *now = st->hoist, *head = now + AT_HEAD;
+    double pull[3], winch[3], pulled[3], size;
+    int n;
+    into_boom(st->slots, now + AT_PULL, pull);
+    place_winch(st->system, st->slots, winch);
+    size = distance(head, winch);
+    for (n = 0; n < 3; n++) {
+        pulled[n] = -pull[n];
+        if (numbers[HOIST_LEVEL] != 0.0) pulled[n] += now[AT_FORCE] * (winch[n] - head[n]) / size;
+        force[n] += pulled[n];
+    }
+    moment[0] += head[1] * pulled[2] - head[2] * pulled[1];
+    moment[1] += head[2] * pulled[0] - head[0] * pulled[2];
+    moment[2] += head[0] * pulled[1] - head[1] * pulled[0];
 }
 
 /* ---- start ---- */

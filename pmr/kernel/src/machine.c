@@ -319,7 +319,7 @@ static int machine_run_open(pmr_state *st, const pmr_machine *machine, pmr_machi
     room r = {NULL, 0};
     int n;
     *run = NULL;
-    if (!y->motions || y->hoist || machine->sections < 1 || machine->sections > MOST_SECTIONS || y->pushing ||
+    if (!y->motions || machine->sections < 1 || machine->sections > MOST_SECTIONS || y->pushing ||
         st->settings.energy || st->settings.levels != 1 || st->settings.parts[0] != 1)
         return PMR_REFUSED;
     for (n = 0; n < 3; n++)
@@ -342,10 +342,14 @@ static int machine_run_holding_forces(pmr_machine_run *ms, const double *b, cons
     const pmr_system *y = ms->state->system;
     double *const of = ms->state->others, *const rates = ms->state->pulled;
     const double *modes[3] = {of, rates, ms->accelerations};
+    drivers_at(ms, 0, b, b + 12, ms->u);
+    if (y->hoist) { /* whose rope pulls where the boom stands */
+        const int failed = start(ms->state, PMR_GIVEN, ms->u, NULL, z, v);
+        if (failed) return failed;
+    }
     copy(of, z, y->modes);
     copy(rates, v, y->modes);
     copy(ms->accelerations, a, y->modes);
-    drivers_at(ms, 0, b, b + 12, ms->u);
     find_holding_forces(ms, 0, b, ms->u + y->paths, modes, needed);
     return ms->failed;
 }

@@ -16,9 +16,13 @@ static const double *motions_at(const pmr_machine_run *ms, int64_t k, const doub
     return ms->motions;
 }
 
+/* Drivers; loads by a hoist's rope, which `push` has by itself, are 0. */
 static void drivers_at(const pmr_machine_run *ms, int64_t k, const double *rows, const double *second, double *u)
 {
-    pmr_frame_drivers(ms->state->system, motions_at(ms, k, rows, second), u, ms->state->quantities);
+    const pmr_system *y = ms->state->system;
+    int n;
+    pmr_frame_drivers(y, motions_at(ms, k, rows, second), u, ms->state->quantities);
+    for (n = 0; n < y->hoist; n++) u[y->paths + y->hoist_inputs[n]] = 0.0;
 }
 
 /* Axes about which roll, pitch and yaw turn, as columns. */
@@ -88,6 +92,7 @@ static void push(const pmr_machine_run *ms, int64_t k, const double *R, const do
         for (j = 0; j < 3; j++) force[j] += own[j], moment[j] += own[3 + j];
         add_cross(1.0, ms->of[n].d, own, moment);
     }
+    if (ms->state->system->hoist) add_rope_wrench(ms->state, force, moment);
     turn_out(R, force, force);
     turn_out(R, moment, moment);
     turn_out(R, ms->boom.s[0], first);

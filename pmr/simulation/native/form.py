@@ -90,6 +90,13 @@ class SystemForm:
         """System in modal coordinates with combined contacts, and how the forces of all contacts follow from theirs."""
         return system_in_modes(self.system, self.forms)
 
+    def initial_states(self, z: Array, v: Array) -> dict[str, InitialState]:
+        """Coordinates and rates of each body by its name, from the kernel's modal ones z and v (r',)."""
+        return {
+            name: InitialState(form.X @ z[self.columns[name]], form.X @ v[self.columns[name]])
+            for name, form in self.forms.items()
+        }
+
     def forces(self, multipliers: Array, friction: Array | None) -> Array:
         """Forces (..., m) in N of all contacts from the kernel's multipliers; cylinders' include the pads' friction.
 

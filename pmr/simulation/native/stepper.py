@@ -237,11 +237,7 @@ class Stepper:
     @property
     def states(self) -> dict[str, InitialState]:
         """Coordinates of each body and their rates, by the body's name, as `initial` takes them."""
-        z, v, columns = self._state.z, self._state.v, self._form.columns
-        return {
-            name: InitialState(form.X @ z[columns[name]], form.X @ v[columns[name]])
-            for name, form in self._form.forms.items()
-        }
+        return self._form.initial_states(self._state.z, self._state.v)
 
     @property
     def q(self) -> Array:
