@@ -108,7 +108,7 @@ def _evaluate(system: System, part: SystemTrajectory) -> Response:
         violation = drift = np.full((len(part.t), 1), np.nan)
         if ALONE in system.bodies and not system.terms:
             body, motion = system.bodies[ALONE], with_row_multipliers(system, system.bodies[ALONE], part.bodies[ALONE])
-            if system.hoist is None:  # the pulls of a rope have no potential
+            if not system.hoist:  # the pulls of a rope have no potential
                 external = load_potential(body, motion, part.loads)
             violation, drift = _residuals(body, motion, part)
         energy = Energy(kinetic, part.energy - kinetic, external)

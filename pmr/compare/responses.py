@@ -243,7 +243,7 @@ def _prepare_march(
     def run(done: Progress | None) -> Simulation:
         """Simulate, evaluate the response block by block, and record states."""
         evaluation, recorder = Evaluation(system, excitation.times, f), Recorder(recorded_steps)
-        parts, loads = np.ones(len(excitation.times), np.int64), f if system.hoist is None else f.copy()
+        parts, loads = np.ones(len(excitation.times), np.int64), f.copy() if system.hoist else f
 
         def take(block: Block) -> None:
             """Evaluate one block, and record its states and parts of steps."""
@@ -251,7 +251,7 @@ def _prepare_march(
             evaluation(block.first, part)
             rows = slice(block.first, block.first + block.count)
             parts[rows] = part.parts
-            if system.hoist is not None:  # `f` has the hanging weight, and the motion the rope's pulls
+            if system.hoist:  # `f` has the hanging weight, and the motion the rope's pulls
                 loads[rows] = part.loads
             recorder(block)
 

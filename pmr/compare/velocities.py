@@ -95,7 +95,7 @@ def displacement_rates(system: System, run: SystemTrajectory, excitation: Excita
     attachment modes, and with a hoist, whose rope's pulls have no rates, they are :math:`O \dot q` plus central
     differences of y - O q, with the displacements y, the output matrix O and the coordinates q.
     """
-    tables = system.hoist is None and all(map(_has_rate_tables, system.bodies.values()))
+    tables = not system.hoist and all(map(_has_rate_tables, system.bodies.values()))
     if system.on_one_path and tables:
         body, motion = only_body_motion(system, run, excitation)
         return output_rates(body, motion, excitation.on_slider)[:, length_outputs(body)]

@@ -25,7 +25,6 @@ from pmr.kernel.further import (
     with_reactions,
 )
 from pmr.kernel.rows import LANES, Arrangement, Part, arrange, round_up
-from pmr.scene.hoist import OUTPUTS
 from pmr.scene.mechanism import CYLINDER
 from pmr.system.from_scene import CombinedRings, combine_rings
 from pmr.system.rows import Row
@@ -64,18 +63,17 @@ def system_data(
     scene = None if frame is None else frame.scene
     of_frame, further = frame_output_arrays(scene, system, rows.paths, reactions, motions)
     arrays |= of_frame
-    of_hoist = {} if system.hoist is None else OUTPUTS
     shares = np.eye(len(system.contacts)) if reduced.shares is None else reduced.shares
     arrays |= {
         "shares": _fill_rows(shares, len(rows.F)),
-        "names_drivers": lines([*rows.paths, *system.input_names, *system.term_names, *hoist_drivers(system)]),
+        "names_drivers": lines([*rows.paths, *system.input_names, *system.term_names, *system.hoist.drivers]),
         "names_outputs": lines(system.output_names),
         "names_contacts": lines(modal.contact_names),
         "names_forces": lines(system.contact_names),
-        "names_further": lines([*further, *of_hoist]),
+        "names_further": lines([*further, *system.hoist.outputs]),
     }
     units = [unit for of in supports for unit in of.units]
-    hoist_outputs = [(name, unit, False) for name, unit in of_hoist.items()]
+    hoist_outputs = [(name, unit, False) for name, unit in system.hoist.outputs.items()]
     further_outputs = [(name, "N" if name == CYLINDER else "m", name != CYLINDER) for name in further[len(reactions) :]]
     modes_of = {name: part.modes for name, part in zip(forms, rows.parts, strict=True)}
     listed = (*((name, unit, False) for name, unit in zip(reactions, units, strict=True)), *further_outputs)
@@ -148,7 +146,7 @@ def _sizes(system: System, modal: System, rows: Arrangement, motions: int, outpu
         len(modal.terms),
         pads,
         0 if rows.friction is None else len(rows.friction.joints),
-        len(rows.paths) + inputs + len(modal.terms) + len(hoist_drivers(system)),
+        len(rows.paths) + inputs + len(modal.terms) + len(system.hoist.drivers),
         int(bool(single) and not modal.compliance.paths and rows.friction is None),
         int(not all(_is_diagonal(part.body.D) for part in rows.parts)),
         len(modal.compliance.paths),
@@ -157,22 +155,14 @@ def _sizes(system: System, modal: System, rows: Arrangement, motions: int, outpu
     return {"sizes": np.array(sizes)}
 
 
-def hoist_drivers(system: System) -> tuple[str, ...]:
-    """Names of the drivers of a system's hoist, which are behind its terms; empty without a hoist."""
-    return () if system.hoist is None else system.hoist.drivers
-
-
 def _hoist(system: System, paths: Sequence[str]) -> Arrays:
     """Arrays of the hoist of a system with these paths; empty ones without a hoist."""
-    hoist, nothing = system.hoist, np.zeros(0)
-    if hoist is None:
-        arrays: Arrays = dict.fromkeys(("hoist_shares", "hoist_levers", "hoist_numbers", "hoist_reach"), nothing)
-        return arrays | dict.fromkeys(("hoist_inputs", "hoist_slots"), np.zeros(0, np.int64))
+    hoist = system.hoist
     names = [*paths, *system.input_names, *system.term_names, *hoist.drivers]
     return {
-        "hoist_inputs": np.array([system.input_names.index(name) for name in hoist.inputs]),
-        "hoist_slots": np.array([names.index(slot.name) if slot.name else -1 for slot in hoist.slots]),
-        "hoist_shares": np.array([[slot.constant, slot.factor] for slot in hoist.slots]),
+        "hoist_inputs": np.array([system.input_names.index(name) for name in hoist.inputs], np.int64),
+        "hoist_slots": np.array([names.index(slot.name) if slot.name else -1 for slot in hoist.slots], np.int64),
+        "hoist_shares": np.array([[slot.constant, slot.factor] for slot in hoist.slots], float),
         "hoist_levers": hoist.levers,
         "hoist_numbers": hoist.numbers,
         "hoist_reach": np.array([[path in reach for path in paths] for reach in hoist.reach], float),

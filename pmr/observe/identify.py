@@ -206,7 +206,7 @@ class FrequencyTable:
         @cache
         def frequencies(values: tuple[float, ...]) -> Array:
             system = reduced([f"{name}={value!r}" for name, value in zip(start, values, strict=True)])
-            if system.hoist is not None:
+            if system.hoist:
                 allowed = "none is allowed: natural frequencies are those of the boom without its payload"
                 raise InputError("identify", "hoist", None, allowed)
             alone = self.paths == (PLACE,) and len(system.paths) == 1

@@ -170,7 +170,7 @@ class MachineRun:
         assert frame is not None and frame.machine is not None  # of a scene with a machine
         still = BaseMotion(**dict.fromkeys(DIRECTIONS, Constant(amount=0.0)))
         resting = scene.model_copy(update={"frame": frame.model_copy(update={"base": still, "machine": None})})
-        if system.hoist is not None:
+        if system.hoist:
             system = replace(system, hoist=system.hoist.in_frame(resting))
         self._system, self.form, self._machine = system, SystemForm.of(system), frame.machine
         self._excitation, self._assembly = Excitation.from_scene(resting), Assembly(system)
@@ -232,7 +232,7 @@ class MachineRun:
         """States of the bodies in equilibrium with the loads at t = 0 on a machine at rest at `place` (6,)."""
         motions = self._first.copy()
         motions[0, self._angles] = place[3:]
-        if self._system.hoist is not None:  # the rope's pull depends on the equilibrium
+        if self._system.hoist:  # the rope's pull depends on the equilibrium
             state = self.simulation.state
             state.start_in_frame("equilibrium", motions)
             return self.form.initial_states(state.z, np.zeros_like(state.z))

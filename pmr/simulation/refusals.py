@@ -76,6 +76,6 @@ def needs_of(system: BodySystem[Body], rigid: Mask, x: Array, rho_inf: float) ->
         flexible_rows=names(~rigid),
         rigid_moving_rows=names(rigid & moving),
         friction_rows=() if rubs is None else tuple(system.contact_names[k] for k in rubs.pads),
-        hoist=system.hoist is not None,
+        hoist=bool(system.hoist),
         rho_inf=rho_inf,
     )

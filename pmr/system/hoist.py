@@ -8,8 +8,8 @@ axes of the boom into those of the ground.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from pmr.files.arrays import Array
 from pmr.scene.built import WEIGHT
 from pmr.scene.choice import rope_pulls
 from pmr.scene.files import stored_scene
-from pmr.scene.hoist import HOIST, ROPE, WIND
+from pmr.scene.hoist import HOIST, OUTPUTS, ROPE, WIND
 from pmr.scene.hoist_places import distance_along, rope_places, still_rotation
 from pmr.scene.keys import RECORDED, input_name
 from pmr.scene.members import members
@@ -34,15 +34,27 @@ class Slot(NamedTuple):
 
 @dataclass(frozen=True)
 class Hoist:
-    """A hoist whose rope pulls k inputs of a system's bodies, in the kernel's terms."""
+    """A hoist whose rope pulls k inputs of a system's bodies, in the kernel's terms; without arguments there is none.
 
-    inputs: tuple[str, ...]  # (k,): names of the system's inputs
-    levers: Array  # (k, 6): how far a unit of what each input works along moves the head and the winch, along the boom
-    numbers: Array  # (19,), as `HOIST_MASS` and what follows it in hoist.c
-    reach: tuple[tuple[str, ...], tuple[str, ...]]  # paths along which the head moves, and the winch
-    drivers: tuple[str, ...]
-    is_wound: bool  # whether the speed of the winch drives the rope, and not the rope's length
-    slots: tuple[Slot, ...]  # (17,), as `SLOT_LENGTH` and what follows it in hoist.c
+    A hoist is true, and none is false.
+    """
+
+    inputs: tuple[str, ...] = ()  # (k,): names of the system's inputs
+    # (k, 6): how far a unit of what each input works along moves the head and the winch, along the boom
+    levers: Array = field(default_factory=lambda: np.zeros((0, 6)))
+    numbers: Array = field(default_factory=lambda: np.zeros(0))  # (19,), as `HOIST_MASS` and what follows it in hoist.c
+    reach: tuple[tuple[str, ...], ...] = ()  # paths along which the head moves, and those along which the winch does
+    drivers: tuple[str, ...] = ()
+    is_wound: bool = False  # whether the speed of the winch drives the rope, and not the rope's length
+    slots: tuple[Slot, ...] = ()  # (17,), as `SLOT_LENGTH` and what follows it in hoist.c
+
+    def __bool__(self) -> bool:
+        return bool(self.drivers)
+
+    @property
+    def outputs(self) -> Mapping[str, str]:
+        """Units of the hoist's outputs by their names."""
+        return OUTPUTS if self else {}
 
     def in_frame(self, scene: Scene) -> Hoist:
         """Return the hoist driven by the frame of another `scene` of the same boom."""
@@ -62,11 +74,11 @@ def frame_quantities(scene: Scene) -> dict[str, tuple[str | int, ...]]:
     return quantities | {f"{HOIST}turned {3 * i + j}": ("turned", i, j) for i in range(3) for j in range(3)}
 
 
-def hoist_of(scene: Scene) -> Hoist | None:
-    """Hoist of a scene's system; None without one."""
+def hoist_of(scene: Scene) -> Hoist:
+    """Hoist of a scene's system; an empty one if the scene has none."""
     hoist = scene.hoist
     if hoist is None:
-        return None
+        return Hoist()
     pulls = [
         (input_name(scene.names[m.number], pull.load.name), pull) for m in members(scene) for pull in rope_pulls(m)
     ]
@@ -83,18 +95,18 @@ def hoist_of(scene: Scene) -> Hoist | None:
         tuple(name for name, _ in pulls),
         levers,
         np.array([*of_rope, *hoist.swing, *hoist.velocity, hoist.pivot_height], float),
-        (reach[0], reach[1]),
+        reach,
         (ROPE, *WIND, *of_frame),
         hoist.is_wound,
         (Slot(0.0, 1.0, ROPE), *(Slot(0.0, 1.0, wind) for wind in WIND), *_ground_slots(scene, tuple(of_frame))),
     )
 
 
-def recorded_hoist(provenance: Mapping[str, Any]) -> Hoist | None:
-    """Hoist of the scene in a system's provenance; None without one."""
+def recorded_hoist(provenance: Mapping[str, object]) -> Hoist:
+    """Hoist of the scene in a system's provenance; an empty one if there is none."""
     scene = provenance.get("scene")
     if not (isinstance(scene, Mapping) and scene.get("hoist")):
-        return None
+        return Hoist()
     return hoist_of(stored_scene(scene, "provenance.scene", RECORDED))
 
 

@@ -69,7 +69,7 @@ class BodySystem(Generic[AnyBody]):
     bodies: Mapping[str, AnyBody]
     contacts: tuple[Contact, ...]
     terms: tuple[Term, ...] = field(default=(), kw_only=True)  # terms of the equations of motion that vary in time
-    hoist: Hoist | None = field(default=None, compare=False, repr=False, kw_only=True)  # whose rope pulls inputs
+    hoist: Hoist = field(default=Hoist(), compare=False, repr=False, kw_only=True)  # whose rope pulls inputs
 
     def __post_init__(self) -> None:
         for term in self.terms:
@@ -167,8 +167,6 @@ class BodySystem(Generic[AnyBody]):
     @property
     def load_names(self) -> tuple[str, ...]:
         """Names of all that a user loads without a frame: inputs that no rope pulls, and what drives a hoist."""
-        if self.hoist is None:
-            return self.input_names
         return (*(name for name in self.input_names if name not in self.hoist.inputs), *self.hoist.drivers)
 
     @property
@@ -356,7 +354,7 @@ class System(BodySystem[SlidingBody]):
 
     def ensure_without_hoist(self, source: str) -> System:
         """Return the system; raise an InputError about `source`, which knows no payload that swings, with a hoist."""
-        if self.hoist is not None:
+        if self.hoist:
             allowed = (
                 "a scene without it is allowed here; march, a stepper and an FMU for Co-Simulation follow its payload"
             )

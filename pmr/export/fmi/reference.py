@@ -61,7 +61,7 @@ def reference(drivers: Drivers, scene: StoredScene) -> Reference:
     system, excitation = drivers.system, scene.excitation
     inputs = input_cubics(drivers, excitation)
     reached = _cubic_excitation(drivers, excitation, inputs)
-    initial = None if system.hoist is not None else systems.static_start(system, reached) if scene.static else {}
+    initial = None if system.hoist else systems.static_start(system, reached) if scene.static else {}
     trajectory = systems.simulate_form(SystemForm(system, drivers.forms), reached, initial)
     y = list(systems.displacements(system, trajectory).values())
     z, v = (

@@ -11,7 +11,7 @@ import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.files.arrays import Array
-from pmr.kernel.data import SystemData, hoist_drivers, system_data
+from pmr.kernel.data import SystemData, system_data
 from pmr.kernel.further import AXES
 from pmr.scene.built import force_name
 from pmr.scene.hoist import ROPE, WIND
@@ -68,7 +68,7 @@ class Drivers:
     @property
     def loads(self) -> tuple[str, ...]:
         """Names of the loads."""
-        return self.frame.loads if self.frame is not None else (*self.system.input_names, *hoist_drivers(self.system))
+        return self.frame.loads if self.frame is not None else (*self.system.input_names, *self.system.hoist.drivers)
 
     @property
     def motions(self) -> tuple[str, ...]:
@@ -104,7 +104,7 @@ class Drivers:
     @property
     def is_wound(self) -> bool:
         """Whether the speed of a winch drives a hoist, and not the length of its rope."""
-        return self.system.hoist is not None and self.system.hoist.is_wound
+        return self.system.hoist.is_wound
 
     @property
     def first_load_number(self) -> int:
@@ -120,7 +120,7 @@ class Drivers:
     def is_differential(self) -> bool:
         """Whether the model is an ordinary differential equation: no contact is rigid, no friction, and no hoist."""
         rows = self.data.rows
-        return rows.friction is None and self.system.hoist is None and bool(np.all(rows.gives > 0.0))
+        return rows.friction is None and not self.system.hoist and bool(np.all(rows.gives > 0.0))
 
     def kinds(self) -> list[int]:
         """Kind of each driver as source/unit.h numbers them: 0 other, 1 path, 2 angle, 3 slewing angle."""
@@ -217,7 +217,7 @@ def _drivers(drivers: Drivers) -> Iterator[_Driver]:
         what = f"path coordinate {what}; up to {BEYOND_ENDS * (high - low):.3g} m beyond an end it is taken there"
         yield _Driver(name, k, what, "m", (low, high))
     for k, (name, unit) in enumerate(zip(drivers.loads, drivers.load_units, strict=True)):
-        if drivers.system.hoist is None or name not in drivers.system.hoist.inputs:
+        if name not in drivers.system.hoist.inputs:
             yield _Driver(name, drivers.first_load_number + k, f"load {name}", unit)
     for k, name in enumerate(drivers.motions):
         what, unit = (f"angle {name}", "rad") if name not in AXES else (f"acceleration of the pivot, {name}", "m/s2")
@@ -276,7 +276,7 @@ def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Itera
     for k, (name, unit, _) in enumerate(called):
         yield Variable(outputs[k], first + k, name, unit=unit)
     for k, (what, unit, moves) in enumerate(called):
-        if moves and system.hoist is None:  # its rope has no rates
+        if moves and not system.hoist:  # its rope has no rates
             name = names(f"{outputs[k]}_rate")
             yield Variable(name, first + count + k, f"rate of {what}", unit=rate_unit(unit, 1), is_rate=True)
     for k, contact in enumerate(system.contacts):

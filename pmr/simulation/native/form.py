@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -27,6 +27,11 @@ from pmr.system.assembly import Assembly
 from pmr.system.contacts import ALONE, Friction
 from pmr.system.from_scene import CombinedRings
 from pmr.system.system import System
+
+#: Most modes for which the kernel computes the equilibrium at the start; for more modes it is computed sparsely.
+DENSE = 400
+#: Most modes for which it finds the equilibrium with a hoist, whose rope pulls along the deflected boom.
+DENSE_WITH_HOIST = 3000
 
 
 @dataclass(frozen=True)
@@ -124,8 +129,7 @@ def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]
         signals_in_order(excitation.loads, system.input_names),
         signals_in_order(excitation.terms, system.term_names, "term"),
     )
-    drivers = () if system.hoist is None else system.hoist.drivers
-    hoist = signals_in_order(excitation.hoist, drivers, "hoist")
+    hoist = signals_in_order(excitation.hoist, system.hoist.drivers, "hoist")
     return [*paths, *loads, *terms, *hoist]
 
 
@@ -147,6 +151,34 @@ def static_start(system: System, excitation: Excitation) -> dict[str, InitialSta
     """States of all bodies at rest in equilibrium with the loads at t = 0; errors as `equilibrium`."""
     f, c = excitation.forces(system.input_names)[0], excitation.amplitudes(system.term_names)[0]
     return rest_states(Assembly(system), side_positions(system, excitation)[0], f, c)
+
+
+def start_in_equilibrium(
+    system: System, modes: int, start: Callable[[], StepError | None], excitation: Excitation
+) -> dict[str, InitialState] | StepError | None:
+    """Have `start` put a kernel of so many modes in equilibrium, if it can.
+
+    Returns
+    -------
+    dict, StepError or None
+        None if the kernel is in equilibrium; else states of equilibrium, of bodies by name, from which to start it.  It
+        is the error of `start` if that fails with a hoist, as no other method finds the equilibrium of a rope.
+
+    Raises
+    ------
+    InputError
+        If nothing holds the bodies, or if a system with a hoist has more than `DENSE_WITH_HOIST` modes.
+    """
+    if system.hoist and modes > DENSE_WITH_HOIST:
+        allowed = f"'rest' is allowed with a hoist and {modes} coordinates, of {DENSE_WITH_HOIST} at most"
+        raise InputError("scene", "start", "equilibrium", f"{allowed} the equilibrium is found")
+    error = None
+    if system.hoist or modes <= DENSE:
+        error = start()
+        if error is None:
+            return None
+    states = static_start(system, excitation)  # raises an error that names motions that are not held
+    return error if system.hoist and error is not None else states
 
 
 def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, InitialState]:

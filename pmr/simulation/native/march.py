@@ -9,14 +9,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import InputError, SimulationError
+from pmr.errors import SimulationError
 from pmr.files.arrays import Array
 from pmr.kernel.signals import Signals
 from pmr.kernel.state import Failure, Record, Settings, State, StepError
 from pmr.scene.choice import refuse_unsupported
 from pmr.simulation import balance, contact_step
 from pmr.simulation.excitation import Excitation, side_positions, side_velocities
-from pmr.simulation.native.form import SystemForm, driver_signals, path_text, start_modes, static_start, step_failure
+from pmr.simulation.native.form import (
+    SystemForm,
+    driver_signals,
+    path_text,
+    start_in_equilibrium,
+    start_modes,
+    step_failure,
+)
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress, SimulationEnd, advance_in_blocks
@@ -28,16 +35,6 @@ BLOCK = 16384
 TIMES, FINE = 2048, 64
 #: Most numbers recorded in one call of the kernel: fewer steps if there are more coordinates.
 RECORDED = 2**22
-#: Most modes for which the kernel computes the equilibrium at the start; for more modes it is computed sparsely.
-DENSE = 400
-#: Most modes for which it finds the equilibrium with a hoist, whose rope pulls along the deflected boom.
-DENSE_WITH_HOIST = 3000
-
-
-def refuse_equilibrium(modes: int) -> InputError:
-    """Error of a start in equilibrium with a hoist and so many `modes`, more than `DENSE_WITH_HOIST`."""
-    allowed = f"'rest' is allowed with a hoist and {modes} coordinates, of {DENSE_WITH_HOIST} at most"
-    return InputError("scene", "start", "equilibrium", f"{allowed} the equilibrium is found")
 
 
 class Steps(NamedTuple):
@@ -104,16 +101,12 @@ class March:
         self._start: tuple[Any, ...] = ("rest", zero)
         if initial is None and excitation.start == "equilibrium":
             self._start = ("equilibrium", zero)
-            hoisting, failed = system.hoist is not None, None
-            if hoisting and kernel.modes > DENSE_WITH_HOIST:
-                raise refuse_equilibrium(kernel.modes)
-            if hoisting or kernel.modes <= DENSE:
-                failed = self.start()
-                if failed is None:
-                    return
-            initial = static_start(system, excitation)  # raises an error that names motions that are not held
-            if hoisting and failed is not None:  # the equilibrium is not that of the rope
-                raise self._failure(failed, 0)
+            equilibrium = start_in_equilibrium(system, kernel.modes, self.start, excitation)
+            if equilibrium is None:
+                return
+            if isinstance(equilibrium, StepError):
+                raise self._failure(equilibrium, 0)
+            initial = equilibrium
         if initial:
             modes = start_modes(form, self.x[0], side_velocities(system, excitation), initial)
             self._start = ("given", zero, *modes)

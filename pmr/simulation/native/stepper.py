@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -35,8 +36,7 @@ from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, part_coun
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.moving import MovingFrame, StoredScene, read_scene
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
-from pmr.simulation.native.form import SystemForm, path_text, start_modes, static_start, step_failure
-from pmr.simulation.native.march import DENSE, DENSE_WITH_HOIST, refuse_equilibrium
+from pmr.simulation.native.form import SystemForm, path_text, start_in_equilibrium, start_modes, step_failure
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
@@ -121,8 +121,7 @@ class Stepper:
             (body,) = system.bodies.values()
             self._ranges = dict.fromkeys(system.paths or (SLIDER,), body.domain)
         #: Names of all that `outputs` chooses from: outputs of the bodies, forces of the contacts, outputs of a hoist.
-        of_hoist = () if system.hoist is None else OUTPUTS
-        self.output_names = (*system.output_names, *map(force_name, system.contact_names), *of_hoist)
+        self.output_names = (*system.output_names, *map(force_name, system.contact_names), *system.hoist.outputs)
         every = range(len(system.output_names))
         chosen = [number_of(k, self.output_names, "outputs") for k in (every if outputs is None else outputs)]
         moving = MovingFrame.from_system(system)
@@ -293,17 +292,13 @@ class Stepper:
         x = modal.side_coordinates(paths)
         refuse_unsupported("march", needs_of(modal, Assembly(modal).contact_rows(x).rigid, x[None], self._rho_inf))
         if initial is None and static:
-            hoisting, error = self._system.hoist is not None, None
-            if hoisting and kernel.modes > DENSE_WITH_HOIST:
-                raise refuse_equilibrium(kernel.modes)
-            if hoisting or kernel.modes <= DENSE:
-                error = self._start_kernel("equilibrium")
-                if error is None:
-                    return
-            # raises an error that names motions that are not held
-            initial = static_start(self._system, self._constant_excitation(paths, u))
-            if hoisting and error is not None:  # the equilibrium is not that of the rope
-                raise self._failure("t = 0 s", error)
+            constant, begin = self._constant_excitation(paths, u), partial(self._start_kernel, "equilibrium")
+            equilibrium = start_in_equilibrium(self._system, kernel.modes, begin, constant)
+            if equilibrium is None:
+                return
+            if isinstance(equilibrium, StepError):
+                raise self._failure("t = 0 s", equilibrium)
+            initial = equilibrium
         x = self._system.side_coordinates(paths)
         if error := self._start_kernel("given", *start_modes(self._form, x, np.zeros(len(x)), initial or {})):
             raise self._failure("t = 0 s", error)
