@@ -293,5 +293,4 @@ def with_choice_of_terms(scene: Scene, terms: Sequence[Term]) -> Scene:
 
 def _with_second_order(scene: Scene, second_order: bool) -> Scene:
     """The scene with this choice of second order in its frame."""
-    assert scene.frame is not None  # callers have checked it
-    return scene.model_copy(update={"frame": scene.frame.model_copy(update={"second_order": second_order})})
+    return scene.with_keys(frame={"second_order": second_order})

@@ -181,8 +181,8 @@ def with_models_of(scene: Scene, models: HasProvenance | Mapping[str, HasProvena
             written = written["sections"][number] if number < len(written["sections"]) else {}
         chosen_by_model = {key: value for key, value in written.get("body", {}).items() if key in ("model", "walls")}
         chosen = chosen_by_model if part.body.model == "auto" and chosen_by_model.get("model", "auto") != "auto" else {}
-        parts.append(part.model_copy(update={"body": part.body.model_copy(update=chosen)}) if chosen else part)
-    return scene.model_copy(update={"sections": tuple(parts)})
+        parts.append(part.with_keys(body=chosen))
+    return scene.with_keys(sections=tuple(parts))
 
 
 def check_same_scene(model: HasProvenance, scene: Scene, number: int | None = None) -> None:

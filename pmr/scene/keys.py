@@ -18,7 +18,7 @@ from difflib import get_close_matches
 from functools import cache
 from os.path import isfile
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import (
     AfterValidator,
@@ -211,6 +211,12 @@ class SceneTable(Hinted):
     """A table of a scene file: frozen, without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
+
+    def with_keys(self, **keys: object) -> Self:
+        """Return a copy with other values of `keys`, without a check; a mapping changes keys of the table there."""
+        tables = {key: table for key in keys if isinstance(table := getattr(self, key), SceneTable)}
+        of_tables = {key: table.with_keys(**of) for key, table in tables.items() if isinstance(of := keys[key], dict)}
+        return self.model_copy(update=keys | of_tables)
 
 
 class ShorthandTable(SceneTable):

@@ -72,8 +72,7 @@ def _default_comparison(scene: Scene) -> ModelComparison:
 
     Raises an InputError if the shells would take long.
     """
-    compare = scene.compare.model_copy(update={"richer": ORDER[-1]})
-    of_scene, shells, called = model_comparison(scene.model_copy(update={"compare": compare}))
+    of_scene, shells, called = model_comparison(scene.with_keys(compare={"richer": ORDER[-1]}))
     by = 1.0 if any(part.body.walls == "give" for part in scene.sections) else COARSE
     if sum(shell_cell_count(part, by) for part in shells.sections) > MOST_RECTANGLES:
         minutes = (FIXED + EACH * sum(shell_cell_count(part, 1.0) for part in shells.sections)) / 60.0
@@ -82,12 +81,9 @@ def _default_comparison(scene: Scene) -> ModelComparison:
         )
     if by == 1.0:
         return ModelComparison(of_scene, shells, called)
-    parts = []
-    for part in shells.sections:
-        along = part.mesh.along and by * part.mesh.along
-        cells = part.mesh.model_copy(update={"size": by * part.mesh.size, "along": along})
-        parts.append(part.model_copy(update={"mesh": cells}))
-    coarse = shells.model_copy(update={"sections": tuple(parts)})
+    coarse = shells.vary_sections(
+        lambda part: {"mesh": {"size": by * part.mesh.size, "along": part.mesh.along and by * part.mesh.along}}
+    )
     return ModelComparison(of_scene, coarse, f"coarse {called}")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -246,6 +246,11 @@ class Scene(SectionTables):
             changed["sections"] = (self.only_section.model_copy(update=of_body),)
         return super().model_copy(update=changed, deep=deep)
 
+    def vary_sections(self, keys_of: Callable[[BoomSection], Mapping[str, object]], **keys: object) -> Self:
+        """Return a copy in which each section has the keys that `keys_of` returns for it; `keys` are of the scene."""
+        sections = tuple(part.with_keys(**keys_of(part)) for part in self.sections)
+        return self.with_keys(sections=sections, **keys)
+
     @property
     def hash(self) -> str:
         """Digest of the keys that decide the results: all keys but title, published numbers and simulators.
@@ -365,13 +370,12 @@ class Scene(SectionTables):
 
         It is equal for scenes with the same modes, which depend on nothing else.
         """
-        nothing = {"signal": Constant(amount=0.0)}
-        parts = (
-            part.model_copy(update={"loads": tuple(load.model_copy(update=nothing) for load in part.loads)})
-            for part in self.sections
+        gravity = self.gravity.with_keys(rise=0.0) if self.gravity else None
+        return self.vary_sections(
+            lambda part: {"loads": tuple(load.with_keys(signal=Constant(amount=0.0)) for load in part.loads)},
+            gravity=gravity,
+            recovery=None,
         )
-        gravity = self.gravity.model_copy(update={"rise": 0.0}) if self.gravity else None
-        return self.model_copy(update={"sections": tuple(parts), "gravity": gravity, "recovery": None})
 
 
 def _lift_body_keys(content: dict[str, Any]) -> dict[str, Any]:

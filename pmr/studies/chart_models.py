@@ -70,10 +70,7 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     at = PostureSet.from_task(arguments["at"])
     scene = with_fields(shared.scene_of(arguments), arguments.get("fields", ()), at.count)
     if arguments["error"]:  # attachment modes of the richer model need what an estimate needs
-        reductions = [part.reduction.model_copy(update={"estimate": True}) for part in scene.sections]
-        parts = zip(scene.sections, reductions, strict=True)
-        sections = tuple(part.model_copy(update={"reduction": reduction}) for part, reduction in parts)
-        scene = scene.model_copy(update={"sections": sections})
+        scene = mesh.with_estimates(scene, True)
     system = shared.reduced_system(scene)
     reduced = PostureMatrices.from_scene(scene, system, at)
     reach = at.boom_length(scene)
@@ -142,8 +139,7 @@ def postures_with_tip_mass(scene: Scene, positions: PostureSet, mass: float) -> 
     """
     last = scene.sections[-1]
     masses = (*last.masses, PointMass(name=HOOK, on="tip", mass=mass))
-    sections = (*scene.sections[:-1], last.model_copy(update={"masses": masses}))
-    with_mass = scene.model_copy(update={"sections": sections})
+    with_mass = scene.with_keys(sections=(*scene.sections[:-1], last.with_keys(masses=masses)))
     postures = PostureMatrices.from_scene(with_mass, shared.reduced_system(with_mass), positions)
     loads, machine = postures.loads, postures.machine
     weight, hook = (loads.names.index(name) for name in (WEIGHT, HOOK))

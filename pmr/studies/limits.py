@@ -420,14 +420,14 @@ def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:
     for name, part in zip(scene.names, scene.sections, strict=True):
         probes = list(_field_probes(name, built[name].structure.model, patterns))
         count += len(probes)
-        parts.append(part.model_copy(update={"probes": (*part.probes, *probes)}))
+        parts.append(part.with_keys(probes=(*part.probes, *probes)))
     if not count:
         raise InputError("study", "limits.which", ", ".join(patterns), "a body or region with walls is allowed")
     contacts = 12 * len(scene.sections)
     if 3 * count * places * contacts > MOST_NUMBERS:
         allowed = f"fewer places or a coarser mesh: {places} places look at {count} points each"
         raise InputError("study", "limits.which", ", ".join(patterns), allowed)
-    return scene.model_copy(update={"sections": tuple(parts)})
+    return scene.with_keys(sections=tuple(parts))
 
 
 def _field_probes(name: str, model: Any, patterns: Sequence[str]) -> Iterator[Probe]:

@@ -109,8 +109,7 @@ def _build_bodies(scene: Scene) -> Mapping[str, AssembledBody]:
 
 def with_reduction(scene: Scene, reduction: Reduction) -> Scene:
     """Return the scene with the settings `reduction` for every body."""
-    parts = tuple(part.model_copy(update={"reduction": reduction}) for part in scene.sections)
-    return scene.model_copy(update={"sections": parts})
+    return scene.vary_sections(lambda part: {"reduction": reduction})
 
 
 def modes_tasks(scene: Scene) -> dict[str, Task]:
@@ -128,8 +127,7 @@ def modes_tasks(scene: Scene) -> dict[str, Task]:
     plain = with_reduction(_without_loads(scene), Reduction(solver=choice.solver, **deciding))
     # The path of pads decides where they have rows; the path of points only decides where snapshots are taken.
     if scene.points and not (choice.uses_pod and choice.positions == "path"):
-        update = {"slider": scene.slider.model_copy(update={"path": NOTHING}), "time": TimeChoice(end=1.0, step=1.0)}
-        plain = plain.model_copy(update=update)
+        plain = plain.with_keys(slider={"path": NOTHING}, time=TimeChoice(end=1.0, step=1.0))
     size = f"{choice.snapshots}x{choice.modes}" if choice.uses_pod else f"{choice.basis}-{choice.coordinates}"
     return {"modes": _scene_task(compute_modes, "modes", f"modes-{size}", plain)}
 

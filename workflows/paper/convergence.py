@@ -37,12 +37,9 @@ def row(scene: str, approach: str, elements: int) -> Row:
 
     ``tip`` is the transverse displacement (T,) of a single beam, or all d directions (T, d) of a boom's tip.
     """
-    loaded = pmr.load_scene(scene)
-    meshes = [part.mesh.model_copy(update={"elements": elements}) for part in loaded.sections]
-    parts = [part.model_copy(update={"mesh": mesh}) for part, mesh in zip(loaded.sections, meshes, strict=True)]
-    compare = loaded.compare.model_copy(update={"ancf_elements": elements})
-    loaded = loaded.model_copy(update={"sections": tuple(parts), "compare": compare})
-    whole, alone = Excitation.from_scene(loaded), len(parts) == 1
+    of_mesh, compare = {"mesh": {"elements": elements}}, {"ancf_elements": elements}
+    loaded = pmr.load_scene(scene).vary_sections(lambda part: of_mesh, compare=compare)
+    whole, alone = Excitation.from_scene(loaded), len(loaded.sections) == 1
     if approach == "ancf":
         motion = simulate_cable(loaded, [loaded.only_section.length], whole)
         size = COORDINATES_PER_NODE * (elements + 1)

@@ -139,10 +139,8 @@ def with_basis(scene: Scene, basis: str, largest: int) -> Scene:
     """
     solver = scene.sections[0].reduction.solver
     if len(scene.sections) > 1:
-        update = {"coordinates": RIGID_MODES + largest, "flexibility": True, "estimate": True}
-        choices = [part.reduction.model_copy(update=update) for part in scene.sections]
-        parts = [of.model_copy(update={"reduction": new}) for of, new in zip(scene.sections, choices, strict=True)]
-        return scene.model_copy(update={"sections": tuple(parts), "accuracy": None, "budget": None})
+        reduction = {"coordinates": RIGID_MODES + largest, "flexibility": True, "estimate": True}
+        return scene.vary_sections(lambda part: {"reduction": reduction}, accuracy=None, budget=None)
     if basis == "visited":
         choice = Reduction(basis="eigenmodes", snapshots=9, modes=4, coordinates=min(largest, 36), solver=solver)
     elif basis == "pod":
@@ -219,8 +217,7 @@ def load(scene: str) -> Scene:
     loaded = pmr.load_scene(scene).model_copy(update={"recovery": None})
     if len(loaded.sections) > 1 or loaded.body.profile is None:
         return loaded
-    profile = loaded.body.profile.model_copy(update={"axial": False})
-    return loaded.model_copy(update={"body": loaded.body.model_copy(update={"profile": profile})})
+    return loaded.with_keys(body={"profile": {"axial": False}})
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ from pmr.errors import InputError
 from pmr.results.quantities import COMPARED
 from pmr.scene import Scene
 from pmr.scene.choice import has_giving_walls, model_of
+from pmr.scene.joints import BoomSection
 from pmr.scene.members import members
 
 #: Beams: factor by which elements of the other mesh are shorter, and order with which the motion converges.
@@ -87,26 +88,30 @@ def has_long_elements(scene: Scene) -> bool:
 
 def finer_beams(scene: Scene) -> Scene:
     """The scene with twice as many elements of all beams."""
-    parts = []
-    for part in scene.sections:
-        cells, count = part.mesh, int(FINER * part.mesh.elements)
-        # If lengths grow from element to element by the root of the former factor, all nodes stay; each element gets
-        # one.
-        grading = cells.grading ** ((count - 1) / (FINER * max(1, cells.elements - 1)))
-        cells = cells.model_copy(update={"elements": count, "grading": grading})
-        parts.append(part.model_copy(update={"mesh": cells}))
-    return scene.model_copy(update={"sections": tuple(parts)})
+
+    def halve_elements(part: BoomSection) -> dict[str, object]:
+        """Keys of a section whose elements are halved.
+
+        As lengths grow from element to element by the root of the former factor, all nodes stay, and each element gets
+        one more.
+        """
+        count = int(FINER * part.mesh.elements)
+        grading = part.mesh.grading ** ((count - 1) / (FINER * max(1, part.mesh.elements - 1)))
+        return {"mesh": {"elements": count, "grading": grading}}
+
+    return scene.vary_sections(halve_elements)
 
 
 def coarser_walls(scene: Scene) -> Scene:
     """The scene on cells twice as long; beams have half as many elements."""
-    parts = []
-    for part in scene.sections:
+
+    def double_cells(part: BoomSection) -> dict[str, object]:
+        """Keys of a section whose cells are twice as long."""
+        sizes = {"size": COARSER * part.mesh.size, "tail_layer": COARSER * part.mesh.tail_layer}
         along = None if part.mesh.along is None else COARSER * part.mesh.along
-        changed = {"size": COARSER * part.mesh.size, "along": along, "tail_layer": COARSER * part.mesh.tail_layer}
-        cells = part.mesh.model_copy(update=changed | {"elements": max(2, part.mesh.elements // 2)})
-        parts.append(part.model_copy(update={"mesh": cells}))
-    return scene.model_copy(update={"sections": tuple(parts)})
+        return {"mesh": sizes | {"along": along, "elements": max(2, part.mesh.elements // 2)}}
+
+    return scene.vary_sections(double_cells)
 
 
 def mesh_budget(
@@ -155,10 +160,13 @@ def mesh_warnings(scene: Scene) -> list[str]:
 
 def motion_only(scene: Scene) -> Scene:
     """The scene changed so that one run of the compiled simulator (``march``) gives its motion and nothing else."""
-    once = scene.simulation.model_copy(update={"simulators": ("march",), "repeats": 1})
-    reductions = [part.reduction.model_copy(update={"estimate": False}) for part in scene.sections]
-    parts = [of.model_copy(update={"reduction": new}) for of, new in zip(scene.sections, reductions, strict=True)]
-    return scene.model_copy(update={"sections": tuple(parts), "simulation": once, "recovery": None})
+    once = {"simulators": ("march",), "repeats": 1}
+    return with_estimates(scene, False).with_keys(simulation=once, recovery=None)
+
+
+def with_estimates(scene: Scene, estimate: bool) -> Scene:
+    """The scene whose reductions contain what an estimate of their error needs, or do not, as `estimate` says."""
+    return scene.vary_sections(lambda part: {"reduction": {"estimate": estimate}})
 
 
 def mesh_errors(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share: float) -> dict[str, float]:

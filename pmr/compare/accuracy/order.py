@@ -80,8 +80,7 @@ def prepare_scene(scene: Scene) -> Scene:
     """
     if scene.goal is None or len(scene.bodies) > 1:
         return scene
-    reduction = scene.reduction.model_copy(update={"coordinates": COORDINATES})
-    return scene.model_copy(update={"reduction": reduction})
+    return scene.with_keys(reduction={"coordinates": COORDINATES})
 
 
 def trials_of(scene: Scene, models: Mapping[str, ReducedModel]) -> Trials:
@@ -165,8 +164,7 @@ class Search:
                 self.trial = reduce_cost(trials, self.trial, self._allowed_errors, self._coarsest)
         trial, chosen = self.trial, _with_step(self.scene, self.trial.steps)
         if ALONE in trials.models(trial.sizes):
-            reduction = chosen.reduction.model_copy(update={"coordinates": trial.coordinates})
-            chosen = chosen.model_copy(update={"reduction": reduction})
+            chosen = chosen.with_keys(reduction={"coordinates": trial.coordinates})
         if self.scene.budget is None:
             why = tuple(explain_trial(trials, trial, self._coarsest, self._allowed_errors))
         else:
@@ -192,8 +190,7 @@ def scene_on_other_mesh(scene: Scene, trial: Trial) -> mesh.OtherMesh:
     coordinates = COORDINATES
     while coordinates < trial.coordinates:
         coordinates *= 2
-    reduction = other.scene.reduction.model_copy(update={"coordinates": coordinates})
-    changed = other.scene.model_copy(update={"reduction": reduction, "accuracy": None, "budget": None})
+    changed = other.scene.with_keys(reduction={"coordinates": coordinates}, accuracy=None, budget=None)
     return replace(other, scene=changed)
 
 
@@ -271,7 +268,7 @@ def _outputs_error(scene: Scene, allowed: str) -> InputError:
 
 def _with_step(scene: Scene, steps: int) -> Scene:
     """The scene with this number of equal `steps`."""
-    return scene.model_copy(update={"time": scene.time.model_copy(update={"step": scene.time.end / steps})})
+    return scene.with_keys(time={"step": scene.time.end / steps})
 
 
 def _list_errors(tolerance: float, sizes: Mapping[str, float]) -> str:

@@ -353,16 +353,14 @@ class Study(StudyBase):
         if scene.gravity is None:
             raise InputError("study", "scene", str(self.scene), "a scene with [gravity] is allowed")
         _check_at_rest(scene)
-        frame = scene.frame.model_copy(update={"second_order": True})
-        scene = scene.model_copy(update={"frame": frame})
         loads = [load for part in scene.sections for load in part.loads if load.name != HOOK]
         forces = {load.name: load.acts == "force" for load in loads}
         for k, case in enumerate(self.cases):
             case.check_loads(f"cases[{k}]", forces, self.classes)
-        if any(stop.of == "slewing" for stop in self.stops) and frame.slewing is None:
+        if any(stop.of == "slewing" for stop in self.stops) and scene.frame.slewing is None:
             raise InputError("study", "stops", "slewing", "a scene whose [frame] has a slewing angle is allowed")
         self._class_factor  # noqa: B018  (refuses a class that is not there)
-        return scene
+        return scene.with_keys(frame={"second_order": True})
 
     @cached_property
     def _extension_rows(self) -> list[dict[str, float]]:

@@ -266,8 +266,8 @@ def run_scene(scene: Scene, precomputed: Precomputed | None = None) -> TaskResul
     from pmr.files.whole import user_cache_folder
     from pmr.pipeline import run
 
-    once = scene.simulation.model_copy(update={"simulators": scene.simulation.simulators[:1]})
-    outcome = run(scene.model_copy(update={"simulation": once}), measures=user_cache_folder(), shared=precomputed)
+    once = scene.with_keys(simulation={"simulators": scene.simulation.simulators[:1]})
+    outcome = run(once, measures=user_cache_folder(), shared=precomputed)
     assert outcome is not None  # a task runs on one rank
     result, summary = outcome.result, outcome.result.summary
     errors = {f"{pair}.{place}": e for pair, places in summary["errors"].items() for place, e in places.items()}
