@@ -60,57 +60,62 @@ REACH = 0.1  # largest deflection in the drawing, as a share of the length of th
 def axis_motion(result: RunResult) -> dict[str, Any]:
     """Data of the animation of the bodies' axes, ready for JSON.
 
-    Values over the frames are encoded by `pmr.report.columns.encode_array`.  In all cases the data have
+    Values over the frames are encoded by `pmr.report.columns.encode_array`.  The data have
 
     - `lanes`, one for each model: for each body the points x in m, their displacements (frames, points) in m and, for
       a section of a boom, the position of its tail (frames,) in m;
     - `pads`, one for all pads of a ring on one face: position (frames,) along x in m, and force (frames,) divided by
       the largest of all pad forces;
     - `loads`: forces (frames, 3) or moments (frames,), each divided by its largest value;
-    - `largest`, the largest displacement in m, and `scale`, the factor by which displacements are drawn.
+    - the slider's positions `s` (frames,) in m, the `offsets` in m of sliders or pads from s, and the `supports`;
+    - `largest`, the largest displacement in m, and `scale`, the factor by which displacements are drawn;
+    - `views`: for the ``side`` the least and the largest coordinate in m to the right, then upwards, of all that is
+      drawn, and for the ``plan`` from above if a frame slews; `label` is the text below the side view;
+    - the position in m of the `pivot`, and luffing and slewing `angles` in rad, empty without a moving frame.
 
-    If the scene has no moving frame, all models have a lane, and the data also have the slider's positions `s`
-    (frames,) in m, the `offsets` in m of sliders or pads from s, the `supports`, and in `reach` the least and the
-    largest displacement in m.  If it has a frame, only the reduced model has a lane, with lateral displacements too.
-    The data then have the position in m of the `pivot`, luffing and slewing `angles` in rad, and the extent of the
-    motion in m, seen from the `side` and in `plan` (from above; None if the boom does not slew).
+    With a moving frame, only the reduced model has a lane, with lateral displacements too, and there are neither
+    offsets nor supports.
     """
     response, frame = result.responses["reduced"], result.frame
     t, axis, aside = response.t, axis_points(result, response), dict[str, Array]()
     frames, models = spread_indices(len(t), FRAMES), responses_in_drawing_order(result)
     if frame is not None:
-        aside, models = (
-            {of.body: of.displacements(response) for of in axis_points(result, response, "y")},
-            {"reduced": response},
-        )
+        aside = {of.body: of.displacements(response) for of in axis_points(result, response, "y")}
+        models = {"reduced": response}
     every = [of.displacements(response) for response in models.values() for of in axis_points(result, response)]
     largest = max(float(np.abs(deflection).max()) for deflection in (*every, *aside.values()))
-    end, share = reach(result), REACH if is_alone(result) and frame is None else shapes.REACH
-    data: dict[str, Any] = {
+    end, alone = reach(result), is_alone(result)
+    scale = enlargement(largest, (REACH if alone and frame is None else shapes.REACH) * end)
+    data = {
         "largest": largest,
-        "scale": enlargement(largest, share * end),
+        "scale": scale,
         "times": [float(t[0]), float(t[-1])],
         "frames": len(frames),
         "lanes": [_lane_data(result, name, frames, aside) for name in models],
         "pads": _pad_data(result, axis, frames),
         "loads": _load_data(result, axis, frames),
         "speeds": playback_speeds(float(t[-1] - t[0])),
+        "s": encode_array(result.abscissa[frames]),
     }
     if frame is None:
+        reached = [scale * of(0.0, *(float(extent(w)) for w in every)) for of, extent in ((min, np.min), (max, np.max))]
         return data | {
-            "length": end,
-            "label": "x in m" if is_alone(result) else "along the boom in m",
-            "reach": [min(float(of.min()) for of in every), max(float(of.max()) for of in every)],
-            "s": encode_array(result.abscissa[frames]),
+            "label": "x in m" if alone else "along the boom in m",
+            "views": {"side": [0.0, end, *reached]},
             "offsets": slider_offsets(result),
             "supports": [{"at": fixture.position, "kind": fixture.kind} for fixture in fixtures(result)],
+            "pivot": [0.0, 0.0, 0.0],
+            "angles": [],
         }
-    drawn_axes = body_axes(result, spread_indices(len(t), 300), data["scale"])
+    drawn_axes = body_axes(result, spread_indices(len(t), 300), scale)
+    plan = {"plan": _view_extent([drawn_axis.plan for drawn_axis in drawn_axes])} if slews(result) else {}
     return data | {
+        "label": "distance and height in m",
+        "views": {"side": _view_extent([drawn_axis.side for drawn_axis in drawn_axes])} | plan,
+        "offsets": [],
+        "supports": [],
         "pivot": list(frame.tail_position),
         "angles": [encode_array(angle.value(t[frames])) for angle in frame.angles],
-        "side": _view_extent([drawn_axis.side for drawn_axis in drawn_axes]),
-        "plan": _view_extent([drawn_axis.plan for drawn_axis in drawn_axes]) if slews(result) else None,
     }
 
 

@@ -1,6 +1,6 @@
 """Blocks of a run's chapter: one function for each block, which returns None if the result lacks the block's data.
 
-Each function takes the result and the `prefix` of all identifiers in its block.
+A function whose block has figures takes the `prefix` of their identifiers.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ def figures_of(result: RunResult, anchor: str) -> Figures:
     """
     pictures = start_album(result, anchor)  # another process renders them meanwhile
     sketched = drawing(f"{anchor}-sketch", sketch.draw_sketch, sketch.sketch_caption(result), result)
-    shown = [show(result, anchor) for show in SECTIONS]
-    return Figures(sketched, [*filter(None, (motion_block(result, anchor, pictures), *shown))])
+    shown = [motion_block(result, anchor, pictures), *(show(result, anchor) for show in SECTIONS), origin_block(result)]
+    return Figures(sketched, [*filter(None, shown)])
 
 
 def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> Chapter:
@@ -71,14 +71,14 @@ def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> C
         key_numbers=list(sentences.key_numbers(result)),
         points=sentences.sentence_points(result, rows),
         warnings=[warning[:1].upper() + warning[1:] for warning in result.summary.get("warnings", ())],
-        blocks=[*filter(None, (show(result, anchor) for show in OF_ERRORS)), *figures.blocks],
+        blocks=[*filter(None, (error_block(result), accuracy_block(result, anchor))), *figures.blocks],
     )
 
 
-def error_block(result: RunResult, prefix: str) -> Block | None:
+def error_block(result: RunResult) -> Block | None:
     """Build the block with the error table of a run; None if the table has no rows.
 
-    Its heading is "Errors" if the run was compared with another model, else "Largest values".  `prefix` is not used.
+    Its heading is "Errors" if the run was compared with another model, else "Largest values".
     """
     table = error_table(result)
     return Block(heading="Errors" if is_compared(result) else "Largest values", errors=table) if table.rows else None
@@ -135,11 +135,11 @@ def motion_block(result: RunResult, prefix: str, pictures: Callable[[], Album]) 
         if not axis_points(result, result.responses["reduced"]):
             return None
         data = player.axis_motion(result)
+        shown = Player("axis", data, player.scale_words(data))
         if result.frame is not None:
-            shown = Player("space", data, player.scale_words(data))
             return Block(heading="Motion", player=shown, rows=space.space_drawings(result, prefix))
         strip = drawing(f"{prefix}-snapshots", shapes.snapshot_figure, shapes.snapshots_caption(result), result)
-        return Block(heading="Motion", player=Player("line", data, player.scale_words(data)), without_scripts=(strip,))
+        return Block(heading="Motion", player=shown, without_scripts=(strip,))
     data, picture_album = player.body_motion(result), pictures()
     absent = f"There are no pictures: {picture_album.absent}." if picture_album.absent else ""
     scale: tuple[tuple[Drawing, ...], ...] = ()
@@ -269,10 +269,10 @@ def response_block(result: RunResult, prefix: str) -> Block | None:
     return Block(heading="Response in frequency", rows=pairs, grids=tuple(grids))
 
 
-def origin_block(result: RunResult, prefix: str) -> Block:
+def origin_block(result: RunResult) -> Block:
     """Build the block on the origin of a result: its scene, sizes and times of the run, and the machine.
 
-    Empty tables are left out.  `prefix` is not used.
+    Empty tables are left out.
     """
     all_tables = (
         *scene_tables.input_tables(result.scene),
@@ -284,14 +284,12 @@ def origin_block(result: RunResult, prefix: str) -> Block:
     return Block(heading="Provenance", tables=shown, software=provenance.software_versions(result))
 
 
-#: Functions of the blocks about errors, in the order of the page; errors are known at the very end of a run.
-OF_ERRORS: tuple[Show, ...] = (error_block, accuracy_block)
-#: Functions of the blocks that follow the block about the motion, in the order of the page.
+#: Functions of the blocks between that about the motion and that about the origin, in the order of the page.
 SECTIONS: tuple[Show, ...] = (
     space.space_block, input_block, tip_block, stresses.stress_block,
     stresses.section_force_block, stresses.probe_block, forces.contact_block,
     forces.cylinder_block, forces.support_block, forces.pivot_block, forces.ground_block, forces.luffing_block,
-    hoist.hoist_block, energy_block, constraint_block, basis_block, response_block, origin_block,
+    hoist.hoist_block, energy_block, constraint_block, basis_block, response_block,
 )  # fmt: skip
 
 

@@ -135,7 +135,7 @@ def test_page_fits_a_phone(page: Page) -> None:
 
 def test_every_case_has_animation_and_strip(page: Page) -> None:
     classes = Counter(page.attributes("class"))
-    assert classes["animation line wide"] == classes["wide strip"] == 2
+    assert classes["animation axis wide"] == classes["wide strip"] == 2
     assert sum(tag == "canvas" for tag, _ in page.tags) == 2
 
 

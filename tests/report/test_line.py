@@ -68,13 +68,13 @@ def test_playback_speed_is_one_of_the_choices(data: dict[str, Any]) -> None:
 
 
 def test_player_reads_what_is_there(data: dict[str, Any]) -> None:
-    player = resources.files("pmr.report").joinpath("templates", "line_player.js").read_text(encoding="utf-8")
+    player = resources.files("pmr.report").joinpath("templates", "axis_player.js").read_text(encoding="utf-8")
     assert set(re.findall(r"this\.data\.(\w+)", player)) <= set(data)
     assert set(re.findall(r"\bload\.(\w+)", player)) - {"moment"} <= set(data["loads"][0])
     assert {"x", "w", "label", "colour", "width", "dash"} <= set(data["lanes"][0]["beams"][0])
 
 
-@pytest.mark.parametrize("script", ["line_player.js", "body_player.js"])
+@pytest.mark.parametrize("script", ["axis_player.js", "body_player.js"])
 def test_players_hide_nothing_of_what_they_share(script: str) -> None:
     folder = resources.files("pmr.report").joinpath("templates")
     member = re.compile(r"^  (?:get )?(\w+)\([^)]*\) \{", re.MULTILINE)
