@@ -6,15 +6,13 @@ import base64
 import io
 import re
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from html import escape
 from math import ceil, floor, log10
 from pathlib import Path
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
 
 import matplotlib as mpl
 import numpy as np
@@ -308,8 +306,9 @@ def colour_scale(largest: float) -> Figure:
 
 
 FONT = "pmr figures"  # name of the font that the page embeds
-_SVG, _XLINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
-_REFERENCE = re.compile(r"#([^)]+)")
+#: Tags of an SVG, references to identifiers in it, and decimal numbers.
+_TAG = re.compile(r"<[^>]*>")
+_REFERENCE = re.compile(r'(href="|url\()#([^")]+)')
 _NUMBER = re.compile(r"-?\d+\.\d+")
 _FILE = Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf")
 
@@ -318,8 +317,8 @@ def svg(figure: Figure, name: str, description: str) -> str:
     """Turn a figure into an ``<svg>`` element whose identifiers are unique in the page; changes texts of the figure.
 
     Text remains text, so that it can be searched.  It is in the font `FONT`, which the page embeds, so that it looks
-    the same in every browser and in the PDF.  To keep pages with dozens of figures small and quick, styles become
-    attributes, groups without attributes are dissolved, and coordinates are rounded to two decimals of a point.
+    the same in every browser and in the PDF.  To keep pages with dozens of figures small, styles become attributes, and
+    coordinates are rounded to two decimals of a point.
 
     Parameters
     ----------
@@ -336,18 +335,35 @@ def svg(figure: Figure, name: str, description: str) -> str:
     with mpl.rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")  # glyphs that DejaVu Sans lacks: the page shows them in another font
         figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
-    lines = buffer.getvalue().decode().split("\n")
-    root = ElementTree.fromstring(
-        "\n".join(map(escape_controls, lines))
-    )  # labels of ticks are made when they are drawn
-    used = {target for element in root.iter() for target in _referred_identifiers(element)}
-    box = root.get("viewBox", "0 0 1 1")
-    _, _, width, height = box.split()
-    content = "".join(_write_element(child, name, used) for child in _flatten(root))
+    lines = map(escape_controls, buffer.getvalue().decode().split("\n"))  # labels of ticks are made when they are drawn
+    _, opening, content = re.split(r"(<svg[^>]*>)", "\n".join(lines), maxsplit=1)
+    content = re.sub(r"(?s)<defs>\s*<style.*?</defs>|<metadata.*?</metadata>|\s+(?=<(?!/text)|$)", "", content)
+    box = re.search(r'viewBox="([^"]*)"', opening)
+    assert box is not None  # as Matplotlib writes it
+    _, _, width, height = box[1].split()
+    used = {identifier for _, identifier in _REFERENCE.findall(content)}
     return (
-        f'<svg viewBox="{box}" width="{width}pt" height="{height}pt" role="img" stroke-linejoin="round" '
-        f'font-family="{FONT}" aria-label="{escape(escape_controls(description))}">{content}</svg>'
+        f'<svg viewBox="{box[1]}" width="{width}pt" height="{height}pt" role="img" stroke-linejoin="round" '
+        f'font-family="{FONT}" aria-label="{escape(escape_controls(description))}">'
+        f"{_TAG.sub(lambda tag: _shorten_tag(tag[0], name, used), content)}"
     )
+
+
+def _shorten_tag(tag: str, name: str, used: Collection[str]) -> str:
+    """Return a tag of an SVG with `name` before identifiers, attributes in place of styles, and rounded numbers.
+
+    Identifiers that are not in `used` are left out.
+    """
+    tag = re.sub(r' id="([^"]*)"', lambda match: f' id="{name}-{match[1]}"' if match[1] in used else "", tag)
+    tag = _REFERENCE.sub(rf"\1#{name}-\2", tag.replace("xlink:href", "href"))
+    tag = re.sub(r' style="([^"]*)"', lambda match: "".join(map(_attribute, match[1].split(";"))), tag)
+    return _NUMBER.sub(lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), " ".join(tag.split()))
+
+
+def _attribute(declaration: str) -> str:
+    """Return a declaration of a style as an attribute with a space before it; empty for the name of a font."""
+    key, _, value = map(str.strip, declaration.partition(":"))
+    return f' {key}="{value}"' if value and key != "font-family" else ""
 
 
 def drawing(name: str, draw: Callable[..., Figure], caption: str, *arguments: Any) -> Drawing:
@@ -363,61 +379,6 @@ def drawing(name: str, draw: Callable[..., Figure], caption: str, *arguments: An
 def drawn_text(drawn: str) -> str:
     """All text in the SVG `drawn`; the embedded font is reduced to the characters of this text."""
     return "".join(re.findall(r">([^<]+)<", drawn))
-
-
-def _referred_identifiers(element: Element) -> Iterator[str]:
-    """Yield the identifiers that an element refers to."""
-    for attribute in (f"{_XLINK}href", "clip-path"):
-        yield from _REFERENCE.findall(element.get(attribute, ""))
-
-
-def _flatten(parent: Element) -> Iterator[Element]:
-    """Yield the children of `parent`, where each group without attributes is replaced by its own children."""
-    for child in parent:
-        if child.tag == f"{_SVG}g" and not set(child.attrib) - {"id"}:
-            yield from _flatten(child)
-        elif child.find(f"{_SVG}style") is None:
-            yield child
-
-
-def _write_element(element: Element, name: str, used: set[str]) -> str:
-    """Write an element and all elements in it as text, without namespaces.
-
-    `name` is put before identifiers; identifiers that are not in `used` are left out.
-    """
-    tag = element.tag.removeprefix(_SVG)
-    attributes = "".join(f' {key}="{escape(value)}"' for key, value in _attributes(element, name, used))
-    content = escape(element.text or "").strip() if tag == "text" else ""
-    content += "".join(_write_element(child, name, used) for child in _flatten(element))
-    return f"<{tag}{attributes}>{content}</{tag}>" if content else f"<{tag}{attributes}/>"
-
-
-def _attributes(element: Element, name: str, used: set[str]) -> Iterator[tuple[str, str]]:
-    """Yield an element's attributes (name, value) as they are written; identifiers get `name` as their beginning.
-
-    Identifiers that are not in `used` are left out.  Numbers are rounded, and declarations of a style become
-    attributes.
-    """
-    for key, value in element.attrib.items():
-        if key == "id":
-            if value in used:
-                yield key, f"{name}-{value}"
-        elif key == "style":
-            declarations = (declaration.split(":", 1) for declaration in value.split(";") if ":" in declaration)
-            yield from ((k.strip(), v.strip()) for k, v in declarations if k.strip() != "font-family")
-        elif key in (f"{_XLINK}href", "clip-path"):
-            yield key.removeprefix(_XLINK), value.replace("#", f"#{name}-")
-        elif key == "d":
-            yield key, _round_decimals(" ".join(value.split()))
-        elif key == "transform" and value.startswith("rotate(-0 "):
-            continue
-        else:
-            yield key, _round_decimals(value)
-
-
-def _round_decimals(numbers: str) -> str:
-    """Round all decimal numbers in a text to two decimals."""
-    return _NUMBER.sub(lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), numbers)
 
 
 def font_face_rule(family: str, characters: str) -> str:
