@@ -14,6 +14,7 @@ from pmr.report.figures.canvas import drawing
 from pmr.report.numbers import NOTHING, Unit, format_input, format_quantity, significant, unit_for
 from pmr.report.subject import drive_of, force_words, has_pushing_pads, is_alone
 from pmr.results import RunResult
+from pmr.results.quantities import QUANTITIES, unit_text
 from pmr.results.response import LUFFING_ANGLE, Extremes, Output, Response
 from pmr.results.tables import REACTION_OF, reaction_extremes
 
@@ -141,12 +142,6 @@ def ground_block(result: RunResult, prefix: str) -> Block | None:
     return Block(heading="Outriggers and tipping", text=sentence, rows=rows, grids=tuple(grids))
 
 
-#: Units of what a luffing cylinder has, by the first word of its name.
-_LUFFING_UNITS = {
-    "force": "N", "length": "m", "speed": "m/s", "power": "W", "pressure": "Pa", "flow": "m³/s", "volume": "m³",
-}  # fmt: skip
-
-
 def luffing_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block about a computed luffing angle: the angle, and pressures, flows and power over time.
 
@@ -182,8 +177,7 @@ def _luffing_grids(result: RunResult) -> Iterator[Grid]:
     rows = list[tuple[str, ...]]()
     for key, extremes in cylinder.items():
         name, extreme = key.replace("_", " "), Extremes.from_summary(extremes)
-        base = _LUFFING_UNITS[name.split()[0]]
-        unit = unit_for(extreme.size, base)
+        unit = unit_for(extreme.size, unit_text(QUANTITIES[f"luffing_{name.split()[0]}"].unit))
         rows.append((f"{name} in {unit.name}", *extreme_cells(extreme, unit)))
     caption = "The cylinder that raises the boom, hinged as frame.cylinder says: positive where it presses, and where "
     caption += f"it gets longer; when that is, and {abscissa_words(result)} then."

@@ -7,32 +7,34 @@ from functools import partial
 import numpy as np
 
 from pmr.files.arrays import Array
-from pmr.report.blocks import Block, Grid
+from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.figures.histories import drawn_history
 from pmr.report.forces import abscissa_words, extreme_cells
 from pmr.report.numbers import format_input, format_quantity, significant, unit_for
 from pmr.results import Response, RunResult
+from pmr.results.quantities import QUANTITIES
 from pmr.results.response import Extremes
 from pmr.scene.hoist import KEYS
 
-#: Label of the axis, name in the table, caption and unit of each output.
+#: Name of each output, what its caption adds, and its quantity.
 SHOWN = {
-    "height": ("Hook height", "height of the hook", "Height of the hook", "m"),
-    "swing_along": (
-        "Swing along",
-        "swing along the boom",
-        "Swing of the hook in the boom's plane, outwards positive",
-        "°",
-    ),
-    "swing_across": ("Swing across", "swing across the boom", "Swing of the hook across that plane", "°"),
-    "force": ("Rope force", "force of the rope", "Force of the rope", "N"),
+    "height": ("height of the hook", "", "hook_height"),
+    "swing_along": ("swing along the boom", ", in the boom's plane, outwards positive", "swing"),
+    "swing_across": ("swing across the boom", ", across that plane", "swing"),
+    "force": ("force of the rope", "", "hoist_force"),
 }
 
 
 def _history(key: str, response: Response) -> Array:
     """Output of a hoist (T,) as it is shown: angles in degrees."""
     values = response.other(KEYS[key])
-    return np.rad2deg(values) if SHOWN[key][3] == "°" else values
+    return np.rad2deg(values) if _unit(key) == "°" else values
+
+
+def _unit(key: str) -> str:
+    """Unit in which an output is shown."""
+    unit = QUANTITIES[SHOWN[key][2]].unit
+    return "°" if unit == "rad" else unit
 
 
 def hoist_block(result: RunResult, prefix: str) -> Block | None:
@@ -43,15 +45,14 @@ def hoist_block(result: RunResult, prefix: str) -> Block | None:
     figures = result.summary.get("hoist")
     if figures is None:
         return None
-    rows = [
-        (drawn_history(f"{prefix}-hoist-{number}", result, partial(_history, key), caption, label, unit),)
-        for number, (key, (label, _, caption, unit)) in enumerate(SHOWN.items())
-        if figures[key]["max"] > figures[key]["min"]
-    ]
-    cells, response = list[tuple[str, ...]](), result.responses["reduced"]
-    for key, (_, name, _, base) in SHOWN.items():
+    rows, cells, response = list[tuple[Drawing, ...]](), list[tuple[str, ...]](), result.responses["reduced"]
+    for number, (key, (name, clause, _)) in enumerate(SHOWN.items()):
+        label = name.capitalize()
+        if figures[key]["max"] > figures[key]["min"]:
+            drawn = f"{prefix}-hoist-{number}", result, partial(_history, key), f"{label}{clause}", label, _unit(key)
+            rows.append((drawn_history(*drawn),))
         extremes = Extremes.from_history(_history(key, response), response.t, result.abscissa_at(response.t))
-        unit = unit_for(extremes.size, base)
+        unit = unit_for(extremes.size, _unit(key))
         cells.append((f"{name} in {unit.name}", *extreme_cells(extremes, unit)))
     grid = Grid(f"The hoist; when that is, and {abscissa_words(result)} then.", ("", "least", "largest"), tuple(cells))
     weight, times = format_quantity(figures["weight_force"], "N"), significant(figures["factor"])

@@ -19,6 +19,7 @@ from pmr.report.document import ReportFiles, render, with_date, write_page
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.estimates import WIDTH, band_figure, innovation_figure
 from pmr.report.numbers import SPACE, format_percent, format_quantity, significant
+from pmr.results.quantities import unit_text
 
 #: p-value of the test of innovations below which the report says that the model lacks something.
 DOUBTFUL = 0.01
@@ -41,7 +42,7 @@ def build_chapter(figures: Mapping[str, Any], table: Array) -> Chapter:
     `table` (c, T) are the columns of ``estimates.csv``.
     """
     sensors = list[str](figures["sensors"])
-    units = {name: {"1": ""}.get(unit, unit.replace("^2", "²")) for name, unit in figures["units"].items()}
+    units = {name: unit_text(unit) for name, unit in figures["units"].items()}
     t, estimates = table[0], 1 + 2 * len(units)
     measured = {name: table[estimates + 2 * k] for k, name in enumerate(sensors)}
     innovations = {name: table[estimates + 2 * k + 1] for k, name in enumerate(sensors)}

@@ -15,6 +15,7 @@ from pydantic import BaseModel
 from pmr.report.blocks import Table
 from pmr.report.numbers import SPACE, format_input, unit_for
 from pmr.report.subject import structural_model_words
+from pmr.results.quantities import unit_text
 from pmr.scene import Scene
 from pmr.scene.choice import choose_model, is_undecided, model_of
 from pmr.scene.keys import quantity_of, usual_ranges
@@ -178,7 +179,7 @@ def _format_numbers(values: Sequence[float], unit: str) -> str:
         text = f"({len(values)} values, {' to '.join(ends)})"
     else:
         text = texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
-    unit = unit.replace("^2", "²").replace("^3", "³").replace(" ", SPACE)
+    unit = unit_text(unit).replace(" ", SPACE)
     return (
         f"{text}{unit.replace('degrees', '°')}" if unit.startswith("degrees") else f"{text}{SPACE}{unit}".rstrip(SPACE)
     )

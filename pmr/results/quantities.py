@@ -184,6 +184,11 @@ def with_unit(value: float, unit: str) -> str:
     return f"{value / size:.3g} {prefix}{unit}"
 
 
+def unit_text(unit: str) -> str:
+    """Return a unit as it is printed, with exponents as superscripts; empty for a pure number."""
+    return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³")
+
+
 def _largest_measure(numbers: Sequence[int]) -> Measure | None:
     """Return a function from the values (T, c) of all columns to the largest absolute value (T,) in columns `numbers`.
 
@@ -350,6 +355,9 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         # motion and oil of a luffing cylinder that drives the angle
         Quantity("luffing_angle", "luffing angles", "rad", "boom", ("machine",)),
+        Quantity("luffing_length", "lengths of the luffing cylinder", "m", "cylinder"),
+        Quantity("luffing_speed", "speeds of the luffing cylinder", "m/s", "cylinder", sign="gets longer"),
+        Quantity("luffing_volume", "volumes of oil in the luffing cylinder", "m^3", "cylinder"),
         Quantity(
             "luffing_pressure", "pressures of the luffing cylinder", "Pa", "cylinder", ("pressure",),
             "largest pressure of the luffing cylinder", "most", "above that of the surroundings",
@@ -418,6 +426,10 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity("damage", "damage by fatigue", "1", "probe", (), "largest damage by fatigue", "most"),
         Quantity("buckling", "buckling factors", "1", "boom", (), "buckling factor", "least"),
     )
+}  # fmt: skip
+#: Quantities by their units, in one word.
+UNIT_QUANTITIES = {
+    "N": "force", "N m": "moment", "Pa": "pressure", "K": "temperature", "m^3/s": "flow", "W": "power", "rad": "angle",
 }  # fmt: skip
 #: Quantities that a load chart can limit, by the keys of the chart's limits.
 LIMITED = {quantity.limit: quantity for quantity in QUANTITIES.values() if quantity.measure is not None}

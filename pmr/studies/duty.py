@@ -52,25 +52,16 @@ class LeastLoads(NamedTuple):
 
 @dataclass(frozen=True)
 class DutyTable:
-    """Allowed loads at R radii for E boom lengths.
+    """Allowed loads at R radii for E boom lengths; NaN outside the radii that a boom length reaches.
 
-    Attributes
-    ----------
-    radii : (R,) array, m
-    lengths : (E,) array, m
-        Distance of the undeformed tip from the pivot.
-    load, lower : (R, E) arrays, kg
-        Allowed load, and the allowed load less its error bars; NaN outside the radii that a boom length reaches.
-    which : (R, E) array of int
-        Number of the limit that governs; -1 where no limit is reached up to the largest load that was tried, which is
-        the load there.
+    Where no limit is reached, the load is the largest one that was tried.
     """
 
-    radii: Array
-    lengths: Array
-    load: Array
-    lower: Array
-    which: NDArray[np.int64]
+    radii: Array  # (R,) m
+    lengths: Array  # (E,) m, distances of the undeformed tip from the pivot
+    load: Array  # (R, E) kg
+    lower: Array  # (R, E) kg: the load less its error bars
+    which: NDArray[np.int64]  # (R, E), number of the limit that governs; -1 where no limit is reached
 
     @classmethod
     def from_loads(cls, least: LeastLoads, up_to: float) -> DutyTable:

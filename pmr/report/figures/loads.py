@@ -29,6 +29,7 @@ from pmr.report.figures.histories import Array, Timeline, history_figure, larges
 from pmr.report.numbers import unit_for, with_sign
 from pmr.report.subject import field_times, moving_part, reach, slider_offsets
 from pmr.results import BodyResult, RunResult
+from pmr.results.quantities import UNIT_QUANTITIES, unit_text
 from pmr.results.response import Output
 from pmr.scene.built import force_name
 from pmr.scene.keys import qualified_name
@@ -87,8 +88,7 @@ def load_figure(result: RunResult) -> Figure:
         ax, chosen = axes[row, 0], [load for load in acting if load.unit == base]
         unit = unit_for(max(float(np.abs(load.values).max()) for load in chosen), base)
         _plot(ax, time.t, [load.values / unit.size for load in chosen], _COLOURS[len(names) % len(_COLOURS) :])
-        quantity = {"N": "Force", "N m": "Moment", "K": "Temperature", "Pa": "Pressure"}[base]
-        time.frame(ax, f"{quantity} in {unit.name}", last=row == len(units) - 1)
+        time.frame(ax, f"{UNIT_QUANTITIES[base].capitalize()} in {unit.name}", last=row == len(units) - 1)
         ax.axhline(0.0, linewidth=0.0)  # the axis of a constant load includes zero
         ax.margins(y=0.1)
         names += [qualified_name(load.body, load.name) for load in chosen]
@@ -128,7 +128,7 @@ def force_figure(result: RunResult, group: Sequence[Force]) -> Figure:
     signals = [time.signals(force.history) for force in group]
     unit, columns = unit_for(largest_of(*signals), group[0].unit), min(len(group), 2)
     rows = -(-len(group) // columns)
-    gaps, what = {"hspace": 0.3, "wspace": 0.09}, "Moment" if group[0].unit == "N m" else "Force"
+    gaps, what = {"hspace": 0.3, "wspace": 0.09}, UNIT_QUANTITIES[group[0].unit].capitalize()
     tall, margins = 0.85 if columns > 1 else 1.39, {"top": 0.42}  # each panel has a title below the legend
     figure, axes = make_sheet(
         WIDE, 0.66 + tall * rows, rows, columns, margins=margins, sharex=True, sharey=True, gridspec_kw=gaps
@@ -145,14 +145,10 @@ def force_figure(result: RunResult, group: Sequence[Force]) -> Figure:
     return figure
 
 
-#: Names of what has a unit, other than forces.
-_NAMES = {"N m": "Moment", "Pa": "Pressure", "m^3/s": "Flow", "W": "Power", "rad": "Angle"}
-
-
 def pivot_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
     """Draw outputs of one unit over time, all in one panel: forces or moments on the machine, what a cylinder has."""
-    quantity = _NAMES.get(outputs[0].unit, "Force")
-    return _panel_of_outputs(result, outputs, [output.name.rpartition(" ")[2] for output in outputs], quantity)
+    names = [output.name.rpartition(" ")[2] for output in outputs]
+    return _panel_of_outputs(result, outputs, names, UNIT_QUANTITIES[outputs[0].unit].capitalize())
 
 
 def ground_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
@@ -172,7 +168,7 @@ def _panel_of_outputs(result: RunResult, outputs: Sequence[Output], names: Seque
     figure, axes = make_sheet(HALF, 1.9 + more, margins={"top": 0.28 + more})
     colours = (*SECTIONS[1:], *_COLOURS)
     _plot(axes[0, 0], time.t, [signal / unit.size for signal in signals], colours, (0.8,))
-    time.frame(axes[0, 0], f"{quantity} in {unit.name.replace('^3', '³')}" if outputs[0].unit != "1" else quantity)
+    time.frame(axes[0, 0], f"{quantity} in {unit_text(unit.name)}" if outputs[0].unit != "1" else quantity)
     axes[0, 0].axhline(0.0, linewidth=0.0)
     shade = time.shade_legend() if len(names) < 4 else ()  # there is no room for a fifth name
     add_legend(figure, [*_legend(names, colours, minimum=1), *shade], rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -30,7 +31,8 @@ def render_studies(folder: Path) -> str:
     The page holds its figures, fonts and styles, and loads nothing from outside.  Equal results give equal pages, byte
     by byte.
     """
-    summary, studies = studies_in(folder)
+    summary = json.loads((folder / "summary.json").read_text())
+    studies = studies_in(folder, summary)
     chapters = [study_chapter(study, f"study-{number}") for number, study in enumerate(studies, start=1)]
     chapters.append(_provenance_chapter(summary, studies))
     return render(

@@ -18,21 +18,11 @@ from pmr.studies.tasks import Scalar, cell_number
 
 @dataclass(frozen=True)
 class FinishedStudy:
-    """Content of a study's folder.
+    """Content of a study's folder."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the folder, by which links refer to the study's chapter.
-    summary : mapping
-        Content of summary.json, without the runs.
-    results : StudyResults
-        The runs and their arrays.
-    """
-
-    name: str
-    summary: Mapping[str, Any]
-    results: StudyResults
+    name: str  # of the folder, by which links refer to the study's chapter
+    summary: Mapping[str, Any]  # content of summary.json, without the runs
+    results: StudyResults  # the runs and their arrays
 
     @classmethod
     def load(cls, folder: Path) -> FinishedStudy:
@@ -49,11 +39,6 @@ class FinishedStudy:
     def title(self) -> str:
         """Title of the study."""
         return str(self.summary["title"])
-
-    @property
-    def scenes(self) -> list[str]:
-        """Names of the scenes of the study's runs."""
-        return list(dict.fromkeys(str(run.parameters["scene"]) for run in self.results.runs))
 
     @property
     def study_file(self) -> Mapping[str, Any]:
@@ -75,28 +60,10 @@ class FinishedStudy:
         """Runs without a result."""
         return [run for run in self.results.runs if run.status != "done"]
 
-    def figure(self, name: str) -> float:
-        """Return the value called `name`; raises an error if it is not a number."""
-        return cell_number(self.figures[name])
 
-    def runs(self, **parameters: Scalar) -> list[RunRecord]:
-        """Return the runs in which each of these parameters has the given value."""
-        return [run for run in self.results.runs if parameters.items() <= dict(run.parameters).items()]
-
-
-class StudyFolder(NamedTuple):
-    """Content of summary.json in a folder, and the studies in this folder."""
-
-    summary: Mapping[str, Any]
-    studies: list[FinishedStudy]
-
-
-def studies_in(folder: Path) -> StudyFolder:
-    """Read a folder and return its summary and its studies: one study, or all studies of a collection."""
-    summary = json.loads((folder / "summary.json").read_text())
-    if "studies" in summary:
-        return StudyFolder(summary, [FinishedStudy.load(folder / name) for name in summary["studies"]])
-    return StudyFolder(summary, [FinishedStudy.load(folder)])
+def studies_in(folder: Path, summary: Mapping[str, Any]) -> list[FinishedStudy]:
+    """Return the only study in a folder, or all studies of a collection; `summary` is the content of summary.json."""
+    return [FinishedStudy.load(folder / name) for name in summary.get("studies", ("",))]
 
 
 class HasPublishedValues(Protocol):

@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from pmr.report.blocks import Block, Grid
 from pmr.report.numbers import SPACE, Unit, format_in_unit, format_input, significant, unit_for
 from pmr.report.subject import MODELS
+from pmr.results.quantities import unit_text
 from pmr.scene.joints import BoomSection
 from pmr.scene.keys import quantity_of as quantity_in
 from pmr.scene.scene import BodyFile
@@ -84,7 +85,7 @@ def unit_of(key: str) -> str:
         if inside is not None:
             section = next(_sections(inside.annotation), section)
     quantity = quantity_in(section, last) if last in section.model_fields else None
-    return "" if quantity is None or quantity.unit == "1" else quantity.unit.replace("^2", "²").replace("^3", "³")
+    return "" if quantity is None else unit_text(quantity.unit)
 
 
 def _sections(annotation: object) -> Iterator[type[BaseModel]]:
