@@ -24,7 +24,8 @@ from pmr.errors.text import missing_file_reason
 from pmr.files import labelled
 from pmr.files.arrays import Array, Indices
 from pmr.files.cards import Place, turned_axes
-from pmr.files.decks import MOST_DIGITS, TURNED, read_deck
+from pmr.files.deck_content import MOST_DIGITS
+from pmr.files.decks import TURNED, read_deck
 from pmr.files.labelled import UnreadableError
 from pmr.files.matrices import MODAL, GivenMatrices
 from pmr.files.rigid import DIRECTIONS
@@ -314,7 +315,7 @@ def _read_deck_nodes(path: Path) -> _Nodes:
             "matrices name nodes by their numbers: instances whose nodes have numbers that no other has are allowed"
         )
         raise deck.renumbered.error(allowed)
-    sets = {name: [*members] for name, members in deck.node_sets.items()}
+    sets = {name: [*members] for name, members in (deck.surfaces | deck.node_sets).items() if name[0] != "_"}
     axes = dict[int, Array]()
     for card in deck.turned:
         name = card.options.get("NSET", "")

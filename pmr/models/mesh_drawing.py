@@ -17,8 +17,8 @@ import numpy as np
 
 from pmr.errors import InputError
 from pmr.errors.environment import import_package
-from pmr.files.arrays import Array, Indices
-from pmr.models.named_mesh import read_mesh_file
+from pmr.files.arrays import Array
+from pmr.models.mesh_file import read_mesh_file, split_quads
 
 Entity = tuple[int, int]  # dimension and tag
 
@@ -196,16 +196,6 @@ class Drawing:
                 with file.open("ab") as stream:
                     stream.write(bytes(BEYOND))
             raise
-
-
-def split_quads(points: Array, quads: Indices) -> tuple[Array, Indices]:
-    """Split each of e quadrilaterals `quads` (e, 4) into four triangles around its centre.
-
-    Returns the points with the centres added behind them, and the triangles (4 e, 3).
-    """
-    centre = len(points) + np.arange(len(quads))
-    triangles = [np.stack([quads[:, i], quads[:, (i + 1) % 4], centre], axis=1) for i in range(4)]
-    return np.concatenate([points, points[quads].mean(axis=1)]), np.stack(triangles, axis=1).reshape(-1, 3)
 
 
 def graded_nodes(length: float, elements: int, grading: float = 1.0) -> Array:

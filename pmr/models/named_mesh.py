@@ -1,17 +1,13 @@
 """Meshes of surfaces and solids with named groups, read from files and checked before anything is built on them.
 
-Decks of Abaqus and CalculiX are read by this package, all other files by meshio.  A mesh is refused if its cells are
-degenerate, inverted, folded or unconnected.
+A mesh is refused if its cells are degenerate, inverted, folded or unconnected.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
-from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from functools import cached_property
-from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,147 +18,12 @@ from scipy.sparse.csgraph import connected_components
 from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name
 from pmr.fem.compat import MPI, cell_topology, create_mesh
-from pmr.files.arrays import Array, Indices
-from pmr.files.cards import Place
-from pmr.files.decks import KINDS, TURNED, read_deck
+from pmr.files.arrays import Array, Indices, Mask
+from pmr.models.mesh_file import DIMENSIONS, read_mesh_file
 from pmr.models.mesh_nodes import codes
 
 if TYPE_CHECKING:
-    import meshio
-
     from pmr.fem.compat import Mesh
-
-
-#: Dimension of cells, by their kind in meshio's words.
-DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
-
-
-@dataclass(frozen=True)
-class Cells:
-    """Cells of one kind, named as meshio names it, with their corners (c, k) as numbers of points."""
-
-    kind: str
-    corners: Indices
-
-
-@dataclass(frozen=True)
-class MeshFile:
-    """Content of a mesh file: points, blocks of cells, and for each group the numbers of its cells in each block."""
-
-    points: Array  # (N, 3) m
-    blocks: list[Cells]
-    groups: Mapping[str, list[Indices]]
-
-
-def read_mesh_file(file: Path) -> MeshFile:
-    """Read points, cells and groups of a deck of Abaqus or CalculiX, or of any file that meshio reads.
-
-    Raises an `InputError` if the file can't be read, or a cell has corners that are not among the file's points.
-    """
-    content = _deck_content(file) if file.suffix.lower() == ".inp" and file.is_file() else _meshio_content(file)
-    for block in content.blocks:
-        missing = (block.corners < 0) | (block.corners >= len(content.points))
-        if missing.any():
-            raise InputError(
-                str(file),
-                "",
-                None,
-                f"{missing.any(axis=1).sum()} cells of kind {block.kind} have corners that are no points of it",
-            )
-    return content
-
-
-def _deck_content(file: Path) -> MeshFile:
-    """Points, cells and groups of a deck.
-
-    Raises an `InputError` for cells that are not linear, and for cards that tie nodes to each other.
-    """
-    deck = read_deck(file)
-    for where, keyword in deck.constraints:
-        if keyword != TURNED:  # axes of nodes do not move them
-            raise where.error(f"*{keyword} ties nodes to each other; a mesh without it is allowed, joined by its nodes")
-    place = {number: k for k, number in enumerate(deck.nodes)}
-    blocks = list[Cells]()
-    for block in deck.elements:
-        kind = KINDS.get(block.type)
-        if kind is None:
-            where = block.lines[0] if block.lines else Place(str(file), 1)
-            raise where.error(f"cells of type {block.type or 'none'}; linear cells are allowed")
-        if block.nodes:
-            blocks.append(Cells(kind, np.array([[place[node] for node in nodes] for nodes in block.nodes], np.int64)))
-    numbers = [np.array(block.numbers) for block in deck.elements if block.nodes]
-    groups = {
-        deck.set_spellings[name]: [
-            np.flatnonzero(np.isin(element_numbers, list(members))) for element_numbers in numbers
-        ]
-        for name, members in deck.element_sets.items()
-    }
-    return MeshFile(np.array(list(deck.nodes.values()), float).reshape(-1, 3), blocks, groups)
-
-
-def _meshio_content(file: Path) -> MeshFile:
-    """Points, cells and groups of a file that meshio reads.
-
-    Raises an `InputError` if meshio can't read the file, or cells are not linear.
-    """
-    import meshio
-
-    try:
-        with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # meshio prints what it tried
-            mesh = meshio.read(file)
-    except ModuleNotFoundError as error:
-        allowed = f"meshio reads {file.suffix} files with the package {error.name}, which is not installed"
-        raise InputError(str(file), "", None, allowed) from None
-    except (Exception, SystemExit):  # meshio raises SystemExit if no reader fits
-        reason = _unreadable_msh(file) if file.suffix.lower() == ".msh" else "a mesh with named groups is allowed"
-        raise InputError(str(file), "", None, f"meshio can't read it; {reason}") from None
-    strange = sorted({block.type for block in mesh.cells} - set(DIMENSIONS))
-    if strange:
-        raise InputError(str(file), "", None, f"cells of type {', '.join(strange)}; linear cells are allowed")
-    points = np.asarray(mesh.points, float)
-    if points.ndim != 2 or not points.size:  # a file without points
-        points = np.empty((0, 3))
-    blocks = [Cells(block.type, np.asarray(block.data, np.int64)) for block in mesh.cells]
-    return MeshFile(points, blocks, _physical_groups(mesh))
-
-
-def _unreadable_msh(file: Path) -> str:
-    """Return what gmsh has to write in place of a file that meshio can't read, as far as its head tells."""
-    if not file.is_file():
-        return "a mesh with named groups, of gmsh with Mesh.SaveAll = 0, is allowed"
-    content = file.read_bytes()
-    head = re.match(rb"\$MeshFormat\s+(\d+(?:\.\d+)?)\s", content)
-    if content[:4] == b"$NOD" or (head and head[1] not in (b"2.2", b"4.1")):
-        version = "1" if head is None else head[1].decode()
-        return f"version 4.1 or 2.2 is allowed (Mesh.MshFileVersion), this is {version}"
-    if b"$PartitionedEntities" in content:
-        return "a mesh without partitions is allowed: this one is partitioned (Mesh.NbPartitions = 0)"
-    if b"$ParametricNodes" in content or re.search(rb"\n[0-3] \d+ 1 \d+\r?\n", content.partition(b"$EndNodes")[0]):
-        return "nodes without parameters are allowed (Mesh.SaveParametric = 0)"
-    return "a mesh with named groups, of gmsh with Mesh.SaveAll = 0, is allowed"
-
-
-def _physical_groups(mesh: meshio.Mesh) -> dict[str, list[Indices]]:
-    """For each physical group the numbers of its cells in each of meshio's blocks, from sets (MSH 4) or tags (2).
-
-    The result is empty if the file has neither.
-    """
-    sets = {name: parts for name, parts in mesh.cell_sets.items() if not name.startswith("gmsh:")}
-    empty = np.empty(0, np.int64)
-    if sets:
-        return {
-            name: [empty if part is None else np.asarray(part, np.int64) for part in parts]
-            for name, parts in sets.items()
-        }
-    tags = mesh.cell_data.get("gmsh:physical", [])
-    return {
-        name: [
-            np.flatnonzero(tag == number) if DIMENSIONS[block.type] == dim else empty
-            for block, tag in zip(mesh.cells, tags, strict=True)
-        ]
-        for name, (number, dim) in mesh.field_data.items()
-        if len(tags)
-    }
 
 
 #: Cells with less than this share of the volume (area) of a regular cell of their size count as degenerate.
@@ -314,7 +175,9 @@ class NamedMesh:
 def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = ()) -> NamedMesh:
     """Read a mesh from any file that meshio reads, or from a deck of Abaqus or CalculiX.
 
-    Groups are gmsh's physical groups or a deck's element sets.
+    Groups are gmsh's physical groups or a deck's sets and surfaces.  A set of nodes stands for the cells that have all
+    their corners in it; without any, for the faces, edges or points.  If triangles are allowed, each quadrilateral is
+    split into four triangles around its centre.
 
     Parameters
     ----------
@@ -330,8 +193,10 @@ def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = ()) -> N
         group is missing; the message says what the file has.
     """
     read = read_mesh_file(file)
+    if "triangle" in kinds and all(DIMENSIONS[block.kind] < 3 for block in read.blocks):
+        read = read.in_triangles()
     blocks = [(*CELLS_OF_KIND[block.kind][:2], block.corners[:, CELLS_OF_KIND[block.kind][2]]) for block in read.blocks]
-    named = named_mesh(read.points, blocks, read.groups, kinds, str(file))
+    named = named_mesh(read.points, blocks, read.groups, kinds, str(file), read.point_groups)
     named.require(groups)
     return named
 
@@ -342,13 +207,15 @@ def named_mesh(
     memberships: Mapping[str, Sequence[Indices]],
     kinds: Sequence[str],
     source: str = "mesh",
+    point_groups: Mapping[str, Indices] | None = None,
 ) -> NamedMesh:
     """Checked mesh with the vertices `points`, from blocks of cells (kind, dimension, vertices).
 
     Only cells of the highest dimension are its cells; one that is listed several times counts once.  Vertices that no
     cell uses are left out, and the others are numbered along the longest extent of the mesh.
-    `memberships` are each group's numbers of cells in every block, `kinds` the allowed kinds of cells.  `source` is the
-    mesh's name in errors.  Raises the errors of `read_mesh`.
+    `memberships` are each group's numbers of cells in every block, `point_groups` the numbers of points of further
+    groups, and `kinds` the allowed kinds of cells.  `source` is the mesh's name in errors.  Raises the errors of
+    `read_mesh`.
     """
 
     def refuse(what: str) -> InputError:
@@ -395,4 +262,23 @@ def named_mesh(
         if groups[name].dim == top:
             regions[name] = np.unique(cell_of[np.concatenate([offsets[b] + m for b, m in parts])])
             groups[name] = Group(top, cells[regions[name]])
+    for name, numbers in (point_groups or {}).items():
+        inside = np.zeros(len(points) + 1, bool)
+        inside[number[numbers]] = True
+        inside[-1] = False  # of points that no cell uses
+        if inside.any():
+            groups[name] = _group_of_points(cell_kinds[0], cells, inside)
+        if inside.any() and groups[name].dim == top:
+            regions[name] = np.flatnonzero(inside[cells].all(axis=1))
     return NamedMesh(cell_kinds[0], points, cells, groups, regions, source)
+
+
+def _group_of_points(cell: str, cells: Indices, inside: Mask) -> Group:
+    """Group of the cells, else faces, else edges, else points, that have all their vertices in the mask `inside`."""
+    for dim, parts in reversed([*enumerate(cell_topology(cell))]):
+        entities = cells[:, parts].reshape(-1, len(parts[0]))
+        entities = entities[inside[entities].all(axis=1)]
+        if len(entities):
+            _, first = np.unique(np.sort(entities, axis=1), axis=0, return_index=True)
+            return Group(dim, entities[np.sort(first)])
+    raise AssertionError("a vertex of a cell is inside")

@@ -13,7 +13,8 @@ from fuzz.mutations import scratched
 
 from pmr.errors import InputError
 from pmr.files import decks
-from pmr.files.decks import Deck, read_deck
+from pmr.files.deck_content import Deck
+from pmr.files.decks import read_deck
 
 BAR = """*Heading
  a bar of two cells

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pmr.errors import InputError
-from pmr.models.named_mesh import read_mesh, read_mesh_file
+from pmr.models.mesh_file import read_mesh_file
+from pmr.models.named_mesh import read_mesh
 
 DECK = """*NODE
 1, 0., 0., 0.
@@ -52,7 +53,7 @@ def test_a_deck_is_read_as_cells_and_groups(tmp_path: Path) -> None:
         ("*NODE", "*MPC\nBEAM, 1, 2\n*NODE", "line 1: *MPC ties nodes to each other"),
         ("1, 1, 2, 3", "1, 1, 2, 9", "line 7: element 1 has node 9, which is not in the file"),
         ("*ELSET", "*NODE\n1, 5., 0., 0.\n*ELSET", "line 13: node 1 is there a second time"),
-        ("TYPE=T3D2", "TYPE=T3D3", "line 11: cells of type T3D3; linear cells are allowed"),
+        ("TYPE=T3D2", "TYPE=T3D3", "line 11: cells of type T3D3; bars, triangles"),
         ("*NODE", "*NODE, SYSTEM=S", "line 1: SYSTEM=S is not read"),
     ],
 )

@@ -74,7 +74,10 @@ def test_hexahedra_come_in_the_order_of_a_tensor_product(tmp_path: Path) -> None
     ("change", "says"),
     [
         ({"groups": {"tail": (1, [0])}}, "no group named tip; found: tail"),
-        ({"extra": [("quad", [[0, 1, 2, 3]])]}, "mixed cells: quadrilateral, triangle"),
+        (
+            {"extra": [("tetra", [[0, 1, 2, 4]]), ("hexahedron", [[0, 1, 2, 3, 4, 5, 1, 0]])]},
+            "mixed cells: hexahedron, tetrahedron",
+        ),
         ({"extra": [("tetra", [[0, 1, 2, 4]])]}, "cells of kind tetrahedron; cells of kind triangle are allowed"),
         ({"triangles": [[0, 1, 2], [0, 2, 3], [1, 4, 4], [1, 5, 2]]}, "1 of 4 cells are degenerate"),
         ({"triangles": [[0, 2, 3], [1, 4, 5]]}, "2 parts that share no edges"),

@@ -1,0 +1,227 @@
+"""Content of an input deck of Abaqus or CalculiX, and its sets and surfaces from their cards.
+
+The cards of sets and surfaces are read when all nodes and elements are known, as members may stand anywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from pmr.files.cards import Axes, Card, DataLine, Place
+from pmr.files.elements import Elements
+
+#: Numbers of nodes and elements have to have fewer digits than this.
+MOST_DIGITS = 18
+
+
+@dataclass
+class Deck:
+    """Content of a deck, a part or an instance.
+
+    The names of sets are in small letters, and sets contain only nodes or elements that exist.  In the whole, sets of a
+    part are joined over its instances, and if there are several the set of each is ``instance.set``.
+    """
+
+    nodes: dict[int, tuple[float, float, float]] = field(default_factory=dict)  # m, by number, in the file's order
+    elements: list[Elements] = field(default_factory=list)
+    element_numbers: set[int] = field(default_factory=set)
+    node_sets: dict[str, set[int]] = field(default_factory=dict)
+    element_sets: dict[str, set[int]] = field(default_factory=dict)
+    surfaces: dict[str, set[int]] = field(default_factory=dict)  # nodes on each surface
+    set_spellings: dict[str, str] = field(default_factory=dict)  # names of sets and surfaces as first written
+    constraints: list[tuple[Place, str]] = field(default_factory=list)  # place, keyword of cards in `CONSTRAINTS`
+    turned: list[Card] = field(default_factory=list)  # cards that give nodes outside of parts axes of their own
+    ties: list[Card] = field(default_factory=list)  # cards that tie two surfaces to each other
+    supports: Place | None = None  # of the first card that holds nodes
+    axes: Axes | None = None  # of the coordinates of nodes that follow; None for those of the whole
+    sets: list[Card] = field(default_factory=list)  # cards of sets, read last as members may stand anywhere
+    renumbered: Place | None = None  # the first instance whose nodes have other numbers than in its part
+
+    def copy(self) -> Deck:
+        """Return a deck to which nodes, elements and sets can be added without a change of this one."""
+        return Deck(
+            nodes=dict(self.nodes),
+            elements=list(self.elements),
+            element_numbers=set(self.element_numbers),
+            node_sets={name: set(members) for name, members in self.node_sets.items()},
+            element_sets={name: set(members) for name, members in self.element_sets.items()},
+            set_spellings=dict(self.set_spellings),
+            sets=list(self.sets),
+        )
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Numbers in the whole of the nodes and elements of an instance, by their numbers in it."""
+
+    nodes: Mapping[int, int]
+    elements: Mapping[int, int]
+
+    @classmethod
+    def of(cls, deck: Deck) -> Numbers:
+        """Return the numbers of a deck that is not joined with others."""
+        return cls({number: number for number in deck.nodes}, {number: number for number in deck.element_numbers})
+
+    def of_kind(self, of_nodes: bool) -> Mapping[int, int]:
+        """Return the numbers of nodes, or those of elements."""
+        return self.nodes if of_nodes else self.elements
+
+
+def read_sets(deck: Deck, instances: Mapping[str, Numbers]) -> None:
+    """Add the members of all cards of sets and surfaces; `instances` has the numbers of instances, by name.
+
+    The cards of sets are read in their order, and those of surfaces behind them.
+    """
+    for card in deck.sets:
+        if card.keyword != "SURFACE":
+            _read_set(deck, card, instances)
+    for card in deck.sets:
+        if card.keyword == "SURFACE":
+            _read_surface(deck, card, instances)
+
+
+def _read_set(deck: Deck, card: Card, instances: Mapping[str, Numbers]) -> None:
+    """Add the members of a set's card to the deck.
+
+    The card lists them as numbers, as names of other sets, as a range (first, last, step), or as a set of elements
+    whose nodes are the members.  ``instance.number``, or the option INSTANCE, names those of an instance.
+    """
+    of_nodes, instance = card.keyword == "NSET", card.options.get("INSTANCE", "").lower()
+    card.allow_options("NSET ELSET GENERATE UNSORTED INTERNAL INSTANCE INPUT")
+    if card.keyword not in card.options:
+        raise card.place.error(f"*{card.keyword} with {card.keyword}=NAME is allowed")
+    if instance not in instances:
+        raise card.place.error(f"INSTANCE={card.options['INSTANCE']} is no instance of a part")
+    sets, numbers = deck.node_sets if of_nodes else deck.element_sets, instances[instance].of_kind(of_nodes)
+    members = set_by_name(deck, sets, card, card.keyword)
+    if of_nodes and "ELSET" in card.options:
+        members.update(_element_set_nodes(deck, card, instance))
+    for line in card.lines:
+        fields = [field for field in line.fields if field]
+        if "GENERATE" in card.options:
+            members.update(_read_range(line, card, fields, numbers, of_nodes))
+            continue
+        for name in fields:
+            members.update(_named_members(deck, line, card, name, instances, of_nodes, instance))
+
+
+def _named_members(
+    deck: Deck,
+    line: DataLine,
+    card: Card,
+    name: str,
+    instances: Mapping[str, Numbers],
+    of_nodes: bool,
+    instance: str = "",
+) -> set[int]:
+    """Return the nodes, or elements, that a line of a card names: a number or a set, of an `instance` if one is named.
+
+    Raises InputError for a number that does not exist and for a set that was not read before.
+    """
+    sets = deck.node_sets if of_nodes else deck.element_sets
+    within, _, text = name.lower().rpartition(".")
+    if instance or within not in instances:
+        within, text = instance, name.lower()
+    if _is_label_number(text):
+        labels = instances[within].of_kind(of_nodes)
+        _check_existing(line, card, labels, [int(text)], of_nodes)
+        return {labels[int(text)]}
+    if (key := f"{within}.{text}" if within else text) in sets:
+        return sets[key]
+    raise line.place.error(f"{name!r} is neither a number nor a set that stands further up")
+
+
+def _read_surface(deck: Deck, card: Card, instances: Mapping[str, Numbers]) -> None:
+    """Add the nodes on a surface to the deck: those of TYPE=NODE, or those on faces or edges of elements.
+
+    Other surfaces, such as analytical ones, those of whole bodies and combined ones, are left out.
+    """
+    name, kind = card.options.get("NAME", ""), card.options.get("TYPE", "ELEMENT").upper()
+    if kind not in ("NODE", "ELEMENT") or not card.lines or not name or "COMBINE" in card.options:
+        return
+    nodes = set[int]()
+    for line in card.lines:
+        label, face = [*line.fields, ""][:2]
+        if not label:
+            return
+        members = _named_members(deck, line, card, label, instances, kind == "NODE")
+        if kind == "ELEMENT":
+            inside, members = members, set()
+            for block in deck.elements:
+                numbers = [k for k, number in enumerate(block.numbers) if number in inside]
+                corners = block.face_corners(face.upper())
+                if numbers and not corners:
+                    return
+                members |= {block.nodes[k][corner] for k in numbers for corner in corners}
+        nodes |= members
+    deck.set_spellings.setdefault(name.lower(), name)
+    deck.surfaces.setdefault(name.lower(), set()).update(nodes)
+
+
+def _read_range(line: DataLine, card: Card, fields: list[str], numbers: Mapping[int, int], of_nodes: bool) -> list[int]:
+    """Return those of `numbers` that are in the range of a line of a set's card.
+
+    `fields` are its first, last and step, 1 if there is none.  Numbers between the ends that do not exist are left out.
+    Raises InputError for other fields, and for ends that do not exist.
+    """
+    bounds = [whole_number(line, field, "first, last and step") for field in fields]
+    if len(bounds) not in (2, 3) or bounds[2:] == [0]:
+        raise line.place.error("first, last and step as whole numbers are allowed")
+    first, last, step = [*bounds, 1][:3]
+    steps = range(first, last + 1, step)
+    _check_existing(line, card, numbers, [*steps[:1], *steps[-1:]], of_nodes)
+    return [number for label, number in numbers.items() if label in steps]
+
+
+def _element_set_nodes(deck: Deck, card: Card, instance: str) -> set[int]:
+    """Return the nodes of all elements in the element set that the card names, of an instance if one is named.
+
+    Raises InputError if no such set was read before.
+    """
+    name = f"{instance}." * bool(instance) + card.options["ELSET"].lower()
+    if name not in deck.element_sets:
+        raise card.place.error(f"ELSET={card.options['ELSET']} is no set of elements that stands further up")
+    inside = deck.element_sets[name]
+    return {
+        node
+        for block in deck.elements
+        for n, members in zip(block.numbers, block.nodes, strict=True)
+        if n in inside
+        for node in members
+    }
+
+
+def _check_existing(
+    line: DataLine, card: Card, existing: Mapping[int, int], numbers: list[int], of_nodes: bool
+) -> None:
+    """Raise InputError for the first of `numbers` that is not in `existing`, the numbers of all nodes or elements."""
+    missing = next((number for number in numbers if number not in existing), None)
+    if missing is not None:
+        of = f"set {card.options[card.keyword]}" if card.keyword in card.options else card.options["NAME"]
+        raise line.place.error(f"{'node' if of_nodes else 'element'} {missing} of {of} is not in the file")
+
+
+def set_by_name(deck: Deck, sets: dict[str, set[int]], card: Card, option: str) -> set[int]:
+    """Return the members of the set whose name is the value of a card's `option`.
+
+    `sets` has all sets so far; if it has none of this name, a new empty set is added and returned.
+    """
+    name = card.options[option]
+    deck.set_spellings.setdefault(name.lower(), name)
+    return sets.setdefault(name.lower(), set())
+
+
+def whole_number(line: DataLine, text: str, what: str) -> int:
+    """Return a text as a whole number.
+
+    Raises InputError if the text is none; `what` is the description of what is allowed.
+    """
+    if not _is_label_number(text):
+        raise line.place.error(f"{what} is allowed, not {text!r}")
+    return int(text)
+
+
+def _is_label_number(text: str) -> bool:
+    """Whether a text is a whole number that can be the number of a node or an element."""
+    return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS

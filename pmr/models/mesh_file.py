@@ -1,0 +1,260 @@
+"""Files of meshes: decks of Abaqus and CalculiX are read by this package, all other files by meshio."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Mapping
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass, field
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pmr.errors import InputError
+from pmr.files.arrays import Array, Indices
+from pmr.files.cards import Place
+from pmr.files.deck_content import Deck
+from pmr.files.decks import TIED, TURNED, read_deck
+from pmr.files.elements import CORNERS, EDGES, Elements
+
+if TYPE_CHECKING:
+    import meshio
+
+
+logger = logging.getLogger(__name__)
+
+#: Distance up to which two nodes are at one place, as a share of the mesh's largest extent.
+COINCIDENT = 1e-6
+#: Distance of a node from the middle of its edge up to which the edge is straight, as a share of the edge.
+STRAIGHT = 1e-3
+#: Dimension of cells, by their kind in meshio's words.
+DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cells of one kind, named as meshio names it, with their corners (c, k) as numbers of points."""
+
+    kind: str
+    corners: Indices
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """Content of a mesh file: points, blocks of cells, and for each group the numbers of its cells in each block.
+
+    Groups that are given by their points have the numbers of these.
+    """
+
+    points: Array  # (N, 3) m
+    blocks: list[Cells]
+    groups: Mapping[str, list[Indices]]
+    point_groups: Mapping[str, Indices] = field(default_factory=dict)
+
+    def in_triangles(self) -> MeshFile:
+        """Return this content with each quadrilateral split into four triangles around its centre."""
+        points, blocks, point_groups = self.points, list[Cells](), dict(self.point_groups)
+        for block in self.blocks:
+            corners, kind = block.corners, block.kind
+            if kind == "quad":
+                centres, kind = len(points) + np.arange(len(corners)), "triangle"
+                for name, members in point_groups.items():
+                    inside = np.isin(block.corners, members).all(axis=1)
+                    point_groups[name] = np.concatenate([members, centres[inside]])
+                points, corners = split_quads(points, corners)
+            blocks.append(Cells(kind, corners))
+        pieces = [np.arange(4 if block.kind == "quad" else 1) for block in self.blocks]
+        groups = {
+            name: [(len(k) * m[:, None] + k).ravel() for k, m in zip(pieces, members, strict=True)]
+            for name, members in self.groups.items()
+        }
+        return MeshFile(points, blocks, groups, point_groups)
+
+
+def split_quads(points: Array, quads: Indices) -> tuple[Array, Indices]:
+    """Split each of e quadrilaterals `quads` (e, 4) into four triangles around its centre.
+
+    Returns the points with the centres added behind them, and the triangles (4 e, 3).
+    """
+    centre = len(points) + np.arange(len(quads))
+    triangles = [np.stack([quads[:, i], quads[:, (i + 1) % 4], centre], axis=1) for i in range(4)]
+    return np.concatenate([points, points[quads].mean(axis=1)]), np.stack(triangles, axis=1).reshape(-1, 3)
+
+
+def read_mesh_file(file: Path) -> MeshFile:
+    """Read points, cells and groups of a deck of Abaqus or CalculiX, or of any file that meshio reads.
+
+    Raises an `InputError` if the file can't be read, or a cell has corners that are not among the file's points.
+    """
+    content = _deck_content(file) if file.suffix.lower() == ".inp" and file.is_file() else _meshio_content(file)
+    for block in content.blocks:
+        missing = (block.corners < 0) | (block.corners >= len(content.points))
+        if missing.any():
+            raise InputError(
+                str(file),
+                "",
+                None,
+                f"{missing.any(axis=1).sum()} cells of kind {block.kind} have corners that are no points of it",
+            )
+    return content
+
+
+def _deck_content(file: Path) -> MeshFile:
+    """Points, cells and groups of a deck; of elements with nodes amid their edges the corners alone.
+
+    Groups are the sets of elements, then sets of nodes and surfaces with names of their own.  Sets that begin with an
+    underscore are a program's own and left out.  A warning is logged if the deck holds nodes, as a mesh does not.
+    Raises an `InputError` for cells of other kinds or with curved edges, and for nodes that are tied to others at other
+    places.
+    """
+    deck = read_deck(file)
+    for where, keyword in deck.constraints:
+        if keyword not in (TURNED, TIED):  # axes of nodes do not move them
+            raise where.error(f"*{keyword} ties nodes to each other; a mesh without it is allowed, joined by its nodes")
+    if deck.supports is not None:
+        where = deck.supports
+        logger.warning(
+            "%s: line %d: *BOUNDARY holds nothing in a mesh; the scene has supports", where.source, where.line
+        )
+    points = np.array(list(deck.nodes.values()), float).reshape(-1, 3)
+    place = dict(zip(deck.nodes, join_ties(deck, points).tolist(), strict=True))
+    blocks = list[Cells]()
+    for block in deck.elements:
+        if not block.kind:
+            where = block.lines[0] if block.lines else Place(str(file), 1)
+            raise where.error(
+                f"cells of type {block.type or 'none'}; bars, triangles, quadrilaterals, tetrahedra and hexahedra are "
+                "allowed"
+            )
+        if block.nodes:
+            nodes = np.array([[place[node] for node in nodes] for nodes in block.nodes], np.int64)
+            _check_edges(block, points, nodes)
+            blocks.append(Cells(block.kind, nodes[:, : CORNERS[block.kind]]))
+    numbers = [np.array(block.numbers) for block in deck.elements if block.nodes]
+    names = {name: spelling for name, spelling in deck.set_spellings.items() if not name.startswith("_")}
+    groups = {
+        names[name]: [np.flatnonzero(np.isin(element_numbers, list(members))) for element_numbers in numbers]
+        for name, members in deck.element_sets.items()
+        if name in names
+    }
+    of_points = {
+        names[name]: np.array([place[node] for node in members], np.int64)
+        for name, members in (deck.surfaces | deck.node_sets).items()
+        if name in names and name not in deck.element_sets
+    }
+    return MeshFile(points, blocks, groups, of_points)
+
+
+def join_ties(deck: Deck, points: Array) -> Indices:
+    """Return for each of N nodes at `points` (N, 3) m the number of the node in whose place it is: its own if not tied.
+
+    Raises an `InputError` if a tie names a surface that is not read, or if a node of its first surface has no node of
+    the second one at its place.
+    """
+    number, joined = {node: k for k, node in enumerate(deck.nodes)}, np.arange(len(points))
+    for card in deck.ties:
+        for line in card.lines:
+            sides = list[Indices]()
+            for name in line.fields[:2]:
+                nodes = deck.surfaces.get(name.lower()) or deck.node_sets.get(name.lower())
+                if not nodes:
+                    raise line.place.error(f"{name!r} is no surface of nodes, or of faces of elements, that is read")
+                sides.append(np.array([number[node] for node in sorted(nodes)]))
+            if len(sides) != 2:
+                raise line.place.error("the names of two surfaces are allowed")
+            tied, to = sides
+            off, nearest = cKDTree(points[to]).query(points[tied])
+            far = off > COINCIDENT * float(np.ptp(points, axis=0).max())
+            if far.any():
+                node = [*deck.nodes][tied[far][0]]
+                allowed = (
+                    f"ties of nodes at the same places are allowed: {line.fields[1]} has none where node {node} is"
+                )
+                raise line.place.error(allowed)
+            for first, second in zip(tied, to[nearest], strict=True):
+                joined[joined == joined[first]] = joined[second]
+    return joined
+
+
+def _check_edges(block: Elements, points: Array, nodes: Indices) -> None:
+    """Raise an `InputError` for the first of the elements `nodes` (e, k) that has a node not amid a straight edge."""
+    if nodes.shape[1] == CORNERS[block.kind]:
+        return
+    ends, amid = points[nodes[:, EDGES[block.kind]]], points[nodes[:, CORNERS[block.kind] :]]
+    off = np.linalg.norm(amid - ends.mean(axis=2), axis=2) > STRAIGHT * np.linalg.norm(
+        np.diff(ends, axis=2)[:, :, 0], axis=2
+    )
+    if off.any():
+        k = int(off.any(axis=1).argmax())
+        raise block.lines[k].error(
+            f"straight edges are allowed, with nodes amid them: element {block.numbers[k]} has others"
+        )
+
+
+def _meshio_content(file: Path) -> MeshFile:
+    """Points, cells and groups of a file that meshio reads.
+
+    Raises an `InputError` if meshio can't read the file, or cells are not linear.
+    """
+    import meshio
+
+    try:
+        with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # meshio prints what it tried
+            mesh = meshio.read(file)
+    except ModuleNotFoundError as error:
+        allowed = f"meshio reads {file.suffix} files with the package {error.name}, which is not installed"
+        raise InputError(str(file), "", None, allowed) from None
+    except (Exception, SystemExit):  # meshio raises SystemExit if no reader fits
+        reason = _unreadable_msh(file) if file.suffix.lower() == ".msh" else "a mesh with named groups is allowed"
+        raise InputError(str(file), "", None, f"meshio can't read it; {reason}") from None
+    strange = sorted({block.type for block in mesh.cells} - set(DIMENSIONS))
+    if strange:
+        raise InputError(str(file), "", None, f"cells of type {', '.join(strange)}; linear cells are allowed")
+    points = np.asarray(mesh.points, float)
+    if points.ndim != 2 or not points.size:  # a file without points
+        points = np.empty((0, 3))
+    blocks = [Cells(block.type, np.asarray(block.data, np.int64)) for block in mesh.cells]
+    return MeshFile(points, blocks, _physical_groups(mesh))
+
+
+def _unreadable_msh(file: Path) -> str:
+    """Return what gmsh has to write in place of a file that meshio can't read, as far as its head tells."""
+    if not file.is_file():
+        return "a mesh with named groups, of gmsh with Mesh.SaveAll = 0, is allowed"
+    content = file.read_bytes()
+    head = re.match(rb"\$MeshFormat\s+(\d+(?:\.\d+)?)\s", content)
+    if content[:4] == b"$NOD" or (head and head[1] not in (b"2.2", b"4.1")):
+        version = "1" if head is None else head[1].decode()
+        return f"version 4.1 or 2.2 is allowed (Mesh.MshFileVersion), this is {version}"
+    if b"$PartitionedEntities" in content:
+        return "a mesh without partitions is allowed: this one is partitioned (Mesh.NbPartitions = 0)"
+    if b"$ParametricNodes" in content or re.search(rb"\n[0-3] \d+ 1 \d+\r?\n", content.partition(b"$EndNodes")[0]):
+        return "nodes without parameters are allowed (Mesh.SaveParametric = 0)"
+    return "a mesh with named groups, of gmsh with Mesh.SaveAll = 0, is allowed"
+
+
+def _physical_groups(mesh: meshio.Mesh) -> dict[str, list[Indices]]:
+    """For each physical group the numbers of its cells in each of meshio's blocks, from sets (MSH 4) or tags (2).
+
+    The result is empty if the file has neither.
+    """
+    sets = {name: parts for name, parts in mesh.cell_sets.items() if not name.startswith("gmsh:")}
+    empty = np.empty(0, np.int64)
+    if sets:
+        return {
+            name: [empty if part is None else np.asarray(part, np.int64) for part in parts]
+            for name, parts in sets.items()
+        }
+    tags = mesh.cell_data.get("gmsh:physical", [])
+    return {
+        name: [
+            np.flatnonzero(tag == number) if DIMENSIONS[block.type] == dim else empty
+            for block, tag in zip(mesh.cells, tags, strict=True)
+        ]
+        for name, (number, dim) in mesh.field_data.items()
+        if len(tags)
+    }

@@ -1,0 +1,143 @@
+"""Meshes from decks: a boom of two instances beside the same drawn by pmr, and groups by nodes and surfaces."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from deck_boom import ACROSS, ALONG, HEIGHT, LENGTH, UP, WALL, WIDTH, write_boom
+
+import pmr
+from pmr.errors import InputError
+from pmr.files.decks import read_deck
+from pmr.models.mesh_file import read_mesh_file
+from pmr.models.named_mesh import read_mesh
+
+FACES = "{ bottom = [-0.1, 0.1], top = [-0.1, 0.1], left = [0.0], right = [0.0] }"
+SCENE = f"""
+title = "Boom"
+start = "equilibrium"
+pads = [{{ name = "tail", at = 0.25, faces = {FACES} }}, {{ name = "mouth", moving = true, faces = {FACES} }}]
+supports = [{{ name = "cylinder", directions = ["x"] }}]
+slider.path = {{ kind = "smooth_ramp", times = [0.0, 0.02], values = [1.2, 1.3] }}
+loads = [{{ name = "tip force", on = "tip", direction = "z", signal = -2000.0 }}]
+gravity = {{}}
+time = {{ end = 0.02, step = 1e-3 }}
+reduction = {{ coordinates = 8, estimate = false }}
+observe = {{ start = 0.2, end = 2.8 }}
+compare.against = []
+"""
+DRAWN = f"""
+body = {{ model = "shell", box = {{ length = {LENGTH}, width = {WIDTH}, height = {HEIGHT}, wall = {WALL} }} }}
+mesh = {{ size = {WIDTH / ACROSS}, along = {LENGTH / 2 / ALONG} }}
+"""
+READ = f"""
+body = {{ model = "shell", thickness = {WALL} }}
+mesh.file = "boom.inp"
+"""
+
+
+@pytest.mark.slow
+def test_a_boom_of_two_instances_is_the_one_that_pmr_draws(
+    tmp_path: Path, unmeasured: None, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Frequencies, motion of the tip and mass: the cells are the same."""
+    pytest.importorskip("gmsh")
+    assert UP == round(HEIGHT / (WIDTH / ACROSS))  # as many cells up a side as pmr draws
+    write_boom(tmp_path)
+    results = []
+    for name, body in (("deck", READ), ("drawn", DRAWN)):
+        (tmp_path / f"{name}.toml").write_text(SCENE + body)
+        results.append(pmr.run(pmr.load_scene(tmp_path / f"{name}.toml")).result)
+    read, drawn = results
+    assert read.summary["coordinates"] == drawn.summary["coordinates"]
+    frequencies = [result.frequencies.models["reduced"] for result in results]
+    np.testing.assert_allclose(frequencies[0], frequencies[1], rtol=1e-8)
+    tips = [result.responses["reduced"].tip for result in results]
+    np.testing.assert_allclose(tips[0], tips[1], rtol=0.0, atol=1e-8 * np.abs(tips[1]).max())
+    assert read.summary["masses"][0]["mass"] == pytest.approx(drawn.summary["masses"][0]["mass"], rel=1e-10)
+    assert "boom.inp: line 20: *BOUNDARY holds nothing in a mesh; the scene has supports" in caplog.text
+
+
+def test_groups_of_a_deck_are_its_sets_and_surfaces(tmp_path: Path) -> None:
+    mesh = read_mesh(write_boom(tmp_path), ("triangle",))
+    around = 2 * (ACROSS + UP)
+    assert len(mesh.cells) == 4 * around * 2 * ALONG
+    assert np.ptp(mesh.points, axis=0) == pytest.approx([LENGTH, WIDTH, HEIGHT], rel=1e-12)
+    assert mesh.groups["tail"].dim == mesh.groups["rear.end"].dim == 1
+    assert len(mesh.groups["tail"].entities) == len(mesh.groups["tip"].entities) == around
+    middle = mesh.points[mesh.groups["rear.end"].entities]
+    assert middle[..., 0] == pytest.approx(np.full((around, 2), LENGTH / 2), abs=1e-12)
+    bottom = mesh.points[mesh.cells[mesh.regions["bottom"]]]
+    assert len(bottom) == 4 * ACROSS * 2 * ALONG and bottom[..., 2] == pytest.approx(-HEIGHT / 2)
+    assert not any(name.startswith("_") for name in mesh.groups)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("*TIE, NAME=joint\nfront.begin, rear.end\n", "", "the cells form 2 parts that share no edges"),
+        ("rear.end", "rear.begin", "line 18: ties of nodes at the same places are allowed: rear.begin has none where"),
+        ("rear.end", "rear.side", "line 18: 'rear.side' is no surface of nodes, or of faces of elements, that is read"),
+        ("front.begin, rear.end", "rear.end", "line 18: the names of two surfaces are allowed"),
+        ("*TIE, NAME=joint", "*EQUATION", r"line 17: \*EQUATION ties nodes to each other"),
+    ],
+)
+def test_what_does_not_join_instances_is_refused(old: str, new: str, says: str, tmp_path: Path) -> None:
+    file = write_boom(tmp_path)
+    file.write_text(file.read_text().replace(old, new))
+    with pytest.raises(InputError, match=says) as refused:
+        read_mesh(file, ("triangle",))
+    assert "\n" not in str(refused.value)
+
+
+CUBE = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]  # in the order of C3D8
+SIDES = {"S1": (2, 0), "S2": (2, 1), "S3": (1, 0), "S4": (0, 1), "S5": (1, 1), "S6": (0, 0)}
+
+
+def nodes(points: list[tuple[float, ...]]) -> str:
+    return "*NODE\n" + "".join(f"{k}, {x}, {y}, {z}\n" for k, (x, y, z) in enumerate(points, 1))
+
+
+def test_faces_of_solids_are_those_of_the_manuals(tmp_path: Path) -> None:
+    """Of a cube; a tetrahedron has its fourth node beside face S1, its third one beside S2 and so on."""
+    text = nodes(CUBE) + "*ELEMENT, TYPE=C3D8, ELSET=all\n1, 1, 2, 3, 4, 5, 6, 7, 8\n"
+    text += "*ELEMENT, TYPE=C3D4, ELSET=tetra\n2, 1, 2, 4, 5\n"
+    text += "".join(f"*SURFACE, NAME={side}\nall, {side}\n" for side in SIDES)
+    text += "".join(f"*SURFACE, NAME=T{k}\n2, S{k}\n" for k in (1, 2, 3, 4))
+    text += "*SURFACE, NAME=whole, TYPE=ELEMENT\nall,\n*SURFACE, NAME=points, TYPE=NODE\n3\n5\n"
+    (tmp_path / "cube.inp").write_text(text)
+    surfaces = read_deck(tmp_path / "cube.inp").surfaces
+    for side, (axis, at) in SIDES.items():
+        assert surfaces[side.lower()] == {k for k, point in enumerate(CUBE, 1) if point[axis] == at}
+    assert [{1, 2, 4, 5} - surfaces[f"t{k}"] for k in (1, 2, 3, 4)] == [{5}, {4}, {1}, {2}]
+    assert surfaces["points"] == {3, 5} and "whole" not in surfaces
+
+
+def test_a_set_of_nodes_on_a_solid_is_its_face(tmp_path: Path) -> None:
+    text = (
+        nodes(CUBE)
+        + "*ELEMENT, TYPE=C3D8\n1, 1, 2, 3, 4, 5, 6, 7, 8\n*NSET, NSET=tail\n1, 4, 5, 8\n*NSET, NSET=edge\n1, 5\n"
+    )
+    (tmp_path / "cube.inp").write_text(text)
+    mesh = read_mesh(tmp_path / "cube.inp", ("hexahedron",))
+    assert mesh.groups["tail"].dim == 2 and mesh.points[mesh.groups["tail"].entities][..., 0].tolist() == [[0.0] * 4]
+    assert mesh.groups["edge"].dim == 1
+
+
+def test_of_elements_with_nodes_amid_edges_the_corners_count(tmp_path: Path) -> None:
+    corners = [(0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (2.0, 1.0, 0.0), (0.0, 1.0, 0.0)]
+    amid = [(1.0, 0.0, 0.0), (2.0, 0.5, 0.0), (1.0, 1.0, 0.0), (0.0, 0.5, 0.0)]
+    text = (
+        nodes([*corners, *amid])
+        + "*ELEMENT, TYPE=S8R, ELSET=all\n7, 1, 2, 3, 4, 5, 6, 7, 8\n*NSET, NSET=tail\n1, 4, 8\n"
+    )
+    (tmp_path / "plate.inp").write_text(text)
+    read = read_mesh_file(tmp_path / "plate.inp")
+    assert [(block.kind, block.corners.tolist()) for block in read.blocks] == [("quad", [[0, 1, 2, 3]])]
+    mesh = read_mesh(tmp_path / "plate.inp", ("triangle",))
+    assert len(mesh.points) == 5 and len(mesh.groups["tail"].entities) == 1
+    (tmp_path / "plate.inp").write_text(text.replace("6, 2.0, 0.5, 0.0", "6, 2.01, 0.5, 0.0"))
+    with pytest.raises(InputError, match="plate.inp: line 11: straight edges .*: element 7 has others"):
+        read_mesh_file(tmp_path / "plate.inp")
