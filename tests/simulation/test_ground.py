@@ -175,6 +175,8 @@ def test_beyond_an_edge_the_machine_tips_and_the_last_forces_are_at_the_edge() -
     ] == pytest.approx(-0.5e5)
     assert use == pytest.approx([1.25, 0.5, 0.0])
     assert forces[1].sum() == pytest.approx(1e5) and forces[2].tolist() == [0.0] * 4
+    beyond = stand.columns(np.array([[0.0, 0.0, -1e5, 2.5e5, 2.5e5, 0.0]]))[0, 6:10]  # two edges, beside corner d
+    assert beyond == pytest.approx([0.0, 0.0, 0.0, 1e5], abs=1e-3)
 
 
 def test_the_summary_says_which_outriggers_lift_off_and_when_the_machine_tips() -> None:

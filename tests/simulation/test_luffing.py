@@ -43,10 +43,10 @@ pytestmark = [pytest.mark.slow, pytest.mark.numerical]  # a boom is reduced
 
 
 def test_boom_on_shut_oil_swings_at_the_frequency_of_its_columns() -> None:
-    """The stiffness is that of both columns, with those by which arm and weight turn."""
-    run = simulated(
-        *RIGID, oil(), "frame.luffing_rate=1e-4", "frame.cylinder.oil.leakage=0.0", "time.end=0.2", "time.step=1e-4"
-    )
+    """The stiffness is that of both columns, with those by which arm and weight turn; hoses have a part of `DEAD`."""
+    hoses = ("frame.cylinder.oil.dead_volumes=[1e-4, 1e-4]", "frame.cylinder.oil.hose_volumes=[1e-4, 2e-4]")
+    keys = (*RIGID, oil(), *hoses, "frame.luffing_rate=1e-4", "frame.cylinder.oil.leakage=0.0")
+    run = simulated(*keys, "time.end=0.2", "time.step=1e-4")
     angle, d = 0.3, 1e-5
     length, arm = geometry(angle)
     force = -weight_moment(run.boom, angle) / arm

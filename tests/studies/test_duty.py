@@ -60,15 +60,31 @@ def test_files_hold_the_table() -> None:
     duty = table((12.0, 8.0), (0.0, 20.0, 40.0, 60.0), 9000.0)
     rows = list(csv.DictReader(io.StringIO(duty.csv(["tipping", "tip"]))))
     assert [float(row["radius [m]"]) for row in rows] == pytest.approx(duty.radii)
-    assert [row["8 m: load [kg]"] == "" for row in rows] == np.isnan(duty.load[:, 0]).tolist()
-    assert {row["12 m: governed by"] for row in rows} <= {"tipping", "tip", ""}
+    for e, length in enumerate(("8 m", "12 m")):
+        for column, values in (("load [kg]", duty.load), ("lower bound [kg]", duty.lower)):
+            read = [float(row[f"{length}: {column}"] or "nan") for row in rows]
+            np.testing.assert_allclose(read, values[:, e], rtol=1e-8)
+        by = [row[f"{length}: governed by"] for row in rows]
+        assert by == [
+            ["tipping", "tip"][k] if x == x else "" for k, x in zip(duty.which[:, e], duty.load[:, e], strict=True)
+        ]
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.load_workbook(io.BytesIO(duty.workbook("Crane", ["tipping", "tip"])))
     assert book.sheetnames == ["Loads in kg", "Lower bounds in kg", "Limits"]
+    for name, values in (("Loads in kg", duty.load), ("Lower bounds in kg", duty.lower)):
+        sheet = book[name]
+        cells = [[np.nan if cell.value is None else cell.value for cell in row[1:]] for row in sheet.iter_rows(2)]
+        np.testing.assert_allclose(cells, values, rtol=1e-15)  # a sheet has 16 digits
     sheet = book["Loads in kg"]
-    cells = np.array([[np.nan if cell.value is None else cell.value for cell in row[1:]] for row in sheet.iter_rows(2)])
-    assert np.array_equal(cells, duty.load, equal_nan=True)
     assert sheet.cell(2, 2).number_format == '0" B"' and [cell.value for cell in book["Limits"][3]] == ["B", "tip"]
+
+
+def test_of_slewing_angles_the_least_load_counts() -> None:
+    load = np.array([[[900.0, np.nan], [np.nan, 700.0], [800.0, 750.0]]])  # of one luffing angle
+    place = np.tile([8.0, 0.0], (3, 1))
+    row = {"load": load[0], "error": 0.1 * load[0], "place": place, "luffing": np.zeros(3)}
+    least = LeastLoads.from_rows([row], 3)
+    assert least.load.tolist() == [[[800.0, 700.0]]] and least.error == pytest.approx(0.1 * least.load)
 
 
 def test_letters_go_on_behind_z() -> None:
