@@ -173,9 +173,12 @@ def missing_reaction_warnings(scene: Scene) -> list[str]:
     These are reactions along x of beams without axial coordinates, and forces of supports with ``points = "all"``.
     """
     weight_along = scene.gravity is not None and scene.gravity.direction[0] != 0.0
-    # sections that slide in others are accelerated along them, and have cylinders
-    without_axial = [member for member in members(scene) if not has_axial_motion(member)]
-    bodies_without_axial = [m.part.name or "the body" for m in without_axial if weight_along or m.has_joint]
+    # sections that slide in others are accelerated along them, and have cylinders; a mass on a wheel has none
+    slides = any(part.joint is not None and part.body.mover is None for part in scene.sections)
+    without_axial = [
+        member for member in members(scene) if member.part.body.mover is None and not has_axial_motion(member)
+    ]
+    bodies_without_axial = [m.part.name or "the body" for m in without_axial if weight_along or slides]
     supports = [(body, support) for body, part in scene.bodies.items() for support in part.supports]
     supports_of_all_points = [qualified_name(body, str(of.on)) for body, of in supports if of.points == "all"]
     of_bodies = (

@@ -25,6 +25,7 @@ from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, gather
 from pmr.files.arrays import Array
 from pmr.models import StructuralModel, is_assembled
+from pmr.models.mover import Mover
 from pmr.scene.keys import ALONE, input_name
 from pmr.scene.structures import PointMass
 from pmr.system.body import FullBody, RowProperties
@@ -59,7 +60,7 @@ def masses_of(model: StructuralModel, point_masses: Sequence[PointMass], M: PETS
     Returns None for given matrices: supports inside them would falsify the mass.  A coordinate of the centre of
     gravity that the model's motions do not show is 0.
     """
-    if not is_assembled(model):
+    if not is_assembled(model) and not isinstance(model, Mover):
         return None
     directions, G = model.directions, _gram_matrix(model.rigid_motions(), M)
     mass_of_model = max(float(G[k, k]) for k, direction in enumerate(directions) if direction in "xyz")

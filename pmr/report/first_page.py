@@ -8,12 +8,22 @@ import numpy as np
 
 from pmr.report import errors, overview, sentences
 from pmr.report.blocks import Table
-from pmr.report.columns import is_round_off, tip_displacements
-from pmr.report.numbers import SPACE, format_input, format_length, format_percent, format_quantity, significant
+from pmr.report.columns import axis_points, is_round_off, tip_displacements
+from pmr.report.numbers import (
+    SPACE,
+    format_input,
+    format_length,
+    format_percent,
+    format_quantity,
+    format_time,
+    significant,
+)
 from pmr.report.overview import format_range
 from pmr.report.subject import (
+    crossing,
     direction_words,
     drive_of,
+    has_free_luffing,
     has_pushing_pads,
     is_alone,
     luffing_support_names,
@@ -39,6 +49,8 @@ FORCES = tuple(
 PIVOT, MACHINE, GROUND = f"{AT_PIVOT} ", "machine ", f"{AT_GROUND} "
 #: Kinds of the outputs with the forces of a key, unless the summary has them.
 OF_KINDS = {"pad_force": "pad", "cylinder_force": "cylinder", "support": "support", "outrigger_force": "outrigger"}
+#: Words for the chambers of a luffing cylinder.
+OIL_SIDES = {"bore": "in the bore", "rod": "on the rod side"}
 #: End of the name of a cylinder that moves sections by ropes.
 ROPES = "which pulls the ropes"
 #: Share of the highest natural frequency up to which a frequency is round-off and is printed as 0.
@@ -64,7 +76,7 @@ def capacity_rows(result: RunResult) -> Rows:
         life = "" if worst["life"] is None else f", endured {significant(worst['life'])} times"
         yield QUANTITIES["damage"].reported, f"{significant(worst['damage'])}, {worst['name']}{life}"
     if (buckling := summary.get("buckling", {})).get("factor") is not None:
-        when = f"at {_round(buckling['t'])}{SPACE}s{_angles_clause(result, buckling['t'])}"
+        when = f"at {format_time(buckling['t'])}{_angles_clause(result, buckling['t'])}"
         yield QUANTITIES["buckling"].reported, f"{significant(buckling['factor'])}, {when}"
     yield from _deflection_rows(result)
     yield from _frequency_rows(result)
@@ -101,7 +113,7 @@ def _stress_rows(result: RunResult) -> Rows:
 def _peak_clause(result: RunResult, peak: PeakSummary) -> str:
     """Clause with the point and the time of a largest stress, and with the boom's angles at that time."""
     where = [sentences.peak_part_name(peak), f"{_round(peak['position'][0])}{SPACE}m from the tail"]
-    return f"{', '.join(filter(None, where))}, at {_round(peak['t'])}{SPACE}s{_angles_clause(result, peak['t'])}"
+    return f"{', '.join(filter(None, where))}, at {format_time(peak['t'])}{_angles_clause(result, peak['t'])}"
 
 
 def _force_rows(result: RunResult) -> Rows:
@@ -216,6 +228,15 @@ def _luffing_rows(result: RunResult) -> Rows:
         long = format_range(stroke["min"], stroke["max"], f"{SPACE}m long")
         when = f"it {_push_or_pull(largest)}, {_extreme_clause(result, largest)}"
         yield QUANTITIES["luffing_force"].reported, f"{format_quantity(abs(largest.value), 'N')}, {when}; {long}"
+        pressures = {way: Extremes.from_summary(of) for way in OIL_SIDES if (of := cylinder.get(f"pressure_{way}"))}
+        for way in sorted(pressures, key=lambda way: pressures[way].most)[-1:]:
+            most = pressures[way].largest
+            text = f"{format_quantity(most.value, 'Pa')}, {OIL_SIDES[way]}, {_extreme_clause(result, most)}"
+            yield QUANTITIES["luffing_pressure"].reported, text
+        if flow := cylinder.get("flow_supply"):
+            most, power = Extremes.from_summary(flow).largest, cylinder["power_supply"]["max"]
+            text = f"{format_quantity(most.value, 'm^3/s')}, {format_quantity(power, 'W')} at most"
+            yield "largest flow from the supply", f"{text}, {_extreme_clause(result, most)}"
 
 
 def _push_or_pull(force: Extreme) -> str:
@@ -224,8 +245,12 @@ def _push_or_pull(force: Extreme) -> str:
 
 
 def _deflection_rows(result: RunResult) -> Rows:
-    """Yield a row with the largest tip displacement in each direction in which this displacement exceeds round-off."""
-    response = result.responses["reduced"]
+    """Yield a row with the largest tip displacement in each direction in which this displacement exceeds round-off.
+
+    Where a mass on a wheel crosses other sections, the rows have its displacement, and the largest ones of these.
+    """
+    response, mover = result.responses["reduced"], crossing(result)
+    called = f"largest displacement of {mover}" if mover else QUANTITIES["tip"].reported
     sizes = {
         direction: what(response)
         for direction, what in tip_displacements(result).items()
@@ -233,9 +258,20 @@ def _deflection_rows(result: RunResult) -> Rows:
     }
     for direction, values in sizes.items():
         largest = Extremes.from_history(values, response.t, result.abscissa_at(response.t)).largest
-        row = f"{QUANTITIES['tip'].reported}, {direction_words(result, direction)}"
-        way = {"y": ("right", "left"), "z": ("down", "up")}[direction][int(largest.value > 0.0)]
-        yield row, f"{format_length(abs(largest.value))} {way}, {_extreme_clause(result, largest)}"
+        row = f"{called}, {direction_words(result, direction)}"
+        yield row, f"{_deflection_text(direction, largest.value)}, {_extreme_clause(result, largest)}"
+    for line in axis_points(result, response)[:-1] if mover else ():
+        deflections = line.displacements(response)
+        k = int(np.abs(deflections).max(axis=0).argmax())
+        largest = Extremes.from_history(deflections[:, k], response.t, result.abscissa_at(response.t)).largest
+        where = f"{_deflection_text('z', largest.value)}, {_round(line.x[k])}{SPACE}m from its tail"
+        yield f"largest deflection of {line.body}", f"{where}, {_extreme_clause(result, largest)}"
+
+
+def _deflection_text(direction: str, value: float) -> str:
+    """Format a deflection of `value` m along y or z by its size and its way in words."""
+    way = {"y": ("right", "left"), "z": ("down", "up")}[direction][int(value > 0.0)]
+    return f"{format_length(abs(value))} {way}"
 
 
 def _machine_rows(result: RunResult) -> Rows:
@@ -285,9 +321,12 @@ def _frequency_rows(result: RunResult) -> Rows:
     if frequencies is None or not frequencies.size or not np.isfinite(frequencies[:, 0]).any():
         return
     k = int(np.nanargmin(frequencies[:, 0]))
-    lowest, where = float(frequencies[k, 0]), f"at {_position_text(result, float(result.frequencies.along[k]))}"
+    lowest, where = float(frequencies[k, 0]), _position_text(result, float(result.frequencies.along[k]))
+    where = f"{'with' if crossing(result) else 'at'} {where}"
     if lowest > ROUND_OFF * np.nanmax(frequencies):
         closed = ", every pad closed" if has_pushing_pads(result) else ""
+        closed += ", without the payload of the hoist" if result.scene.hoist is not None else ""
+        closed += ", the luffing cylinder locked" if has_free_luffing(result) else ""
         yield QUANTITIES["frequency"].reported, f"{significant(lowest)}{SPACE}Hz, {where}{closed}"
     else:
         yield QUANTITIES["frequency"].reported, f"0, {where}"
@@ -295,7 +334,7 @@ def _frequency_rows(result: RunResult) -> Rows:
 
 def _extreme_clause(result: RunResult, extreme: Extreme) -> str:
     """Clause with the time of an extreme value, and with the reach (or path coordinate) and the angles at that time."""
-    return f"at {_round(extreme.t)}{SPACE}s, {_position_text(result, extreme.s)}{_angles_clause(result, extreme.t)}"
+    return f"at {format_time(extreme.t)}, {_position_text(result, extreme.s)}{_angles_clause(result, extreme.t)}"
 
 
 def _angles_clause(result: RunResult, t: float) -> str:
@@ -311,6 +350,8 @@ def _angles_clause(result: RunResult, t: float) -> str:
 
 def _position_text(result: RunResult, position: float) -> str:
     """Describe `position` in m: the reach of a boom, the length of a section beyond its mouth, or s of the sliders."""
+    if mover := crossing(result):
+        return f"{mover} at {_round(position)}{SPACE}m"
     if not is_alone(result):
         return f"reach {_round(position)}{SPACE}m"
     if moving_part(result) == "mouth":

@@ -11,10 +11,10 @@ from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.columns import Force, forces_by_group
 from pmr.report.figures import loads as figures
 from pmr.report.figures.canvas import drawing
-from pmr.report.numbers import NOTHING, Unit, format_input, format_quantity, significant, unit_for
-from pmr.report.subject import drive_of, force_words, has_pushing_pads, is_alone
+from pmr.report.numbers import NOTHING, Unit, format_input, format_quantity, format_time, significant, unit_for
+from pmr.report.subject import crossing, drive_of, force_words, has_pushing_pads, is_alone
 from pmr.results import RunResult
-from pmr.results.quantities import QUANTITIES, unit_text
+from pmr.results.quantities import QUANTITIES
 from pmr.results.response import LUFFING_ANGLE, Extremes, Output, Response
 from pmr.results.tables import REACTION_OF, reaction_extremes
 
@@ -132,26 +132,24 @@ def ground_block(result: RunResult, prefix: str) -> Block | None:
         caption = f"Least and largest {what}, when they occur, and {abscissa_words(result)} then."
         grids.append(_grid(extremes, unit, largest, caption))
     text = "; ".join(
-        f"{of['name']} lifts off at {format_input(round(of['lifted']['t'], 3), 's')}"
-        for of in ground["outriggers"]
-        if "lifted" in of
+        f"{of['name']} lifts off at {format_time(of['lifted']['t'])}" for of in ground["outriggers"] if "lifted" in of
     )
-    text += f"{'; ' if text else ''}the machine tips at {ground['tips']:.4g} s" if ground["tips"] is not None else ""
+    if ground["tips"] is not None:
+        text += f"{'; ' if text else ''}the machine tips at {format_time(ground['tips'])}"
     sentence = f"{text[:1].upper()}{text[1:]}." if text else "All outriggers press on the ground all the time."
     rows = (tuple(row[:2]), tuple(row[2:]))
     return Block(heading="Outriggers and tipping", text=sentence, rows=rows, grids=tuple(grids))
 
 
 def luffing_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about a computed luffing angle: the angle, and pressures, flows and power over time.
+    """Build the block about what drives a computed luffing angle: pressures, flows and power over time.
 
-    None if the luffing angle is not computed.  `prefix` begins the identifiers of its figures.
+    None if the luffing angle is not computed, or nothing drives it.  `prefix` begins the identifiers of its figures.
     """
     response = result.responses["reduced"]
     if LUFFING_ANGLE not in response.other_names:
         return None
     groups = (
-        ("angle", [output for output in response.outputs if output.name == LUFFING_ANGLE], "The luffing angle."),
         ("pressure", _of_kind(response, "pressure"), "Pressures of the oil above that of the surroundings."),
         ("flow", _of_kind(response, "flow"), "Flows into bore and rod side, and out of the supply."),
         ("power", _of_kind(response, "power"), "Power of the cylinder's force, and power out of the supply."),
@@ -161,7 +159,8 @@ def luffing_block(result: RunResult, prefix: str) -> Block | None:
         for name, outputs, caption in groups
         if outputs
     ]
-    return Block(heading="Luffing", rows=tuple(tuple(drawn[k : k + 2]) for k in range(0, len(drawn), 2)))
+    rows = tuple(tuple(drawn[k : k + 2]) for k in range(0, len(drawn), 2))
+    return Block(heading="Luffing", rows=rows) if rows else None
 
 
 def _of_kind(response: Response, kind: str) -> list[Output]:
@@ -177,7 +176,7 @@ def _luffing_grids(result: RunResult) -> Iterator[Grid]:
     rows = list[tuple[str, ...]]()
     for key, extremes in cylinder.items():
         name, extreme = key.replace("_", " "), Extremes.from_summary(extremes)
-        unit = unit_for(extreme.size, unit_text(QUANTITIES[f"luffing_{name.split()[0]}"].unit))
+        unit = unit_for(extreme.size, QUANTITIES[f"luffing_{name.split()[0]}"].unit)
         rows.append((f"{name} in {unit.name}", *extreme_cells(extreme, unit)))
     caption = "The cylinder that raises the boom, hinged as frame.cylinder says: positive where it presses, and where "
     caption += f"it gets longer; when that is, and {abscissa_words(result)} then."
@@ -216,7 +215,12 @@ def exceeds_round_off(result: RunResult, force: Force) -> bool:
 
 
 def abscissa_words(result: RunResult) -> str:
-    """Words for the coordinate at which extremes occur: the path coordinate s for a body alone, else the reach."""
+    """Words for the coordinate at which extremes occur: the path coordinate s for a body alone, else the reach.
+
+    Where a mass on a wheel crosses another section, it is the place of the wheel.
+    """
+    if mover := crossing(result):
+        return f"the place of {mover}"
     return "the path coordinate s" if is_alone(result) else "the reach"
 
 
@@ -303,5 +307,5 @@ def extreme_cells(extreme: Extremes, unit: Unit, nothing: float = 0.0) -> Iterat
         (extreme.least, extreme.t_least, extreme.s_least),
         (extreme.most, extreme.t_most, extreme.s_most),
     ):
-        when = f" at {format_input(round(t, 3), 's')}, {format_input(round(s, 3), 'm')}"
+        when = f" at {format_time(t)}, {format_input(round(s, 2), 'm')}"
         yield f"{significant(value / unit.size)}{when}" if abs(value) > nothing else "0"

@@ -10,7 +10,7 @@ from pmr.files.arrays import Array
 from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.figures.histories import drawn_history
 from pmr.report.forces import abscissa_words, extreme_cells
-from pmr.report.numbers import format_input, format_quantity, significant, unit_for
+from pmr.report.numbers import format_quantity, format_time, significant, unit_for
 from pmr.results import Response, RunResult
 from pmr.results.quantities import QUANTITIES
 from pmr.results.response import Extremes
@@ -58,6 +58,6 @@ def hoist_block(result: RunResult, prefix: str) -> Block | None:
     weight, times = format_quantity(figures["weight_force"], "N"), significant(figures["factor"])
     text = f"The rope's largest force is {times} times that of the weight, {weight}."
     for span in figures.get("slack", ()):
-        start, end = (format_input(round(span[key], 3), "s") for key in ("start", "end"))
+        start, end = (format_time(span[key]) for key in ("start", "end"))
         text += f" It is slack from {start} to {end}, then it pulls with up to {format_quantity(span['snatch'], 'N')}."
     return Block(heading="Hoist", text=text, rows=tuple(rows), grids=(grid,))

@@ -25,12 +25,18 @@ class Unit:
     name: str
 
 
+#: Units of oil, whose volumes and flows are small.
+LITRES = {"m^3": Unit(1e-3, "l"), "m^3/s": Unit(1e-3 / 60.0, "l/min")}
+
+
 def unit_for(largest: float, base: str) -> Unit:
     """Return the unit with the prefix by which the value `largest`, given in the unit `base`, is printed as 1 to 1000.
 
     Lengths in m and times in s get no prefix above 1, such as k.  Quotients such as N/m, and products other than N m,
-    get no prefix at all; nor does any unit if `largest` is 0 or not finite.
+    get no prefix at all; nor does any unit if `largest` is 0 or not finite.  Volumes are in litres, flows in l/min.
     """
+    if base in LITRES:
+        return LITRES[base]
     if largest == 0.0 or not isfinite(largest) or not (base.isalpha() or base == "N m"):
         return Unit(1.0, base)
     sizes = [size for size in _PREFIXES if size <= 1.0 or base not in ("m", "s")]
@@ -66,6 +72,9 @@ def format_input(value: float, unit: str = "") -> str:
     An empty `unit` is left out.  Whole numbers from 10 000 on are written in groups of three digits.
     """
     text, end = f"{value:.10g}", f"{SPACE}{unit}" if unit else ""
+    if abs(value) >= 1e9 and "e" not in text:
+        mantissa, exponent = f"{value:.9e}".split("e")
+        text = f"{mantissa.rstrip('0').rstrip('.')}e{exponent}"
     if 1e4 <= abs(value) < 1e9 and "." not in text and "e" not in text:
         text = f"{int(value):,}".replace(",", "\u202f")
     if "e" in text:
@@ -73,6 +82,11 @@ def format_input(value: float, unit: str = "") -> str:
         scale = power_of_ten(int(exponent))
         text = scale if mantissa == "1" else f"{mantissa}{SPACE}·{SPACE}{scale}"
     return text.replace("-", MINUS) + end
+
+
+def format_time(t: float) -> str:
+    """Format the time `t` in s of an event: rounded to 0.01 s, or to 0.001 s before 1 s."""
+    return format_input(round(t, 2 if abs(t) >= 1.0 else 3), "s")
 
 
 def with_sign(value: float) -> str:

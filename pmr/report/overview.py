@@ -13,6 +13,7 @@ from pmr.report.scene_tables import SceneWords, describe_plain
 from pmr.report.subject import (
     AppliedLoad,
     choice_clause,
+    crossing,
     is_raised,
     moving_part,
     reach,
@@ -23,6 +24,9 @@ from pmr.report.subject import (
 from pmr.results import RunResult
 from pmr.scene.built import PadRing, Support
 from pmr.scene.choice import model_of
+from pmr.scene.frame import Frame
+from pmr.scene.ground import Ground
+from pmr.scene.hoist import Hoist
 from pmr.scene.joints import JointPads, OneBody
 from pmr.scene.keys import qualified_name
 from pmr.scene.members import members
@@ -40,6 +44,8 @@ def system_rows(result: RunResult) -> Rows:
     for load in scene_loads(result):
         yield qualified_name(load.body, load.name), _load_text(load)
     scene, gravity = result.scene, result.scene.gravity
+    if scene.hoist is not None:
+        yield "hoist", _describe_hoist(scene.hoist)
     weight = "left out" if gravity is None else f"included, {significant(gravity.acceleration)}{SPACE}m/s²"
     yield "weight of the boom", weight
     if scene.frame is not None and result.frame is not None:
@@ -50,17 +56,52 @@ def system_rows(result: RunResult) -> Rows:
         for name, angle in zip(("luffing", "slewing"), result.frame.angles, strict=True):
             low, high = np.rad2deg(angle.bounds(0.0, scene.time.end))
             if low or high:
-                yield name, format_range(low, high, "°")
+                yield name, format_range(low, high, "°") + (_drive_clause(scene.frame) if name == "luffing" else "")
+        if (ground := scene.frame.ground) is not None:
+            yield "stands on", _describe_ground(ground, scene.frame.unit)
     elif gravity is not None:
         raised = f"{format_input(round(gravity.elevation, 1))}°" if is_raised(result) else "0°, it lies level"
         yield "raised by", raised
-    if result.reach is not None:
+    if result.reach is not None and (mover := crossing(result)):
+        yield f"way of {mover}", format_range(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")
+    elif result.reach is not None:
         yield "reach along the boom", format_range(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")
     elif moving_part(result) == "mouth":
         low, high = scene.path_bounds
         yield "out of its mouth", format_range(reach(result) - high, reach(result) - low, f"{SPACE}m")
     yield from _tip_rows(result)
     yield "time", format_input(scene.time.end, "s")
+
+
+def _describe_hoist(hoist: Hoist) -> str:
+    """Describe what hangs on a hoist, on how many falls, and the wind on it."""
+    hook = f" with a hook of {format_input(hoist.hook, 'kg')}" if hoist.hook else ""
+    falls = "one fall" if hoist.falls == 1 else f"{hoist.falls} falls"
+    wind = f", in wind along {', '.join(hoist.wind.signals)}" if hoist.wind.signals else ""
+    return f"payload of {format_input(hoist.payload, 'kg')}{hook} on {falls}{wind}"
+
+
+def _drive_clause(frame: Frame) -> str:
+    """Clause on what drives a computed luffing angle; empty for an angle that is given."""
+    if frame.computed_key != "luffing":
+        return ""
+    if frame.cylinder is None or not frame.cylinder.drives:
+        return ", computed: nothing drives it"
+    oil, drive = frame.cylinder.oil, frame.cylinder.drives[0]
+    if oil is None:
+        return f", computed: a given {drive} of the cylinder drives it"
+    valves = "shut in" if oil.valve is None else "through a valve"
+    valves += "" if oil.counterbalance is None else " and a counterbalance valve"
+    return f", computed: oil of {format_quantity(oil.supply, 'Pa')} {valves} drives it"
+
+
+def _describe_ground(ground: Ground, unit: str) -> str:
+    """Describe the outriggers, the machine's masses and the slope of the ground, whose angles are in `unit`."""
+    masses = f", with machine masses of {_format_mass(sum(mass.mass for mass in ground.masses))}"
+    angles = ground.slope if unit == "degrees" else np.rad2deg(ground.slope)
+    ways = [f"{format_input(round(float(angle), 2))}° along {axis}" for angle, axis in zip(angles, "XY", strict=True)]
+    slope = f", on ground that rises by {' and '.join(ways)}" if any(ground.slope) else ""
+    return f"{len(ground.outriggers)} outriggers{masses if ground.masses else ''}{slope}"
 
 
 def _tip_rows(result: RunResult) -> Rows:
@@ -83,6 +124,8 @@ def _load_text(load: AppliedLoad) -> str:
     A load that is never positive is described as a positive load along the opposite axis.
     """
     where, _, axis = load.where.rpartition(" along ")
+    if not np.any(load.values):
+        return f"0 at all times, {load.where}"
     if load.values.min(initial=0.0) < 0.0 and load.values.max(initial=0.0) <= 0.0:
         return f"{_format_load(-load.values, load.unit)} {where} along {MINUS}{axis}"
     return f"{_format_load(load.values, load.unit)} {load.where}"
@@ -115,8 +158,11 @@ def _body_rows(result: RunResult) -> Rows:
     models, limits = dict[str, None](), dict[str, None]()
     for member, (name, part) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
         called = name or "structure"
-        properties = [f"box of {SceneWords().describe(box)}"] if (box := part.body.box) is not None else []
-        properties += [_format_mass(masses[name])] if name in masses else []
+        box, profile, mover = part.body.box, part.body.profile, part.body.mover
+        properties = [] if box is None else [f"box of {SceneWords().describe(box)}"]
+        properties += [] if profile is None else [f"{format_input(profile.length, 'm')} long"]
+        properties += [] if mover is None else [SceneWords().describe(mover)]
+        properties += [_format_mass(masses[name])] if name in masses and mover is None else []
         if properties:
             yield called, ", ".join(properties)
         models[structural_model_words(model_of(member), part.body.walls)] = None

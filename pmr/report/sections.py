@@ -38,7 +38,7 @@ from pmr.report.figures import histories, shapes, sketch, space
 from pmr.report.figures import loads as inputs
 from pmr.report.figures.canvas import colour_scale, drawing
 from pmr.report.numbers import SPACE, format_input, significant
-from pmr.report.subject import direction_words, input_loads, is_alone, moving_part
+from pmr.report.subject import acting_loads, direction_words, is_alone, moving_part
 from pmr.results import RunResult
 from pmr.scene.keys import qualified_name
 
@@ -101,27 +101,29 @@ def accuracy_block(result: RunResult, prefix: str) -> Block | None:
     return Block(heading="Accuracy on order", rows=((drawn,),), text=f"{text[:1].upper()}{text[1:]}." if text else "")
 
 
-def input_block(result: RunResult, prefix: str) -> Block:
+def input_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block with figures of paths or extensions, loads, and angles of the boom over time.
 
-    Loads and angles are left out if there are none or none changes.  `prefix` begins the identifiers of the figures.
+    Extensions and angles that do not change, and loads that do not act, are left out; None if nothing is left.
+    `prefix` begins the identifiers of the figures.
     """
-    caption = f"{moving_part(result).capitalize()} position along the body over time."
-    if not is_alone(result):
-        caption = "Extension of each section over time."
-    row = [drawing(f"{prefix}-position", inputs.path_figure, caption, result)]
-    if input_loads(result):
-        row.append(
-            drawing(f"{prefix}-loads", inputs.load_figure, f"Loads over time.{_weight_sentence(result)}", result)
-        )
-    heading = f"{moving_part(result).capitalize()} and loads"
-    if not is_alone(result):
-        heading = "Extensions and loads" if input_loads(result) else "Extensions"
+    row, parts, alone = list[Drawing](), list[str](), is_alone(result)
+    if alone or np.ptp(result.paths.values, axis=0).any():
+        moves = f"{moving_part(result).capitalize()} position along the body over time."
+        caption = moves if alone else "Extension of each section over time."
+        row.append(drawing(f"{prefix}-position", inputs.path_figure, caption, result))
+        parts.append(moving_part(result) if alone else "extensions")
+    if acting_loads(result):
+        caption = f"Loads over time.{_weight_sentence(result)}"
+        row.append(drawing(f"{prefix}-loads", inputs.load_figure, caption, result))
+        parts.append("loads")
     if changing := subject.changing_angles(result):
         caption = f"{' and '.join(changing).capitalize()} over time."
         row.append(drawing(f"{prefix}-angles", inputs.angle_figure, caption, result, changing))
-        heading = f"{heading}, angles of the boom"
-    return Block(heading=heading, rows=tuple(tuple(row[k : k + 2]) for k in range(0, len(row), 2)))
+        parts.append("angles of the boom")
+    heading = ", ".join(parts[:-1]) + " and " * (len(parts) > 1) + "".join(parts[-1:])
+    rows = tuple(tuple(row[k : k + 2]) for k in range(0, len(row), 2))
+    return Block(heading=heading.capitalize(), rows=rows) if rows else None
 
 
 def motion_block(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Block | None:
@@ -157,22 +159,23 @@ def tip_block(result: RunResult, prefix: str) -> Block:
     figures.
     """
     rows, still, quantities = [], [], tip_displacements(result)
+    of = subject.crossing(result) or "the tip"
     largest = max((float(np.abs(what(result.responses["reduced"])).max()) for what in quantities.values()), default=0.0)
     for number, (direction, what) in enumerate(quantities.items()):
         if is_round_off(result, what):
             still.append(direction)
             continue
         anchor, called = f"{prefix}-tip-{direction}", direction_words(result, direction)
-        caption, label = f"Displacement of the tip, {called}", f"Tip {direction}"
+        caption, label = f"Displacement of {of}, {called}", f"{of.removeprefix('the ').capitalize()} {direction}"
         rows.append((histories.drawn_history(anchor, result, what, caption, label, "m", largest),))
         if result.tip_error is None:
             continue
         wide = result.tip_error[:, number]
         if max(float(wide.max()), largest_difference(result, what)) > invisible_difference(result) * largest:
             inside = ", with the difference to the full model in it" if "full" in result.responses else ""
-            caption = f"Estimated error of the tip, {called}{inside}."
+            caption = f"Estimated error of {of}, {called}{inside}."
             rows.append((drawing(f"{prefix}-band-{direction}", histories.estimate_band, caption, result, what, wide),))
-    return Block(heading="Motion of the tip", rows=tuple(rows), text=undrawn_sentence(still))
+    return Block(heading=f"Motion of {of}", rows=tuple(rows), text=undrawn_sentence(still))
 
 
 def energy_block(result: RunResult, prefix: str) -> Block:
@@ -223,6 +226,7 @@ def basis_block(result: RunResult, prefix: str) -> Block | None:
     rows += [tuple(row)] if row else []
     heading = "Basis and eigenfrequencies" if is_alone(result) else "Natural frequencies"
     heading += "" if result.scene.hoist is None else ", without the payload of the hoist"
+    heading += ", the luffing cylinder locked" if subject.has_free_luffing(result) else ""
     return Block(heading=heading, rows=tuple(rows), grids=grids) if rows or grids else None
 
 

@@ -16,9 +16,18 @@ from pmr.report.numbers import (
     format_length,
     format_percent,
     format_quantity,
+    format_time,
     significant,
 )
-from pmr.report.subject import force_words, moving_part, reduced_size, scope_words, slider_offsets, structural_model
+from pmr.report.subject import (
+    crossing,
+    force_words,
+    moving_part,
+    reduced_size,
+    scope_words,
+    slider_offsets,
+    structural_model,
+)
 from pmr.report.subject import reach as reach
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
@@ -50,6 +59,8 @@ def opening_sentences(result: RunResult) -> str:
         names = list(result.scene.bodies)
         low, high = float(result.reach.min()), float(result.reach.max())
         out = f"{low:.4g}{SPACE}m to {high:.4g}{SPACE}m" if high > low else f"{low:.4g}{SPACE}m"
+        if mover := crossing(result):
+            return f"{mover.capitalize()} crosses {names[-2]}: it is {out} from the tail of {names[0]}."
         bend = f"A boom of {len(names)} sections, all of which bend: {', '.join(names)}."
         return f"{bend} It reaches {out} from the tail of the base."
     low, high = result.scene.path_bounds
@@ -230,7 +241,7 @@ def frame_sentences(result: RunResult) -> str:
         return f"{turns}{axes}Second order is included; no axial force compresses the boom."
     return (
         f"{turns}{axes}Second order is included: the boom would buckle under {significant(factor)} times its "
-        f"axial forces, at t = {format_input(round(buckling['t'], 3), 's')}, with every pad closed."
+        f"axial forces, at t = {format_time(buckling['t'])}, with every pad closed."
         f"{_deflection_sentence(factor)}"
     )
 

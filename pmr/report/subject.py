@@ -212,6 +212,17 @@ def scene_loads(result: RunResult) -> list[AppliedLoad]:
     return list(by_load.values())
 
 
+def acting_loads(result: RunResult) -> list[AppliedLoad]:
+    """Loads as the scene defines them, without those that are 0 at all times."""
+    return [load for load in scene_loads(result) if np.any(load.values)]
+
+
+def crossing(result: RunResult) -> str:
+    """Name of the section that is a mass on a wheel and crosses the section before it; empty if there is none."""
+    last, part = list(result.scene.bodies.items())[-1]
+    return "" if part.body.mover is None else last
+
+
 def axial_supports(result: RunResult) -> list[str]:
     """Names of the supports that hold a body alone in the direction of its axis only."""
     return [support.name for support in result.scene.supports if support.held_directions == ("x",)]
@@ -242,6 +253,11 @@ def rings_of(part: BoomSection) -> list[PadRing | JointPads]:
 def has_pushing_pads(result: RunResult) -> bool:
     """Whether any pad is unilateral: such a pad can only push, and may lift off."""
     return any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
+
+
+def has_free_luffing(result: RunResult) -> bool:
+    """Whether the luffing angle is computed together with the motion of the boom."""
+    return result.scene.frame is not None and result.scene.frame.computed_key == "luffing"
 
 
 def luffing_support_names(result: RunResult) -> set[str]:

@@ -47,6 +47,8 @@ def model_comparison(scene: Scene) -> ModelComparison:
     ranks = [ORDER.index(model) for model in models_of_scene if model in ORDER]
     if len(ranks) < len(models_of_scene) or max(ranks) == len(ORDER) - 1:
         models = " and ".join(dict.fromkeys(models_of_scene))
+        if "mover" in models_of_scene:
+            raise _no_comparison(richer_model, "not measured: no shell stands for a mass on a wheel")
         raise _no_comparison(
             richer_model, f"a shell is the richest model there is to compare with, beams are less; this is {models}"
         )

@@ -357,9 +357,14 @@ class Scene(SectionTables):
         return ScaledSignal(signal=followed, ratio=joint.ratio, offset=joint.offset)
 
     def reach(self, t: ArrayLike) -> Array:
-        """Return the distances in m along the boom from the base's tail to the tip at the times t in s; shape of t."""
+        """Return the distances in m along the boom from the base's tail to the tip at the times t in s; shape of t.
+
+        Where the last section is a mass on a wheel, they are those to its wheel.
+        """
+        last = self.sections[-1]
+        end = last.length if last.body.mover is None else 0.0
         tails = [self.extension(number).value(t) for number in range(1, len(self.sections))]
-        return np.asarray(np.sum([np.zeros_like(np.asarray(t, float)), *tails], axis=0) + self.sections[-1].length)
+        return np.asarray(np.sum([np.zeros_like(np.asarray(t, float)), *tails], axis=0) + end)
 
     def path_positions(self, t: ArrayLike) -> Array:
         """Return s of the only body, or `reach` of several sections, in m at the times t in s; shape of t."""

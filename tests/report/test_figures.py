@@ -14,7 +14,18 @@ from pmr import report
 from pmr.report.blocks import Drawing
 from pmr.report.columns import tip_displacements
 from pmr.report.figures import shapes, sketch
-from pmr.report.figures.canvas import HALF, PENS, SHADE, WIDE, log_axis, make_sheet, octave_axis, style, svg
+from pmr.report.figures.canvas import (
+    HALF,
+    PENS,
+    SHADE,
+    WIDE,
+    legend_rows,
+    log_axis,
+    make_sheet,
+    octave_axis,
+    style,
+    svg,
+)
 from pmr.report.figures.histories import Span, Timeline, drawn_history, estimate_band, sliding_spans
 from pmr.results import Paths, RunResult
 from pmr.results.run import FrequencyMap
@@ -242,3 +253,24 @@ def test_contours_have_their_labels_within_the_map(whole: RunResult) -> None:
     shown = [one for one in ax.texts if one.get_visible()]
     places = (np.array([one.get_position() for one in shown]) - first[0]) / (first[-1] - first[0])
     assert len(shown) >= 4 and (places > 0.05).all() and (places < 0.95).all()
+
+
+def test_the_label_of_an_axis_keeps_clear_of_long_labels_of_its_ticks() -> None:
+    """A displacement of 1.058 mm that changes by 4 µm has ticks of six characters."""
+    with style():
+        figure, axes = make_sheet(HALF, 1.9)
+        axes[0, 0].plot([0.0, 1.0], [-1.0584, -1.0546])
+        axes[0, 0].set_ylabel("Tip y in mm")
+        svg(figure, "tip", "Tip")
+        figure.draw_without_rendering()
+        label = axes[0, 0].yaxis.label.get_window_extent()
+        ticks = [tick.get_window_extent() for tick in axes[0, 0].get_yticklabels()]
+    assert len(axes[0, 0].get_yticklabels()[1].get_text()) == 6
+    assert 0.0 <= label.x0 and label.x1 <= min(tick.x0 for tick in ticks)
+
+
+def test_a_legend_has_as_many_rows_as_its_longest_names_need() -> None:
+    """Names of 25 letters, 1.97 in each: two of them are wider than half a page."""
+    edges = ["rear right to front right", "front right to front left", "front left to rear left", "rear left"]
+    assert legend_rows(edges, HALF) == 4 and legend_rows(edges[:1], HALF) == 1
+    assert legend_rows(["x", "y", "z"], HALF) == 1 and legend_rows([], HALF) == 1

@@ -21,7 +21,7 @@ from pmr.report.blocks import (
     mark_for,
 )
 from pmr.report.errors import error_notes, rows
-from pmr.report.numbers import SPACE, Unit
+from pmr.report.numbers import SPACE, Unit, format_input, format_quantity, format_time
 from pmr.results import RunResult
 
 
@@ -201,3 +201,14 @@ def test_marks_stand_in_the_order_of_their_worth() -> None:
     words = [mark.text for mark in table.marks]
     assert words == ["better", "same when rounded", "within 5\u00a0%", "different", "worse"]
     assert list(count_verdicts(table.rows)) == words
+
+
+def test_times_volumes_and_large_inputs_have_no_more_digits_than_they_need() -> None:
+    assert (format_time(0.0042), format_time(0.9996), format_time(22.6241)) == (
+        "0.004\u00a0s",
+        "1\u00a0s",
+        "22.62\u00a0s",
+    )
+    assert format_quantity(1.25e-3, "m^3/s") == "75.0\u00a0l/min" and format_quantity(3.29e-3, "m^3") == "3.29\u00a0l"
+    assert format_input(1e9, "N") == "10⁹\u00a0N" and format_input(-2.5e11) == "−2.5\u00a0·\u00a010¹¹"
+    assert format_input(123456789.0) == "123\u202f456\u202f789"

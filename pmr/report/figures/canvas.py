@@ -79,6 +79,7 @@ _STYLE: Mapping[str, Any] = {
     "savefig.facecolor": "none",
 }
 ROW, ENTRY, LETTER = 0.14, 0.42, 0.062  # in, of a legend: height of a row, width of a line and of a letter
+LETTERS = 5  # of the labels of ticks for which there is room beside the label of the y-axis
 SHADES = 60  # number of colours in the ramp
 
 
@@ -167,10 +168,13 @@ def make_sheet(
     return Sheet(figure, axes)
 
 
-def _place_labels(ax: Axes) -> None:
-    """Put axis labels at fixed distances from the axes, so that labels line up and no text has to be measured."""
+def _place_labels(ax: Axes, aside: float = 0.42) -> None:
+    """Put axis labels at fixed distances from the axes, so that labels line up and no text has to be measured.
+
+    `aside` is the distance in inches of the label of the y-axis.
+    """
     extent, inch = ax.get_window_extent(), mpl.rcParams["figure.dpi"]
-    ax.yaxis.set_label_coords(-0.42 * inch / extent.width, 0.5)
+    ax.yaxis.set_label_coords(-aside * inch / extent.width, 0.5)
     ax.xaxis.set_label_coords(0.5, -0.25 * inch / extent.height)
 
 
@@ -191,8 +195,13 @@ def legend_rows(names: Sequence[str], width: float) -> int:
 
     The figure has to be higher by `ROW` inches for each row after the first.
     """
-    entries = sum(ENTRY + LETTER * len(name) for name in names)
-    return max(1, min(ceil(entries / (width - 0.6)), len(names)))
+    entries, rows = [ENTRY + LETTER * len(name) for name in names], 1
+    while rows < len(names):
+        columns = np.array_split(entries, ceil(len(names) / rows))  # each as wide as its longest name
+        if sum(float(column.max()) for column in columns) <= width - 0.6:
+            break
+        rows += 1
+    return rows
 
 
 def add_legend(figure: Figure, handles: Sequence[Artist], rows: int = 1) -> None:
@@ -329,6 +338,10 @@ def svg(figure: Figure, name: str, description: str) -> str:
         Text that a screen reader says in place of the figure.
     """
     buffer = io.BytesIO()
+    for ax in figure.axes:
+        letters = max(map(len, ax.yaxis.get_major_formatter().format_ticks(list(ax.get_yticks()))), default=0)
+        if letters > LETTERS:
+            _place_labels(ax, 0.1 + LETTER * letters)
     for text in figure.findobj(Text):
         text.set_parse_math(False)  # a user's $ is a dollar
         text.set_text(escape_controls(text.get_text()))

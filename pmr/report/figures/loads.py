@@ -72,8 +72,8 @@ def angle_figure(result: RunResult, changing: Mapping[str, SignalBase]) -> Figur
 
 
 def load_figure(result: RunResult) -> Figure:
-    """Draw loads over time: forces in one panel, moments in another, temperatures in a third."""
-    time, acting = Timeline(result), subject.scene_loads(result)
+    """Draw the loads that act over time: forces in one panel, moments in another, temperatures in a third."""
+    time, acting = Timeline(result), subject.acting_loads(result)
     units = sorted({load.unit for load in acting})
     rows = (
         legend_rows([*(qualified_name(load.body, load.name) for load in acting), "boom moves"], HALF)

@@ -22,7 +22,7 @@ from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, WIDE, add_legend, 
 from pmr.report.figures.histories import responses_in_drawing_order
 from pmr.report.numbers import enlargement, share_captured, unit_for
 from pmr.report.renderer import RAMP
-from pmr.report.subject import fixtures, moving_part, reach, slider_offsets
+from pmr.report.subject import crossing, fixtures, moving_part, reach, slider_offsets
 from pmr.results import FrequencyResponse, RunResult, Shapes
 
 MOST_SHAPES = 25
@@ -189,6 +189,7 @@ def frequency_figure(result: RunResult) -> Figure:
     heads = {"slider": "Slider position s in m", "mouth": "Length beyond the mouth in m"}
     x = reach(result) - lowest.along if moving_part(result) == "mouth" else lowest.along
     head = heads.get(moving_part(result), "Reach from the base's tail in m")
+    head = f"Place of {mover} in m" if (mover := crossing(result)) else head
     if lowest.t is not None and len(x) > 1 and not np.ptp(x):  # the reach is constant, only forces change
         x, head = lowest.t, "Time in s"
     single = {"marker": "o"} if len(x) == 1 else {}

@@ -34,7 +34,7 @@ from pmr.report.figures.canvas import (
 from pmr.report.figures.histories import Timeline
 from pmr.report.figures.shapes import exaggeration
 from pmr.report.numbers import SPACE, format_input, format_quantity
-from pmr.report.subject import reach
+from pmr.report.subject import changing_angles, reach
 from pmr.results import RunResult
 
 #: Number of moments at which a boom is drawn; they are evenly spaced along the path of its tip.
@@ -344,12 +344,11 @@ def space_drawings(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...],
         row.insert(0, drawing(f"{prefix}-plan", plan_view, view_caption(result, "from above"), result))
     figures = [tuple(row)]
     if any(result.summary.get("buckling", {}).get("over", {}).get("factor", ())):
-        caption = (
-            "Factor by which all axial forces would have to grow until the "
-            "boom buckles, with every pad closed, along the "
-        )
-        caption += "way of this run, which begins at the larger dot."
-        captions = (("reach", caption), ("angle", "The same over the angle of luffing."))
+        caption = "Factor by which all axial forces would have to grow until the boom buckles, with every pad closed, "
+        caption += "along the way of this run, which begins at the larger dot."
+        over = ["reach"] if np.ptp(result.abscissa) > 0.0 else []
+        over += ["angle"] if not over or "luffing" in changing_angles(result) else []
+        captions = zip(over, (caption, "The same over the angle of luffing."), strict=False)
         figures.append(
             tuple(drawing(f"{prefix}-buckling-{x}", buckling_figure, caption, result, x) for x, caption in captions)
         )

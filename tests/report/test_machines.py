@@ -1,0 +1,86 @@
+"""What the page says of a vehicle on a bridge, a hoist, oil and outriggers, in short runs of the workflows."""
+
+from __future__ import annotations
+
+import pytest
+
+import pmr
+from pmr.report import forces, sections
+from pmr.report.figures.space import space_drawings
+from pmr.report.first_page import first_page_tables
+from pmr.report.sentences import opening_sentences
+from pmr.results import RunResult
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("undrawn", "unmeasured")]
+SPACE = "\u00a0"
+SHORT = ("section.mesh.elements=8", "section.reduction.coordinates=6", "time.end=0.2")
+
+
+def short_run(name: str, *changes: str) -> RunResult:
+    """Result of a workflow without its full model and without a richer one."""
+    outcome = pmr.run(pmr.load_scene(name, ["compare.against=[]", "compare.richer='none'", *changes]))
+    assert outcome is not None
+    return outcome.result
+
+
+def rows(result: RunResult, title: str) -> dict[str, str]:
+    return dict(next(table.rows for table in first_page_tables(result) if table.title == title))
+
+
+def test_a_vehicle_is_told_by_its_place_on_the_bridge_and_counts_with_its_mass() -> None:
+    """The mass on its spring is lowest beyond midspan, the bridge at midspan; masses are those of the file."""
+    result = short_run("bridge", "sections.bridge.mesh.elements=20")
+    asked, carries = rows(result, "What was asked"), rows(result, "What it carries")
+    assert opening_sentences(result) == \
+        f"Vehicle crosses bridge: it is 0{SPACE}m to 20{SPACE}m from the tail of bridge."  # fmt: skip
+    assert asked["bridge"].startswith(f"20{SPACE}m long, 20")
+    assert asked["vehicle"].startswith(f"mass 4000{SPACE}kg, wheel mass 500{SPACE}kg")
+    assert asked["total mass"].replace("\u202f", "").startswith(f"24500{SPACE}kg")
+    assert asked["way of vehicle"] == f"0 to 20{SPACE}m" and "reach along the boom" not in asked
+    lowest = carries["largest displacement of vehicle, vertical, z"]
+    assert "down" in lowest and "vehicle at" in lowest
+    assert f", 10{SPACE}m from its tail, " in carries["largest deflection of bridge"]
+    assert carries["lowest natural frequency"].endswith(f"with vehicle at 10{SPACE}m")
+    assert not any("without coordinates along x" in warning for warning in result.summary["warnings"])
+    assert forces.abscissa_words(result) == "the place of vehicle"
+
+
+def test_what_hangs_on_the_hoist_stands_on_the_first_page() -> None:
+    result = short_run("hoist", *SHORT)
+    asked, carries = rows(result, "What was asked"), rows(result, "What it carries")
+    assert asked["hoist"] == f"payload of 400{SPACE}kg with a hook of 50{SPACE}kg on 2 falls, in wind along y"
+    assert carries["lowest natural frequency"].endswith(", without the payload of the hoist")
+    (row,) = [row for row in space_drawings(result, "case-1") if "buckling" in row[0].name]
+    assert [drawing.name for drawing in row] == ["case-1-buckling-angle"]  # neither reach nor angle changes
+    assert sections.input_block(result, "case-1") is None
+
+
+def test_oil_has_its_pressure_and_flow_on_the_first_page() -> None:
+    """Litres per minute are cubic metres per second times 60,000."""
+    result = short_run("luffing_oil", *SHORT, "time.end=1.0")
+    asked, carries = rows(result, "What was asked"), rows(result, "What it carries")
+    assert asked["luffing"].endswith(
+        f", computed: oil of 21.0{SPACE}MPa through a valve and a counterbalance valve drives it"
+    )
+    cylinder = result.summary["luffing_cylinder"]
+    rod, flow = cylinder["pressure_rod"]["max"], 6e4 * cylinder["flow_supply"]["max"]
+    assert rod > cylinder["pressure_bore"]["max"]
+    pressure = carries["largest pressure of the luffing cylinder"]
+    assert pressure.startswith(f"{rod / 1e6:.3g}{SPACE}MPa, on the rod side, at ")
+    assert carries["largest flow from the supply"].startswith(f"{flow:.3g}{SPACE}l/min, ")
+    assert carries["lowest natural frequency"].endswith(", the luffing cylinder locked")
+    block = forces.luffing_block(result, "case-1")
+    assert block is not None
+    assert [drawing.name.rpartition("-")[2] for drawing in block.drawings] == ["pressure", "flow", "power"]
+    names = [row[0] for grid in forces.pivot_block(result, "case-1").grids for row in grid.rows]
+    assert {"flow supply in l/min", "volume bore in l"} <= set(names)
+
+
+def test_a_machine_on_outriggers_says_on_what_it_stands() -> None:
+    """A gust that comes after the end of the run is 0 at all times, and has no figure."""
+    result = short_run("crane_outriggers", *SHORT)
+    asked = rows(result, "What was asked")
+    masses = f"4 outriggers, with machine masses of 7500{SPACE}kg"
+    assert asked["stands on"] == f"{masses}, on ground that rises by 0.5° along X and 1° along Y"
+    assert asked["fly: gust"] == "0 at all times, on tip along y"
+    assert sections.input_block(result, "case-1").heading == "Angles of the boom"
