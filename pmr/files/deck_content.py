@@ -123,7 +123,7 @@ def _named_members(
     within, _, text = name.lower().rpartition(".")
     if instance or within not in instances:
         within, text = instance, name.lower()
-    if _is_label_number(text):
+    if is_label_number(text):
         labels = instances[within].of_kind(of_nodes)
         _check_existing(line, card, labels, [int(text)], of_nodes)
         return {labels[int(text)]}
@@ -217,11 +217,11 @@ def whole_number(line: DataLine, text: str, what: str) -> int:
 
     Raises InputError if the text is none; `what` is the description of what is allowed.
     """
-    if not _is_label_number(text):
+    if not is_label_number(text):
         raise line.place.error(f"{what} is allowed, not {text!r}")
     return int(text)
 
 
-def _is_label_number(text: str) -> bool:
+def is_label_number(text: str) -> bool:
     """Whether a text is a whole number that can be the number of a node or an element."""
     return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS

@@ -22,9 +22,10 @@ import scipy.sparse as sp
 from pmr.errors import InputError
 from pmr.errors.text import missing_file_reason
 from pmr.files import labelled
+from pmr.files.ansys import read_harwell_boeing, read_mapping
 from pmr.files.arrays import Array, Indices
 from pmr.files.cards import Place, turned_axes
-from pmr.files.deck_content import MOST_DIGITS
+from pmr.files.deck_content import is_label_number
 from pmr.files.decks import TURNED, read_deck
 from pmr.files.labelled import UnreadableError
 from pmr.files.matrices import MODAL, GivenMatrices
@@ -40,12 +41,13 @@ class ForeignFiles:
     """Paths of the files in which another program stored its model."""
 
     #: File of the stiffness: ``.sti`` (CalculiX), ``.mtx`` (Matrix Market, or Abaqus's own format), ``.npz`` (SciPy),
-    #: ``.rb`` or ``.hb`` (Harwell-Boeing), ``.bdf`` or ``.pch`` (DMIG of Nastran) or ``.op4`` (Nastran).  If a file of
-    #: Nastran has several matrices, the names of stiffness and mass begin with K (not K4) and M, or are said
+    #: ``.rb``, ``.hb`` or ``.matrix`` (Harwell-Boeing), ``.bdf`` or ``.pch`` (DMIG of Nastran) or ``.op4`` (Nastran).
+    #: If a file of Nastran has several matrices, the names of stiffness and mass begin with K (not K4) and M, or are
+    #: said
     stiffness: Path
     mass: Path  #: File of the mass: ``.mas``, or a type that the stiffness may have
     #: File with node and direction (1 to 6) of each row: ``.dof`` with lines ``node.direction``, or ``.csv`` with lines
-    #: ``node,direction``; ``.bdf``, ``.pch`` and Abaqus's ``.mtx`` state them with each entry of a matrix
+    #: ``node,direction``, or ``.mapping`` (Ansys); ``.bdf``, ``.pch`` and Abaqus's ``.mtx`` state them with each entry
     dofs: Path
     #: File of the nodes and their groups: ``.inp`` with ``*NODE`` and ``*NSET``, ``.bdf`` with GRID and SET1 (the group
     #: of set 7 is ``set7``), or ``.csv`` with lines ``node,x,y,z`` that end with the names of the node's groups
@@ -72,7 +74,7 @@ def foreign_files(
     if suffix == ".pch" and nodes is None and isfile(stiffness.with_suffix(".inp")):
         combined[suffix] = ("mass", "dofs")
     paths = {"mass": mass, "dofs": dofs, "nodes": nodes}
-    suffixes = {"mass": ".mas", "dofs": ".dof", "nodes": ".inp"}
+    suffixes = {"mass": ".mas", "dofs": ".mapping" if suffix == ".matrix" else ".dof", "nodes": ".inp"}
     resolved = {
         key: file or (stiffness if key in combined.get(suffix, ()) else stiffness.with_suffix(suffixes[key]))
         for key, file in paths.items()
@@ -267,17 +269,11 @@ def _read_coordinates(path: Path, between: str, head: int) -> Indices:
         parts = line.strip().split(between)
         if number <= head or parts == [""]:
             continue
-        if len(parts) != 2 or not all(_is_node_number(part) for part in parts):
+        if len(parts) != 2 or not all(is_label_number(part.strip()) for part in parts):
             allowed = f"node and direction with {between!r} between them are allowed, not {line.strip()[:40]!r}"
             raise UnreadableError(allowed, number)
         pairs.append((int(parts[0]), int(parts[1])))
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
-
-
-def _is_node_number(text: str) -> bool:
-    """Whether a text is a whole number that can be the number of a node."""
-    text = text.strip()
-    return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS
 
 
 def _read_csv_nodes(path: Path) -> _Nodes:
@@ -295,7 +291,7 @@ def _read_csv_nodes(path: Path) -> _Nodes:
             place = [float(part) for part in parts[:3]]
         except ValueError:
             place = []
-        if len(place) != 3 or not _is_node_number(number):
+        if len(place) != 3 or not is_label_number(number):
             raise UnreadableError("node, x, y, z and names of groups are allowed", at)
         numbers.append(int(number))
         points.append(place)
@@ -400,12 +396,12 @@ _MATRICES: dict[str, Callable[[Path], object]] = {
     ".mas": _read_triplets,
     ".mtx": _read_market,
     ".npz": lambda path: _complete_symmetric(sp.load_npz(path)),
-    ".rb": lambda path: _complete_symmetric(scipy.io.hb_read(path)),
-    ".hb": lambda path: _complete_symmetric(scipy.io.hb_read(path)),
+    **dict.fromkeys((".rb", ".hb", ".matrix"), lambda path: _complete_symmetric(read_harwell_boeing(path))),
 }
 _DOFS: dict[str, Callable[[Path], object]] = {
     ".dof": lambda path: _read_coordinates(path, ".", 0),
     ".csv": lambda path: _read_coordinates(path, ",", 1),
+    ".mapping": read_mapping,
     ".mtx": lambda path: labelled.read_entries(path).pairs,
     **{suffix: lambda path: labelled.read_bulk(path).pairs for suffix in _DMIG},
 }

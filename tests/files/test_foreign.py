@@ -89,6 +89,26 @@ def as_harwell_boeing(folder: Path) -> ForeignFiles:
     return replace(files, stiffness=folder / "K.rb", mass=folder / "M.rb")
 
 
+def as_ansys(folder: Path) -> ForeignFiles:
+    """One triangle, with a right-hand side behind the stiffness and exponents with a D."""
+    one, files = given(), as_calculix(folder)
+    for name, A in (("K", one.K), ("M", one.M)):
+        scipy.io.hb_write(folder / f"{name}.rb", sp.tril(A).tocsc())
+        title, sizes, kind, formats, *lines = (folder / f"{name}.rb").read_text().splitlines()
+        if name == "K":
+            sizes, lines = f"{sizes[:56]}{1:>14}", ["F                          1", *lines, "1.0"]
+        pointers = sum(int(sizes[k : k + 14]) for k in (14, 28)) + (name == "K")
+        lines[pointers:] = [line.replace("E", "D") for line in lines[pointers:]]
+        head = [title, sizes, f"RSA{kind[3:]}", formats.replace("(", "(1P,", 3).replace("E", "D")]
+        (folder / f"{name}.matrix").write_text("\n".join([*head, *lines, ""]))
+    rows = zip(one.node, one.direction, strict=True)
+    names = ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ")
+    mapping = [f"{k:>10}{NUMBERS[node]:>10}   {names[d]}" for k, (node, d) in enumerate(rows, 1)]
+    (folder / "K.mapping").write_text("\n".join([" Matrix Eqn      Node   DOF", *mapping, ""]))
+    paths = [folder / name for name in ("K.matrix", "M.matrix", "K.mapping")]
+    return replace(files, stiffness=paths[0], mass=paths[1], dofs=paths[2])
+
+
 def as_abaqus(folder: Path) -> ForeignFiles:
     """One triangle; its own coordinates ascend by the nodes' numbers."""
     one, files = given(), as_calculix(folder)
@@ -127,7 +147,7 @@ def as_output4(folder: Path) -> ForeignFiles:
     return foreign_files(folder / "job.op4", None, files.dofs, files.nodes)
 
 
-WRITERS = [as_calculix, as_csv, as_matrix_market, as_scipy, as_harwell_boeing, as_abaqus, as_dmig, as_output4]
+WRITERS = [as_calculix, as_csv, as_matrix_market, as_scipy, as_harwell_boeing, as_ansys, as_abaqus, as_dmig, as_output4]
 
 
 @pytest.mark.parametrize("write", WRITERS)
@@ -414,6 +434,23 @@ def test_matrices_that_are_not_real_or_not_symmetric_are_refused(kind: str, entr
     files = as_matrix_market(tmp_path)
     files.stiffness.write_text(f"%%MatrixMarket matrix coordinate {kind}\n2 2 1\n2 1{entry}\n")
     with pytest.raises(InputError, match=rf"K.mtx: line 1: real entries, .* not {kind} ones"):
+        read_foreign(files)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "says"),
+    [
+        ("K.matrix", "RSA", "CSA", "K.matrix: line 3: real assembled matrices, RSA or RUA, are allowed, not 'CSA'"),
+        ("K.mapping", "UZ", "TEMP", r"K.mapping: line \d+: row \d+, a node and one of UX, .* are allowed"),
+        ("K.mapping", "         2  ", "         3  ", "K.mapping: line 3: row 2, a node"),
+    ],
+)
+def test_files_of_ansys_that_are_not_read_are_refused(name: str, old: str, new: str, says: str, tmp_path: Path) -> None:
+    files = as_ansys(tmp_path)
+    text = (tmp_path / name).read_text()
+    assert old in text
+    (tmp_path / name).write_text(text.replace(old, new, 1))
+    with pytest.raises(InputError, match=says):
         read_foreign(files)
 
 
