@@ -202,11 +202,14 @@ def _meshio_content(file: Path) -> MeshFile:
     """
     import meshio
 
+    if file.suffix.lower() == ".med":  # h5py of a wheel has an HDF5 of its own, which does not go with that of dolfinx
+        raise InputError(str(file), "", None, "MED is not read; gmsh opens it and saves it with its groups as MSH 4.1")
     try:
         with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # meshio prints what it tried
             mesh = meshio.read(file)
     except ModuleNotFoundError as error:
-        allowed = f"meshio reads {file.suffix} files with the package {error.name}, which is not installed"
+        needed = f"meshio reads {file.suffix} files with the package {error.name}, which is not installed"
+        allowed = f"{needed}; .msh of gmsh, .vtu and .inp are allowed"
         raise InputError(str(file), "", None, allowed) from None
     except (Exception, SystemExit):  # meshio raises SystemExit if no reader fits
         reason = _unreadable_msh(file) if file.suffix.lower() == ".msh" else "a mesh with named groups is allowed"

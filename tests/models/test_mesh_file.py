@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from pathlib import Path
 
 import numpy as np
@@ -141,3 +142,20 @@ def test_of_elements_with_nodes_amid_edges_the_corners_count(tmp_path: Path) -> 
     (tmp_path / "plate.inp").write_text(text.replace("6, 2.0, 0.5, 0.0", "6, 2.01, 0.5, 0.0"))
     with pytest.raises(InputError, match="plate.inp: line 11: straight edges .*: element 7 has others"):
         read_mesh_file(tmp_path / "plate.inp")
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("m.med", "MED is not read; gmsh opens it"),
+        ("m.xdmf", "meshio reads .xdmf files with the package h5py, .* .vtu and"),
+    ],
+)
+def test_files_of_hdf5_are_refused_with_what_to_save_instead(name: str, says: str, tmp_path: Path) -> None:
+    if name == "m.xdmf" and importlib.util.find_spec("h5py"):
+        pytest.skip("h5py is installed")
+    xml = '<Xdmf Version="3.0"><Domain><Grid Name="g"><Geometry GeometryType="XYZ"><DataItem DataType="Float" '
+    xml += 'Dimensions="3 3" Format="HDF" Precision="8">m.h5:/0</DataItem></Geometry></Grid></Domain></Xdmf>'
+    (tmp_path / name).write_text(xml)
+    with pytest.raises(InputError, match=says):
+        read_mesh(tmp_path / name, ("triangle",))
