@@ -6,9 +6,10 @@ import hoists
 import numpy as np
 import pytest
 
+from pmr.compare.hoist import hoist_part
 from pmr.compare.responses import Simulation
 from pmr.compare.simulated import simulate_with_states
-from pmr.scene.hoist import OUTPUTS, ROPE_FORCE
+from pmr.scene.hoist import HEIGHT, OUTPUTS, ROPE_FORCE
 
 
 @pytest.fixture(scope="module")
@@ -33,3 +34,19 @@ def test_loads_of_a_swing_are_the_pulls_of_its_rope(swinging: Simulation) -> Non
     pulls = np.column_stack([force * (np.sin(angle) - 1.0), -force * np.cos(angle)])
     assert np.ptp(force) > 0.25 * force.max()
     np.testing.assert_allclose(swinging.loads[:, [0, 2]], pulls, rtol=0.0, atol=1e-4 * force.max())
+
+
+def test_the_summary_has_the_weight_s_force_and_where_the_rope_is_slack() -> None:
+    """A payload on two falls is thrown upwards and falls into its rope."""
+    changes = {"time.end": 0.34, "hoist.falls": 2, "hoist.EA": 1e6, "hoist.velocity": [0.0, 0.0, 1.5]}
+    scene = hoists.cantilever(changes | {"simulation.simulators": ["march"]})
+    response = simulate_with_states(scene, hoists.reduced(scene), ()).response
+    part, force = hoist_part(scene, response), response.other(ROPE_FORCE)
+    figures, weight = part.figures["hoist"], 100.0 * hoists.G / 2.0
+    assert figures["weight_force"] == pytest.approx(weight, rel=1e-12)
+    assert figures["factor"] == pytest.approx(force.max() / weight, rel=1e-12) and figures["factor"] > 5.0
+    assert figures["height"]["max"] == response.other(HEIGHT).max()
+    slack, (span,) = response.t[force == 0.0], figures["slack"]
+    assert slack[0] == pytest.approx(span["start"]) and slack[-1] == pytest.approx(span["end"] - 1e-3)
+    assert span["snatch"] == pytest.approx(force.max())
+    assert len(part.grave) == 1 and part.grave[0].startswith("the hoist rope is slack from ")
