@@ -5,6 +5,7 @@ pyNastran reads the files of Nastran: matrices (DMIG entries, OUTPUT4) and grid 
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import redirect_stdout
@@ -19,6 +20,8 @@ import scipy.sparse as sp
 
 from pmr.errors.environment import import_package
 from pmr.files.arrays import Array, Indices
+
+logger = logging.getLogger(__name__)
 
 SQUARE, SYMMETRIC = 1, 6
 
@@ -374,7 +377,8 @@ def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str, name: str = "")
 
     A name that begins with K4 is that of structural damping, and not taken for a stiffness.  If several names begin
     with `letter`, only the largest matrices count; if just one of these has a partner whose name goes on in the same
-    way (MAAX beside KAAX), that one is returned.  Raises UnreadableError if there is no such matrix, or several.
+    way (MAAX beside KAAX), that one is returned.  Beside a stiffness, a warning names matrices of damping of its size,
+    which are not read.  Raises UnreadableError if there is no such matrix, or several.
     """
     by_name = {key.upper(): matrix for key, matrix in matrices.items()}
     if name:
@@ -387,6 +391,9 @@ def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str, name: str = "")
     begins = [key for key in square if key.startswith(letter) and not key.startswith("K4")]
     largest = max((by_name[key].shape[0] for key in begins), default=0)  # EXTSEOUT writes (1, 1) for what there is not
     begins = [key for key in begins if by_name[key].shape[0] == largest]
+    damping = [key for key in square if key.startswith(("B", "K4")) and by_name[key].shape[0] == largest]
+    if letter == "K" and damping:
+        logger.warning("damping is not read, as the scene has its own: %s", ", ".join(damping))
     partners = [key for key in begins if {"K" + key[1:], "M" + key[1:]} <= {*square}]
     begins = partners if len(partners) == 1 else begins
     candidates = [*by_name] if len(by_name) == 1 else begins

@@ -47,13 +47,14 @@ def punch(part: GivenMatrices) -> list[str]:
 
 
 @pytest.mark.slow
-def test_the_punch_of_a_superelement_is_read(tmp_path: Path) -> None:
+def test_the_punch_of_a_superelement_is_read(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     part = superelement(bar(), boundary(bar())[::4], 3)
     (tmp_path / "part.pch").write_text("\n".join(punch(part)))
     read = read_foreign(foreign_files(tmp_path / "part.pch", None, None, None))
     assert (read.size, read.modal.sum(), len(read.held)) == (part.size, 3, 0)
     assert read.mass == pytest.approx(part.mass, rel=1e-8) and read.centre == pytest.approx(part.centre, abs=1e-8)
     assert read.K.diagonal() == pytest.approx(part.K.diagonal(), rel=1e-8)
+    assert caplog.messages == ["damping is not read, as the scene has its own: K4AAX, BAAX"]
 
 
 def test_a_second_superelement_in_a_file_is_refused_with_its_line(tmp_path: Path) -> None:

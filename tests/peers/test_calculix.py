@@ -128,6 +128,20 @@ def test_frequencies_agree(ours, tmp_path: Path) -> None:
     assert np.all(coarse[4:] > fine[4:]) and np.all(fine[4:] > found[4:])
 
 
+def test_the_deck_is_read_as_the_boom_that_it_is(ours, tmp_path: Path) -> None:
+    """With its nodes in a file that it includes: the frequencies are those of CalculiX and of the boom drawn by pmr."""
+    expected = peer().frequencies(4, tmp_path)
+    deck = tmp_path / "deck.inp"
+    nodes, elements = deck.read_text().split("*ELEMENT", 1)
+    (tmp_path / "nodes.inc").write_text(nodes)
+    deck.write_text(f"*INCLUDE, INPUT=nodes.inc\n*ELEMENT{elements}")
+    shell = Shell(ShellBody(plate=Plate(thickness=WALL)), read_mesh(deck, ("triangle",), ("TAIL", "TIP")))
+    full = structural_model(Structure(shell, (Clamp("TAIL"),)))
+    found = SlepcEigenSolver(full).lowest(0.0, 4).omega / (2.0 * np.pi)
+    assert found == pytest.approx(expected, rel=5e-4)
+    assert found == pytest.approx(SlepcEigenSolver(ours).lowest(0.0, 4).omega / (2.0 * np.pi), rel=1e-9)
+
+
 def test_tip_deflections_agree(ours, tmp_path: Path) -> None:
     """1 kN spread over the perimeter, Simpson's rule on each side of a rectangle; the mean that works with it."""
     deck = peer()
