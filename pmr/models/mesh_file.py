@@ -133,6 +133,9 @@ def _deck_content(file: Path) -> MeshFile:
         if block.nodes:
             nodes = np.array([[place[node] for node in nodes] for nodes in block.nodes], np.int64)
             _check_edges(block, points, nodes)
+            if solid := {of.kind for of in blocks if DIMENSIONS[of.kind] == 3 == DIMENSIONS[block.kind]} - {block.kind}:
+                allowed = f"cells of one kind are allowed: this is a {block.kind} beside a {solid.pop()}"
+                raise block.lines[0].error(allowed)
             blocks.append(Cells(block.kind, nodes[:, : CORNERS[block.kind]]))
     numbers = [np.array(block.numbers) for block in deck.elements if block.nodes]
     names = {name: spelling for name, spelling in deck.set_spellings.items() if not name.startswith("_")}

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 from deck_boom import ACROSS, ALONG, HEIGHT, LENGTH, UP, WALL, WIDTH, write_boom
+from fuzz.mutations import scratched
 
 import pmr
 from pmr.errors import InputError
@@ -93,6 +95,23 @@ def test_what_does_not_join_instances_is_refused(old: str, new: str, says: str, 
     assert "\n" not in str(refused.value)
 
 
+def test_damaged_decks_are_read_or_refused_in_one_line(tmp_path: Path) -> None:
+    """Surfaces, ties, sets and places of instances changed at random."""
+    rng, file = np.random.default_rng(7), write_boom(tmp_path)
+    text, part = file.read_bytes(), (tmp_path / "half.inc").read_bytes()
+    head, sets = part.split(b"*ELSET, ELSET=bottom", 1)
+    refused = 0
+    for k in range(200 if os.environ.get("PMR_SWEEP") == "full" else 20):
+        file.write_bytes(scratched(text, rng) if k % 2 else text)
+        (tmp_path / "half.inc").write_bytes(head + scratched(b"*ELSET, ELSET=bottom" + sets, rng))
+        try:
+            read_mesh(file, ("triangle",))
+        except InputError as error:
+            refused += 1
+            assert len(str(error).splitlines()) == 1
+    assert refused > 3
+
+
 CUBE = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]  # in the order of C3D8
 SIDES = {"S1": (2, 0), "S2": (2, 1), "S3": (1, 0), "S4": (0, 1), "S5": (1, 1), "S6": (0, 0)}
 
@@ -114,6 +133,13 @@ def test_faces_of_solids_are_those_of_the_manuals(tmp_path: Path) -> None:
         assert surfaces[side.lower()] == {k for k, point in enumerate(CUBE, 1) if point[axis] == at}
     assert [{1, 2, 4, 5} - surfaces[f"t{k}"] for k in (1, 2, 3, 4)] == [{5}, {4}, {1}, {2}]
     assert surfaces["points"] == {3, 5} and "whole" not in surfaces
+
+
+def test_solids_of_several_kinds_are_refused_with_the_line_of_the_second(tmp_path: Path) -> None:
+    text = nodes(CUBE) + "*ELEMENT, TYPE=C3D8\n1, 1, 2, 3, 4, 5, 6, 7, 8\n*ELEMENT, TYPE=C3D4\n2, 1, 2, 4, 5\n"
+    (tmp_path / "cube.inp").write_text(text)
+    with pytest.raises(InputError, match=r"cube\.inp: line 13: cells of one kind .* a tetra beside a hexahedron"):
+        read_mesh_file(tmp_path / "cube.inp")
 
 
 def test_a_set_of_nodes_on_a_solid_is_its_face(tmp_path: Path) -> None:
