@@ -127,12 +127,13 @@ def test_faces_of_solids_are_those_of_the_manuals(tmp_path: Path) -> None:
     text += "".join(f"*SURFACE, NAME={side}\nall, {side}\n" for side in SIDES)
     text += "".join(f"*SURFACE, NAME=T{k}\n2, S{k}\n" for k in (1, 2, 3, 4))
     text += "*SURFACE, NAME=whole, TYPE=ELEMENT\nall,\n*SURFACE, NAME=points, TYPE=NODE\n3\n5\n"
+    text += "*SURFACE, NAME=round, TYPE=CYLINDER\nSTART, 0., 0.\n*SURFACE, NAME=both, COMBINE=UNION\nS1, S2\n"
     (tmp_path / "cube.inp").write_text(text)
     surfaces = read_deck(tmp_path / "cube.inp").surfaces
     for side, (axis, at) in SIDES.items():
         assert surfaces[side.lower()] == {k for k, point in enumerate(CUBE, 1) if point[axis] == at}
     assert [{1, 2, 4, 5} - surfaces[f"t{k}"] for k in (1, 2, 3, 4)] == [{5}, {4}, {1}, {2}]
-    assert surfaces["points"] == {3, 5} and "whole" not in surfaces
+    assert surfaces["points"] == {3, 5} and not {"whole", "round", "both"} & {*surfaces}
 
 
 def test_solids_of_several_kinds_are_refused_with_the_line_of_the_second(tmp_path: Path) -> None:
@@ -154,13 +155,18 @@ def test_a_set_of_nodes_on_a_solid_is_its_face(tmp_path: Path) -> None:
 
 
 def test_of_elements_with_nodes_amid_edges_the_corners_count(tmp_path: Path) -> None:
+    """Edges of shells are S3 to S6 in CalculiX, and E1 to E4 in Abaqus."""
     corners = [(0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (2.0, 1.0, 0.0), (0.0, 1.0, 0.0)]
     amid = [(1.0, 0.0, 0.0), (2.0, 0.5, 0.0), (1.0, 1.0, 0.0), (0.0, 0.5, 0.0)]
     text = (
         nodes([*corners, *amid])
         + "*ELEMENT, TYPE=S8R, ELSET=all\n7, 1, 2, 3, 4, 5, 6, 7, 8\n*NSET, NSET=tail\n1, 4, 8\n"
     )
+    edges = {"S3": {1, 2}, "S6": {1, 4}, "E2": {2, 3}, "E3": {3, 4}, "SPOS": {1, 2, 3, 4}, "S1": {1, 2, 3, 4}}
+    text += "".join(f"*SURFACE, NAME={face}\nall, {face}\n" for face in edges)
     (tmp_path / "plate.inp").write_text(text)
+    surfaces = read_deck(tmp_path / "plate.inp").surfaces
+    assert {face: surfaces[face.lower()] for face in edges} == edges
     read = read_mesh_file(tmp_path / "plate.inp")
     assert [(block.kind, block.corners.tolist()) for block in read.blocks] == [("quad", [[0, 1, 2, 3]])]
     mesh = read_mesh(tmp_path / "plate.inp", ("triangle",))
