@@ -19,7 +19,7 @@ The machine below the pivot is a rigid body whose motion in free directions is c
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Generic, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,15 +35,33 @@ from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
 
 #: Directions in which a machine moves, as keys of `[frame.base]`: displacements of the pivot, roll, pitch and yaw.
 DIRECTIONS: tuple[Direction, ...] = ("x", "y", "z", "rx", "ry", "rz")
-_PerDirection, _Strict = Field(ge=0.0, strict=True), Field(strict=True)
-Spring = Annotated[float, _PerDirection, Quantity("N/m, of angles N m/rad", 0.0, 1e15)]
-Damper = Annotated[float, _PerDirection, Quantity("N s/m, of angles N m s/rad", 0.0, 1e15)]
-Value = Annotated[float, Field(strict=True), Quantity("m, of angles frame.unit", -1e6, 1e6)]
-Rate = Annotated[float, Field(strict=True), Quantity("m/s, of angles frame.unit/s", -1e6, 1e6)]
+_Strict = Field(strict=True)
+_NotNegative = Field(ge=0.0, strict=True)
+Spring = Annotated[float, _NotNegative, Quantity("N/m", 0.0, 1e15), Usual(2e3, 1e14, unit="N/m")]
+TurningSpring = Annotated[float, _NotNegative, Quantity("N m/rad", 0.0, 1e15), Usual(2e3, 1e15, unit="N m")]
+Damper = Annotated[float, _NotNegative, Quantity("N s/m", 0.0, 1e15)]
+TurningDamper = Annotated[float, _NotNegative, Quantity("N m s/rad", 0.0, 1e15)]
+Displacement = Annotated[float, _Strict, Quantity("m", -1e6, 1e6)]
+Angle = Annotated[float, _Strict, Quantity("frame.unit", -1e6, 1e6)]
+Velocity = Annotated[float, _Strict, Quantity("m/s", -1e6, 1e6)]
+AngularRate = Annotated[float, _Strict, Quantity("frame.unit/s", -1e6, 1e6)]
+Straight = TypeVar("Straight", bound=float)
+Turned = TypeVar("Turned", bound=float)
 
 
-class _DirectionTable(SceneTable):
-    """Base of tables with one number for each of the six directions of a machine."""
+#: Default of numbers of both types.
+NOTHING: Any = 0.0
+
+
+class DirectionTable(SceneTable, Generic[Straight, Turned]):
+    """One number for each direction in which the machine may be free, along and about axes of the ground."""
+
+    x: Straight = Field(default=NOTHING, description="Of the pivot along X of the ground")
+    y: Straight = Field(default=NOTHING, description="Of the pivot along Y of the ground")
+    z: Straight = Field(default=NOTHING, description="Of the pivot upwards")
+    rx: Turned = Field(default=NOTHING, description="Of roll")
+    ry: Turned = Field(default=NOTHING, description="Of pitch")
+    rz: Turned = Field(default=NOTHING, description="Of yaw")
 
     @property
     def nonzero(self) -> dict[str, float]:
@@ -51,51 +69,20 @@ class _DirectionTable(SceneTable):
         return {key: value for key in DIRECTIONS if (value := getattr(self, key))}
 
 
-class Springs(_DirectionTable):
-    """Springs between the machine and the base it stands on, which moves as `[frame.base]` says.
-
-    Angles are roll, pitch and yaw.
-    """
-
-    x: Annotated[Spring, Usual(2e3, 1e14, unit="N/m")] = Field(default=0.0, description="Along X of the ground")
-    y: Annotated[Spring, Usual(2e3, 1e14, unit="N/m")] = Field(default=0.0, description="Along Y of the ground")
-    z: Annotated[Spring, Usual(2e3, 1e14, unit="N/m")] = Field(default=0.0, description="Upwards")
-    rx: Annotated[Spring, Usual(2e3, 1e15, unit="N m")] = Field(default=0.0, description="Of roll")
-    ry: Annotated[Spring, Usual(2e3, 1e15, unit="N m")] = Field(default=0.0, description="Of pitch")
-    rz: Annotated[Spring, Usual(2e3, 1e15, unit="N m")] = Field(default=0.0, description="Of yaw")
+class Springs(DirectionTable[Spring, TurningSpring]):
+    """Springs between the machine and the base it stands on, which moves as `[frame.base]` says."""
 
 
-class Dampers(_DirectionTable):
+class Dampers(DirectionTable[Damper, TurningDamper]):
     """Dampers parallel to the springs."""
 
-    x: Damper = Field(default=0.0, description="Along X of the ground")
-    y: Damper = Field(default=0.0, description="Along Y of the ground")
-    z: Damper = Field(default=0.0, description="Upwards")
-    rx: Damper = Field(default=0.0, description="Of roll")
-    ry: Damper = Field(default=0.0, description="Of pitch")
-    rz: Damper = Field(default=0.0, description="Of yaw")
 
-
-class InitialDisplacements(_DirectionTable):
+class InitialDisplacements(DirectionTable[Displacement, Angle]):
     """Initial displacements of the pivot and initial angles in free directions."""
 
-    x: Value = Field(default=0.0, description="Of the pivot along X of the ground")
-    y: Value = Field(default=0.0, description="Of the pivot along Y of the ground")
-    z: Value = Field(default=0.0, description="Of the pivot upwards")
-    rx: Value = Field(default=0.0, description="Roll")
-    ry: Value = Field(default=0.0, description="Pitch")
-    rz: Value = Field(default=0.0, description="Yaw")
 
-
-class InitialRates(_DirectionTable):
+class InitialRates(DirectionTable[Velocity, AngularRate]):
     """Initial velocities of the pivot and initial angular rates in free directions."""
-
-    x: Rate = Field(default=0.0, description="Of the pivot along X of the ground")
-    y: Rate = Field(default=0.0, description="Of the pivot along Y of the ground")
-    z: Rate = Field(default=0.0, description="Of the pivot upwards")
-    rx: Rate = Field(default=0.0, description="Of roll")
-    ry: Rate = Field(default=0.0, description="Of pitch")
-    rz: Rate = Field(default=0.0, description="Of yaw")
 
 
 class PivotLoad(SceneTable):
@@ -108,7 +95,7 @@ class PivotLoad(SceneTable):
     @property
     def signals(self) -> dict[str, SignalBase]:
         """Signals over time that the scene sets, by their axes x, y and z."""
-        return {axis: one for axis in "xyz" if (one := getattr(self, axis)) is not None}
+        return {axis: signal for axis in "xyz" if (signal := getattr(self, axis)) is not None}
 
 
 class Machine(SceneTable):
@@ -264,13 +251,6 @@ class Frame(SceneTable):
         """Refuse a frame without a motion or without a pivot."""
         if not any((self.luffing, self.slewing, self.base, self.machine, self.ground)):
             raise ValueError("an angle is needed: luffing or slewing, or a motion of the base, a machine or a ground")
-        if self.machine is not None and self.ground is not None:
-            allowed = "none is allowed beside frame.machine: its masses belong to frame.ground, which does not move"
-            raise key_error("ground", None, allowed)
-        for key in ("rx", "ry") if self.ground is not None and any(self.ground.slope) else ():
-            if self.base is not None and key in self.base.motions:
-                allowed = "none is allowed beside frame.ground.slope, which says how the machine is inclined"
-                raise key_error(f"base.{key}", None, allowed)
         if self.pivot is None:
             raise key_error("pivot", None, "a place is needed, [0.0, 0.0, 0.0] for a base whose tail is at the pivot")
         return self
@@ -318,6 +298,11 @@ class Frame(SceneTable):
     def computed_key(self) -> str | None:
         """Key within [frame] of the part whose motion is computed with the boom's; None if all motion is prescribed."""
         return "machine" if self.machine is not None else "luffing" if self.luffing == "free" else None
+
+    @property
+    def free_directions(self) -> tuple[str, ...]:
+        """Directions of the machine, or ``luffing``, whose motion is computed; empty if all motion is prescribed."""
+        return self.machine.free if self.machine is not None else ("luffing",) if self.luffing == "free" else ()
 
     @property
     def base_angles(self) -> tuple[SignalBase, ...]:

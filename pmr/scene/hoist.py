@@ -55,7 +55,7 @@ _SPEED = Annotated[float, Field(strict=True), Quantity("m/s", -1e3, 1e3), Usual(
 
 
 class Winch(SceneTable):
-    """Where the rope is wound up: on the machine, which slews with the boom and does not luff, or on a section."""
+    """Winch on the machine, which slews with the boom and does not luff, or on a section."""
 
     section: NameOrNone = Field(default="", description="Section that carries the winch; by default the machine does")
     at: Annotated[Point, Usual(0.0, 2.0, "reach")] = Field(
@@ -153,7 +153,7 @@ class Hoist(SceneTable):
         """Signals in N of the wind on the payload along x, y and z of the ground, by their names `WIND`."""
         return dict(zip(WIND, (getattr(self.wind, axis) or Constant(amount=0.0) for axis in "xyz"), strict=True))
 
-    def unstretched(self, t: Array, along: ArrayLike) -> Array:
+    def free_length(self, t: Array, along: ArrayLike) -> Array:
         """Return the length without force in m of the rope at ascending times t (T,) in s, the first of which is 0.
 
         `along` is the distance in m from the winch to the head at t = 0.

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pmr.files.arrays import Array
-from pmr.scene.choice import REFERENCE, SimulatorNeeds, is_planar, model_of, refuse_unsupported
+from pmr.scene.choice import is_planar, model_of
 from pmr.scene.members import members
 from pmr.scene.scene import Scene
 from pmr.scene.structure_checks import scene_error
@@ -65,8 +65,6 @@ def check_hoist(scene: Scene) -> None:
         return
     if scene.gravity is None:
         raise scene_error("gravity", None, "a table [gravity] is needed with [hoist], whose payload has a weight")
-    if frame is not None and frame.machine is not None:
-        raise scene_error("hoist", None, "none is allowed beside frame.machine: the rope's pull on it is not known")
     if frame is not None and frame.ground is not None and not hoist.winch.section:
         allowed = (
             "a section is allowed beside frame.ground: forces of outriggers do not know the rope's pull on a machine"
@@ -77,8 +75,8 @@ def check_hoist(scene: Scene) -> None:
             raise scene_error(f"hoist.{key}", name, f"{', '.join(scene.names)} are allowed")
     if frame is not None and frame.base_angles and not hoist.winch.section:
         raise scene_error("hoist.winch.section", None, "a section is allowed where the base rolls, pitches or yaws")
-    moved = frame is not None and frame.base is not None and "z" in frame.base.motions
-    if hoist.pivot_height and moved:
+    is_lifted = frame is not None and frame.base is not None and "z" in frame.base.motions
+    if hoist.pivot_height and is_lifted:
         allowed = "0 is allowed where frame.base.z moves the pivot: the height of the hook is measured from it"
         raise scene_error("hoist.pivot_height", hoist.pivot_height, allowed)
     for member in members(scene):
@@ -102,12 +100,8 @@ def check_hoist(scene: Scene) -> None:
     if frame is not None and frame.luffing == "free" and not hoist.winch.section:
         t = t[:1]  # later the angle, and with it the distance from winch to head, is computed
     along = np.array([distance_along(scene, float(at)) for at in t])
-    hanging = (hoist.unstretched(t, along[0]) - along) / hoist.falls
+    hanging = (hoist.free_length(t, along[0]) - along) / hoist.falls
     if not hanging.min() > 0.0:
         k = int(np.argmax(hanging <= 0.0))
         allowed = f"a longer rope is allowed: without force its hook is at the head at {t[k]:.4g} s"
         raise scene_error(f"hoist.{'speed' if hoist.is_wound else 'length'}", None, allowed)
-    for name in scene.simulation.simulators:
-        refuse_unsupported(name, SimulatorNeeds(hoist=True))
-    if "full" in scene.compare.against and scene.simulation.full != "auto":
-        refuse_unsupported(scene.simulation.full, SimulatorNeeds(hoist=True), REFERENCE)

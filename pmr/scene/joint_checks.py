@@ -380,7 +380,7 @@ def _check_overlaps_and_friction(scene: Scene) -> None:
             raise scene_error(f"sections[{number}].joint.rigid_overlap", True, "false is allowed but for planar beams")
         for seat in seats(scene, number):
             if seat.joint == number and seat.ring.friction and not has_axial_motion(member):
-                allowed = f"0 is allowed: {scene.names[number]} has no coordinates along the scene, and so no cylinder"
+                allowed = f"0 is allowed: {scene.names[number]} has no coordinates along the boom, in which pads rub"
                 raise scene_error(f"sections[{number}].joint.{seat.key}.friction", seat.ring.friction, allowed)
 
 

@@ -226,8 +226,15 @@ def _check_mover(member: Member) -> None:
     for i, load in enumerate(part.loads):
         if load.direction != "z":
             raise scene_error(f"loads[{i}].direction", load.direction, "z is allowed on a mover")
+    for key in ("thickness", "regions", "section"):
+        if getattr(part.body, key):
+            raise scene_error(f"body.{key}", None, "none is allowed on a mover, which has no walls")
+    if part.body.walls == "give":
+        raise scene_error("body.walls", "give", "'rigid' is allowed on a mover, which has no walls")
     if member.frame is not None:
         raise scene_error("frame", None, "none is allowed beside a mover, which has no axial motion")
+    if member.scene.recovery is not None:
+        raise scene_error("recovery", None, "none is allowed beside a mover, which has no cells to draw")
 
 
 def _check_box_variation(member: Member, box: Box) -> None:

@@ -87,7 +87,7 @@ def hoist_of(scene: Scene) -> Hoist:
         row[slice(0, 3) if pull.place == "head" else slice(3, 6)] = pull.lever
     head, winch = rope_places(scene)
     on_machine = not hoist.winch.section
-    first = 0.0 if hoist.length is not None else float(hoist.unstretched(np.zeros(1), distance_along(scene, 0.0))[0])
+    first = 0.0 if hoist.length is not None else float(hoist.free_length(np.zeros(1), distance_along(scene, 0.0))[0])
     of_rope = [hoist.mass, hoist.EA, hoist.damping, hoist.falls, *head.at, *winch.at, on_machine, hoist.is_wound, first]
     reach = tuple(scene.names[1 : place.number + 1] for place in (head, winch))
     of_frame = frame_quantities(scene)

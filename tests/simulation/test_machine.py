@@ -254,7 +254,7 @@ REFUSED = {
     "frame.machine.stiffness.z=1e6": "frame.machine.stiffness.z = 1000000.0: one of free is allowed: []",
     "frame.machine.mass=-1.0": "frame.machine.mass = -1.0: ",
     "frame.base.x={kind='constant', amount=1.0}; frame.machine.free=['x']": "frame.base.x: a spring or a damper in x",
-    "frame.base.acceleration.x={kind='constant', amount=1.0}": "frame.base.acceleration: x, y and z are allowed",
+    "frame.base.acceleration.x={kind='constant', amount=1.0}": "frame.base.acceleration: none is allowed beside",
     "frame.second_order='auto'": "frame.second_order = 'auto': true or false is allowed beside frame.machine",
     free_boom.PUSHING[0]: "sections[1].joint.tail[0].unilateral = True: false is allowed beside frame.machine",
     "simulation.simulators=['exudyn']; frame.machine.free=['x']": "exudyn knows no machine that moves by itself (x)",

@@ -245,6 +245,8 @@ def test_exudyn_moves_a_sprung_mass_as_the_compiled_simulator_does(way: Literal[
         ({"joint": {"tail": [{"at": 0.5}]}}, "one ring in `tail`, at = 0"),
         ({"joint": {"tail": [{"at": 0.0}, {"at": 0.1, "name": "b"}]}}, "one ring in `tail`, at = 0"),
         ({"supports": [{"kind": "roller"}]}, "none is allowed on a mover"),
+        ({"body": {"mover": {"mass": 1.0}, "thickness": 0.1}}, "body.thickness: none is allowed on a mover"),
+        ({"body": {"mover": {"mass": 1.0}, "walls": "give"}}, "body.walls = 'give': 'rigid' is allowed on a mover"),
         ({"loads": [{"direction": "x", "signal": 1.0}]}, "z is allowed on a mover"),
     ],
 )

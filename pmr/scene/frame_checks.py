@@ -1,0 +1,285 @@
+"""Checks of a moving frame, and of what excludes it or a part of it, which raise InputError.
+
+`EXCLUSIONS` lists parts of a scene that do not go together.  The other checks refuse angles that jump, a cylinder
+without an arm about the pivot, and whatever the frame's motion or its terms of second order do not cover.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pmr.scene.built import Gravity
+from pmr.scene.choice import has_axial_motion, input_directions, model_of
+from pmr.scene.cylinder import OPEN
+from pmr.scene.frame import Frame, Machine
+from pmr.scene.joints import JointPads
+from pmr.scene.keys import LUFFING
+from pmr.scene.mechanism import supports_at_lug
+from pmr.scene.members import member_at, members
+from pmr.scene.scene import Scene
+from pmr.scene.signals import SignalBase
+from pmr.scene.structure_checks import scene_error
+
+
+class Exclusion(NamedTuple):
+    """A part of a scene, by its key, that is refused beside another part, and why."""
+
+    key: str
+    excluded_by: str
+    why: str
+
+
+FREE = "frame.luffing = 'free'"
+#: Parts of a scene that exclude each other.
+EXCLUSIONS = (
+    Exclusion("hoist", "frame.machine", "the rope's pull on it is not known"),
+    Exclusion("frame.machine", FREE, "the cylinder stands on what does not move by itself"),
+    Exclusion("frame.ground", "frame.machine", "its masses belong to frame.ground, which does not move"),
+    Exclusion("frame.ground.slope", FREE, "its motion is computed on level ground"),
+    Exclusion("frame.cylinder.stiffness", FREE, "oil or spring gives way, a support of the base is at the lug"),
+    *(Exclusion(f"frame.base.{key}", FREE, "its motion is that on a level base") for key in ("rx", "ry", "rz")),
+    *(Exclusion(f"frame.base.{key}", "frame.ground.slope", "which inclines the machine") for key in ("rx", "ry")),
+    *(
+        Exclusion(key, part, why)
+        for part in ("frame.machine", FREE)
+        for key, why in (
+            ("frame.base.acceleration", "it does not say where the ground is: x, y and z do"),
+            ("accuracy", "whose motion depends on model and step"),
+            ("budget", "whose motion depends on model and step"),
+        )
+    ),
+)
+
+
+def check_exclusions(scene: Scene, frame: Frame) -> None:
+    """Refuse the first of `EXCLUSIONS` both of whose parts the scene has."""
+    ground, base = frame.ground, frame.base
+    parts = {
+        "hoist": scene.hoist,
+        "accuracy": scene.accuracy,
+        "budget": scene.budget,
+        "frame.machine": frame.machine,
+        FREE: frame.luffing == "free",
+        "frame.ground": ground,
+        "frame.ground.slope": ground is not None and any(ground.slope),
+        "frame.cylinder.stiffness": frame.cylinder and frame.cylinder.stiffness,
+        "frame.base.acceleration": base and base.accelerations,
+    } | {f"frame.base.{key}": True for key in (base.motions if base else {})}
+    for key, other, why in EXCLUSIONS:
+        if parts.get(key) and parts.get(other):
+            raise scene_error(key, None, f"none is allowed beside {other}: {why}")
+
+
+def check_machine(frame: Frame, machine: Machine) -> None:
+    """Refuse a machine that is free in a direction in which its base moves, without a spring between both."""
+    motions = {} if frame.base is None else frame.base.motions
+    for direction in machine.free:
+        if direction in motions and not machine.is_sprung(direction):
+            allowed = f"a spring or a damper in {direction} is allowed on what moves: the machine is free there"
+            raise scene_error(f"frame.base.{direction}", None, allowed)
+
+
+def _check_computed(scene: Scene, frame: Frame, computed: str) -> None:
+    """Refuse settings that do not go with a computed motion; `computed` is its key with the value in words."""
+    if frame.second_order == "auto":
+        raise scene_error("frame.second_order", "auto", f"true or false is allowed beside {computed}")
+    for member in members(scene):
+        if model_of(member) == "beam2d":
+            key = scene.section_key(member.number, "body.model")
+            raise scene_error(key, "beam2d", f"a model in space is allowed beside {computed}")
+        for k, load in enumerate(member.part.loads):
+            if load.acts == "wind":
+                key, allowed = (
+                    scene.section_key(member.number, f"loads[{k}].acts"),
+                    f"'force' is allowed beside {computed}",
+                )
+                raise scene_error(key, "wind", f"{allowed}: the pressure of wind follows angles that are prescribed")
+    keyed = [(k, key, ring) for k, part in enumerate(scene.sections) for key, ring in part.keyed_rings.items()]
+    for number, ring_key, ring in keyed:
+        key = f"sections[{number}].{ring_key}"
+        if ring.unilateral:
+            allowed = f"false is allowed beside {computed}: pads that hold both ways"
+            raise scene_error(f"{key}.unilateral", True, allowed)
+        if isinstance(ring, JointPads) and ring.friction:
+            raise scene_error(f"{key}.friction", ring.friction, f"0 is allowed beside {computed}")
+
+
+def _check_luffing(scene: Scene, frame: Frame) -> None:
+    """Refuse what a free luffing angle does not go with, and a free angle's keys where the angle is prescribed.
+
+    Beside a free angle these are refused: a cylinder without a drive, valve openings beyond -1 to 1, and a stroke that
+    does not hold the cylinder's first length or does not lie between its dead centres.  Without a cylinder, a free
+    angle is allowed.
+    """
+    cylinder = frame.cylinder
+    if frame.luffing != "free":
+        for key in ("luffing_start", "luffing_rate"):
+            if getattr(frame, key):
+                raise scene_error(f"frame.{key}", getattr(frame, key), f"{FREE} is needed with it")
+        keys = () if cylinder is None else (*cylinder.drives, *(k for k in ("damping",) if cylinder.damping))
+        if keys:
+            raise scene_error(f"frame.cylinder.{keys[0]}", None, f"{FREE} is needed with it: the angle is prescribed")
+        return
+    if cylinder is None:
+        return
+    if not cylinder.drives:
+        allowed = f"force, length or oil is needed beside {FREE}; without frame.cylinder the boom swings by itself"
+        raise scene_error("frame.cylinder", None, allowed)
+    if cylinder.oil is not None and cylinder.oil.valve is not None:
+        least, most = cylinder.oil.valve.opening.bounds(0.0, scene.time.end)
+        if max(-least, most) > OPEN:
+            allowed = "openings from -1 to 1 are allowed"
+            raise scene_error("frame.cylinder.oil.valve.opening", least if -least > OPEN else most, allowed)
+    length = float(cylinder.length_and_arm(frame.angles[0].value(np.zeros(1)))[0][0])
+    if cylinder.stroke is not None and not cylinder.stroke[0] <= length <= cylinder.stroke[1]:
+        allowed = f"the length at luffing_start, {length:.4g} m, is needed within the stroke"
+        raise scene_error("frame.cylinder.stroke", list(cylinder.stroke), allowed)
+    reach = [float(np.hypot(*hinge)) for hinge in (cylinder.foot, cylinder.lug)]
+    dead = abs(reach[0] - reach[1]), sum(reach)
+    if cylinder.stroke is not None and not dead[0] < cylinder.stroke[0] < cylinder.stroke[1] < dead[1]:
+        allowed = (
+            f"lengths between {dead[0]:.4g} and {dead[1]:.4g} m are allowed: foot, lug and pivot are in line there"
+        )
+        raise scene_error("frame.cylinder.stroke", list(cylinder.stroke), allowed)
+
+
+def _check_ground(scene: Scene) -> None:
+    """Refuse a ground without gravity, and a ground under a base whose forces at the pivot are not known."""
+    if scene.gravity is None:
+        raise scene_error("gravity", None, "a table is needed beside frame.ground: the weight presses on the ground")
+    for support in scene.sections[0].supports:
+        if support.points == "all":
+            allowed = "'mean' is allowed beside frame.ground, as forces of 'all' points are not known"
+            raise scene_error(scene.section_key(0, "supports"), "all", allowed)
+    if not has_axial_motion(member_at(scene, 0)):
+        allowed = "true is allowed beside frame.ground, as forces along the boom have a moment about the ground"
+        raise scene_error(scene.section_key(0, "body.profile.axial"), False, allowed)
+
+
+#: An angle may jump by this share of its range, which is round-off.
+JUMP = 1e-9
+#: Least arm of a luffing cylinder as a share of the lug's distance from the pivot; number of times that are checked.
+IN_LINE, SAMPLES = 0.01, 1001
+
+
+def check_frame(scene: Scene) -> None:
+    """Refuse a moving frame if its angles jump or have kinks, or if it does not go with the scene's settings.
+
+    Such settings are gravity with a direction of its own, models that can't follow the frame's motion, whatever the
+    terms of second order do not cover, and the ANCF reference.  A scene without a frame passes.
+    """
+    frame = scene.frame
+    if frame is None:
+        return
+    check_exclusions(scene, frame)
+    angles = dict(zip(("luffing", "slewing"), frame.angles, strict=True))
+    keys = ("base.rx", "base.ry", "base.rz")
+    if frame.ground is not None and any(frame.ground.slope):
+        keys = ("ground.slope[1]", "ground.slope[0]", "base.rz")
+    angles |= dict(zip(keys, frame.base_angles, strict=False))
+    for key, angle in angles.items():
+        frame.refuse_without_unit(f"frame.{key}", angle.bounds(0.0, scene.time.end))
+        _check_smooth(scene, key, "an angle", angle)
+    _check_cylinder(scene, frame)
+    _check_luffing(scene, frame)
+    if frame.machine is not None:
+        check_machine(frame, frame.machine)
+        _check_computed(scene, frame, "frame.machine")
+    elif frame.computed_key is not None:
+        _check_computed(scene, frame, FREE)
+    if frame.ground is not None:
+        _check_ground(scene)
+    for axis, motion in (frame.base.motions if frame.base else {}).items():
+        if axis in ("x", "y", "z"):
+            _check_smooth(scene, f"base.{axis}", "a motion", motion)
+    if scene.gravity is not None and scene.gravity.direction != Gravity().direction:
+        allowed = (
+            "neither direction nor inclination is allowed beside a frame: "
+            "frame.luffing already says how the boom is inclined"
+        )
+        raise scene_error("gravity", None, allowed)
+    for member in members(scene):
+        if model_of(member) == "matrices":
+            allowed = "models with a mesh are allowed in a frame: matrices do not say where their mass is"
+            raise scene_error(scene.section_key(member.number, "body.model"), "matrices", allowed)
+        if model_of(member) == "beam2d" and (frame.out_of_plane_key or frame.tail_position[1] != 0.0):
+            key = frame.out_of_plane_key or "pivot"
+            raise scene_error(f"frame.{key}", None, "models in space are allowed with it: beam2d has no lateral motion")
+    for number in range(1, len(scene.sections) if frame.second_order else 1):
+        least = scene.extension(number).bounds(0.0, scene.time.end)[0]
+        if least <= 0.0:
+            allowed = f"an extension above 0 is allowed with frame.second_order: here it is {least:g} m"
+            raise scene_error(f"sections[{number}].joint", None, allowed)
+    for support in scene.sections[0].supports if frame.second_order else ():
+        if "x" in support.held_directions and scene.sections[0].position_of(support.on) not in (0.0, None):
+            allowed = "the tail is allowed as the place that holds the base along with frame.second_order"
+            allowed += ": axial forces are those from there on"
+            raise scene_error(scene.section_key(0, "supports"), support.on, allowed)
+    for member in members(scene) if frame.second_order else ():
+        for load in member.part.loads:
+            if load.on != "tip" and "x" in input_directions(member, load).values():
+                allowed = "the tip is allowed with frame.second_order as the place of a load along the boom"
+                raise scene_error(scene.section_key(member.number, "loads"), load.on, allowed)
+    if "ancf" in scene.compare.against:
+        raise scene_error("compare.against", list(scene.compare.against), "['full'] or [] is allowed with a frame")
+
+
+def _check_cylinder(scene: Scene, frame: Frame) -> None:
+    """Refuse a luffing cylinder whose arm about the pivot is zero, or nearly so, at some time.
+
+    Such a cylinder carries no moment.
+    """
+    if frame.cylinder is None:
+        return
+    if frame.cylinder.stiffness is not None:
+        _check_holding_cylinder(scene, frame)
+    t = np.linspace(0.0, scene.time.end, SAMPLES)
+    angle = frame.angles[0].value(t)
+    length, arm = frame.cylinder.length_and_arm(angle)
+    reach = float(np.hypot(*frame.cylinder.lug))
+    k = int(np.argmin(np.abs(arm)))
+    if np.abs(arm[k]) < IN_LINE * reach or arm.min() < 0.0 < arm.max() or reach == 0.0:
+        at = f"at {t[k]:.4g} s, {np.rad2deg(angle[k]):.3g} degrees, a cylinder of {length[k]:.3g} m has {arm[k]:.2g} m"
+        raise scene_error("frame.cylinder", None, f"hinges with an arm about the pivot are allowed: {at}")
+
+
+def _check_holding_cylinder(scene: Scene, frame: Frame) -> None:
+    """Refuse a luffing cylinder with a stiffness unless it can hold the base.
+
+    The base has to be a beam of a boom of several sections with a luffing angle.  The lug has to be on the base, and no
+    support may be at the lug.
+    """
+    key, base = "frame.cylinder.stiffness", members(scene)[0]
+    assert frame.cylinder is not None
+    if not base.has_joint or model_of(base) not in ("beam2d", "beam3d"):
+        raise scene_error(key, None, "a boom of several sections whose base is a beam is allowed with it")
+    if frame.luffing is None:
+        raise scene_error("frame.luffing", None, f"the angle that the boom is raised by is needed with {key}")
+    if LUFFING in scene.names:
+        raise scene_error("sections.name", LUFFING, f"other names are allowed beside {key}: a path has this one")
+    at = frame.cylinder.lug[0] - frame.tail_position[0]
+    if not 0.0 <= at <= base.part.length:
+        allowed = "with a stiffness, a place on the base is allowed"
+        raise scene_error("frame.cylinder.lug", frame.cylinder.lug[0], allowed)
+    if twice := supports_at_lug(scene):
+        allowed = f"the cylinder's stiffness or the support {twice[0]!r} at its lug is allowed, one of both"
+        raise scene_error(key, frame.cylinder.stiffness, allowed)
+
+
+def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None:
+    """Refuse a motion of the frame whose value or rate jumps in the simulated time; `what` names it in messages."""
+    kinks = motion.kinks(scene.time.end)
+    jumps = [t for t in motion.breaks if 0.0 < t <= scene.time.end and _has_jump(motion, t)]
+    if jumps or kinks:
+        at, defect = (jumps[0], "a jump") if jumps else (min(kinks), "a kink")
+        allowed = f"{what} with a rate that does not jump is allowed, here is {defect} at {at:g} s: a smooth_ramp"
+        raise scene_error(f"frame.{key}", None, allowed)
+
+
+def _has_jump(angle: SignalBase, t: float) -> bool:
+    """Whether a signal jumps at t (s) by more than the share `JUMP` of its range from 0 to t."""
+    low, high = angle.bounds(0.0, t)
+    before, after = angle.value(np.array([np.nextafter(t, -np.inf), t]))
+    return bool(abs(after - before) > JUMP * (high - low))
