@@ -181,9 +181,9 @@ class MachineSimulation:
         SimulationError if the motion of the machine is not found or if the machine pitches by 90 degrees.  After an
         error, machine and boom are at the end of the last whole step.
         """
-        taken, first, left = ffi.new("int64_t *"), self.number + 1, len(self.motion) - 1 - self.number
-        if not 0 <= count <= left:
-            raise InputError("machine", "steps", count, f"0 to {left} are allowed")
+        taken, first, further = ffi.new("int64_t *"), self.number + 1, len(self.motion) - 1 - self.number
+        if not 0 <= count <= further:
+            raise InputError("machine", "steps", count, f"0 to {further} are allowed")
         failed = lib.pmr_machine_run_advance(self._run, first, count, self._record_pointers(first), taken)
         self.number += int(taken[0])
         self._raise_unless_done(failed, self.number + 1)

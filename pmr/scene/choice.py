@@ -273,8 +273,8 @@ def _wall_reasons(member: Member) -> list[str]:
 
 def _other_model_reasons(member: Member) -> list[str]:
     """Reasons for a beam in space from other sections: if one section is no planar beam, all have to be in space."""
-    others = [section for section in members(member.scene) if section.number != member.number]
-    spatial = [other for other in others if choose_model(other, by_itself=True).model not in PLANAR]
+    neighbours = [section for section in members(member.scene) if section.number != member.number]
+    spatial = [other for other in neighbours if choose_model(other, by_itself=True).model not in PLANAR]
     return [f"section {other.part.name} is no planar beam" for other in spatial]
 
 
@@ -288,8 +288,8 @@ def _lateral_reasons(member: Member) -> list[str]:
     hoist = member.scene.hoist
     if hoist is not None and hoist.lateral_key:
         reasons.append(f"hoist.{hoist.lateral_key} leads out of the vertical plane")
-    beside = [mass for mass in member.part.masses if mass.at is not None and mass.at[1] != 0.0]
-    reasons += [f"the mass {mass.name} lies beside the vertical plane" for mass in beside]
+    lateral_masses = [mass for mass in member.part.masses if mass.at is not None and mass.at[1] != 0.0]
+    reasons += [f"the mass {mass.name} lies beside the vertical plane" for mass in lateral_masses]
     box = member.part.body.box
     profiles = () if box is None else [profile for part in box.stretches for profile in (part.first, part.last)]
     if any(profile.thickness(face) != profile.thickness(other) for profile in profiles for face, other in SIDES):

@@ -79,7 +79,7 @@ class Member:
 
     @property
     def has_joint(self) -> bool:
-        """Whether it slides in another body, or another body in it."""
+        """Whether the body slides in another body, or another body in it."""
         return len(self.scene.sections) > 1
 
     @property

@@ -262,11 +262,11 @@ class BoxProfile(SceneTable):
         """
         if not (isinstance(data, dict) and "sizes" in data):
             return handler(data)
-        sizes, others = data["sizes"], {key: value for key, value in data.items() if key != "sizes"}
+        sizes, dimensions = data["sizes"], {key: value for key, value in data.items() if key != "sizes"}
         if sizes not in SURFACES:
             raise key_error("sizes", sizes, f"one of {', '.join(SURFACES)} is allowed")
-        written = handler(others)
-        return handler(others | written.mid_dimensions(SURFACES[sizes])) if SURFACES[sizes] else written
+        written = handler(dimensions)
+        return handler(dimensions | written.mid_dimensions(SURFACES[sizes])) if SURFACES[sizes] else written
 
     def mid_dimensions(self, sign: float) -> dict[str, Any]:
         """Return the dimensions of the mid-surface of the walls whose outer or inner surface has these dimensions.

@@ -284,8 +284,8 @@ def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
             if load.acts == "wind":
                 signals[name] = WindOnSection.of_load(scene, member, load, name)
             else:
-                own = load.axes == "body"
-                signals[name] = load.signal if own else _ground_force_component(scene, member, load, part)
+                along_body = load.axes == "body"
+                signals[name] = load.signal if along_body else _ground_force_component(scene, member, load, part)
     return signals | rope_load_signals(scene, member)
 
 

@@ -77,13 +77,13 @@ class LuffingRun(MachineRun):
             start=InitialDisplacements(ry=self.level * unit - frame.luffing_start),
             rate=InitialRates(ry=-frame.luffing_rate),
         )
-        moved = {
+        as_machine = {
             "luffing": level,
             "slewing": None,
             "base": BaseMotion.model_construct(**base, rz=frame.slewing or Constant(amount=0.0)),
             "machine": machine,
         }
-        of_machine = scene.model_copy(update={"frame": frame.model_copy(update=moved)})
+        of_machine = scene.model_copy(update={"frame": frame.model_copy(update=as_machine)})
         t = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf).times
         cylinder = None if frame.cylinder is None else kernel_cylinder(frame.cylinder, self.level, t)
         super().__init__(of_machine, system, cylinder, LUFFING_REASONS)
@@ -101,8 +101,8 @@ class LuffingRun(MachineRun):
         samples = MotionSamples(track.step, np.ascontiguousarray(angle), np.zeros(angle.shape[1]), track.inputs, record)
         unit = 1.0 if frame.unit == "rad" else 180.0 / np.pi
         luffing = ComputedMotion(samples=samples, unit=unit)
-        moved = {"luffing": luffing, "slewing": frame.slewing or Constant(amount=0.0)}
-        return self._scene.model_copy(update={"frame": frame.model_copy(update=moved)})
+        computed = {"luffing": luffing, "slewing": frame.slewing or Constant(amount=0.0)}
+        return self._scene.model_copy(update={"frame": frame.model_copy(update=computed)})
 
     def _record(self, cylinder: LuffingCylinder) -> dict[str, Array]:
         """Columns (T,) of the cylinder by the names in `CYLINDER_UNITS`; those of oil only if oil drives it."""

@@ -317,9 +317,9 @@ def _loads(scene: Scene) -> dict[str, SignalBase]:
     """Signals of the loads by input name, as the scene gives them, and of the gravity."""
     signals = dict[str, SignalBase]()
     for name, member in zip(scene.names, members(scene), strict=True):
-        whole = {load.name: load.signal for load in member.part.loads if load.acts != "wind"}
+        as_written = {load.name: load.signal for load in member.part.loads if load.acts != "wind"}
         wind = {key: of for key, of in load_signals(scene, member).items() if isinstance(of, WindOnSection)}
-        signals |= {input_name(name, key): of for key, of in (whole | wind).items()}
+        signals |= {input_name(name, key): of for key, of in (as_written | wind).items()}
     if scene.hoist is not None:
         signals |= {ROPE: scene.hoist.rope_signal, **scene.hoist.wind_signals}
     return signals if scene.gravity is None else signals | {GRAVITY: scene.gravity.signal}

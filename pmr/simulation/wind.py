@@ -21,6 +21,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import BaseModel, ConfigDict
 
 from pmr.files.arrays import Array
 from pmr.scene import Scene
@@ -34,22 +35,27 @@ from pmr.simulation.frame_motion import Derived, FrameRotation
 POINTS, SAMPLES = 32, 1001
 
 
-class WindOnSection(Derived):
-    """Amplitude in N/m of one polynomial of the wind on one section, along one of its axes."""
+class ExposedSection(BaseModel):
+    """A section of a boom and what is around it."""
 
-    pressure: SignalBase  # Pa at the reference height
-    luffing: SignalBase  # rad
-    slewing: SignalBase  # rad
-    rocking: tuple[SignalBase, ...]  # rad
+    model_config = ConfigDict(frozen=True)
+
     paths: tuple[SignalBase, ...]  # m: extensions up to that of the section
     pivot: tuple[float, float, float]  # m: from the pivot to the tail of the base
     length: float  # m
     around: float  # m: length of the section around it; 0 for the base
+
+
+class WindOnSection(Derived):
+    """Amplitude in N/m of one polynomial of the wind on one section, along one of its axes."""
+
+    pressure: SignalBase  # Pa at the reference height
+    angles: tuple[SignalBase, SignalBase]  # rad: luffing and slewing
+    rocking: tuple[SignalBase, ...]  # rad
+    section: ExposedSection
     azimuth: float  # rad
     factors: tuple[float, float]  # m: shape factor times depth along y and along z
-    exponent: float
-    reference: float  # m
-    least: float  # m
+    load: Load  # with its profile over the height
     above: float  # m: of the pivot above the ground
     axis: str
     degree: int
@@ -64,22 +70,21 @@ class WindOnSection(Derived):
         assert frame is not None  # as the checks say
         depths = [load.depth or getattr(box, key) for key in ("height", "width")]
         axis, degree = name.split(" ")[-2:]
-        (luffing, slewing), ground = frame.angles, frame.ground
+        ground = frame.ground
         above = ground.height if ground is not None and "above" not in load.model_fields_set else load.above
         return cls(
             pressure=load.signal,
-            luffing=luffing,
-            slewing=slewing,
+            angles=frame.angles,
             rocking=frame.base_angles,
-            paths=tuple(scene.extension(k) for k in range(1, member.number + 1)),
-            pivot=frame.tail_position,
-            length=part.length,
-            around=scene.sections[member.number - 1].length if member.number else 0.0,
+            section=ExposedSection(
+                paths=tuple(scene.extension(k) for k in range(1, member.number + 1)),
+                pivot=frame.tail_position,
+                length=part.length,
+                around=scene.sections[member.number - 1].length if member.number else 0.0,
+            ),
             azimuth=load.azimuth * (1.0 if frame.unit == "rad" else np.pi / 180.0),
             factors=(load.shape * depths[0], load.shape * depths[1]),
-            exponent=load.exponent,
-            reference=load.reference,
-            least=load.least,
+            load=load,
             above=above,
             axis=axis,
             degree=int(degree),
@@ -88,12 +93,12 @@ class WindOnSection(Derived):
 
     @property
     def signals(self) -> tuple[SignalBase, ...]:
-        return (self.pressure, self.luffing, self.slewing, *self.rocking, *self.paths)
+        return (self.pressure, *self.angles, *self.rocking, *self.section.paths)
 
     def value(self, t: ArrayLike) -> Array:
         at = np.asarray(t, float)
-        whole = self.model_copy(update={"axis": "y", "degree": 0})
-        amplitudes = _amplitudes(whole, at.ravel().tobytes())
+        of_all = self.model_copy(update={"axis": "y", "degree": 0})
+        amplitudes = _amplitudes(of_all, at.ravel().tobytes())
         return np.asarray(amplitudes[PRESSED.index(self.axis), self.degree].reshape(at.shape))
 
     def bounds(self, start: float, end: float) -> Interval:
@@ -110,24 +115,24 @@ class WindOnSection(Derived):
 @lru_cache(maxsize=8)
 def _amplitudes(wind: WindOnSection, t: bytes) -> Array:
     """Amplitudes (2, `POLYNOMIALS`, T) in N/m of all polynomials along y and z, at T times."""
-    times = np.frombuffer(t)
-    turning = FrameRotation.from_signals(wind.luffing, wind.slewing, times, wind.rocking)
+    times, section, load = np.frombuffer(t), wind.section, wind.load
+    turning = FrameRotation.from_signals(*wind.angles, times, wind.rocking)
     blown = turning.rotation[:, 0] * np.cos(wind.azimuth) + turning.rotation[:, 1] * np.sin(wind.azimuth)
-    up, extensions = turning.up, [path.value(times) for path in wind.paths]
-    tail = wind.above + up @ np.array(wind.pivot) + up[:, 0] * np.sum([np.zeros(len(times)), *extensions], axis=0)
-    hidden = np.clip(wind.around - extensions[-1], 0.0, wind.length) if extensions else np.zeros(len(times))
+    up, extensions = turning.up, [path.value(times) for path in section.paths]
+    tail = wind.above + up @ np.array(section.pivot) + up[:, 0] * np.sum([np.zeros(len(times)), *extensions], axis=0)
+    hidden = np.clip(section.around - extensions[-1], 0.0, section.length) if extensions else np.zeros(len(times))
     level = np.abs(up[:, 0]) < 1e-12
-    bend = np.where(level, hidden, (wind.least - tail) / np.where(level, 1.0, up[:, 0]))
-    bend = np.clip(bend, hidden, wind.length)
+    bend = np.where(level, hidden, (load.least - tail) / np.where(level, 1.0, up[:, 0]))
+    bend = np.clip(bend, hidden, section.length)
     points, weights = np.polynomial.legendre.leggauss(POINTS)
     total = np.zeros((POLYNOMIALS, len(times)))
-    for first, last in ((hidden, bend), (bend, np.full(len(times), wind.length))):
+    for first, last in ((hidden, bend), (bend, np.full(len(times), section.length))):
         x = ((first + last)[:, None] + (last - first)[:, None] * points) / 2.0
-        height = np.maximum(tail[:, None] + up[:, :1] * x, wind.least)
-        pressure = (height / wind.reference) ** (2.0 * wind.exponent) * weights * (last - first)[:, None] / 2.0
+        height = np.maximum(tail[:, None] + up[:, :1] * x, load.least)
+        pressure = (height / load.reference) ** (2.0 * load.exponent) * weights * (last - first)[:, None] / 2.0
         for degree in range(POLYNOMIALS):
-            shape = np.polynomial.legendre.legval(2.0 * x / wind.length - 1.0, np.eye(POLYNOMIALS)[degree])
-            total[degree] += (2 * degree + 1) / wind.length * np.sum(pressure * shape, axis=1)
+            shape = np.polynomial.legendre.legval(2.0 * x / section.length - 1.0, np.eye(POLYNOMIALS)[degree])
+            total[degree] += (2 * degree + 1) / section.length * np.sum(pressure * shape, axis=1)
     total *= wind.pressure.value(times)
     across = np.array([factor * blown[:, 1 + k] * np.abs(blown[:, 1 + k]) for k, factor in enumerate(wind.factors)])
     return np.asarray(across[:, None, :] * total)

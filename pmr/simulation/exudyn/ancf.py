@@ -103,8 +103,8 @@ def curvature(cable: Cable, q: Array, x: Array) -> Array:
 
     q (T, N, 4) are the coordinates of all N nodes.
     """
-    left, right = (_curvature(cable, q, x, e) for e in (cable.left_elements(x), cable.right_elements(x)))
-    return (left + right) / 2.0
+    before, after = (_curvature(cable, q, x, e) for e in (cable.left_elements(x), cable.right_elements(x)))
+    return (before + after) / 2.0
 
 
 def _curvature(cable: Cable, q: Array, x: Array, elements: Indices) -> Array:
@@ -280,10 +280,10 @@ def add_sliding_cable(mbs: exu.MainSystem, cable: Cable, s: float) -> CableItems
                 massPerLength=cable.mass_per_length,
                 bendingStiffness=cable.bending_stiffness,
                 axialStiffness=cable.axial_stiffness,
-                nodeNumbers=[left, right],
+                nodeNumbers=[first, second],
             )
         )
-        for left, right in zip(nodes[:-1], nodes[1:], strict=True)
+        for first, second in zip(nodes[:-1], nodes[1:], strict=True)
     ]
     nGround = mbs.AddNode(NodePointGround(name="ground"))
     mGround = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=nGround, coordinate=0))

@@ -55,7 +55,7 @@ class Steps(NamedTuple):
     hoist: Array | None = None  # (T, 7): outputs of a hoist
 
     def at(self, rows: NDArray[np.int64] | slice) -> Steps:
-        """Those of the steps with the numbers `rows`, from 0 on, or in this slice."""
+        """Steps with the numbers `rows`, from 0 on, or in this slice."""
         return Steps._make(None if array is None else array[rows] for array in self)
 
 

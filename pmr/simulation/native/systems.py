@@ -227,7 +227,10 @@ def deformation(
     if system.on_one_path:  # all rows are at the position of the one that moves
         if body.flexibility is None:
             return None
-        rows, moving = [body.row_names.index(one.row) for one in points], [one.path is not None for one in points]
+        rows, moving = (
+            [body.row_names.index(place.row) for place in points],
+            [place.path is not None for place in points],
+        )
         X = select_rows(select_columns(body.flexibility.outputs, rows), chosen)
         s = x[:, moving.index(True)] if any(moving) else np.full(len(x), body.domain[0])
         return np.asarray(loads @ body.flexibility.direct[chosen].T - apply_table(X, s, multipliers))

@@ -190,7 +190,7 @@ class CheckpointFile:
         self._last = time.monotonic()
 
     def due(self) -> bool:
-        """Whether it is time for a checkpoint; always False on other ranks than 0."""
+        """Whether a checkpoint has to be written now; always False on other ranks than 0."""
         return self._comm.rank == 0 and time.monotonic() - self._last >= self._checkpoint.seconds
 
     def save(self, reached: ReachedState, recorder: Recorder) -> None:
