@@ -217,7 +217,10 @@ def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Res
         lines += [_ring_warning(ring, of_ring, response)] if of_ring else []
     held = [contact for contact in contacts if contact.clearance is None and contact.name in pulling]
     held = [contact for contact in held if contact.inner.body in scene.names[1:]]
-    return [*lines, _joints_warning(held, pulling, response)] if held else lines
+    lines += [_joints_warning(held, pulling, response)] if held else []
+    if scene.frame is not None and scene.frame.luffing == "free":
+        return [f"{line}, which frame.luffing = 'free' does not take" for line in lines]
+    return lines
 
 
 def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:

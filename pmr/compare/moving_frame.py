@@ -79,7 +79,7 @@ def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies
         "limit": SECOND_ORDER_LIMIT,
     }
     is_included = scene.frame.second_order is not False
-    warnings = [*_left_out_warnings(is_included, stresses), *_plane_buckling_warnings(scene, system)]
+    warnings = [*_left_out_warnings(scene, is_included, stresses), *_plane_buckling_warnings(scene, system)]
     past = _past_buckling_warnings(is_included, stresses)
     return SummaryPart({"frame": figures, "buckling": buckling}, warnings, past)
 
@@ -115,11 +115,12 @@ def _past_buckling_warnings(is_included: bool, stresses: SecondOrderEffect) -> l
     return [past] if stresses.least_factor <= 1.0 else []
 
 
-def _left_out_warnings(is_included: bool, stresses: SecondOrderEffect) -> list[str]:
+def _left_out_warnings(scene: Scene, is_included: bool, stresses: SecondOrderEffect) -> list[str]:
     """A warning if second order matters and is left out, `is_included` being false; else nothing."""
     size = f"by {100.0 * stresses.largest_share:.2g} % at {stresses.t_largest_share:g} s"
     left_out = f"second order is left out: axial forces and the frame's speed change the stiffness {size}, so static "
     left_out += "deflections are off by as much, vibrations drift out of phase; frame.second_order = true includes it"
+    left_out += ", which takes a winch on the machine or at a section's tip" if scene.hoist is not None else ""
     return [] if is_included or stresses.least_factor <= 1.0 or not stresses.matters else [left_out]
 
 

@@ -35,8 +35,10 @@ from pmr.results.field_stress import PeakSummary
 from pmr.results.quantities import QUANTITIES
 from pmr.results.response import Extreme, Extremes
 from pmr.results.tables import FORCE_OF
+from pmr.scene.choice import model_of
 from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
+from pmr.scene.members import members
 
 Rows = Iterator[tuple[str, str]]
 
@@ -100,6 +102,8 @@ def _stress_rows(result: RunResult) -> Rows:
         return
     peak, used = (summary.get(name, {}).get("reduced") for name in ("stress_peak", "utilisation"))
     stress_text = format_quantity(largest, "Pa")
+    if any(member.part.body.box and model_of(member).startswith("beam") for member in members(result.scene)):
+        stress_text += " without the bending of walls under pads"
     share = (
         f"{format_percent(used['value'])} of the yield stress of {format_quantity(used['yield'], 'Pa')}" if used else ""
     )
@@ -123,8 +127,6 @@ def _force_rows(result: RunResult) -> Rows:
     """
     for key, forces in _extremes_of_forces(result).items():
         row, unit = QUANTITIES[key].reported, QUANTITIES[key].unit
-        if key == "support" and "luffing_cylinder" in result.summary:
-            row = "largest force of another support"
         name = max(forces, key=lambda name: forces[name].size, default="")  # noqa: B023
         if not forces or (not forces[name].size and key != "support"):
             continue

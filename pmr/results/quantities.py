@@ -238,6 +238,8 @@ def columns_by_support(columns: Columns, looks_at: Callable[[str], bool]) -> dic
 def support_names(columns: Columns, number: int) -> tuple[str, ...]:
     """Return the two names of a support's column number `number`: its own, and its contact's, as ``base pivot x``."""
     body, name = columns.bodies[number], columns.names[number]
+    if name.startswith(f"{body} "):  # a contact's
+        return name, name
     row = name.removeprefix(REACTION).removeprefix(f"{body}: ").removeprefix(FORCE)
     return name, f"{body} {row}".strip()
 

@@ -94,7 +94,7 @@ def check_hoist(scene: Scene) -> None:
             if not 0.0 <= x <= member.part.length:
                 raise scene_error(key, x, f"0 to {member.part.length:g} m is allowed")
             if frame is not None and frame.second_order and on != "tip" and x != member.part.length:
-                allowed = "the tip is allowed with frame.second_order as the place of a load along the boom"
+                allowed = "a section's tip is allowed with frame.second_order, which takes forces along the boom there"
                 raise scene_error(key, on, allowed)
     t = np.linspace(0.0, scene.time.end, SAMPLES)
     if frame is not None and frame.luffing == "free" and not hoist.winch.section:

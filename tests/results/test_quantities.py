@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pmr.results import Energy, Response
-from pmr.results.quantities import LIMITED, QUANTITIES, error_label, with_unit
+from pmr.results.quantities import LIMITED, QUANTITIES, Columns, error_label, support_names, with_unit
 from pmr.results.response import KINDS, Extreme, Extremes
 from pmr.scene.run_settings import OutputKind
 
@@ -46,6 +46,20 @@ def test_each_quantity_stands_once_and_is_of_kinds_that_responses_have() -> None
     assert set(get_args(OutputKind)) <= QUANTITIES.keys()
     limited = [quantity.limit for quantity in QUANTITIES.values() if quantity.limit]
     assert sorted(limited) == sorted(LIMITED)
+
+
+@pytest.mark.parametrize(
+    ("body", "name", "contact"),
+    [
+        ("base", "base luffing cylinder", "base luffing cylinder"),
+        ("base", "reaction of base: pivot x", "base pivot x"),
+        ("base", "base: force of lift z", "base lift z"),
+        ("", "reaction of pin x", "pin x"),
+    ],
+)
+def test_a_support_has_the_name_of_its_contact_with_its_body_once(body: str, name: str, contact: str) -> None:
+    columns = Columns((name,), ("support",), ("N",), (body,))
+    assert support_names(columns, 0) == (name, contact)
 
 
 @pytest.mark.parametrize(
