@@ -83,7 +83,7 @@ for name in ("boom_three", "crane"):
 _STEPS = """
 import json, sys, time, warnings
 import pmr
-from pmr.simulation.machine import MachineRun
+from pmr.simulation.native.machine import MachineRun
 from pmr.simulation.moving import MovingFrame
 from pmr.simulation.moving import read_scene
 from pmr.system.system import System

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.kernel.machine import CYLINDER_COLUMNS
 from pmr.simulation.free_base import FreeBase
-from pmr.simulation.luffing import LuffingRun
+from pmr.simulation.native.luffing import LuffingRun
 
 Array = NDArray[np.float64]
 

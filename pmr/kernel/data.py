@@ -63,6 +63,9 @@ def system_data(
     scene = None if frame is None else frame.scene
     of_frame, further = frame_output_arrays(scene, system, rows.paths, reactions, motions)
     arrays |= of_frame
+    luffing = None if frame is None else frame.luffing
+    behind = dict(system.hoist.outputs) | ({} if luffing is None else dict(luffing.outputs))
+    arrays |= {} if luffing is None else dict(luffing.arrays)
     shares = np.eye(len(system.contacts)) if reduced.shares is None else reduced.shares
     arrays |= {
         "shares": _fill_rows(shares, len(rows.F)),
@@ -70,14 +73,14 @@ def system_data(
         "names_outputs": lines(system.output_names),
         "names_contacts": lines(modal.contact_names),
         "names_forces": lines(system.contact_names),
-        "names_further": lines([*further, *system.hoist.outputs]),
+        "names_further": lines([*further, *behind]),
     }
     units = [unit for of in supports for unit in of.units]
-    hoist_outputs = [(name, unit, False) for name, unit in system.hoist.outputs.items()]
+    outputs_behind = [(name, unit, False) for name, unit in behind.items()]
     further_outputs = [(name, "N" if name == CYLINDER else "m", name != CYLINDER) for name in further[len(reactions) :]]
     modes_of = {name: part.modes for name, part in zip(forms, rows.parts, strict=True)}
     listed = (*((name, unit, False) for name, unit in zip(reactions, units, strict=True)), *further_outputs)
-    return SystemData(arrays, used, modes_of, rows, (*listed, *hoist_outputs))
+    return SystemData(arrays, used, modes_of, rows, (*listed, *outputs_behind))
 
 
 @dataclass(frozen=True)

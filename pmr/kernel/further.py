@@ -248,8 +248,20 @@ ANGLES = ("luffing", "slewing", "base.rx", "base.ry", "base.rz")
 AXES = ("base.x", "base.y", "base.z")
 
 
+@dataclass(frozen=True)
+class LuffingData:
+    """A free luffing angle: arrays of the kernel's block, and names and units of its outputs."""
+
+    arrays: Mapping[str, Array]
+    outputs: Mapping[str, str]
+
+
 class Frame(Protocol):
     """Loads and amplitudes of a moving frame, as sums of products of quantities (`pmr.simulation.moving`)."""
+
+    @property
+    def luffing(self) -> LuffingData | None:
+        """Data of a free luffing angle; None if the angle is a driver."""
 
     @property
     def scene(self) -> Scene:

@@ -43,7 +43,8 @@ class Kernel:
 
     Attributes
     ----------
-    modes, contacts, forces, inputs, outputs, paths, terms, pads, drivers, motions, pushing, further, hoist : int
+    modes, contacts, forces, inputs, outputs, paths, terms, pads, drivers, motions, pushing, further : int
+    hoist, luffing : int
         Sizes as in `pmr_sizes` (src/pmr_kernel.h); `modes` includes padding.
     """
 
@@ -60,6 +61,7 @@ class Kernel:
     pushing: int
     further: int
     hoist: int
+    luffing: int
 
     def __init__(self, block: bytes | bytearray) -> None:
         """Copy and open a block; an InputError is raised if the bytes are no block of this kernel, or damaged."""

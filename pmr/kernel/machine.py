@@ -54,7 +54,6 @@ class Cylinder:
     """
 
     kind: int = lib.PMR_NO_CYLINDER
-    angle: float = 0.0
     foot: tuple[float, float] = (0.0, 0.0)
     lug: tuple[float, float] = (0.0, 0.0)
     spring: float = 0.0
@@ -74,6 +73,7 @@ class Machine:
 
     axes: Integers
     free: Integers
+    level: float
     mass: float
     center: Array
     inertia: Array
@@ -159,9 +159,14 @@ class MachineSimulation:
         self._raise_unless_done(failed, 0)
         return forces
 
-    def load_cylinder(self, force: float, pressures: tuple[float, float]) -> None:
-        """Set the force of a length's spring in N, and the pressures in Pa of bore and rod side, at the start."""
-        self._machine.cylinder.force, self._machine.cylinder.pressures = force, pressures
+    def load_cylinder(self, place: Array, z: Array) -> None:
+        """Let the luffing cylinder begin with the force or the pressures that hold the boom at rest at the start.
+
+        `place` (6,) is the place of the machine, z (modes,) are coordinates of the boom.  Oil on the rod's side has the
+        back pressure; if the other side would then need a negative one, that side has it.  Errors as `holding_forces`.
+        """
+        arrays = [np.ascontiguousarray(array, float) for array in (place, z)]
+        self._raise_unless_done(lib.pmr_machine_run_load_cylinder(self._run, *map(pointer, arrays)), 0)
 
     def start(self, motion: Array, z: Array, v: Array) -> None:
         """Begin at t = 0 with the machine's `motion` (3, 6), and with coordinates z and rates v (modes,) of the boom.

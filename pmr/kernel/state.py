@@ -278,7 +278,13 @@ class State:
     @property
     def hoist(self) -> Array:
         """Outputs (7,) of the hoist at the end of the last step, by the names `pmr.scene.hoist.OUTPUTS`; else empty."""
-        return self.further()[self.kernel.further - self.kernel.hoist :]
+        last = self.kernel.further - self.kernel.luffing
+        return self.further()[last - self.kernel.hoist : last]
+
+    @property
+    def luffing(self) -> Array:
+        """Outputs of a free luffing angle at the end of the last step (`LuffingData.outputs`); empty without one."""
+        return self.further()[self.kernel.further - self.kernel.luffing :]
 
     def further(self) -> Array:
         """Further outputs (further,) at the end of the last step.

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from pmr.scene.keys import Area, Length, Place, Pressure, Quantity, SceneTable, Stiffness, Usual, key_error
-from pmr.scene.signals import Signal
+from pmr.scene.signals import Signal, SignalBase
 
 _NotNegative = Field(ge=0.0, strict=True)
 Volume = Annotated[float, Field(gt=0.0, strict=True), Quantity("m^3", 1e-12, 1e6), Usual(1e-7, 10.0)]
@@ -145,6 +145,14 @@ class LuffingCylinder(SceneTable):
     def drives(self) -> tuple[str, ...]:
         """Keys of what drives a free luffing angle: force, length or oil."""
         return tuple(key for key in ("force", "length", "oil") if getattr(self, key) is not None)
+
+    @property
+    def drive_signals(self) -> dict[str, SignalBase]:
+        """Signal of what drives a free luffing angle, by ``force``, ``length`` or ``opening``; empty without one."""
+        valve = None if self.oil is None else self.oil.valve
+        signals: dict[str, SignalBase | None] = {"force": self.force, "length": self.length}
+        signals["opening"] = None if valve is None else valve.opening
+        return {name: signal for name, signal in signals.items() if signal is not None}
 
     def square_angle(self, angle: float) -> float:
         """Return the luffing angle in rad at which the lines from the pivot to foot and lug are square.

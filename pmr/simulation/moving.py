@@ -10,7 +10,7 @@ Also the scene from which a reduced model was made, as far as the model's file s
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -21,7 +21,7 @@ from pydantic import TypeAdapter
 from pmr.errors import InputError
 from pmr.errors.text import escape_controls
 from pmr.files.arrays import Array, Indices
-from pmr.kernel.further import ANGLES, AXES
+from pmr.kernel.further import ANGLES, AXES, LuffingData
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import MOST_STEPS
@@ -30,7 +30,7 @@ from pmr.scene.hoist import ROPE
 from pmr.scene.keys import RECORDED, input_name
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.members import members
-from pmr.scene.signals import Signal, SignalBase
+from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.simulation.excitation import SLIDER, Excitation
 from pmr.simulation.frame import base_accelerations, load_signals, products_of
 from pmr.simulation.frame_motion import Acceleration, Product, Products, Quantity
@@ -50,7 +50,9 @@ class StoredScene:
     excitation: Excitation
     #: (i,) array: `System.load_names` at t = 0 of a stepper, with the full weight even if the weight rises in time
     first_loads: Array
-    scene: Scene | None = None  #: scene of a boom; None for a single body without a frame
+    #: scene of a boom, in which a free luffing angle stays where it begins; None for a single body without a frame
+    scene: Scene | None = None
+    luffs_freely: bool = False  #: whether the luffing angle is free
 
     @property
     def static(self) -> bool:
@@ -58,8 +60,8 @@ class StoredScene:
         return self.excitation.start == "equilibrium"
 
 
-def read_scene(system: System, source: str) -> StoredScene:
-    """Scene that is stored in the provenance of a system.
+def read_scene(system: System, source: str, free: bool = False) -> StoredScene:
+    """Scene that is stored in the provenance of a system, with a free luffing angle if `free`.
 
     Raises InputError, which names the file `source`, if there is no scene, or if a value that has to be a number is
     none.
@@ -70,7 +72,7 @@ def read_scene(system: System, source: str) -> StoredScene:
             raise ValueError("a signal in a saved model contains its numbers; it reads no file")
         if ALONE in system.bodies and not (scene.get("frame") or scene.get("hoist")):
             return _read_body_scene(scene, system)
-        return _read_boom_scene(scene, system)
+        return _read_boom_scene(scene, system, free)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         if isinstance(error, InputError):
             raise InputError(source, f"provenance.scene.{error.key}", error.value, error.allowed) from None
@@ -102,13 +104,26 @@ def _read_body_scene(scene: Mapping[str, Any], system: System) -> StoredScene:
     return StoredScene(escape_controls(str(scene.get("title", "Sliding body"))), excitation, first_loads)
 
 
-def _read_boom_scene(scene: Any, system: System) -> StoredScene:
-    """Stored scene of a boom; ValueError unless its sections and paths are those of the system."""
+def _read_boom_scene(scene: Any, system: System, free: bool) -> StoredScene:
+    """Stored scene of a boom, with a free luffing angle if `free`.
+
+    Raises ValueError unless its sections and paths are those of the system.
+    """
     boom = stored_scene(scene, "provenance.scene", RECORDED)
+    luffs = free and boom.frame is not None and boom.frame.luffing == "free"
+    boom = held_at_start(boom) if luffs else boom
     _check_steps(TimeStepping(boom.time.end, boom.time.step))
     if set(system.bodies) != set(boom.bodies) or not set(system.paths) <= set(boom.driven_paths):
         raise ValueError(f"sections {', '.join(system.bodies)} and paths {', '.join(system.paths)} are needed")
-    return store_boom_scene(boom, system)
+    return replace(store_boom_scene(boom, system), luffs_freely=luffs)
+
+
+def held_at_start(scene: Scene) -> Scene:
+    """Scene that differs from one with a free luffing angle in that the angle is prescribed, and stays as it begins."""
+    frame = scene.frame
+    assert frame is not None  # of a scene with a luffing angle
+    angles = {"luffing": Constant(amount=frame.luffing_start), "slewing": frame.slewing or Constant(amount=0.0)}
+    return scene.model_copy(update={"frame": frame.model_copy(update=angles)})
 
 
 def _check_steps(stepping: TimeStepping) -> TimeStepping:
@@ -157,6 +172,8 @@ def _names_a_file(data: object) -> bool:
 
 
 GRAVITY = "gravity"
+#: Prefix of the name of the load that drives a luffing cylinder: an opening, a force or a length.
+DRIVE = "luffing drive "
 #: Angles that a frame and its base may have.
 OF_FRAME, OF_BASE = ANGLES[:2], ANGLES[2:]
 #: The quantity with the value 1, and the number of factors of each product; missing factors are this quantity.
@@ -178,6 +195,7 @@ class MovingFrame:
     inputs: tuple[Products, ...]  # of the system's i inputs
     terms: tuple[Products, ...]  # of its K terms
     hoist: tuple[Products, ...] = ()  # of what drives its hoist
+    luffing: LuffingData | None = None  # of a free luffing angle, whose motion is the start's alone
 
     @classmethod
     def from_system(cls, system: System) -> MovingFrame | None:
@@ -264,6 +282,8 @@ class MovingFrame:
                 motions[1:, k] = signal.rate(at), second.value(at)
             elif name in self.angles:
                 motions[1:, k] = signal.rate(at), signal.second_rate(at)
+            elif name.startswith(DRIVE):
+                motions[1, k] = signal.rate(at)
         return motions
 
     @property
@@ -322,4 +342,7 @@ def _loads(scene: Scene) -> dict[str, SignalBase]:
         signals |= {input_name(name, key): of for key, of in (as_written | wind).items()}
     if scene.hoist is not None:
         signals |= {ROPE: scene.hoist.rope_signal, **scene.hoist.wind_signals}
+    cylinder = None if scene.frame is None else scene.frame.cylinder
+    if cylinder is not None and cylinder.drives:
+        signals |= {f"{DRIVE}{name}": signal for name, signal in cylinder.drive_signals.items()}
     return signals if scene.gravity is None else signals | {GRAVITY: scene.gravity.signal}

@@ -18,7 +18,7 @@ from pmr.simulation.floating import BoomState as Moment
 from pmr.simulation.floating import Extensions, FrameMotion
 from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.free_base import EliminatedContacts, FreeBase
-from pmr.simulation.machine import MachineRun, modes_in_bodies
+from pmr.simulation.native.machine import MachineRun, modes_in_bodies
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
 

@@ -29,9 +29,9 @@ from oil_boom import (
 from scipy.integrate import solve_ivp
 
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.luffing import LuffingRun
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.luffing import LuffingRun
 
 Array = NDArray[np.float64]
 pytestmark = [pytest.mark.slow, pytest.mark.numerical]  # a boom is reduced

@@ -18,8 +18,8 @@ from pmr.simulation import Excitation
 from pmr.simulation.floating import Extensions, FrameMotion
 from pmr.simulation.frame_motion import FrameRotation, MachineMotion, with_computed_motion
 from pmr.simulation.free_base import EliminatedContacts, FreeBase
-from pmr.simulation.machine import machine_motion
 from pmr.simulation.native import systems
+from pmr.simulation.native.machine import machine_motion
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.states import SystemTrajectory

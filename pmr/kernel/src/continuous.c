@@ -147,7 +147,8 @@ static int evaluate_along(pmr_state *st, const double *at, const double *seed_at
     const pmr_system *y = st->system;
     const pmr_progress progress = st->progress;
     int failed;
-    if (seed_at && y->hoist) return PMR_REFUSED;
+    if (seed_at && (y->hoist || y->luffing)) return PMR_REFUSED;
+    if (y->luffing) at = luffing_motions(st, at);
     memcpy(st->began, st->mark, st->saved * sizeof(double));
     failed = hold && !to->closed ? PMR_REFUSED : stand_under(st, at);
     if (!failed) failed = find_position_forces(st, hold, to->closed);
@@ -159,7 +160,7 @@ static int evaluate_along(pmr_state *st, const double *at, const double *seed_at
             accelerate(st, st->u + y->paths, st->acceleration);
             copy_values(st, to, st->values, st->acceleration);
             if (to->further && y->motions) pmr_frame_outputs(y, at, NULL, st->values, NULL, to->further, NULL);
-            if (to->further && y->hoist) show_hoist(st, to->further + y->reactions + 3 * y->has_tip + (y->sources > 0));
+            if (to->further) show_behind(st, to->further + y->reactions + 3 * y->has_tip + (y->sources > 0));
         }
     }
     return return_to(st, &progress, failed);

@@ -150,8 +150,8 @@ static void find_pressures(const pmr_luffing_cylinder *c, double h, double openi
 static void push_by_cylinder(pmr_machine_run *ms, int64_t k, const double *b, double *springs)
 {
     const pmr_luffing_cylinder *c = &ms->machine->cylinder;
-    const double *drive = ms->machine->drive + 2 * (size_t)k, *first = ms->machine->drive;
-    const double h = ms->state->settings.step, s = sin(c->angle - b[4]), co = cos(c->angle - b[4]);
+    const double *drive = ms->machine->drive + 2 * (size_t)k;
+    const double h = ms->state->settings.step, angle = ms->machine->level - b[4], s = sin(angle), co = cos(angle);
     const double lug[2] = {c->lug[0] * co - c->lug[1] * s, c->lug[0] * s + c->lug[1] * co};
     const double x = lug[0] - c->foot[0], z = lug[1] - c->foot[1], length = sqrt(x * x + z * z);
     const double arm = (z * lug[0] - x * lug[1]) / length;
@@ -166,15 +166,16 @@ static void push_by_cylinder(pmr_machine_run *ms, int64_t k, const double *b, do
     if (length < c->stroke[0]) now->force += c->stop_stiffness * (c->stroke[0] - length);
     if (length > c->stroke[1]) now->force -= c->stop_stiffness * (length - c->stroke[1]);
     if (c->kind == PMR_CYLINDER_FORCE) now->force += drive[0];
-    now->begun = k ? old->begun : length;
-    if (c->kind == PMR_CYLINDER_LENGTH) now->force += c->force + c->spring * (drive[0] - first[0] - length + now->begun);
+    now->begun = k ? old->begun : drive[0] - length;
+    now->held = k ? old->held : ms->loaded[0];
+    if (c->kind == PMR_CYLINDER_LENGTH) now->force += now->held + c->spring * (drive[0] - length - now->begun);
     if (c->kind == PMR_CYLINDER_OIL) {
         if (k) {
             if (chamber(c, 0, length) <= 0.0 || chamber(c, 1, length) <= 0.0) now->emptied = 1;
             find_pressures(c, h, drive[0], old, now);
             for (i = 0; i < 2; i++) now->fed[i] = old->fed[i] + h * now->mean[i];
         } else {
-            copy(now->pressures, c->pressures, 2);
+            copy(now->pressures, ms->loaded + 1, 2);
             find_flows(c, drive[0], now->pressures, q, &now->supplied);
             for (i = 0; i < 2; i++) now->flows[i] = now->mean[i] = q[i].at, now->fed[i] = 0.0;
         }

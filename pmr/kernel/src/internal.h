@@ -118,6 +118,10 @@ struct pmr_system {
     const double *hoist_levers;  /* (k, 6): how far a unit along each input moves the head, and the winch */
     const double *hoist_numbers; /* (PMR_HOIST_NUMBERS) */
     const double *hoist_reach;   /* (2, P): paths that the head moves along with, and the winch */
+    /* a free luffing angle (luffing.c): its outputs, 0 without one; motions that are gravity and the cylinder's drive, less
+       than 0: none; the boom as a machine that pitches, with a cylinder whose arrays over time each state has by itself */
+    int32_t luffing, luffing_gravity, luffing_drive;
+    pmr_machine boom;
     pmr_observed observed[2];    /* outputs, reactions */
 };
 
@@ -166,6 +170,8 @@ struct pmr_state {
     /* numbers that a step which is taken back returns to, one array after the other, filled up to registers */
     double *mark;
     double *hoist, *pulls; /* (PMR_HOIST_STATE), (k) N: where the rope stands, its forces on the inputs (hoist.c) */
+    double *luffing, *luffing_past; /* outputs of a free luffing angle; what its next step depends on (luffing.c) */
+    pmr_machine_run *run;           /* of the free luffing angle, or NULL */
     size_t marked;                                       /* doubles */
     double *z_next, *v_next, *a_next, *z_free, *z, *v;   /* (r') */
     double *lambda, *force, *share, *closed, *impulse;   /* (mp): lambda of moments behind those of contacts */
@@ -242,6 +248,8 @@ struct pmr_state {
     F(int, machine_run_holding_forces, machine_run_holding_forces,                                                     \
       (pmr_machine_run *run, const double *b, const double *z, const double *v, const double *a, double *needed),      \
       (run, b, z, v, a, needed))                                                                                       \
+    F(int, machine_run_load_cylinder, machine_run_load_cylinder,                                                       \
+      (pmr_machine_run *run, const double *b, const double *z), (run, b, z))                                           \
     F(int, machine_run_start, machine_run_start,                                                                       \
       (pmr_machine_run *run, const double *b, const double *z, const double *v, const pmr_machine_record *record),     \
       (run, b, z, v, record))                                                                                          \

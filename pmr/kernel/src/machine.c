@@ -45,8 +45,11 @@ static double by_impulse(const weights *w, double impulse, double before)
 
 /* ---- a step ---- */
 
+static void store_luffing(pmr_machine_run *ms);
+
 static void save_boom(pmr_machine_run *ms)
 {
+    if (ms->state->run == ms) store_luffing(ms);
     memcpy(ms->saved, ms->state->mark, ms->state->saved * sizeof(double));
     ms->progress = ms->state->progress;
 }
@@ -55,6 +58,15 @@ static void restore_boom(pmr_machine_run *ms)
 {
     memcpy(ms->state->mark, ms->saved, ms->state->saved * sizeof(double));
     ms->state->progress = ms->progress;
+}
+
+/* Tell the boom's state the frame's motions, of which further outputs are. */
+static void tell_motions(const pmr_machine_run *ms, int64_t k, const double *b)
+{
+    const int count = ms->state->system->motions;
+    int n;
+    copy(ms->state->motions, motions_at(ms, k, b, b + 12), 3 * count);
+    for (n = 0; n < count; n++) ms->state->motions[3 * count + n] = 3.0;
 }
 
 /* Step k in which free directions end with such rates (6,), those of others left out. */
@@ -97,7 +109,7 @@ static int try_rates(pmr_machine_run *ms, int64_t k, const double *rates)
             ms->new_smooth[n] = by_impulse(&w, w.h * mean, ms->inertia_smooth[n]);
             ms->new_inertia[n] = of_smoothed(&w, ms->new_smooth[n], ms->inertia_smooth[n], ms->inertia[n]);
         }
-        for (n = 0; n < 6; n++) second[n] = k > 1 ? (3.0 * now->felt[n] - old->felt[n]) / 2.0 : now->felt[n];
+        for (n = 0; n < 6; n++) second[n] = old->rates_known > 1 ? (3.0 * now->felt[n] - old->felt[n]) / 2.0 : now->felt[n];
         seconds_of(&now->carrier, second, now->b + 12);
     }
     drivers_at(ms, k, now->b, now->b + 12, ms->u);
@@ -275,6 +287,7 @@ static int end_machine_step(pmr_machine_run *ms, int64_t k)
     copy(ms->inertia, ms->new_inertia, m->inertial_count);
     copy(ms->inertia_smooth, ms->new_smooth, m->inertial_count);
     find_fastest(ms, now->b, past->fastest);
+    tell_motions(ms, k, now->b);
     save_boom(ms);
     return PMR_DONE;
 }
@@ -297,6 +310,7 @@ static void lay_out_machine(pmr_machine_run *ms, const pmr_state *st, const pmr_
     ROOM(u, y->drivers);
     ROOM(u_old, y->drivers);
     ROOM(accelerations, y->modes);
+    ROOM(begun, 2 * y->modes);
     for (o = 0; o < 3; o++) {
         ROOM(tables.C[o], (size_t)y->rows * y->modes);
         ROOM(tables.H[o], (size_t)y->rows * y->ip);
@@ -308,8 +322,29 @@ static void lay_out_machine(pmr_machine_run *ms, const pmr_state *st, const pmr_
     ROOM(right, y->mp);
     ROOM(product, y->modes);
     ms->paths = take_room(r, (size_t)y->paths, sizeof(moved));
+    if (machine == &y->boom) { /* arrays of two steps */
+        const size_t n = y->motions;
+        ms->own.motions = take_room(r, 6 * n, sizeof(double));
+        ms->own.rates = take_room(r, 2 * n, sizeof(double));
+        ms->own.base_motion = take_room(r, 36, sizeof(double));
+        ms->own.external = take_room(r, 12, sizeof(double));
+        ms->own.weight = take_room(r, 2, sizeof(double));
+        ms->own.drive = take_room(r, 4, sizeof(double));
+    }
     ms->giving = take_room(r, (size_t)y->mp, sizeof(int32_t));
 #undef ROOM
+}
+
+/* Whether a machine can carry the boom, stepped as the state's settings say. */
+static int can_carry(const pmr_system *y, const pmr_settings *settings, const pmr_machine *machine)
+{
+    int n;
+    if (!y->motions || machine->sections < 1 || machine->sections > MOST_SECTIONS || y->pushing || settings->energy ||
+        settings->levels != 1 || (settings->parts && settings->parts[0] != 1))
+        return 0;
+    for (n = 0; n < 6; n++)
+        if (y->frame_angles[2] < 0 && machine->free[n] != (n == 4)) return 0;
+    return y->frame_angles[2] >= 0 || (y->frame_angles[0] >= 0 && machine->mass == 0.0);
 }
 
 static int machine_run_open(pmr_state *st, const pmr_machine *machine, pmr_machine_run **run)
@@ -317,13 +352,8 @@ static int machine_run_open(pmr_state *st, const pmr_machine *machine, pmr_machi
     const pmr_system *y = st->system;
     pmr_machine_run counted = {0};
     room r = {NULL, 0};
-    int n;
     *run = NULL;
-    if (!y->motions || machine->sections < 1 || machine->sections > MOST_SECTIONS || y->pushing ||
-        st->settings.energy || st->settings.levels != 1 || st->settings.parts[0] != 1)
-        return PMR_REFUSED;
-    for (n = 0; n < 3; n++)
-        if (y->frame_angles[2 + n] < 0) return PMR_REFUSED;
+    if (!can_carry(y, &st->settings, machine)) return PMR_REFUSED;
     lay_out_machine(&counted, st, machine, &r);
     r.memory = pmr_aligned(r.at);
     if (!r.memory) return PMR_NO_MEMORY;
@@ -352,6 +382,34 @@ static int machine_run_holding_forces(pmr_machine_run *ms, const double *b, cons
     copy(ms->accelerations, a, y->modes);
     find_holding_forces(ms, 0, b, ms->u + y->paths, modes, needed);
     return ms->failed;
+}
+
+static int machine_run_load_cylinder(pmr_machine_run *ms, const double *place, const double *z)
+{
+    const pmr_luffing_cylinder *c = &ms->machine->cylinder;
+    const double angle = ms->machine->level - place[4], s = sin(angle), co = cos(angle);
+    const double x = c->lug[0] * co - c->lug[1] * s, y = c->lug[0] * s + c->lug[1] * co;
+    const double arm = ((y - c->foot[1]) * x - (x - c->foot[0]) * y) / hypot(x - c->foot[0], y - c->foot[1]);
+    double b[18] = {0.0}, *nothing = ms->accelerations, needed[6], force, *pressures = ms->loaded + 1;
+    int failed;
+    ms->loaded[0] = pressures[0] = pressures[1] = 0.0;
+    if (!c->kind) return PMR_DONE;
+    copy(b, place, 6);
+    memset(nothing, 0, ms->state->system->modes * sizeof(double));
+    failed = machine_run_holding_forces(ms, b, z, nothing, nothing, needed);
+    if (failed) return failed;
+    force = needed[4] / -arm;
+    if (c->kind != PMR_CYLINDER_OIL) {
+        ms->loaded[0] = force;
+        return PMR_DONE;
+    }
+    pressures[0] = (force + c->back_pressure * c->areas[1]) / c->areas[0];
+    pressures[1] = c->back_pressure;
+    if (pressures[0] < 0.0) {
+        pressures[0] = c->back_pressure;
+        pressures[1] = (c->back_pressure * c->areas[0] - force) / c->areas[1];
+    }
+    return PMR_DONE;
 }
 
 /* What holds the machine where it is accelerated by b's second rates, which the boom's follow. */
@@ -389,6 +447,7 @@ static int machine_run_start(pmr_machine_run *ms, const double *given, const dou
     int which[6], count = 0, failed, n, j;
     copy(b, given, 18);
     memset(past, 0, sizeof *past);
+    ms->rows_known = 0;
     for (n = 0; n < 6; n++)
         if (m->free[n]) which[count++] = n;
     for (n = 0; n < count; n++) b[12 + which[n]] = 0.0;
@@ -420,6 +479,7 @@ static int machine_run_start(pmr_machine_run *ms, const double *given, const dou
     balanced = ms->state->settings.step * (balanced + m->largest_weight);
     past->fastest[0] = past->fastest[1] = larger(balanced, 1e-100); /* whose square is a number */
     find_fastest(ms, b, past->fastest);
+    tell_motions(ms, 0, b);
     save_boom(ms);
     record_machine(ms, record, 0);
     return PMR_DONE;
@@ -434,7 +494,7 @@ static int machine_run_advance(pmr_machine_run *ms, int64_t first, int64_t count
         if (!failed) failed = end_machine_step(ms, first + *taken);
         if (failed) {
             ms->past = past;
-            ms->past.rows_known = 0;
+            ms->rows_known = 0;
             restore_boom(ms);
             return failed;
         }

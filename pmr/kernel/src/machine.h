@@ -20,9 +20,10 @@ typedef struct {
     double base_R[9], base_omega[3];
 } carrier;
 
-/* A luffing cylinder: what is recorded; flows into both chambers as the step averages them; its length at the start. */
+/* A luffing cylinder: what is recorded; flows into both chambers as the step averages them; by how much its drive was
+   longer at the start, and the force of a length's spring then. */
 typedef struct {
-    double length, speed, force, pressures[2], flows[2], fed[2], supplied, mean[2], begun;
+    double length, speed, force, pressures[2], flows[2], fed[2], supplied, mean[2], begun, held;
     int32_t emptied; /* a chamber has no volume */
 } cylinder_state;
 
@@ -36,7 +37,7 @@ typedef struct {
     carrier carrier;
     machine_whole whole;
     cylinder_state cylinder;
-    int32_t rates_known, slope_known, rows_known;
+    int32_t rates_known, slope_known;
 } machine_past;
 
 /* A motion that a step may end with. */
@@ -50,6 +51,9 @@ typedef struct {
 struct pmr_machine_run {
     const pmr_machine *machine;
     pmr_state *state;
+    pmr_machine own; /* of a free luffing angle: arrays of two steps */
+    double loaded[3]; /* N, Pa: force of a length's spring, and pressures, at the start */
+    int32_t rows_known;
     machine_past past;
     trial now;
     carried_section of[MOST_SECTIONS];
@@ -59,7 +63,7 @@ struct pmr_machine_run {
     int32_t failed;                 /* PMR_DEPENDENT where these depend on each other */
     moved *paths;
     moved_tables tables; /* of the contacts that give way, with their rates */
-    double *saved, *motions, *inertia, *inertia_smooth, *new_inertia, *new_smooth, *u, *u_old, *accelerations;
+    double *saved, *motions, *inertia, *inertia_smooth, *new_inertia, *new_smooth, *u, *u_old, *accelerations, *begun;
     double *factor, *lambda, *right, *product;
     double *inertial[3]; /* (ip): displacements of inputs' points by inertia alone, with their rates */
 };

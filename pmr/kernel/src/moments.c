@@ -50,7 +50,7 @@ static void place_moving(pmr_machine_run *ms, int64_t k)
     const double *motions = m->motions + (size_t)k * 3 * y->motions, *rates = m->rates + (size_t)k * y->motions;
     const size_t r = y->modes, i = y->ip, mp = y->mp, rows = y->rows;
     moved *at = ms->paths;
-    int same = ms->past.rows_known, a, b, p;
+    int same = ms->rows_known, a, b, p;
     for (p = 0; p < y->paths; p++) {
         const int32_t motion = y->frame_paths[p];
         const moved now = {motions[motion], rates[motion], motions[2 * y->motions + motion]};
@@ -59,7 +59,7 @@ static void place_moving(pmr_machine_run *ms, int64_t k)
         st->u_begun[p] = now.at;
     }
     if (same || !y->contacts) return;
-    ms->past.rows_known = 1;
+    ms->rows_known = 1;
     st->placed = 0;
     (void)place(st, still, st->u_begun); /* its tables; F of rigid contacts is singular */
     for (p = 0; p < 3; p++) {

@@ -101,16 +101,24 @@ static void find_all(pmr_state *st, double *values)
     forces_of(st, st->lambda, st->friction, values + y->op + y->hp);
 }
 
+/* Outputs of a hoist, and behind them those of a free luffing angle. */
+static void show_behind(pmr_state *st, double *to)
+{
+    if (st->system->hoist) show_hoist(st, to);
+    copy(to + (st->system->hoist ? PMR_HOIST_OUTPUTS : 0), st->luffing, st->system->luffing);
+}
+
 static void further_outputs(pmr_state *st, double *further)
 {
     const pmr_system *y = st->system;
     find_all(st, st->values);
     copy(further, st->values + y->op, y->reactions);
     if (y->motions) pmr_frame_outputs(y, st->motions, NULL, st->values, NULL, further, NULL);
-    if (y->hoist) show_hoist(st, further + y->reactions + 3 * y->has_tip + (y->sources > 0));
+    show_behind(st, further + y->reactions + 3 * y->has_tip + (y->sources > 0));
 }
 
-/* Some outputs and forces, by their numbers among all outputs and, behind these, all forces and outputs of a hoist. */
+/* Some outputs and forces, by their numbers among all outputs and, behind these, all forces and outputs of a hoist and
+   of a free luffing angle. */
 static void observe(pmr_state *st, int count, const int32_t *numbers, double *values)
 {
     const pmr_system *y = st->system;
@@ -126,6 +134,6 @@ static void observe(pmr_state *st, int count, const int32_t *numbers, double *va
         find_outputs(st, y->observed, first / PMR_SPAN * PMR_SPAN, PMR_UP(last + 1), st->z, st->u + y->paths, NULL,
                      NULL, st->values);
     if (forces) forces_of(st, st->lambda, st->friction, st->values + y->op);
-    if (forces && y->hoist) show_hoist(st, st->values + y->op + y->forces);
+    if (forces) show_behind(st, st->values + y->op + y->forces);
     for (k = 0; k < count; k++) values[k] = st->values[numbers[k] + (numbers[k] < outputs ? 0 : to_forces)];
 }

@@ -73,6 +73,7 @@ typedef struct {
     int32_t further;   /* further outputs: reactions of rigid supports; in a frame the tip, and the luffing cylinder; of a
                           hoist, those of `hoist` */
     int32_t hoist;     /* outputs of a hoist, 0 without one */
+    int32_t luffing;   /* outputs of a free luffing angle, behind those of a hoist; 0 without one */
 } pmr_sizes;
 
 /* ---- systems ---- */
@@ -161,7 +162,8 @@ int pmr_start_moving(pmr_state *state, int kind, const double *u, const double *
    drivers become such by motions; with `work` of `pmr_frame_work` doubles.  PMR_REFUSED without a frame. */
 size_t pmr_frame_work(const pmr_system *system);
 int pmr_frame(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
-/* As `pmr_start` and `pmr_step`.  `rows` (n,) or NULL: of each motion 1, 2 or 3 rows count; parts of a step follow
+/* As `pmr_start` and `pmr_step`.  Of a system with a free luffing angle (luffing.c) the luffing motion counts at the start
+   alone, and its cylinder begins with what holds the boom.  `rows` (n,) or NULL: of each motion 1, 2 or 3 rows count; parts of a step follow
    lines, cubics by rates, or cubics by second rates between what counts at both ends.  `pmr_advance` of such a system
    takes signals of its motions. */
 int pmr_start_in_frame(pmr_state *state, int kind, const double *motions, const int32_t *rows, const double *z,
@@ -173,16 +175,16 @@ int pmr_step_in_frame(pmr_state *state, const double *motions, const int32_t *ro
 /* What drives a luffing cylinder. */
 enum { PMR_NO_CYLINDER = 0, PMR_CYLINDER_FORCE = 1, PMR_CYLINDER_LENGTH = 2, PMR_CYLINDER_OIL = 3 };
 
-/* A luffing cylinder that drives the pitch of a machine (cylinder.c): the boom is raised by `angle` less the pitch.
+/* A luffing cylinder that drives the pitch of a machine (cylinder.c): the boom is raised by its `level` less the pitch.
    Pairs are of the bore and of the rod side, or x and z. */
 typedef struct {
     int32_t kind;
-    double angle, foot[2], lug[2];         /* rad; m from the pivot, the lug where the boom lies level */
-    double force, spring, damping;         /* N at the start; N/m over the length, N s/m */
+    double foot[2], lug[2];                /* m from the pivot, the lug where the boom lies level */
+    double spring, damping;                /* N/m over the length, N s/m */
     double stroke[2], stop_stiffness;      /* m, N/m */
     double areas[2], volumes[2];           /* m^2; m^3 at the ends of the stroke, hoses included */
     double bulk_modulus, leakage;          /* Pa, m^3/s/Pa */
-    double supply, tank, pressures[2];     /* Pa; the chambers' at the start */
+    double supply, tank, back_pressure;    /* Pa; the last one at the start in the chamber that the load does not press on */
     double gain[2], dead_band, laminar;    /* m^3/s/Pa^0.5 of the valve's edges, 1, Pa */
     double setting, ratio, range, counterbalance; /* Pa, 1, Pa, m^3/s/Pa^0.5: 0 without such a valve */
 } pmr_luffing_cylinder;
@@ -192,14 +194,17 @@ typedef struct {
 enum { PMR_CYLINDER_COLUMNS = 10 };
 
 /* A machine below the boom of a system with a frame, whose motion is found with the boom's (machine.c).  Its directions
-   are x, y, z of the pivot along the ground's axes in m, and roll, pitch and yaw in rad.  Arrays stay as long as what is
+   are x, y, z of the pivot along the ground's axes in m, and roll, pitch and yaw in rad.  Where the frame has no base that
+   turns, the machine has no mass and is free to pitch alone: its yaw is the slewing angle, its pitch `level` less the
+   luffing angle.  Arrays stay as long as what is
    opened with them; those over T steps, t = 0 the first, say what drives it. */
 typedef struct {
     int32_t sections;        /* S, the base first */
     int32_t shortened_count; /* G: moments that are quadratic in the modes */
     int32_t inertial_count;  /* inputs by which the frame accelerates the boom */
-    int32_t axes[3];         /* motions that are accelerations of the pivot along the ground's axes */
+    int32_t axes[3];         /* motions that are accelerations of the pivot along the ground's axes, less than 0: none */
     int32_t free[6];         /* directions that it moves in by itself */
+    double level;            /* rad: luffing angle where it does not pitch, of a machine that is a boom's free angle */
     double mass, center[3], inertia[3]; /* kg, m from the pivot, kg m^2 about it along its own axes */
     double stiffness[6], damping[6];
     double boom_mass, largest_weight;   /* kg, m/s^2 */
@@ -234,7 +239,7 @@ typedef struct {
     double *cylinder; /* (., PMR_CYLINDER_COLUMNS) */
 } pmr_machine_record;
 
-/* PMR_REFUSED for a system whose frame has no base that moves or whose contacts push, and for steps in parts or with
+/* PMR_REFUSED for a system whose frame does not move so or whose contacts push, and for steps in parts or with
    energy, which a boom that moves with its machine has none of by itself. */
 int pmr_machine_run_open(pmr_state *state, const pmr_machine *machine, pmr_machine_run **run);
 void pmr_machine_run_close(pmr_machine_run *run);
@@ -242,6 +247,9 @@ void pmr_machine_run_close(pmr_machine_run *run);
    (r',). */
 int pmr_machine_run_holding_forces(pmr_machine_run *run, const double *b, const double *z, const double *v,
                                    const double *a, double *forces);
+/* Let the luffing cylinder begin with what holds the boom, with modes at z (r',), at rest at the place b (6,): with the
+   force of a length's spring, or the pressures of oil. */
+int pmr_machine_run_load_cylinder(pmr_machine_run *run, const double *b, const double *z);
 /* Begin at t = 0 with b (3, 6), whose second rates of free directions are found, and the boom at z and v (r',); row 0
    is recorded. */
 int pmr_machine_run_start(pmr_machine_run *run, const double *b, const double *z, const double *v,

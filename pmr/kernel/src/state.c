@@ -85,6 +85,9 @@ static size_t pair_width(const pmr_system *y)
     return size;
 }
 
+static void lay_out_luffing(const pmr_system *y, pmr_state *st, room *r);
+static int can_carry(const pmr_system *y, const pmr_settings *settings, const pmr_machine *machine);
+
 static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
 {
     const size_t n = y->modes, m = y->rows, mp = y->mp;
@@ -124,6 +127,8 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(joint_sums, y->joints);
     NUMBERS(u, y->drivers);
     NUMBERS(motions, 4 * y->motions);
+    NUMBERS(luffing, y->luffing);
+    NUMBERS(luffing_past, y->luffing ? (sizeof(machine_past) + 7) / sizeof(double) + 2 * (size_t)y->boom.inertial_count : 0);
     st->saved = (r->at - first) / sizeof(double);
     NUMBERS(began, st->saved);
     NUMBERS(peak, mp);
@@ -175,7 +180,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(motions_next, 4 * y->motions);
     NUMBERS(motions_now, 3 * y->motions);
     NUMBERS(quantities, 2 * y->quantities);
-    NUMBERS(values, y->op + y->hp + y->forces + PMR_HOIST_OUTPUTS);
+    NUMBERS(values, y->op + y->hp + y->forces + PMR_HOIST_OUTPUTS + y->luffing);
     NUMBERS(changes, y->op + y->hp + y->forces);
     NUMBERS(shown, y->reactions + 4);
     NUMBERS(hoist_before, PMR_HOIST_STATE);
@@ -194,6 +199,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     st->scheme = take_room(r, (size_t)levels + 1, sizeof(pmr_scheme));
     for (k = 0; k <= levels; k++) lay_out_scheme(y, r->memory ? st->scheme + k : NULL, r);
     st->still = st->scheme + levels;
+    if (y->luffing) lay_out_luffing(y, st, r);
 }
 
 /* A scheme without a step: A is F. */
@@ -266,6 +272,9 @@ static int state_open(const pmr_system *y, const pmr_settings *given, pmr_state 
     int k;
     *state = NULL;
     if (check_settings(given, why)) return PMR_REFUSED;
+    if (y->luffing && !can_carry(y, given, &y->boom))
+        return pmr_say(why, "a free luffing angle is stepped with contacts that hold, without parts and energy"), PMR_REFUSED;
+    counted.system = y;
     lay_out(y, &counted, given->levels, &r);
     r.memory = pmr_aligned(r.at);
     if (!r.memory) return pmr_say(why, "no memory for a state of %zu bytes", r.at), PMR_NO_MEMORY;

@@ -198,6 +198,57 @@ static int read_hoist(pmr_system *y, char *why)
     return 0;
 }
 
+/* A free luffing angle: the boom's moments and its cylinder. */
+static int read_luffing(pmr_system *y, char *why)
+{
+    enum { INTEGERS = 9, NUMBERS = 40 };
+    pmr_machine *m = &y->boom;
+    pmr_luffing_cylinder *c = &m->cylinder;
+    const int64_t r = y->modes;
+    const int32_t *integers;
+    const double *numbers;
+    int32_t k;
+    y->luffing_gravity = y->luffing_drive = -1;
+    if (!pmr_block_count(y, "luffing_integers")) return 0;
+    integers = pmr_block_take(y, "luffing_integers", PMR_INTEGERS, INTEGERS, why);
+    numbers = pmr_block_take(y, "luffing_numbers", PMR_NUMBERS, NUMBERS, why);
+    if (!integers || !numbers) return 1;
+    m->sections = integers[0], m->shortened_count = integers[1], m->inertial_count = integers[2];
+    for (k = 0; k < 3; k++) m->axes[k] = integers[3 + k];
+    y->luffing_gravity = integers[6], y->luffing_drive = integers[7];
+    c->kind = integers[8];
+    if (m->sections < 1 || m->sections > 1 << 10 || m->shortened_count < 0 || m->shortened_count > 1 << 10 ||
+        m->inertial_count < 0 || m->inertial_count > y->inputs || !within(integers + 3, 5, -1, y->motions) ||
+        c->kind < PMR_NO_CYLINDER || c->kind > PMR_CYLINDER_OIL)
+        return pmr_say(why, "damaged: sizes of a free luffing angle"), 1;
+    y->luffing = c->kind == PMR_CYLINDER_OIL ? 2 + PMR_CYLINDER_COLUMNS : c->kind ? 5 : 2;
+    m->free[4] = 1;
+    m->level = numbers[0], m->boom_mass = numbers[1];
+    memcpy(m->place, numbers + 2, sizeof m->place);
+    memcpy(m->section_inertia, numbers + 5, sizeof m->section_inertia);
+    memcpy(&c->foot, numbers + 14, (NUMBERS - 14) * sizeof(double)); /* in their order in the header */
+#define MOMENT(name, kind, count) if (!(m->name = pmr_block_take(y, "luffing_" #name, kind, count, why))) return 1
+    MOMENT(section_paths, PMR_INTEGERS, m->sections);
+    MOMENT(fields, PMR_INTEGERS, 12 * (int64_t)m->sections);
+    MOMENT(inertial, PMR_INTEGERS, m->inertial_count);
+    MOMENT(masses, PMR_NUMBERS, m->sections);
+    MOMENT(first_moments, PMR_NUMBERS, 3 * (int64_t)m->sections);
+    MOMENT(loads, PMR_NUMBERS, 6 * (int64_t)m->sections * y->inputs);
+    MOMENT(rotating, PMR_NUMBERS, 3 * r * r);
+    MOMENT(second_moments, PMR_NUMBERS, 9 * r * r);
+    MOMENT(of_shortened, PMR_INTEGERS, 3 * (int64_t)m->shortened_count);
+    MOMENT(shortened, PMR_NUMBERS, m->shortened_count * r * r);
+#undef MOMENT
+    if (!within(m->section_paths, m->sections, -1, y->motions) || !within(m->fields, 12 * (int64_t)m->sections, -1, y->inputs) ||
+        !within(m->inertial, m->inertial_count, 0, y->inputs))
+        return pmr_say(why, "damaged: numbers of a free luffing angle"), 1;
+    for (k = 0; k < m->shortened_count; k++)
+        if (!within(m->of_shortened + 3 * k, 1, 0, m->sections) || !within(m->of_shortened + 3 * k + 1, 1, 0, 4) ||
+            !within(m->of_shortened + 3 * k + 2, 1, -1, m->sections))
+            return pmr_say(why, "damaged: moments of a free luffing angle"), 1;
+    return 0;
+}
+
 static int read_arrays(pmr_system *y, char *why)
 {
     static const char *const names[] = {"modes",   "rows",  "contacts", "forces", "inputs",
@@ -278,7 +329,7 @@ static int read_arrays(pmr_system *y, char *why)
     TAKE(products, PMR_INTEGERS, 3 * (int64_t)y->product_count);
     TAKE(factors, PMR_NUMBERS, y->product_count);
     TAKE(first_product, PMR_INTEGERS, y->motions ? y->drivers - y->paths + 1 : 0);
-    return read_further(y, why) || read_hoist(y, why) || read_blocks(y, why);
+    return read_further(y, why) || read_hoist(y, why) || read_luffing(y, why) || read_blocks(y, why);
 }
 #undef TAKE
 
@@ -392,8 +443,9 @@ void pmr_system_sizes(const pmr_system *y, pmr_sizes *sizes)
                              .motions = y->motions,
                              .pushing = y->pushing,
                              .further = y->reactions + 3 * y->has_tip + (y->sources > 0) +
-                                        (y->hoist ? PMR_HOIST_OUTPUTS : 0),
-                             .hoist = y->hoist ? PMR_HOIST_OUTPUTS : 0};
+                                        (y->hoist ? PMR_HOIST_OUTPUTS : 0) + y->luffing,
+                             .hoist = y->hoist ? PMR_HOIST_OUTPUTS : 0,
+                             .luffing = y->luffing};
     *sizes = found;
 }
 

@@ -7,11 +7,20 @@ static const double *motions_at(const pmr_machine_run *ms, int64_t k, const doub
     const int n = y->motions;
     int j;
     copy(ms->motions, ms->machine->motions + (size_t)k * 3 * n, 3 * n);
+    for (j = 0; j < 3; j++)
+        if (ms->machine->axes[j] >= 0) ms->motions[ms->machine->axes[j]] = second[j];
+    if (y->frame_angles[2] < 0) { /* a free luffing angle */
+        const double *of[3] = {rows, rows + 6, second};
+        for (j = 0; j < 3; j++) {
+            ms->motions[j * n + y->frame_angles[0]] = (j ? 0.0 : ms->machine->level) - of[j][4];
+            if (y->frame_angles[1] >= 0) ms->motions[j * n + y->frame_angles[1]] = of[j][5];
+        }
+        return ms->motions;
+    }
     for (j = 0; j < 3; j++) {
         ms->motions[y->frame_angles[2 + j]] = rows[3 + j];
         ms->motions[n + y->frame_angles[2 + j]] = rows[9 + j];
         ms->motions[2 * n + y->frame_angles[2 + j]] = second[3 + j];
-        ms->motions[ms->machine->axes[j]] = second[j];
     }
     return ms->motions;
 }
@@ -26,10 +35,10 @@ static void drivers_at(const pmr_machine_run *ms, int64_t k, const double *rows,
 }
 
 /* Axes about which roll, pitch and yaw turn, as columns. */
-static void axes_of(const pmr_turning *base, const double *b, double *axes)
+static void axes_of(const double *b, double *axes)
 {
-    const double column[3][3] = {
-        {base->R[0], base->R[3], base->R[6]}, {-sin(b[5]), cos(b[5]), 0.0}, {0.0, 0.0, 1.0}};
+    const double c = cos(b[5]), s = sin(b[5]);
+    const double column[3][3] = {{c * cos(b[4]), s * cos(b[4]), -sin(b[4])}, {-s, c, 0.0}, {0.0, 0.0, 1.0}};
     int i, j;
     for (i = 0; i < 3; i++)
         for (j = 0; j < 3; j++) axes[3 * i + j] = column[j][i];
@@ -41,7 +50,7 @@ static void find_carrier(const pmr_machine_run *ms, int64_t k, const double *b, 
     pmr_turning boom, base;
     int i, j, l;
     pmr_frame_turning(ms->state->system, motions_at(ms, k, b, none), &boom, &base);
-    axes_of(&base, b, c->axes);
+    axes_of(b, c->axes);
     copy(c->R, boom.R, 9);
     copy(c->base_R, base.R, 9);
     copy(c->base_omega, base.velocity, 3);
@@ -166,7 +175,7 @@ static void find_holding_forces(pmr_machine_run *ms, int64_t k, const double *b,
     const double *omega = turned.velocity, *alpha = turned.acceleration;
     int i, j;
     pmr_frame_turning(ms->state->system, motions_at(ms, k, b, b + 12), &turned, &base);
-    axes_of(&base, b, axes);
+    axes_of(b, axes);
     ms->orders = 3;
     find_boom(ms, k, z);
     turn_in(turned.R, b + 12, a);

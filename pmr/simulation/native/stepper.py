@@ -34,9 +34,11 @@ from pmr.scene.keys import LUFFING, SLIDER
 from pmr.scene.signals import Constant, Ramp
 from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, part_counts
 from pmr.simulation.excitation import Excitation
-from pmr.simulation.moving import MovingFrame, StoredScene, read_scene
+from pmr.simulation.free_base import with_all_inertia
+from pmr.simulation.moving import StoredScene, read_scene
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm, path_text, start_in_equilibrium, start_modes, step_failure
+from pmr.simulation.native.luffing import stepped_frame
 from pmr.simulation.refusals import needs_of
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
@@ -114,18 +116,23 @@ class Stepper:
         if not 0.0 <= rho_inf < 1.0:
             raise InputError("stepper", "rho_inf", rho_inf, "from 0 to less than 1 is allowed")
         system = body if isinstance(body, System) else System.of(body)
+        scene = read_scene(system, "stepper", free=True) if "scene" in system.provenance else None
+        if scene is not None and scene.luffs_freely:
+            system = with_all_inertia(system)
         form = SystemForm.of(system)
         self._system, self._form, self._step, self._rho_inf = system, form, step, rho_inf
         self._ranges: dict[str, tuple[float, float]] = dict(system.ranges)
         if system.on_one_path:  # a body without a path has a position, too
             (body,) = system.bodies.values()
             self._ranges = dict.fromkeys(system.paths or (SLIDER,), body.domain)
-        #: Names of all that `outputs` chooses from: outputs of the bodies, forces of the contacts, outputs of a hoist.
-        self.output_names = (*system.output_names, *map(force_name, system.contact_names), *system.hoist.outputs)
+        moving = stepped_frame(system, "stepper")
+        self._luffing = () if moving is None or moving.luffing is None else tuple(moving.luffing.outputs)
+        #: Names of all that `outputs` chooses from: outputs of the bodies, forces of the contacts, outputs of a hoist,
+        #: and of a free luffing angle.
+        behind = (*system.hoist.outputs, *self._luffing)
+        self.output_names = (*system.output_names, *map(force_name, system.contact_names), *behind)
         every = range(len(system.output_names))
         chosen = [number_of(k, self.output_names, "outputs") for k in (every if outputs is None else outputs)]
-        moving = MovingFrame.from_system(system)
-        scene = read_scene(system, "stepper") if "scene" in system.provenance else None
         if moving is None:
             system.ensure_without_terms("stepper")
         elif set(moving.paths) != set(self._ranges) - {LUFFING}:
@@ -202,6 +209,9 @@ class Stepper:
         elif F is not None:
             drivers.take_loads(F)
         if frame is not None:
+            if self._luffing and LUFFING in frame:
+                allowed = "none is allowed after the start, for the luffing angle is free"
+                raise InputError("stepper", "frame.luffing", frame[LUFFING], allowed)
             drivers.take_frame(frame)
         if type(s) is float and self._low <= s <= self._high and abs(s - self._file_content[0]) <= self._jump:
             self._file_content[0] = s
@@ -221,12 +231,19 @@ class Stepper:
     def outputs(self) -> Array:
         """Values (o,) of all `output_names` at present."""
         values, forces = self._state.outputs()
-        return np.concatenate([values[: len(self._system.output_names)], forces, self._state.hoist])
+        return np.concatenate(
+            [values[: len(self._system.output_names)], forces, self._state.hoist, self._state.luffing]
+        )
 
     @property
     def hoist(self) -> dict[str, float]:
         """Height of the hook, its place in m, its swings in rad and the rope's force in N by name; else empty."""
         return dict(zip(OUTPUTS, self._state.hoist.tolist(), strict=False))
+
+    @property
+    def luffing(self) -> dict[str, float]:
+        """Free luffing angle in rad and its rate, and what the luffing cylinder does, by name; else empty."""
+        return dict(zip(self._luffing, self._state.luffing.tolist(), strict=True))
 
     @property
     def time(self) -> float:

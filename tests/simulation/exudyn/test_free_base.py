@@ -18,8 +18,8 @@ from pmr.scene.signals import Table
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import NodeCoordinate, add_hook, add_sensors, simulate_system
 from pmr.simulation.frame_motion import FrameRotation
-from pmr.simulation.machine import machine_motion
 from pmr.simulation.native import systems
+from pmr.simulation.native.machine import machine_motion
 
 Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced

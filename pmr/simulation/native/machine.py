@@ -44,11 +44,14 @@ from pmr.system.changing_rows import ChangingRows
 from pmr.system.system import System
 
 
-def machine_of(scene: Scene, system: System, frame: MovingFrame, excitation: Excitation, modes: Array) -> Machine:
+def machine_of(
+    scene: Scene, system: System, frame: MovingFrame, excitation: Excitation, modes: Array, level: float = 0.0
+) -> Machine:
     """Return the kernel's data of a scene's machine below the system.
 
     `frame` is the frame of the scene, with a base at rest in the `excitation`.  `modes` (n, r') are the bodies' n
-    coordinates by the kernel's r' modes.  Errors as `FreeBase` and `ChangingRows`.
+    coordinates by the kernel's r' modes.  `level` is the luffing angle in rad at which a machine that is a free luffing
+    angle does not pitch.  Errors as `FreeBase` and `ChangingRows`.
     """
     assembly = Assembly(system)
     free_base = FreeBase(scene, system, assembly)
@@ -64,8 +67,9 @@ def machine_of(scene: Scene, system: System, frame: MovingFrame, excitation: Exc
     weight = np.zeros(len(t)) if scene.gravity is None else scene.gravity.signal.value(t)
     shortened = [term.G for term in boom.shortened]
     return Machine(
-        axes=np.array([frame.drivers.index(axis) for axis in AXES], np.int32),
+        axes=np.array([frame.drivers.index(axis) if frame.axes else -1 for axis in AXES], np.int32),
         free=np.isin(DIRECTIONS, machine.free).astype(np.int32),
+        level=level,
         mass=machine.mass,
         center=np.array(machine.center),
         inertia=np.array(machine.inertia),
@@ -161,15 +165,25 @@ def machine_motion(scene: Scene, system: System) -> MachineMotion:
 
 
 class MachineRun:
-    """Simulation of a machine and its boom from the start on, with the kernel's steps."""
+    """Simulation of a machine and its boom from the start on, with the kernel's steps.
+
+    A machine that is a free luffing angle is one in `luffing`, the scene whose luffing angle is prescribed.
+    """
 
     def __init__(
-        self, scene: Scene, system: System, cylinder: Cylinder | None = None, reasons: Mapping[int, str] = REASONS
+        self,
+        scene: Scene,
+        system: System,
+        luffing: Scene | None = None,
+        level: float = 0.0,
+        cylinder: Cylinder | None = None,
+        reasons: Mapping[int, str] = REASONS,
     ) -> None:
         frame = scene.frame
         assert frame is not None and frame.machine is not None  # of a scene with a machine
         still = BaseMotion(**dict.fromkeys(DIRECTIONS, Constant(amount=0.0)))
         resting = scene.model_copy(update={"frame": frame.model_copy(update={"base": still, "machine": None})})
+        resting, self._luffs = (resting, False) if luffing is None else (luffing, True)
         if system.hoist:
             system = replace(system, hoist=system.hoist.in_frame(resting))
         self._system, self.form, self._machine = system, SystemForm.of(system), frame.machine
@@ -178,14 +192,13 @@ class MachineRun:
         x = side_positions(modal, self._excitation)
         stepping = self._excitation.stepping
         refuse_unsupported("march", needs_of(modal, Assembly(modal).contact_rows(x[0]).rigid, x, stepping.rho_inf))
-        moving = MovingFrame.in_scene(resting, system)
+        self.frame = moving = MovingFrame.in_scene(resting, system)
         self._kernel = Kernel.of(system, self.form.forms, moving)
         modes = modes_in_bodies(self.form, self._kernel.modes)
         state = State(self._kernel, Settings(stepping.step, stepping.rho_inf, energy=False))
-        machine = machine_of(scene, system, moving, self._excitation, modes)
+        machine = machine_of(scene, system, moving, self._excitation, modes, level)
         self.machine = machine = machine if cylinder is None else replace(machine, cylinder=cylinder)
         self._given, self._first = base_motions(scene, np.zeros(1))[0], machine.motions[0].copy()
-        self._angles = [moving.drivers.index(angle) for angle in OF_BASE]
         self._free, self._sprung = np.isin(DIRECTIONS, frame.machine.free), machine.stiffness > 0.0
         begun = [[getattr(of, axis) for axis in DIRECTIONS] for of in (frame.machine.start, frame.machine.rate)]
         self._fill_in_start = np.array(begun) * direction_units(scene)  # (2, 6): motions in free directions, rates
@@ -215,29 +228,31 @@ class MachineRun:
 
     def _start(self) -> None:
         """Set the initial state: as the scene gives it, or in equilibrium on the machine's springs."""
-        motion, states = self._given.copy(), dict[str, InitialState]()
+        motion = self._given.copy()
         motion[:2, self._free] += self._fill_in_start[:, self._free]
         if self._in_balance:
             motion = self._balance_springs(motion)
-            states = self._rest_states(motion[0])
-        x_rate = side_velocities(self._system, self._excitation)
-        z, v = start_modes(self.form, self._x[0], x_rate, states)
-        self._load_cylinder(motion[0], z)
+        if self._in_balance and (self._luffs or self._system.hoist):
+            state = self.simulation.state  # also with the pull of a rope, which depends on the equilibrium
+            state.start_in_frame("equilibrium", self._motions_at(motion[0]))
+            z, v = state.z.copy(), state.v.copy()
+        else:
+            states = self._rest_states(motion[0]) if self._in_balance else {}
+            z, v = start_modes(self.form, self._x[0], side_velocities(self._system, self._excitation), states)
+        self.simulation.load_cylinder(motion[0], z)
         self.simulation.start(motion, z, v)
-
-    def _load_cylinder(self, place: Array, z: Array) -> None:
-        """Set what a luffing cylinder begins with, for a machine at `place` (6,) and a boom with coordinates z."""
 
     def _rest_states(self, place: Array) -> dict[str, InitialState]:
         """States of the bodies in equilibrium with the loads at t = 0 on a machine at rest at `place` (6,)."""
-        motions = self._first.copy()
-        motions[0, self._angles] = place[3:]
-        if self._system.hoist:  # the rope's pull depends on the equilibrium
-            state = self.simulation.state
-            state.start_in_frame("equilibrium", motions)
-            return self.form.initial_states(state.z, np.zeros_like(state.z))
+        motions = self._motions_at(place)
         f, c = np.split(self._kernel.frame_drivers(motions)[0][self._kernel.paths :], [self._kernel.inputs])
         return rest_states(self._assembly, self._x[0], f, c)
+
+    def _motions_at(self, place: Array) -> Array:
+        """Motions (3, n) of the frame at t = 0 with the machine at rest at `place` (6,)."""
+        motions = self._first.copy()
+        motions[0, [self.frame.drivers.index(angle) for angle in OF_BASE]] = place[3:]
+        return motions
 
     def _balance_springs(self, motion: Array) -> Array:
         """The `motion` (3, 6) with the free directions on springs moved to where the springs balance weight and loads.

@@ -5,34 +5,47 @@ With the luffing angle :math:`\varphi`, the angular momentum L of the boom about
 
 .. math:: \dot L = \mathfrak M + F\, \frac{d\ell}{d\varphi}
 
-The equations are those of a machine without mass that is free to pitch alone (`pmr.simulation.machine`): it yaws by the
-slewing angle and pitches by a constant angle less :math:`\varphi`.  The cylinder's law is in src/cylinder.c.
+The equations are those of a machine without mass that is free to pitch alone (`pmr.simulation.native.machine`): it yaws
+by the slewing angle and pitches by a constant angle, its level, less :math:`\varphi`.  The cylinder's law is in
+src/cylinder.c.
 
 For all further computations the computed angle is the prescribed luffing angle of the frame.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.kernel._native import lib
+from pmr.kernel.further import LuffingData
 from pmr.kernel.machine import CYLINDER_COLUMNS, LUFFING_REASONS, Cylinder
+from pmr.kernel.machine import Machine as KernelMachine
+from pmr.results.response import LUFFING_ANGLE
 from pmr.scene import Scene
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.frame import BaseMotion, InitialDisplacements, InitialRates, Machine
+from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples, with_computed_motion
 from pmr.simulation.free_base import with_all_inertia
-from pmr.simulation.machine import MachineRun, machine_motion
+from pmr.simulation.moving import DRIVE, GRAVITY, OF_FRAME, MovingFrame, held_at_start, read_scene
+from pmr.simulation.native.machine import MachineRun, machine_motion
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import System
 
 PITCH = 4  # of the machine's directions
 #: Units of a luffing cylinder's columns by name; the power is that of its force and that out of the supply.
 CYLINDER_UNITS = CYLINDER_COLUMNS | {"power": "W", "power supply": "W"}
+#: Numbers of oil and valves in the kernel's order, and how many each has.
+OIL_SIZES = {"areas": 2, "volumes": 2, "bulk_modulus": 1, "leakage": 1, "supply": 1, "tank": 1, "back_pressure": 1}
+OIL_SIZES |= {"gain": 2, "dead_band": 1, "laminar": 1, "setting": 1, "ratio": 1, "range": 1, "counterbalance": 1}
+#: Stroke in m that stands for an infinite one.
+FAR = 1e9
 #: Angle in rad about which a boom without a cylinder swings.
 HANGING = -np.pi / 2.0
 
@@ -85,8 +98,8 @@ class LuffingRun(MachineRun):
         }
         of_machine = scene.model_copy(update={"frame": frame.model_copy(update=as_machine)})
         t = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf).times
-        cylinder = None if frame.cylinder is None else kernel_cylinder(frame.cylinder, self.level, t)
-        super().__init__(of_machine, system, cylinder, LUFFING_REASONS)
+        cylinder = None if frame.cylinder is None else kernel_cylinder(frame.cylinder, t)
+        super().__init__(of_machine, system, held_at_start(scene), self.level, cylinder, LUFFING_REASONS)
 
     def with_luffing(self) -> Scene:
         """Take all steps and return the scene with the computed luffing angle as a signal.
@@ -104,6 +117,12 @@ class LuffingRun(MachineRun):
         computed = {"luffing": luffing, "slewing": frame.slewing or Constant(amount=0.0)}
         return self._scene.model_copy(update={"frame": frame.model_copy(update=computed)})
 
+    def _motions_at(self, place: Array) -> Array:
+        motions = self._first.copy()
+        angles = [self.frame.drivers.index(angle) for angle in OF_FRAME]
+        motions[0, angles] = self.level - place[PITCH], place[PITCH + 1]
+        return motions
+
     def _record(self, cylinder: LuffingCylinder) -> dict[str, Array]:
         """Columns (T,) of the cylinder by the names in `CYLINDER_UNITS`; those of oil only if oil drives it."""
         columns = dict(zip(CYLINDER_COLUMNS, self.simulation.cylinder.T, strict=True))
@@ -112,47 +131,68 @@ class LuffingRun(MachineRun):
             return {name: columns[name] for name in ("length", "speed", "force", "power")}
         return columns | {"power supply": cylinder.oil.supply * columns["flow supply"]}
 
-    def _load_cylinder(self, place: Array, z: Array) -> None:
-        """Balance the cylinder's force with weight and loads at rest at the start.
 
-        `place` (6,) is the displacement of the base and z the modal coordinates.  Oil on the rod's side has the back
-        pressure; if the other side would then need a negative one, that side has the back pressure.  Without a cylinder
-        nothing is done.  A SimulationError is raised if a chamber would need a pressure below that of the surroundings.
-        """
-        frame = self._scene.frame
-        assert frame is not None
-        if frame.cylinder is None:
-            return
-        still, at_rest = np.zeros((3, 6)), np.zeros(self._kernel.modes)
-        still[0] = place
-        _, arm = frame.cylinder.length_and_arm(self.level - place[PITCH])
-        force = -float(self.simulation.holding_forces(still, z, at_rest, at_rest)[PITCH] / arm)
-        if frame.cylinder.oil is None:
-            self.simulation.load_cylinder(force, (0.0, 0.0))
-            return
-        (bore, rod), back = frame.cylinder.oil.areas, frame.cylinder.oil.back_pressure
-        pressures = ((force + back * rod) / bore, back)
-        if pressures[0] < 0.0:
-            pressures = (back, (back * bore - force) / rod)
-        self.simulation.load_cylinder(0.0, pressures)
+def stepped_frame(system: System, source: str) -> MovingFrame | None:
+    """Frame of a system's scene for steps one by one, which may leave the luffing angle free; None without a frame.
+
+    Errors as `MovingFrame.from_system`; an InputError is also raised for a free angle on a base that moves.  The system
+    needs modes that all have inertia.
+    """
+    stored = read_scene(system, source, free=True) if "scene" in system.provenance else None
+    if stored is None or not stored.luffs_freely or stored.scene is None:
+        return MovingFrame.from_system(system)
+    scene, frame = stored.scene, stored.scene.frame
+    assert frame is not None
+    if frame.base is not None:
+        allowed = "a base at rest is allowed beside a free luffing angle that is stepped"
+        raise InputError(source, "provenance.scene.frame.base", None, allowed)
+    once = scene.time.model_copy(update={"end": scene.time.step})
+    run = LuffingRun(scene.model_copy(update={"time": once}), system)
+    outputs = {LUFFING_ANGLE: "rad", f"rate of {LUFFING_ANGLE}": "rad/s"}
+    if frame.cylinder is not None:
+        shown = list(CYLINDER_COLUMNS.items())[: None if frame.cylinder.oil else 3]
+        outputs |= {f"{LUFFING_CYLINDER} {name}": unit for name, unit in shown}
+    return replace(run.frame, luffing=LuffingData(luffing_arrays(run.machine, run.frame), outputs))
 
 
-def kernel_cylinder(cylinder: LuffingCylinder, level: float, t: Array) -> Cylinder:
-    """Return the kernel's data of a luffing cylinder at times t (T,), for a machine that is level at `level` in rad.
+def luffing_arrays(machine: KernelMachine, frame: MovingFrame) -> dict[str, Array]:
+    """Arrays of a free luffing angle in the kernel's block (`read_luffing` in src/system.c)."""
+    cylinder, oil = machine.cylinder, dict.fromkeys(OIL_SIZES, 0.0) | dict(machine.cylinder.oil)
+    drive = next((k for k, name in enumerate(frame.loads) if name.startswith(DRIVE)), None)
+    at = [len(frame.paths) + frame.loads.index(GRAVITY) if GRAVITY in frame.loads else -1]
+    at.append(-1 if drive is None else len(frame.paths) + drive)
+    sizes = [len(machine.masses), len(machine.of_shortened), len(machine.inertial), *machine.axes, *at, cylinder.kind]
+    numbers: list[Any] = [
+        machine.level,
+        machine.boom_mass,
+        machine.place,
+        machine.section_inertia,
+        cylinder.foot,
+        cylinder.lug,
+    ]
+    numbers += [cylinder.spring, cylinder.damping, np.minimum(cylinder.stroke, FAR), cylinder.stop_stiffness]
+    numbers += [np.resize(oil[name], size) for name, size in OIL_SIZES.items()]
+    names = ("section_paths", "fields", "inertial", "masses", "first_moments", "loads", "rotating", "second_moments")
+    arrays = {name: np.ravel(getattr(machine, name)) for name in (*names, "of_shortened", "shortened")}
+    arrays |= {"integers": np.array(sizes), "numbers": np.concatenate([np.ravel(of) for of in numbers]).astype(float)}
+    return {f"luffing_{name}": array for name, array in arrays.items()}
+
+
+def kernel_cylinder(cylinder: LuffingCylinder, t: Array) -> Cylinder:
+    """Return the kernel's data of a luffing cylinder at times t (T,).
 
     A cylinder without a stroke has one from 0 to inf.
     """
     kind, oil = cylinder.drives[0], cylinder.oil
-    drive: SignalBase | None = cylinder.force or cylinder.length
+    drive: SignalBase | None = next(iter(cylinder.drive_signals.values()), None)
     further = dict[str, Any]()
     if oil is not None:
         further = {
             "areas": oil.areas,
             "volumes": [dead + hose for dead, hose in zip(oil.dead_volumes, oil.hose_volumes, strict=True)],
-            **{key: getattr(oil, key) for key in ("bulk_modulus", "leakage", "supply", "tank")},
+            **{key: getattr(oil, key) for key in ("bulk_modulus", "leakage", "supply", "tank", "back_pressure")},
         }
         if oil.valve is not None:
-            drive = oil.valve.opening
             further |= {"gain": oil.valve.gain, "dead_band": oil.valve.dead_band, "laminar": oil.valve.laminar}
         if (valve := oil.counterbalance) is not None:
             further |= {"setting": valve.setting, "ratio": valve.ratio, "range": valve.range}
@@ -160,7 +200,6 @@ def kernel_cylinder(cylinder: LuffingCylinder, level: float, t: Array) -> Cylind
     opening = np.zeros((len(t), 2)) if drive is None else np.column_stack([drive.value(t), drive.rate(t)])
     return Cylinder(
         kind={"force": lib.PMR_CYLINDER_FORCE, "length": lib.PMR_CYLINDER_LENGTH, "oil": lib.PMR_CYLINDER_OIL}[kind],
-        angle=level,
         foot=cylinder.foot,
         lug=cylinder.lug,
         spring=cylinder.spring or 0.0,

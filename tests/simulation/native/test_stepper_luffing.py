@@ -1,0 +1,101 @@
+"""A stepper whose luffing angle is free, beside the run: same kernel, driven by an opening, a rope and slewing."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import free_boom
+import numpy as np
+import pytest
+from oil_boom import FOOT, LUG, RIGID, UP_AND_DOWN, oil
+
+import pmr
+from pmr.errors import InputError
+from pmr.kernel.machine import CYLINDER_COLUMNS
+from pmr.scene import Scene
+from pmr.simulation.free_base import with_all_inertia
+from pmr.simulation.native.luffing import LuffingRun
+from pmr.system.system import System
+
+pytestmark = [pytest.mark.slow, pytest.mark.numerical]  # a boom is reduced
+
+HOIST = "hoist={payload=60.0, EA=2e6, falls=2, hanging=1.5, winch={at=[-0.4, 0.1, 0.5]}}"
+RAMP = "{kind='smooth_ramp', times=[0.05, 0.2], values="
+KEYS = (
+    *RIGID[3:],
+    "frame.second_order=false",
+    "start='equilibrium'",
+    "time.rho_inf=0.9",
+    "time.end=0.2",
+    "time.step=1e-3",
+    f"frame.slewing={RAMP}[0.0, 0.1]}}",
+    f"hoist.speed={RAMP}[0.0, 0.3]}}",
+)
+DRIVES = {
+    "opening": oil(UP_AND_DOWN, "", True),
+    "length": f"frame.cylinder={{foot={FOOT.tolist()}, lug={LUG.tolist()}, length={RAMP}[1.0, 1.03]}}, spring=1e7, "
+    "damping=1e4}",
+}
+
+
+@cache
+def boom(drive: str) -> tuple[Scene, System]:
+    keys = (*KEYS[:-1], HOIST, KEYS[-1], DRIVES[drive])
+    return free_boom.scene(*keys), with_all_inertia(pmr.reduce(free_boom.scene(*keys)).system)
+
+
+def stepped(drive: str, **options: Any) -> pmr.Stepper:
+    scene, system = boom(drive)
+    return pmr.Stepper(system, step=scene.time.step, s={"fly": 0.6}, rho_inf=0.9, **options)
+
+
+def driven(scene: Scene, drive: str, k: int) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+    """Paths, loads and motions of the frame at the end of step k."""
+    t, frame = np.array(k * scene.time.step), scene.frame
+    assert frame is not None and frame.cylinder is not None and scene.hoist is not None
+    slewing = tuple(float(getattr(frame.slewing, of)(t)) for of in ("value", "rate", "second_rate"))
+    signal = frame.cylinder.drive_signals[drive]
+    loads = {
+        "hoist rope": float(scene.hoist.rope_signal.value(t)),
+        f"luffing drive {drive}": (float(signal.value(t)), float(signal.rate(t))),
+    }
+    return {"fly": (0.6, 0.0, 0.0)}, loads, {"slewing": slewing}
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_angle_and_cylinder_are_those_of_the_run(drive: str) -> None:
+    scene, system = boom(drive)
+    run = LuffingRun(scene, system)
+    angle = run.with_luffing().frame.luffing.samples.values
+    columns = dict(zip(CYLINDER_COLUMNS, run.simulation.cylinder.T, strict=True))
+    stepper = stepped(drive, outputs=["luffing angle", "rate of luffing angle", "hook height"])
+    for k in range(1, scene.time.steps + 1):
+        y = stepper.step(*driven(scene, drive, k))
+        assert y[:2] == pytest.approx(angle[:2, k], abs=1e-11)
+    for name, value in stepper.luffing.items():
+        if name.startswith("luffing cylinder "):
+            expected = columns[name.removeprefix("luffing cylinder ")]
+            assert value == pytest.approx(expected[-1], abs=1e-10 * np.abs(expected).max())
+    assert np.ptp(angle[0]) > 1e-3
+
+
+def test_coordinates_are_those_of_the_run_and_the_hook_is_where_march_has_it() -> None:
+    scene, system = boom("opening")
+    run, stepper = LuffingRun(scene, system), stepped("opening", outputs=["hook height"])
+    run.run()
+    for k in range(1, scene.time.steps + 1):
+        y = stepper.step(*driven(scene, "opening", k))
+    expected = run.form.initial_states(run.simulation.state.z, run.simulation.state.v)
+    for name, state in stepper.states.items():
+        assert state.q == pytest.approx(expected[name].q, abs=1e-10 * np.abs(expected[name].q).max())
+    assert y == pytest.approx(pmr.simulate(scene, system).other("hook height")[-1], rel=1e-6)
+
+
+def test_the_angle_is_given_at_the_start_alone() -> None:
+    begun = stepped("opening", frame={"luffing": 0.35})
+    assert begun.luffing["luffing angle"] == pytest.approx(0.35, rel=1e-12)
+    with pytest.raises(InputError, match="after the start"):
+        begun.step({}, None, {"luffing": 0.4})
+    with pytest.raises(InputError, match=r"luffing drive force.*luffing drive opening"):
+        begun.step({}, {"luffing drive force": 1.0})
