@@ -106,10 +106,9 @@ def read_mesh_file(file: Path) -> MeshFile:
 def _deck_content(file: Path) -> MeshFile:
     """Points, cells and groups of a deck; of elements with nodes amid their edges the corners alone.
 
-    Groups are the sets of elements, then sets of nodes and surfaces with names of their own.  Sets that begin with an
-    underscore are a program's own and left out.  A warning is logged if the deck holds nodes, as a mesh does not.
-    Raises an `InputError` for cells of other kinds or with curved edges, and for nodes that are tied to others at other
-    places.
+    Groups are the sets of elements, the sets of nodes and the surfaces.  Sets that begin with an underscore are a
+    program's own and left out.  A warning is logged if the deck holds nodes, as a mesh does not.  Raises an
+    `InputError` for cells of other kinds or with curved edges, and for nodes that are tied to others at other places.
     """
     deck = read_deck(file)
     for where, keyword in deck.constraints:
@@ -147,7 +146,7 @@ def _deck_content(file: Path) -> MeshFile:
     of_points = {
         names[name]: np.array([place[node] for node in members], np.int64)
         for name, members in (deck.surfaces | deck.node_sets).items()
-        if name in names and name not in deck.element_sets
+        if name in names
     }
     return MeshFile(points, blocks, groups, of_points)
 

@@ -214,8 +214,9 @@ def named_mesh(
     Only cells of the highest dimension are its cells; one that is listed several times counts once.  Vertices that no
     cell uses are left out, and the others are numbered along the longest extent of the mesh.
     `memberships` are each group's numbers of cells in every block, `point_groups` the numbers of points of further
-    groups, and `kinds` the allowed kinds of cells.  `source` is the mesh's name in errors.  Raises the errors of
-    `read_mesh`.
+    groups, and `kinds` the allowed kinds of cells.  Of two groups of one name the one of fewer dimensions is taken: the
+    edge or face of a set of nodes, beside the set of the elements that touch it.  `source` is the mesh's name in
+    errors.  Raises the errors of `read_mesh`.
     """
 
     def refuse(what: str) -> InputError:
@@ -266,9 +267,12 @@ def named_mesh(
         inside = np.zeros(len(points) + 1, bool)
         inside[number[numbers]] = True
         inside[-1] = False  # of points that no cell uses
-        if inside.any():
-            groups[name] = _group_of_points(cell_kinds[0], cells, inside)
-        if inside.any() and groups[name].dim == top:
+        group = _group_of_points(cell_kinds[0], cells, inside) if inside.any() else None
+        if group is None or (name in groups and group.dim >= groups[name].dim):
+            continue
+        groups[name] = group
+        regions.pop(name, None)
+        if group.dim == top:
             regions[name] = np.flatnonzero(inside[cells].all(axis=1))
     return NamedMesh(cell_kinds[0], points, cells, groups, regions, source)
 

@@ -136,6 +136,17 @@ def test_faces_of_solids_are_those_of_the_manuals(tmp_path: Path) -> None:
     assert surfaces["points"] == {3, 5} and not {"whole", "round", "both"} & {*surfaces}
 
 
+def test_of_sets_with_one_name_the_edge_of_the_nodes_or_the_cells_are_taken(tmp_path: Path) -> None:
+    """A program that draws writes both sets of an edge, and of a wall."""
+    file = write_boom(tmp_path)
+    around = 2 * (ACROSS + UP)
+    both = f"*ELSET, ELSET=tail, INSTANCE=rear, GENERATE\n1, {around}\n*NSET, NSET=bottom, ELSET=bottom\n*TIE, NAME"
+    file.write_text(file.read_text().replace("*TIE, NAME", both))
+    mesh = read_mesh(file, ("triangle",))
+    assert mesh.groups["tail"].dim == 1 and len(mesh.groups["tail"].entities) == around and "tail" not in mesh.regions
+    assert mesh.groups["bottom"].dim == 2 and len(mesh.regions["bottom"]) == 4 * ACROSS * 2 * ALONG
+
+
 def test_solids_of_several_kinds_are_refused_with_the_line_of_the_second(tmp_path: Path) -> None:
     text = nodes(CUBE) + "*ELEMENT, TYPE=C3D8\n1, 1, 2, 3, 4, 5, 6, 7, 8\n*ELEMENT, TYPE=C3D4\n2, 1, 2, 4, 5\n"
     (tmp_path / "cube.inp").write_text(text)
