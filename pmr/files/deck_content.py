@@ -33,6 +33,7 @@ class Deck:
     constraints: list[tuple[Place, str]] = field(default_factory=list)  # place, keyword of cards in `CONSTRAINTS`
     turned: list[Card] = field(default_factory=list)  # cards that give nodes outside of parts axes of their own
     ties: list[Card] = field(default_factory=list)  # cards that tie two surfaces to each other
+    equations: list[Card] = field(default_factory=list)  # cards of linear equations of displacements
     supports: Place | None = None  # of the first card that holds nodes
     axes: Axes | None = None  # of the coordinates of nodes that follow; None for those of the whole
     sets: list[Card] = field(default_factory=list)  # cards of sets, read last as members may stand anywhere
@@ -225,3 +226,24 @@ def whole_number(line: DataLine, text: str, what: str) -> int:
 def is_label_number(text: str) -> bool:
     """Whether a text is a whole number that can be the number of a node or an element."""
     return text.isascii() and text.isdigit() and len(text) < MOST_DIGITS
+
+
+def dependent_displacements(deck: Deck) -> dict[Place, set[tuple[int, int]]]:
+    """Return node and direction (from 1) of the displacements that depend on others by each card of ties or equations.
+
+    They are those of a tie's first surface, and the first one of each equation.  Cards that name sets of nodes, or
+    surfaces that are not read, are left out.
+    """
+    dependent = dict[Place, set[tuple[int, int]]]()
+    for card in deck.ties:
+        surfaces = [deck.surfaces.get(line.fields[0].lower(), set()) for line in card.lines]
+        if all(surfaces):
+            dependent[card.place] = {(node, d) for nodes in surfaces for node in nodes for d in (1, 2, 3)}
+    for card in deck.equations:
+        fields, pairs = [field for line in card.lines for field in line.fields if field], set[tuple[int, int]]()
+        while len(fields) > 2 and all(is_label_number(field) for field in fields[:3]):
+            pairs.add((int(fields[1]), int(fields[2])))
+            fields = fields[1 + 3 * int(fields[0]) :]
+        if not fields:
+            dependent[card.place] = pairs
+    return dependent

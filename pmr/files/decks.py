@@ -140,6 +140,8 @@ def read_deck(path: Path) -> Deck:
             assembly.whole.constraints.append((card.place, card.keyword))
         if card.keyword == TIED:
             assembly.whole.ties.append(card)
+        elif card.keyword == "EQUATION" and deck is assembly.outside:
+            assembly.whole.equations.append(card)
         elif card.keyword == "BOUNDARY":
             assembly.whole.supports = assembly.whole.supports or card.place
         if card.keyword in ("PART", "INSTANCE", "END PART", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY"):

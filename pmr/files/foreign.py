@@ -25,7 +25,7 @@ from pmr.files import labelled
 from pmr.files.ansys import read_harwell_boeing, read_mapping
 from pmr.files.arrays import Array, Indices
 from pmr.files.cards import Place, turned_axes
-from pmr.files.deck_content import is_label_number
+from pmr.files.deck_content import dependent_displacements, is_label_number
 from pmr.files.decks import TURNED, read_deck
 from pmr.files.labelled import UnreadableError
 from pmr.files.matrices import MODAL, GivenMatrices
@@ -92,6 +92,8 @@ class _Nodes:
     constraints: Sequence[tuple[Place, str]] = ()  # place and keyword of each card that constrains coordinates
     axes: Mapping[int, Array] = field(default_factory=dict)  # (3, 3): axes of coordinates as rows, by node with its own
     turned: Place | None = None  # card of axes in which the matrices may be, or not
+    #: node and direction (from 1) of displacements that depend on others by a card, by its place
+    dependent: Mapping[Place, set[tuple[int, int]]] = field(default_factory=dict)
 
     def only(self, numbers: Indices) -> _Nodes:
         """Return those of the nodes that have one of the `numbers`: boundary nodes of a superelement."""
@@ -99,6 +101,22 @@ class _Nodes:
         groups = {name: members[np.isin(members, numbers)] for name, members in self.groups.items()}
         groups = {name: members for name, members in groups.items() if len(members)}
         return replace(self, numbers=self.numbers[at], points=self.points[at], groups=groups)
+
+    def without_dependent(self, pairs: Indices) -> _Nodes:
+        """Return the nodes without those that depend on others, and without the cards by which these depend.
+
+        Such a node has no row among the node and direction `pairs` (n, 2) of the matrices, and all of its displacements
+        depend on others.  A card stays that makes a displacement of any other node depend on others.
+        """
+        depending = set[tuple[int, int]]().union(*self.dependent.values())
+        nodes = {node for node, _ in depending if {(node, 1), (node, 2), (node, 3)} <= depending} - {
+            *pairs[:, 0].tolist()
+        }
+        if not nodes:
+            return self
+        explained = {place for place, own in self.dependent.items() if {node for node, _ in own} <= nodes}
+        constraints = [(place, keyword) for place, keyword in self.constraints if place not in explained]
+        return replace(self.only(np.setdiff1d(self.numbers, [*nodes])), constraints=constraints)
 
 
 def read_foreign(files: ForeignFiles) -> GivenMatrices:
@@ -127,6 +145,7 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     modal = pairs[:, 1] == 0  # a scalar point: it has no node
     if modal.any():
         nodes = nodes.only(np.unique(pairs[~modal, 0]))
+    nodes = nodes.without_dependent(pairs)
     place = {int(number): k for k, number in enumerate(nodes.numbers)}
     _refuse_unknown(str(files.dofs), "node", pairs[~modal, 0], place, files.nodes)
     for name, members in nodes.groups.items():
@@ -321,7 +340,8 @@ def _read_deck_nodes(path: Path) -> _Nodes:
         axes |= zip(numbers, turned_axes(card, np.array([deck.nodes[number] for number in numbers])), strict=True)
     nodes = _make_nodes(list(deck.nodes), [*deck.nodes.values()], sets)
     turned = deck.turned[0].place if deck.turned else None
-    return replace(nodes, constraints=deck.constraints, axes=axes, turned=turned)
+    dependent = dependent_displacements(deck)
+    return replace(nodes, constraints=deck.constraints, axes=axes, turned=turned, dependent=dependent)
 
 
 def _make_nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[str, list[int]]) -> _Nodes:

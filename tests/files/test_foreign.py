@@ -454,6 +454,35 @@ def test_files_of_ansys_that_are_not_read_are_refused(name: str, old: str, new: 
         read_foreign(files)
 
 
+EQUATIONS = "".join(f"*EQUATION\n2\n900, {d}, 1.0, 12, {d}, -1.0\n" for d in (1, 2, 3))
+
+
+def test_nodes_that_depend_on_others_are_left_out(tmp_path: Path) -> None:
+    """They have no rows: programs leave them out of their matrices."""
+    files, expected = as_calculix(tmp_path), read_foreign(as_calculix(tmp_path))
+    text = files.nodes.read_text()
+    files.nodes.write_text(text.replace("*STEP", f"*NODE\n900, 1.0, 1.0, 1.0\n{EQUATIONS}*STEP"))
+    found = read_foreign(files)
+    assert np.array_equal(found.points, expected.points) and (found.K != expected.K).nnz == 0
+    assert found.lacks == expected.lacks and found.groups.keys() == expected.groups.keys()
+
+
+@pytest.mark.parametrize(
+    "card",
+    [
+        EQUATIONS[: EQUATIONS.rindex("*")],  # one displacement depends on nothing
+        EQUATIONS + "*EQUATION\n2\n12, 3, 1.0, 7, 3, -1.0\n",  # a node with rows depends on another
+        EQUATIONS.replace("900", "set of nodes"),
+    ],
+)
+def test_nodes_that_depend_on_others_in_part_are_refused(card: str, tmp_path: Path) -> None:
+    files = as_calculix(tmp_path)
+    text = files.nodes.read_text()
+    files.nodes.write_text(text.replace("*STEP", f"*NODE\n900, 1.0, 1.0, 1.0\n{card}*STEP"))
+    with pytest.raises(InputError, match=r"job.inp: line \d+: a model is allowed in which \*EQUATION ties no"):
+        read_foreign(files)
+
+
 def test_a_dense_matrix_of_matrix_market_is_read(tmp_path: Path) -> None:
     files = as_matrix_market(tmp_path)
     scipy.io.mmwrite(files.stiffness, given().K.toarray(), precision=17)

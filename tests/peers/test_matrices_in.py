@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg
 from peers.solid_boom import SolidBoom, solid_boom
 
 from pmr import pipeline as whole
 from pmr import scene as scenes
-from pmr.files.foreign import ForeignFiles, read_foreign
+from pmr.files.foreign import ForeignFiles, foreign_files, read_foreign
 from pmr.files.matrices import GivenMatrices
 from pmr.fullmodel.eigensolvers import eigensolver
 from pmr.fullmodel.structural import structural_model
@@ -64,3 +66,36 @@ def test_the_whole_way_and_beside_a_solid(tmp_path: Path) -> None:
     solid = scenes.load(WORKFLOWS / "boom_solid.toml", ["mesh.size=0.05", "mesh.along=0.1"])
     found, beside = (eigensolver(whole.build(one).model, "slepc").lowest(2.0, 2).omega for one in (case, solid))
     assert np.all((found > beside) & (found < 1.05 * beside))
+
+
+def tied_bars(how: str) -> str:
+    """Deck of two bars of bricks whose coincident nodes are joined by equations or a tie, on a clamped tail."""
+    ends = ((-0.25, -0.3), (0.25, -0.3), (0.25, 0.3), (-0.25, 0.3))
+    places = [(1.5 * i + 3.0 * part, y, z) for part in (0, 1) for i in range(3) for y, z in ends]
+    lines = ["*NODE", *(f"{k}, {x}, {y}, {z}" for k, (x, y, z) in enumerate(places, 1))]
+    lines += ["*ELEMENT, TYPE=C3D8, ELSET=all"]
+    for k, first in enumerate((1, 5, 13, 17), 1):
+        lines += [f"{k}, " + ", ".join(str(first + n) for n in range(8))]
+    lines += ["*NSET, NSET=tail", "1, 2, 3, 4", "*NSET, NSET=tip", "21, 22, 23, 24"]
+    if how == "EQUATION":
+        lines += ["*EQUATION"]
+        lines += [f"2\n{13 + k}, {d}, 1.0, {9 + k}, {d}, -1.0" for k in range(4) for d in (1, 2, 3)]
+    else:
+        lines += ["*SURFACE, NAME=begin", "3, S1", "*SURFACE, NAME=end", "2, S2"]
+        lines += ["*TIE, NAME=joint, POSITION TOLERANCE=0.01", "begin, end"]
+    lines += ["*MATERIAL, NAME=steel", "*ELASTIC", "2.1e11, 0.3", "*DENSITY", "7850.0"]
+    lines += ["*SOLID SECTION, MATERIAL=steel, ELSET=all", "*BOUNDARY", "tail, 1, 3", "*STEP"]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("how", ["EQUATION", "TIE"])
+def test_nodes_that_calculix_ties_are_left_out_of_its_matrices(how: str, tmp_path: Path) -> None:
+    for name, option in (("job", ", SOLVER=MATRIXSTORAGE"), ("own", "")):
+        (tmp_path / f"{name}.inp").write_text(f"{tied_bars(how)}*FREQUENCY{option}\n4\n*END STEP\n")
+        subprocess.run(["ccx", name], cwd=tmp_path, check=True, capture_output=True, timeout=60)
+    given = read_foreign(foreign_files(tmp_path / "job.sti", None, None, None))
+    assert len(given.points) == 20 and len(given.held) == 6
+    found = np.sqrt(scipy.linalg.eigh(given.K.toarray(), given.M.toarray(), eigvals_only=True)[:4]) / (2.0 * np.pi)
+    rows = [line.split() for line in (tmp_path / "own.dat").read_text().splitlines()]
+    expected = [float(row[3]) for row in rows if len(row) == 5 and row[0] in "1234"][:4]
+    assert found == pytest.approx(expected, rel=1e-6)
