@@ -218,37 +218,45 @@ class Picture:
 
 @dataclass(frozen=True)
 class Player:
-    """Animation of a page: `kind` names the script that plays it, `data` is the script's input, ready for JSON."""
+    """Animation of a page: `kind` names the script that plays it, `data` is the script's input, ready for JSON.
+
+    The drawing `still` replaces it on pages where no script runs.
+    """
 
     kind: str
     data: dict[str, Any]
     caption: str
+    still: Drawing | None = None
 
 
 @dataclass(frozen=True)
 class Block:
     """Content below one heading: text, errors, animation, drawings, pictures, grids and tables, in this order.
 
-    Each entry of `rows` holds one drawing, or two that stand side by side.  The drawings `without_scripts` replace
-    `player` on pages where no script runs; `software` lists names with versions.
+    Two drawings of half a page's width stand side by side; `software` lists names with versions.
     """
 
     heading: str
-    rows: tuple[tuple[Drawing, ...], ...] = ()
+    drawings: Sequence[Drawing] = ()
     text: str = ""
     grids: tuple[Grid, ...] = ()
     errors: ErrorTable | None = None
     player: Player | None = None
-    without_scripts: tuple[Drawing, ...] = ()
     pictures: tuple[Picture, ...] = ()
     tables: Sequence[Table] = ()  # in three columns on paper, in two if the block begins a new page
     software: Sequence[str] = ()
     page: bool = False  # whether the block begins a new page on paper
 
     @property
-    def drawings(self) -> tuple[Drawing, ...]:
-        """All drawings of the block."""
-        return (*self.without_scripts, *(drawing for row in self.rows for drawing in row))
+    def rows(self) -> list[list[Drawing]]:
+        """The drawings in rows: two of half a page's width that follow each other, or one."""
+        rows = list[list[Drawing]]()
+        for drawing in self.drawings:
+            if drawing.half and rows and len(rows[-1]) == 1 and rows[-1][0].half:
+                rows[-1].append(drawing)
+            else:
+                rows.append([drawing])
+        return rows
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from pmr.errors import InputError
 from pmr.errors.environment import import_package
 from pmr.errors.text import escape_controls
 from pmr.files.whole import replacement_folder
-from pmr.report.blocks import END_OF_SCREEN, REPORT_FILES, SCREEN, Chapter, Figures, ReportFiles
+from pmr.report.blocks import END_OF_SCREEN, REPORT_FILES, SCREEN, Chapter, Drawing, Figures, ReportFiles
 from pmr.report.figures.canvas import FONT, drawn_text, font_face_rule
 from pmr.report.sections import chapter, figures_of
 from pmr.results import RunResult
@@ -91,10 +91,9 @@ def render_runs(chapters: Sequence[Chapter], kind: str = KIND) -> str:
 def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) -> str:
     """Render one of the templates as HTML, with the variables title, chapters, font, players and those in `more`."""
     blocks = [block for chapter in chapters for block in chapter.blocks]
-    drawn = [drawing for block in blocks for drawing in block.drawings] + [
-        chapter.sketch for chapter in chapters if chapter.sketch
-    ]
-    text = "".join(drawn_text(drawing.svg) for drawing in drawn)
+    drawn: list[Drawing | None] = [drawing for block in blocks for drawing in block.drawings]
+    drawn += [*(chapter.sketch for chapter in chapters), *(block.player.still for block in blocks if block.player)]
+    text = "".join(drawn_text(drawing.svg) for drawing in drawn if drawing)
     return (
         templates()
         .get_template(template)

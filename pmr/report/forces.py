@@ -104,7 +104,7 @@ def pivot_block(result: RunResult, prefix: str) -> Block | None:
             row.append(drawing(f"{prefix}-pivot-{name}", figures.pivot_figure, caption, result, some))
     caption = "Least and largest {} on the machine, when they occur, and " + abscissa_words(result) + " then."
     grids = (*_rigid_support_grids(result, at_pivot=True, caption=caption), *_luffing_grids(result))
-    return Block(heading="Forces on the machine", rows=(tuple(row),), grids=grids) if row else None
+    return Block(heading="Forces on the machine", drawings=row, grids=grids) if row else None
 
 
 def ground_block(result: RunResult, prefix: str) -> Block | None:
@@ -137,8 +137,7 @@ def ground_block(result: RunResult, prefix: str) -> Block | None:
     if ground["tips"] is not None:
         text += f"{'; ' if text else ''}the machine tips at {format_time(ground['tips'])}"
     sentence = f"{text[:1].upper()}{text[1:]}." if text else "All outriggers press on the ground all the time."
-    rows = (tuple(row[:2]), tuple(row[2:]))
-    return Block(heading="Outriggers and tipping", text=sentence, rows=rows, grids=tuple(grids))
+    return Block(heading="Outriggers and tipping", text=sentence, drawings=row, grids=tuple(grids))
 
 
 def luffing_block(result: RunResult, prefix: str) -> Block | None:
@@ -159,8 +158,7 @@ def luffing_block(result: RunResult, prefix: str) -> Block | None:
         for name, outputs, caption in groups
         if outputs
     ]
-    rows = tuple(tuple(drawn[k : k + 2]) for k in range(0, len(drawn), 2))
-    return Block(heading="Luffing", rows=rows) if rows else None
+    return Block(heading="Luffing", drawings=drawn) if drawn else None
 
 
 def _of_kind(response: Response, kind: str) -> list[Output]:
@@ -189,7 +187,7 @@ def _force_block(result: RunResult, prefix: str, kind: str, heading: str) -> Blo
     A figure has at most `MOST_FORCES` panels.  Forces that are round-off at all times have no panel and are named in a
     sentence.  `prefix` begins the identifiers of the figures.  None if there are no outputs of this kind.
     """
-    groups, drawn, grids = forces_by_group(result, kind), list[tuple[Drawing, ...]](), list[Grid]()
+    groups, drawn, grids = forces_by_group(result, kind), list[Drawing](), list[Grid]()
     if not groups:
         return None
     anchor = "forces" if kind == "pad" else kind
@@ -200,12 +198,12 @@ def _force_block(result: RunResult, prefix: str, kind: str, heading: str) -> Blo
             for first in range(0, len(shown), figures.MOST_FORCES):
                 panels, number = shown[first : first + figures.MOST_FORCES], len(drawn) + 1
                 caption = _caption(result, kind, name, unit)
-                drawn.append((drawing(f"{prefix}-{anchor}-{number}", figures.force_figure, caption, result, panels),))
+                drawn.append(drawing(f"{prefix}-{anchor}-{number}", figures.force_figure, caption, result, panels))
         named_forces = [force for force in bearing if force.unit == unit and force.output_name]
         grids += [force_extremes_grid(result, kind, named_forces)] if named_forces else []
     idle = [force.full_name for group in groups.values() for force in group if force not in bearing]
     text = f"No force at any time on {', '.join(idle)}." if idle else ""
-    return Block(heading=heading.capitalize(), text=text, rows=tuple(drawn), grids=tuple(grids))
+    return Block(heading=heading.capitalize(), text=text, drawings=drawn, grids=tuple(grids))
 
 
 def exceeds_round_off(result: RunResult, force: Force) -> bool:

@@ -45,12 +45,12 @@ def hoist_block(result: RunResult, prefix: str) -> Block | None:
     figures = result.summary.get("hoist")
     if figures is None:
         return None
-    rows, cells, response = list[tuple[Drawing, ...]](), list[tuple[str, ...]](), result.responses["reduced"]
+    drawings, cells, response = list[Drawing](), list[tuple[str, ...]](), result.responses["reduced"]
     for number, (key, (name, clause, _)) in enumerate(SHOWN.items()):
         label = name.capitalize()
         if figures[key]["max"] > figures[key]["min"]:
             drawn = f"{prefix}-hoist-{number}", result, partial(_history, key), f"{label}{clause}", label, _unit(key)
-            rows.append((drawn_history(*drawn),))
+            drawings.append(drawn_history(*drawn))
         extremes = Extremes.from_history(_history(key, response), response.t, result.abscissa_at(response.t))
         unit = unit_for(extremes.size, _unit(key))
         cells.append((f"{name} in {unit.name}", *extreme_cells(extremes, unit)))
@@ -60,4 +60,4 @@ def hoist_block(result: RunResult, prefix: str) -> Block | None:
     for span in figures.get("slack", ()):
         start, end = (format_time(span[key]) for key in ("start", "end"))
         text += f" It is slack from {start} to {end}, then it pulls with up to {format_quantity(span['snatch'], 'N')}."
-    return Block(heading="Hoist", text=text, rows=tuple(rows), grids=(grid,))
+    return Block(heading="Hoist", text=text, drawings=drawings, grids=(grid,))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from pmr.files.arrays import Array
-from pmr.report.blocks import Block, Chapter, Drawing, Grid, KeyNumber
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
 from pmr.report.document import ReportFiles, render, with_date, write_page
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.estimates import WIDTH, band_figure, innovation_figure
@@ -61,8 +61,8 @@ def build_chapter(figures: Mapping[str, Any], table: Array) -> Chapter:
         if np.isfinite(of).any()
     ]
     blocks = [
-        Block("Estimates beside what was measured", rows=_in_pairs(bands)),
-        Block("Innovations", rows=_in_pairs(tests), text=INNOVATIONS, grids=(_sensor_grid(figures, innovations),)),
+        Block("Estimates beside what was measured", drawings=bands),
+        Block("Innovations", drawings=tests, text=INNOVATIONS, grids=(_sensor_grid(figures, innovations),)),
     ]
     if figures["observability"]:
         rows = [(name, format_percent(ratio)) for name, ratio in figures["observability"].items()]
@@ -94,11 +94,6 @@ OBSERVABILITY = (
     "Standard deviation of each unknown after the motion, as a share of that before. Near 100 % the sensors tell "
     "nothing about it."
 )
-
-
-def _in_pairs(drawings: list[Drawing]) -> tuple[tuple[Drawing, ...], ...]:
-    """Rows of two drawings each."""
-    return tuple(tuple(drawings[k : k + 2]) for k in range(0, len(drawings), 2))
 
 
 def _with_band(last: Mapping[str, float], unit: str) -> str:

@@ -98,7 +98,7 @@ def accuracy_block(result: RunResult, prefix: str) -> Block | None:
     unknown = f" The part of the mesh is not known: {missing}." if missing else ""
     drawn = drawing(f"{prefix}-budget", shapes.budget_figure, caption + unknown, result)
     text = "; ".join(accuracy_part.get("reasons", ()))
-    return Block(heading="Accuracy on order", rows=((drawn,),), text=f"{text[:1].upper()}{text[1:]}." if text else "")
+    return Block(heading="Accuracy on order", drawings=(drawn,), text=f"{text[:1].upper()}{text[1:]}." if text else "")
 
 
 def input_block(result: RunResult, prefix: str) -> Block | None:
@@ -122,8 +122,7 @@ def input_block(result: RunResult, prefix: str) -> Block | None:
         row.append(drawing(f"{prefix}-angles", inputs.angle_figure, caption, result, changing))
         parts.append("angles of the boom")
     heading = ", ".join(parts[:-1]) + " and " * (len(parts) > 1) + "".join(parts[-1:])
-    rows = tuple(tuple(row[k : k + 2]) for k in range(0, len(row), 2))
-    return Block(heading=heading.capitalize(), rows=rows) if rows else None
+    return Block(heading=heading.capitalize(), drawings=row) if row else None
 
 
 def motion_block(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Block | None:
@@ -136,20 +135,19 @@ def motion_block(result: RunResult, prefix: str, pictures: Callable[[], Album]) 
     if not fields:
         if not axis_points(result, result.responses["reduced"]):
             return None
-        data = player.axis_motion(result)
-        shown = Player("axis", data, player.scale_words(data))
-        if result.frame is not None:
-            return Block(heading="Motion", player=shown, rows=space.space_drawings(result, prefix))
-        strip = drawing(f"{prefix}-snapshots", shapes.snapshot_figure, shapes.snapshots_caption(result), result)
-        return Block(heading="Motion", player=shown, without_scripts=(strip,))
+        data, still, drawings = player.axis_motion(result), None, space.space_drawings(result, prefix)
+        if result.frame is None:
+            still = drawing(f"{prefix}-snapshots", shapes.snapshot_figure, shapes.snapshots_caption(result), result)
+        shown = Player("axis", data, player.scale_words(data), still)
+        return Block(heading="Motion", player=shown, drawings=drawings)
     data, picture_album = player.body_motion(result), pictures()
     absent = f"There are no pictures: {picture_album.absent}." if picture_album.absent else ""
-    scale: tuple[tuple[Drawing, ...], ...] = ()
+    scale = list[Drawing]()
     if fields[0].von_mises and (data or picture_album.pictures):
         caption = "Colours of the pictures: the largest von Mises stress of each cell."
-        scale = ((drawing(f"{prefix}-ramp", colour_scale, caption, largest_colour_stress(result) / 1e6),),)
+        scale.append(drawing(f"{prefix}-ramp", colour_scale, caption, largest_colour_stress(result) / 1e6))
     turned = Player("body", data, player.drawing_sentence(data)) if data else None
-    return Block(heading="Motion", text=absent, player=turned, pictures=picture_album.pictures, rows=scale)
+    return Block(heading="Motion", text=absent, player=turned, pictures=picture_album.pictures, drawings=scale)
 
 
 def tip_block(result: RunResult, prefix: str) -> Block:
@@ -158,7 +156,7 @@ def tip_block(result: RunResult, prefix: str) -> Block:
     Directions in which the tip moves by round-off only are named in a sentence.  `prefix` begins the identifiers of the
     figures.
     """
-    rows, still, quantities = [], [], tip_displacements(result)
+    drawings, still, quantities = [], [], tip_displacements(result)
     of = subject.crossing(result) or "the tip"
     largest = max((float(np.abs(what(result.responses["reduced"])).max()) for what in quantities.values()), default=0.0)
     for number, (direction, what) in enumerate(quantities.items()):
@@ -167,15 +165,16 @@ def tip_block(result: RunResult, prefix: str) -> Block:
             continue
         anchor, called = f"{prefix}-tip-{direction}", direction_words(result, direction)
         caption, label = f"Displacement of {of}, {called}", f"{of.removeprefix('the ').capitalize()} {direction}"
-        rows.append((histories.drawn_history(anchor, result, what, caption, label, "m", largest),))
+        drawings.append(histories.drawn_history(anchor, result, what, caption, label, "m", largest))
         if result.tip_error is None:
             continue
         wide = result.tip_error[:, number]
         if max(float(wide.max()), largest_difference(result, what)) > invisible_difference(result) * largest:
             inside = ", with the difference to the full model in it" if "full" in result.responses else ""
             caption = f"Estimated error of {of}, {called}{inside}."
-            rows.append((drawing(f"{prefix}-band-{direction}", histories.estimate_band, caption, result, what, wide),))
-    return Block(heading=f"Motion of {of}", rows=tuple(rows), text=undrawn_sentence(still))
+            band = drawing(f"{prefix}-band-{direction}", histories.estimate_band, caption, result, what, wide)
+            drawings.append(band)
+    return Block(heading=f"Motion of {of}", drawings=drawings, text=undrawn_sentence(still))
 
 
 def energy_block(result: RunResult, prefix: str) -> Block:
@@ -183,7 +182,7 @@ def energy_block(result: RunResult, prefix: str) -> Block:
     total, caption = attrgetter("energy.total"), "Total energy: kinetic and strain energy less the work of the loads"
     first = histories.drawn_history(f"{prefix}-energy", result, total, caption, "Total energy", "J")
     parts = histories.energy_drawing(f"{prefix}-energy-parts", result)
-    return Block(heading="Energy", rows=((first,), (parts,)), text=sentences.energy_sentence(result))
+    return Block(heading="Energy", drawings=(first, parts), text=sentences.energy_sentence(result))
 
 
 def constraint_block(result: RunResult, prefix: str) -> Block | None:
@@ -195,8 +194,8 @@ def constraint_block(result: RunResult, prefix: str) -> Block | None:
     if not np.isfinite(result.responses["reduced"].residual_velocity).all():
         return None
     levels = {"position": "m", "velocity": "m/s"}.items()
-    row = tuple(histories.residual_drawing(f"{prefix}-residual-{level}", result, level, unit) for level, unit in levels)
-    return Block(heading="Constraint", rows=(row,))
+    drawings = [histories.residual_drawing(f"{prefix}-residual-{level}", result, level, unit) for level, unit in levels]
+    return Block(heading="Constraint", drawings=drawings)
 
 
 def basis_block(result: RunResult, prefix: str) -> Block | None:
@@ -204,17 +203,18 @@ def basis_block(result: RunResult, prefix: str) -> Block | None:
 
     Parts that the run lacks are left out; None if it has none of them.  `prefix` begins the identifiers of the figures.
     """
-    rows: list[tuple[Drawing, ...]] = []
+    drawings = list[Drawing]()
     for number, (name, body) in enumerate(result.bodies.items()):
         if body.shapes is not None and set(tip_displacements(result)) == {"z"}:
             anchor, caption = f"{prefix}-basis{f'-{number}' if name else ''}", shapes.basis_caption(body.shapes)
-            rows.append((drawing(anchor, shapes.basis_figure, qualified_name(name, caption), result, body.shapes),))
-    row, grids, of = [], tuple(_published_frequency_grids(result)), result.body.shapes
+            called = qualified_name(name, caption)
+            drawings.append(drawing(anchor, shapes.basis_figure, called, result, body.shapes))
+    grids, of = tuple(_published_frequency_grids(result)), result.body.shapes
     if is_alone(result) and of is not None and result.scene.reduction.uses_pod:  # other bases have singular values of 1
         caption = "Singular values of the snapshots. κ is the share of the sum of their squares that the basis keeps."
-        row.append(drawing(f"{prefix}-singular-values", shapes.singular_value_figure, caption, result, of))
+        drawings.append(drawing(f"{prefix}-singular-values", shapes.singular_value_figure, caption, result, of))
     if "reduced" in result.frequencies.models:
-        row.append(
+        drawings.append(
             drawing(f"{prefix}-frequencies", shapes.frequency_figure, shapes.frequencies_caption(result), result)
         )
     if (over := result.frequencies.over_joints) is not None:
@@ -222,12 +222,11 @@ def basis_block(result: RunResult, prefix: str) -> Block | None:
         caption += "closed; the white line is the way of this run."
         if result.frequencies.t is not None:
             caption += " The boom is at rest at its steepest angle; axial forces are included."
-        row.append(drawing(f"{prefix}-map", shapes.frequency_map_figure, caption, result))
-    rows += [tuple(row)] if row else []
+        drawings.append(drawing(f"{prefix}-map", shapes.frequency_map_figure, caption, result))
     heading = "Basis and eigenfrequencies" if is_alone(result) else "Natural frequencies"
     heading += "" if result.scene.hoist is None else ", without the payload of the hoist"
     heading += ", the luffing cylinder locked" if subject.has_free_luffing(result) else ""
-    return Block(heading=heading, rows=tuple(rows), grids=grids) if rows or grids else None
+    return Block(heading=heading, drawings=drawings, grids=grids) if drawings or grids else None
 
 
 def _published_frequency_grids(result: RunResult) -> Iterator[Grid]:
@@ -269,8 +268,7 @@ def response_block(result: RunResult, prefix: str) -> Block | None:
         largest = [significant(gain) if response.damped else "no damping" for gain in gains["largest"]]
         head = (result.abscissa_name, f"static, {gains['unit']}", f"largest, {gains['unit']}", "at, Hz")
         grids.append(Grid(f"{output} under {load}", head, tuple(zip(places, static, largest, at, strict=False))))
-    pairs = tuple(tuple(drawings[k : k + 2]) for k in range(0, len(drawings), 2))
-    return Block(heading="Response in frequency", rows=pairs, grids=tuple(grids))
+    return Block(heading="Response in frequency", drawings=drawings, grids=tuple(grids))
 
 
 def origin_block(result: RunResult) -> Block:

@@ -27,7 +27,7 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
 
     It is None if the run has no stresses.  `prefix` begins the identifiers of the figures.
     """
-    rows, parts = [], {part["name"]: part for part in result.summary.get("sections", ())}
+    drawings, parts = [], {part["name"]: part for part in result.summary.get("sections", ())}
     for number, (name, body) in enumerate(result.bodies.items()):
         if "reduced" not in body.peak_stress:
             continue
@@ -36,9 +36,9 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
         dot = f" The dot is the largest of all, {sentences.peak_clause(peak)}." if peak else ""
         caption = f"Largest von Mises stress over {name or 'the whole body'}{below}.{dot}"
         anchor = f"{prefix}-stress" if name == ALONE else f"{prefix}-stress-{number}"
-        rows.append((drawing(anchor, figures.stress_figure, caption, result, body),))
+        drawings.append(drawing(anchor, figures.stress_figure, caption, result, body))
     grids = (*_section_grids(result), *_region_grids(result))
-    return Block(heading="Stress", rows=tuple(rows), grids=grids) if rows or grids else None
+    return Block(heading="Stress", drawings=drawings, grids=grids) if drawings or grids else None
 
 
 def section_force_block(result: RunResult, prefix: str) -> Block | None:
@@ -66,7 +66,7 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
     caption = "Forces and moments of sections along each beam, from the smallest to the largest over time."
     drawn = drawing(f"{prefix}-envelopes", figures.envelope_figure, caption, result, shown)
     grid = Grid("The smallest and the largest, where from the tail, and when.", ("", "min", "max"), tuple(table_rows))
-    return Block(heading="Forces along beams", rows=((drawn,),), grids=(grid,))
+    return Block(heading="Forces along beams", drawings=(drawn,), grids=(grid,))
 
 
 def _extreme_cell(force: Mapping[str, Any], end: str, nothing: float) -> str:
@@ -147,10 +147,10 @@ def probe_block(result: RunResult, prefix: str) -> Block | None:
         for name in drawn
         if probes_by_name[name]["unit"] != "mm"
     ]
-    figures = tuple(
-        (_history_drawing(result, f"{prefix}-probe-{k}", name, probes_by_name[name]["unit"]),)
+    figures = [
+        _history_drawing(result, f"{prefix}-probe-{k}", name, probes_by_name[name]["unit"])
         for k, name in enumerate(drawn)
-    )
+    ]
     text = "All load cycles stand in tables/cycles.csv." if counted else ""
     return Block("Probes", figures, text=text, grids=(extremes, *counted, *_damage_grids(result)))
 

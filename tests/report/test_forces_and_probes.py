@@ -95,7 +95,7 @@ def test_a_pad_that_never_touches_has_no_panel_and_no_row(probed: RunResult, mon
     assert block.text == "No force at any time on upper, aside."
     panels.clear()
     block = contact_block(idle(probed, lower=0.0), "case-1")
-    assert block is not None and (block.rows, block.grids, panels) == ((), (), [])
+    assert block is not None and (block.rows, block.grids, panels) == ([], (), [])
 
 
 @pytest.mark.usefixtures("undrawn")

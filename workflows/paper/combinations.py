@@ -126,10 +126,10 @@ def chapter(results: dict[str, Row], findings: Findings) -> Chapter:
         blocks=[
             Block(
                 "Errors over the number of coordinates",
-                ((drawing("combinations-errors", draw_errors, over, results),),),
+                (drawing("combinations-errors", draw_errors, over, results),),
                 grids=(at_budget, first),
             ),
-            Block("Singular values", ((drawing("combinations-sigma", draw_singular_values, sigma, results),),)),
+            Block("Singular values", (drawing("combinations-sigma", draw_singular_values, sigma, results),)),
             *findings.blocks(),
         ],
     )

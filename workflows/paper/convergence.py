@@ -118,7 +118,7 @@ def chapter(results: dict[tuple[str, int], Row], findings: Findings) -> Chapter:
         blocks=[
             Block(
                 "Error over the number of coordinates",
-                ((drawing("convergence-errors", draw_errors, caption, results, figures),),),
+                (drawing("convergence-errors", draw_errors, caption, results, figures),),
             ),
             *findings.blocks(),
         ],

@@ -133,7 +133,7 @@ def chapter(results: dict[tuple[int, int], Row], settings: Settings, findings: F
             *[f"{singular} combinations can't be simulated with the rows left in."] * bool(singular),
         ],
         blocks=[
-            Block("Error map", ((maps[0],), (maps[1], maps[2]))),
+            Block("Error map", maps),
             Block("The best combinations", grids=(_best(results, figures),)),
             *findings.blocks(),
         ],

@@ -126,7 +126,7 @@ def chapter(results: dict[str, Row], findings: Findings) -> Chapter:
         ],
         blocks=[
             *(
-                Block(names[scene].capitalize(), ((drawing(f"histories-{n}", draw_histories, caption, result),),))
+                Block(names[scene].capitalize(), (drawing(f"histories-{n}", draw_histories, caption, result),))
                 for n, (scene, result) in enumerate(results.items())
             ),
             Block("Errors", grids=(between, without)),

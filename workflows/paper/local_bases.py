@@ -153,7 +153,7 @@ def chapter(figures: dict[str, float], settings: Settings, findings: Findings) -
             if np.isfinite(figures[f"{scenes[-1]}.{method}.{middle}"])
         ],
         blocks=[
-            Block("Errors", ((drawing("local-errors", draw_errors, caption, figures, settings),),), grids=tuple(grids))
+            Block("Errors", (drawing("local-errors", draw_errors, caption, figures, settings),), grids=tuple(grids))
         ],
     )
 

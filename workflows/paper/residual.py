@@ -215,10 +215,10 @@ def chapter(results: dict[tuple[str, str], Row], sizes: list[int], findings: Fin
         blocks=[
             Block(
                 "Error over the number of coordinates",
-                ((drawing("residual-errors", draw_errors, over_r, results, sizes),),),
+                (drawing("residual-errors", draw_errors, over_r, results, sizes),),
                 grids=(errors, ratios),
             ),
-            Block("Error over time", ((drawing("residual-time", draw_time, over_time, results, scenes[:2][-1]),),)),
+            Block("Error over time", (drawing("residual-time", draw_time, over_time, results, scenes[:2][-1]),)),
         ],
     )
 

@@ -189,7 +189,7 @@ def chapter(results: dict[tuple[str, str], Row], scenes: list[str], repeats: int
         blocks=[
             Block(
                 "Solver time",
-                ((drawing("speed-seconds", draw_seconds, caption, results, scenes, span),),),
+                (drawing("speed-seconds", draw_seconds, caption, results, scenes, span),),
                 grids=tuple(_grid(results, scene, words[scene], span) for scene in scenes),
             ),
             *findings.blocks(),

@@ -435,7 +435,7 @@ def chapter(results: Results, figures: Mapping[str, str | None], sizes: list[int
         blocks=[
             Block(
                 "Error over time",
-                ((drawing("trade-fronts", draw_fronts, fronts_caption, results, scenes),),),
+                (drawing("trade-fronts", draw_fronts, fronts_caption, results, scenes),),
                 grids=(Grid("Offline time of the largest model.", ("scene", *NAMES.values()), offline),),
             ),
             Block("What holds a tolerance", grids=tuple(_tolerance_grid(results, figures, scene) for scene in scenes)),

@@ -328,28 +328,28 @@ def space_block(result: RunResult, prefix: str) -> Block | None:
     `prefix` begins the identifiers of its figures.
     """
     played = any(body.fields is not None for body in result.bodies.values())
-    if result.frame is None or not played or not axis_points(result, result.responses["reduced"]):
-        return None
-    return Block(heading="The boom in space", rows=space_drawings(result, prefix))
+    drawings = space_drawings(result, prefix) if played else []
+    return Block(heading="The boom in space", drawings=drawings) if drawings else None
 
 
-def space_drawings(result: RunResult, prefix: str) -> tuple[tuple[Drawing, ...], ...]:
-    """Draw, row by row, the tip over time, the boom from above if it slews, and the buckling factor if it is known.
+def space_drawings(result: RunResult, prefix: str) -> list[Drawing]:
+    """Draw the boom from above if it slews, the tip over time, and the buckling factor if it is known.
 
-    `prefix` begins the identifiers of the figures.
+    Nothing is drawn unless the boom is in a frame and has outputs along its axis.  `prefix` begins the identifiers of
+    the figures.
     """
-    caption = "The tip over time: its distance from the pivot in the plane of luffing, and its height over the pivot."
-    row = [drawing(f"{prefix}-tip-in-space", tip_figure, caption, result)]
+    if result.frame is None or not axis_points(result, result.responses["reduced"]):
+        return []
+    drawings = list[Drawing]()
     if slews(result):  # the view from the side is at the top of the page
-        row.insert(0, drawing(f"{prefix}-plan", plan_view, view_caption(result, "from above"), result))
-    figures = [tuple(row)]
+        drawings.append(drawing(f"{prefix}-plan", plan_view, view_caption(result, "from above"), result))
+    caption = "The tip over time: its distance from the pivot in the plane of luffing, and its height over the pivot."
+    drawings.append(drawing(f"{prefix}-tip-in-space", tip_figure, caption, result))
     if any(result.summary.get("buckling", {}).get("over", {}).get("factor", ())):
         caption = "Factor by which all axial forces would have to grow until the boom buckles, with every pad closed, "
         caption += "along the way of this run, which begins at the larger dot."
         over = ["reach"] if np.ptp(result.abscissa) > 0.0 else []
         over += ["angle"] if not over or "luffing" in changing_angles(result) else []
         captions = zip(over, (caption, "The same over the angle of luffing."), strict=False)
-        figures.append(
-            tuple(drawing(f"{prefix}-buckling-{x}", buckling_figure, caption, result, x) for x, caption in captions)
-        )
-    return tuple(figures)
+        drawings += [drawing(f"{prefix}-buckling-{x}", buckling_figure, caption, result, x) for x, caption in captions]
+    return drawings

@@ -73,7 +73,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
         key_numbers=_key_numbers(study, least, error),
         paragraphs=_paragraphs(study, parts),
         blocks=[
-            Block("Load chart", ((picture,), (lines,)), grids=tuple(_duty_grids(study, duty))),
+            Block("Load chart", (picture, lines), grids=tuple(_duty_grids(study, duty))),
             Block("Limits", grids=(_limit_grid(study, names), *_error_bar_grids(study, names, parts))),
             Block("Load cases", grids=(_case_grid(study),)),
             *governing_pages(study, names, parts, prefix),
@@ -355,7 +355,7 @@ def _governing_page(
     text += "".join(f" {name}" for name in _stop_sentences(study, names[n], arrays["at.stops"][n]))
     drawn = drawing(anchor, bent_boom, caption, boom)
     return Block(
-        f"Governed by {names[n]}", ((drawn,),), text=text, tables=_use_tables(names, n, arrays, sections), page=True
+        f"Governed by {names[n]}", (drawn,), text=text, tables=_use_tables(names, n, arrays, sections), page=True
     )
 
 

@@ -137,7 +137,7 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
     over = varied_parameter(done)
     if over is None:
         return
-    drawn = list[tuple[Drawing, ...]]()
+    drawn = list[Drawing]()
     ranges = [name for name in dict.fromkeys(n for run in done for n in run.figures) if name.endswith(".range")]
     shown = [
         name for name in (error, *BESIDE, *ranges[:1]) if name and is_varied(done, name) and _is_visible(done, name)
@@ -148,14 +148,14 @@ def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Itera
         caption = f"What was found over the {key_words(over)}{apart}."
         for k in range(0, len(shown), MOST_PANELS):  # more panels would not fit on one page
             name, panels = f"{prefix}-varied{k // MOST_PANELS or ''}", shown[k : k + MOST_PANELS]
-            drawn.append((drawing(name, value_figure, caption, done, over, panels),))
+            drawn.append(drawing(name, value_figure, caption, done, over, panels))
     timed = [run for run in done if run.seconds.get(TIME)]
     if error and len(runs_with(timed, error)) > 1 and _cost_differs(timed):
         label = quantity_of(error).label.capitalize()
         caption = f"{label} over the time that one simulation of the reduced model takes."
-        drawn.append((drawing(f"{prefix}-seconds", error_over_time_figure, caption, timed, over, error),))
+        drawn.append(drawing(f"{prefix}-seconds", error_over_time_figure, caption, timed, over, error))
     if drawn:
-        yield Block(f"Over the {key_words(over)}", tuple(drawn))
+        yield Block(f"Over the {key_words(over)}", drawn)
 
 
 def _is_visible(runs: Sequence[RunRecord], name: str) -> bool:
