@@ -37,6 +37,8 @@ Folder = Annotated[
 NAMES = 28
 #: Largest number of worker processes; each of them keeps some files open.
 MOST_JOBS = 256
+#: Time in s before which no progress is printed without a terminal, so that short runs print results alone.
+QUIET = 10.0
 
 # Output is plain text: [brackets] are not read as markup, and :names: are not replaced by pictures.
 PLAIN: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}

@@ -19,6 +19,7 @@ from rich.table import Table
 
 from pmr.cli.console import (
     NAMES,
+    QUIET,
     Folder,
     Overrides,
     err,
@@ -43,8 +44,6 @@ if TYPE_CHECKING:
     from pmr.report.background import BackgroundReport
     from pmr.report.blocks import Row
     from pmr.scene import Scene
-
-QUIET = 10.0  # s; without a terminal, runs print their stages only after this time, so that short runs print results
 
 
 def run(

@@ -5,19 +5,19 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
-from rich.progress import BarColumn, TextColumn
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bars
 from rich.table import Table
 
 from pmr.cli.console import (
     MOST_JOBS,
+    QUIET,
     Folder,
     Overrides,
     err,
@@ -160,18 +160,24 @@ def _worker_pool(jobs: int | None) -> AbstractContextManager[workers.Pool | None
 
 @contextmanager
 def _show_progress() -> Iterator[Watch]:
-    """Yield a function that shows progress: on a terminal a bar, elsewhere a line every `LOGGED_EVERY` s."""
+    """Yield a function that shows progress: on a terminal a bar with a clock, elsewhere lines.
+
+    After `QUIET` s there is a line for each kind of task that begins, and one every `LOGGED_EVERY` s.
+    """
     if not err.is_terminal:
-        due = [time.monotonic() + LOGGED_EVERY]
+        due, printed = [LOGGED_EVERY], set[str]()
 
         def log(progress: Progress) -> None:
-            if time.monotonic() >= due[0]:
+            begins = progress.elapsed >= QUIET and not printed >= progress.stages
+            if begins or progress.elapsed >= due[0]:
                 print_text(err, progress.text)
-                due[0] = time.monotonic() + LOGGED_EVERY
+                printed.update(progress.stages)
+                due[0] = progress.elapsed + LOGGED_EVERY
 
         yield log
         return
-    with Bars(BarColumn(), TextColumn("{task.description}", markup=False), console=err, transient=True) as bars:
+    columns = (BarColumn(), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
+    with Bars(*columns, console=err, transient=True) as bars:
         bar = bars.add_task("", total=None)
         yield lambda p: bars.update(bar, description=p.text, completed=p.done + p.failed, total=p.total)
 

@@ -15,7 +15,7 @@ from pmr.errors.text import duration_text
 from pmr.studies.files import Project
 from pmr.studies.results import RunRecord, Store, StudyResults
 from pmr.studies.study import StudyBase
-from pmr.studies.tasks import Failure, Node, ReadyQueue, open_nodes
+from pmr.studies.tasks import Failure, Node, ReadyQueue, Task, open_nodes
 from pmr.studies.workers import NOT_COMPUTING, Order, Pool, code_of_tasks
 
 #: Files that the digest of the code leaves out, so that tasks are not computed again when these change; the digest of
@@ -40,6 +40,7 @@ class Progress:
     elapsed: float
     remaining: float | None  # estimated; None before the first task is done
     running: tuple[str, ...] = ()  # keys of the tasks that are computed now
+    stages: frozenset[str] = frozenset()  # names of the functions of these tasks
 
     @property
     def text(self) -> str:
@@ -120,8 +121,8 @@ def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch)
             else:
                 failures[node.digest] = failure
             ready.mark_done(node.digest)
-        keys = [node.task.key for node in running.values()][: pool.slots]
-        watch(_progress(nodes, done, failures, time.monotonic() - begin, keys))
+        tasks = [node.task for node in running.values()][: pool.slots]
+        watch(_progress(nodes, done, failures, time.monotonic() - begin, tasks))
     return failures
 
 
@@ -137,16 +138,17 @@ def _failure_of_future(future: Future[Failure | None]) -> Failure | None:
 
 
 def _progress(
-    nodes: Mapping[str, Node], done: set[str], failures: Mapping[str, Failure], elapsed: float, keys: list[str]
+    nodes: Mapping[str, Node], done: set[str], failures: Mapping[str, Failure], elapsed: float, tasks: list[Task]
 ) -> Progress:
-    """Return the progress after `elapsed` seconds, while the tasks with these `keys` are being computed.
+    """Return the progress after `elapsed` seconds, while these `tasks` are being computed.
 
     `done` holds the digests of the tasks with a result, `failures` the failures by digest.
     """
     cost_done = sum(nodes[digest].task.cost for digest in done)
     cost_left = sum(node.task.cost for digest, node in nodes.items() if digest not in done and digest not in failures)
     remaining = elapsed * cost_left / cost_done if cost_done else None
-    return Progress(len(done), len(failures), len(nodes), elapsed, remaining, tuple(keys))
+    stages = frozenset(task.address for task in tasks)
+    return Progress(len(done), len(failures), len(nodes), elapsed, remaining, tuple(t.key for t in tasks), stages)
 
 
 def save(project: Project, outcome: Outcome, folder: Path) -> list[Path]:

@@ -62,7 +62,7 @@ def done(small: Path) -> Path:
     ]
     assert sum("error along the beam" in line and line.count("%") == 2 for line in table) == 1
     assert max(map(len, table)) <= 80 and "runs.csv" in table[-1]
-    assert finished.stderr == ""
+    assert all(" tasks done" in line for line in finished.stderr.splitlines())  # of a slow machine
     return folder
 
 

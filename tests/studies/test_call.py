@@ -238,14 +238,10 @@ def test_progress_in_one_line() -> None:
     assert Progress(9, 0, 9, 60.0, 0.0).text == "9 of 9 tasks done after 1 min"
 
 
-def test_a_log_gets_a_line_now_and_then(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    now = 100.0
-    monkeypatch.setattr("pmr.cli.study.time.monotonic", lambda: now)
+def test_a_log_gets_a_line_for_each_stage_and_now_and_then(capsys: pytest.CaptureFixture[str]) -> None:
+    """One stage begins at once and one after 20 s; later tasks of a stage, and stages of a short study, get no line."""
     with cli_study._show_progress() as watch:
-        for _ in range(100):
-            now += 1.0
-            watch(Progress(1, 0, 2, now - 100.0, now))
+        for second in range(1, 101):
+            watch(Progress(1, 0, 2, float(second), None, stages=frozenset({"row"} if second >= 20 else {"postures"})))
     lines = capsys.readouterr().err.splitlines()
-    assert [line.split(",")[0] for line in lines] == [
-        f"1 of 2 tasks done after {text}" for text in ("30 s", "1 min", "2 min")
-    ]
+    assert lines == [f"1 of 2 tasks done after {text}" for text in ("10 s", "20 s", "50 s", "1 min")]
