@@ -27,7 +27,7 @@ from pmr.errors.text import escape_controls
 from pmr.export.formats import BODY_FORMATS, FORMATS, ONE_BODY, Options, write
 from pmr.files.whole import finish_swap, replacement_folder
 
-_SAYS = "; ".join(f"{name}: {one.description}" for name, one in FORMATS.items())
+_SAYS = "; ".join(f"{name}: {target_format.description}" for name, target_format in FORMATS.items())
 
 
 def export(
@@ -191,9 +191,9 @@ def matrices(
     coordinates = f"{body.size} coordinates of {len(body.points)} nodes{amplitudes}"
     print_text(out, f"{coordinates}; groups: {', '.join(body.groups) or 'none'}")
     x, y, z = (round(float(c), 9) + 0.0 for c in body.centre)
-    whole = " of what supports inside the matrices leave free" if body.lacks else ""
+    free = " of what supports inside the matrices leave free" if body.lacks else ""
     centre = f"centre of mass at ({x:.4g}, {y:.4g}, {z:.4g}) m"
-    print_text(out, f"{body.mass:.4g} kg{whole}, {centre}; {_held_motions_text(len(body.held))}")
+    print_text(out, f"{body.mass:.4g} kg{free}, {centre}; {_held_motions_text(len(body.held))}")
     if body.unchecked:
         print_text(err, f"warning: {UNCHECKED}")
     print_text(out, str(body.save(target)))

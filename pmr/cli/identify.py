@@ -46,11 +46,11 @@ def identify(
     table, file, changes = FrequencyTable.read(measured), scene_file(scene), list(overrides or ())
     start = dict(map(_start_of, fit))
 
-    def reduced(fitted: Sequence[str]) -> System:
-        """Reduced system of the scene with fitted values, without estimates of errors."""
+    def reduce_with(fitted: Sequence[str]) -> System:
+        """Reduce the scene with fitted values, and return its system."""
         return pmr.reduce(load_any(file, [*changes, *fitted])).system
 
-    result = table.identify(reduced, start)
+    result = table.identify(reduce_with, start)
     folder = out_dir or Path("reports", f"identify_{scene.stem}")
     folder.mkdir(parents=True, exist_ok=True)
     fitted, figures = folder / "fitted.toml", folder / "identify.json"

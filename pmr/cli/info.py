@@ -117,7 +117,7 @@ def describe_model(model: ReducedModel) -> dict[str, str]:
     import numpy as np
 
     low, high = model.domain
-    made_with, scene = ({} if not isinstance(found := model.provenance.get(key), dict) else found for key in _TABLES)
+    made_with, scene = ({} if not isinstance(table := model.provenance.get(key), dict) else table for key in _TABLES)
     holds = np.isnan(model.row_clearance)
     rows = [
         name if holds_both_ways else f"{name} (only pushes)"

@@ -16,7 +16,6 @@ run is at that position.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,7 +25,7 @@ from pmr.compare.errors import ForceHistories, force_errors, force_histories
 from pmr.compare.moving_frame import with_choice_of_terms
 from pmr.compare.outputs import probe_errors
 from pmr.compare.responses import march_once, refuse_growth
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Summary
 from pmr.results import Response
 from pmr.results.quantities import COMPARED
 from pmr.scene import Scene
@@ -191,7 +190,7 @@ def frequency_error(f: Array, reference: Array) -> float | None:
     return float(np.nanmax(np.abs(f[vibrates] / reference[vibrates] - 1.0))) if vibrates.any() else None
 
 
-def largest_model_error(part: Mapping[str, Any]) -> float:
+def largest_model_error(part: Summary) -> float:
     """The largest error, a fraction, in `part`, the contents of ``budget.model``."""
     return float(max(part[kind] for kind in (*COMPARED, "largest") if part.get(kind) is not None))
 

@@ -198,12 +198,12 @@ def step_error(
     samples = [runs.next()]
     if not runs.can_afford_next:
         raise SimulationError("a run with half the step is too long to be made only to estimate this error")
-    given = runs.sample_initial_run(samples[0])
-    floors = RoundOffBounds.for_system(system, excitation, given.outputs.force)
+    initial = runs.sample_initial_run(samples[0])
+    floors = RoundOffBounds.for_system(system, excitation, initial.outputs.force)
     of_motion, of_mean = (
-        ConvergenceSeries(partial(_motion_difference, mean), samples[0], given) for mean in (False, True)
+        ConvergenceSeries(partial(_motion_difference, mean), samples[0], initial) for mean in (False, True)
     )
-    of_kinds = {kind: ConvergenceSeries(partial(_difference, kind, floors), samples[0], given) for kind in kinds}
+    of_kinds = {kind: ConvergenceSeries(partial(_difference, kind, floors), samples[0], initial) for kind in kinds}
     while runs.can_afford_next and not (
         of_motion.halvings_needed(STEP_LIMIT) is not None
         and runs.is_resolved
@@ -219,9 +219,9 @@ def step_error(
             series.add(samples[-1])
     in_the_mean = stepped.pushing and not of_motion.is_settled
     motion = of_mean if in_the_mean else of_motion
-    y, finest = (_motion(in_the_mean, sample) for sample in (given, samples[-1]))
+    y, finest = (_motion(in_the_mean, sample) for sample in (initial, samples[-1]))
     halvings = motion.halvings_needed(STEP_LIMIT) if runs.is_resolved else None
-    of_forces = _force_series(given, samples, in_the_mean)
+    of_forces = _force_series(initial, samples, in_the_mean)
     return StepError(
         errors={
             "beam": motion.error(),
@@ -269,14 +269,14 @@ def _difference(kind: str, floors: RoundOffBounds, sample: Sample, finer: Sample
 
 
 def _force_series(
-    given: Sample, samples: Sequence[Sample], in_the_mean: bool
+    initial: Sample, samples: Sequence[Sample], in_the_mean: bool
 ) -> dict[str, ConvergenceSeries[ForceHistories]]:
     """A series of differences for each kind of forces of completed responses, by kind.
 
-    The differences are those of RMS values over time if `in_the_mean` is true.  `given` is the given run, `samples` are
-    those of runs with smaller and smaller steps.
+    The differences are those of RMS values over time if `in_the_mean` is true.  `initial` is the given run, and
+    `samples` are those of runs with smaller and smaller steps.
     """
-    of_given, first, *finer = (_rms_forces(run.forces) if in_the_mean else run.forces for run in (given, *samples))
+    of_given, first, *finer = (_rms_forces(run.forces) if in_the_mean else run.forces for run in (initial, *samples))
     by_kind = dict[str, ConvergenceSeries[ForceHistories]]()
     for kind in force_errors(of_given, finer[-1] if finer else first):
         by_kind[kind] = ConvergenceSeries(partial(_force_difference, kind), first, of_given)

@@ -34,6 +34,7 @@ from pmr.compare.trust import (
     ringing_warnings,
 )
 from pmr.errors import environment
+from pmr.files.arrays import Summary
 from pmr.results import Frequencies, Response
 from pmr.results.fatigue import SNLine, rainflow_cycles
 from pmr.results.run import SummaryPart, combine_parts
@@ -153,7 +154,7 @@ def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
     return SummaryPart({"fatigue": rows}, grave=failed)
 
 
-def utilisation_part(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) -> SummaryPart:
+def utilisation_part(scene: Scene, stresses: Mapping[str, Summary]) -> SummaryPart:
     """Entry ``utilisation`` of summary.json, by model, for bodies whose material has a yield stress.
 
     ``value`` is the largest stress over the yield stress of its material; ``stress`` and ``yield`` in Pa, ``t`` in s,
@@ -178,13 +179,13 @@ def utilisation_part(scene: Scene, stresses: Mapping[str, Mapping[str, Any]]) ->
     return SummaryPart({"utilisation": largest}, grave=[over] * (used > 1.0))
 
 
-def masses_part(masses_of_bodies: Mapping[str, Any]) -> SummaryPart:
+def masses_part(masses_of_bodies: Summary) -> SummaryPart:
     """Entry ``masses`` of summary.json: the ``name`` of each body, with `pmr.fullmodel.model.Masses.summary`."""
     rows = [{"name": name, **masses.summary()} for name, masses in masses_of_bodies.items() if masses is not None]
     return SummaryPart({"masses": rows} if rows else {})
 
 
-def _utilisations(part: Body, peak: Mapping[str, Any], regions: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+def _utilisations(part: Body, peak: Summary, regions: Summary) -> Iterator[dict[str, Any]]:
     """Utilisation of the whole body, and of each region with a material of its own, as rows of ``utilisation``.
 
     `peak` is the largest stress of the body, `regions` have the largest stress of each region by name.
@@ -211,7 +212,7 @@ def parts_of_forces(scene: Scene, system: System, response: Response) -> list[Su
 
 
 def warnings_of_response(scene: Scene, system: System, response: Response) -> tuple[str, ...]:
-    """Those warnings about a system's response that need no other model, the gravest first."""
+    """Warnings about a system's response that need no other model, the gravest first."""
     excitation = Excitation.from_scene(scene)
     omega = contact_step.contact_frequency(system, excitation)
     parts = [
@@ -250,7 +251,7 @@ def sections_part(
     boom: Scene,
     responses: Mapping[str, Response],
     sizes: Mapping[str, Mapping[str, int]],
-    more: Mapping[str, Mapping[str, Any]],
+    more: Mapping[str, Summary],
 ) -> SummaryPart:
     """``sections`` of summary.json: name, coordinates, error along each section against the full model, and `more`.
 

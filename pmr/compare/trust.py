@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from pmr.compare.errors import band_of_response, error_below_frequency, force_hi
 from pmr.compare.model_part import largest_model_error
 from pmr.compare.round_off import Pair
 from pmr.errors.text import percent, two_digits
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Summary
 from pmr.results import Response
 from pmr.results.quantities import QUANTITIES, error_label, reduction_error
 from pmr.results.response import ROUND_OFF
@@ -373,7 +372,7 @@ def unsettled_force_clauses(kinds: Sequence[str]) -> list[str]:
     return [f"{QUANTITIES[kind].label} beyond the figure stated: smaller steps go on changing them" for kind in kinds]
 
 
-def reduction_warnings(summary: Mapping[str, Any]) -> list[str]:
+def reduction_warnings(summary: Summary) -> list[str]:
     """A warning if the reduced model's error in the summary is above `FAR`; else nothing.
 
     The error is that against the full model, or an estimate.
@@ -386,7 +385,7 @@ def reduction_warnings(summary: Mapping[str, Any]) -> list[str]:
     return [f"the reduced model is off by {errors_text} ({source}): it has too few coordinates, or its motion grows"]
 
 
-def budget_warnings(scene: Scene, budget: Mapping[str, Any]) -> Iterator[str]:
+def budget_warnings(scene: Scene, budget: Summary) -> Iterator[str]:
     """A warning for each part of the error budget, ``model`` and ``mesh``, above `compare.model_tolerance`.
 
     With `[accuracy]` or `[budget]`, warnings about the mesh come from `pmr.compare.accuracy.order.accuracy_warnings`.

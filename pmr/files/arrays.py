@@ -1,4 +1,7 @@
-"""Types of arrays that all rooms use in signatures."""
+"""Types that all rooms use in signatures: of arrays, and of what summaries hold."""
+
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,3 +9,5 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+#: Content of a file of JSON such as summary.json, or of a table in it: numbers, texts, lists and tables by their keys.
+Summary = Mapping[str, Any]

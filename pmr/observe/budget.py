@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from pmr.files.arrays import Summary
 from pmr.observe.linear import ACCELERATION, SPECIFIC_FORCE, VELOCITY, LinearMotion
 from pmr.results.quantities import QUANTITIES
 
@@ -14,9 +15,7 @@ PARTS: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 
-def output_errors(
-    summary: Mapping[str, Any], motion: LinearMotion, run_step: float | None = None
-) -> dict[str, dict[str, float]]:
+def output_errors(summary: Summary, motion: LinearMotion, run_step: float | None = None) -> dict[str, dict[str, float]]:
     """Errors of outputs of a linear model, as fractions of their RMS, by the part of the budget and the output's name.
 
     `summary` is the content of a run's ``summary.json``, whose time step was `run_step` s: with another step the model
@@ -37,7 +36,7 @@ def output_errors(
     return {part: of_part for part, of_part in errors.items() if of_part}
 
 
-def _error_of(table: Mapping[str, Any], name: str, kind: str) -> float | None:
+def _error_of(table: Summary, name: str, kind: str) -> float | None:
     """Error of the output `name` of a kind as one part's `table` has it; None if the part does not cover it.
 
     The error of a probe of this name comes first, then that of a quantity of this kind.  A velocity or acceleration has

@@ -15,7 +15,7 @@ import pydantic
 
 from pmr.errors import InputError
 from pmr.errors.text import missing_file_reason
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Summary
 from pmr.files.whole import replacement_file
 from pmr.observe.budget import output_errors
 from pmr.observe.identify import read_table
@@ -55,7 +55,7 @@ class ObserverFile:
             value = None if first["type"] == "missing" else first["input"]
             raise InputError(str(file), ".".join(map(str, first["loc"])), value, first["msg"].lower()) from None
 
-    def observer(self, scene: Scene, system: System, summary: Mapping[str, Any]) -> Observer:
+    def observer(self, scene: Scene, system: System, summary: Summary) -> Observer:
         """Observer of a system along the paths of a scene, with the error budget of a run's `summary`."""
         inputs = [load.input for load in self.loads] + ([] if self.payload is None else [self.payload.input])
         outputs = [*self.estimate, *(sensor.output for sensor in self.sensors)]
@@ -116,7 +116,7 @@ class Observation:
         return cls(observer, estimates, sampled, observability, without, true, title)
 
     def summary(self) -> dict[str, Any]:
-        """Figures for ``observe.json``: last estimates, observability, whiteness, alarms, budget, sensors left out.
+        """Summary for ``observe.json``: last estimates, observability, whiteness, alarms, budget, sensors left out.
 
         ``first_alarm`` has the time in s of each sensor's first alarm; sensors without an alarm are left out.
         ``coverage`` and ``rms_error`` have the share of true values within bands of 90 %, and the RMS error, of each

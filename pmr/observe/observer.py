@@ -105,9 +105,9 @@ class Estimates:
 
         Times at which the true value is NaN are left out.
         """
-        (mean, deviation), given = self.of(name), np.isfinite(truth)
+        (mean, deviation), comparable = self.of(name), np.isfinite(truth)
         width = float(scipy.stats.norm.ppf(0.5 + 0.5 * share))
-        return float(np.mean((np.abs(truth - mean) <= width * deviation)[given]))
+        return float(np.mean((np.abs(truth - mean) <= width * deviation)[comparable]))
 
     def whiteness(self, lags: int = 10) -> dict[str, float]:
         """p-value of the Ljung-Box test of each sensor's innovations with `lags` lags: small if they are not white."""
@@ -295,8 +295,8 @@ class _Filter:
             return columns
         return np.column_stack([columns, self.lift * of_loads[:, model.input_number(payload.input)]])
 
-    def _swing(self, of_loads: Array) -> Array:
-        """What the payload's inertia does beside the reference's acceleration, by derivatives (., i) by loads."""
+    def _payload_inertia(self, of_loads: Array) -> Array:
+        """Effect (.) of the payload's inertia beside the reference's acceleration, by derivatives (., i) by loads."""
         payload, model = self.observer.payload, self.observer.model
         if payload is None:
             return np.zeros(len(of_loads))
@@ -318,7 +318,7 @@ class _Filter:
         if payload is not None:
             self.lift = -(payload.gravity + float(model.reference[k, model.output_number(payload.acceleration)]))
             rows[:, n : self.of_payload.stop] = self._load_rows(model.D[k])
-        self.shift = self._swing(model.D[k])
+        self.shift = self._payload_inertia(model.D[k])
         predicted = model.reference[k] + self.shift + rows @ self.x
         H = rows[self.number].copy()
         H[self.biased, range(self.of_bias.start, self.of_bias.stop)] = 1.0
@@ -354,7 +354,7 @@ class _Filter:
         F = np.diag(self.decay)
         F[:n, :n] = model.A[k]
         F[:n, n : self.of_payload.stop] = self._load_rows(model.B[k])
-        swing = self._swing(model.B[k])
+        swing = self._payload_inertia(model.B[k])
         self.x = F @ self.x
         self.x[:n] += swing
         self.P = F @ self.P @ F.T

@@ -161,8 +161,8 @@ class FullOrder:
                 _ = self.gathered_system  # collective
                 simulated = call_on_first_rank(comm, make)
                 response = None if simulated is None else simulated.response
-                whole = comm.bcast(None if simulated is None else simulated.states)
-                states = {name: of.select_coordinates(system.bodies[name].share) for name, of in whole.items()}
+                of_all = comm.bcast(None if simulated is None else simulated.states)
+                states = {name: of.select_coordinates(system.bodies[name].share) for name, of in of_all.items()}
         if reason := comm.bcast(None if response is None else reason_for_distrust(response, rigid_contacts(system))):
             raise SimulationError(reason)
         return response, states

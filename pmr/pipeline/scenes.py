@@ -17,6 +17,7 @@ from pmr.errors import InputError, call_on_first_rank, environment
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fem.compat import versions as fenicsx_versions
+from pmr.files.arrays import Summary
 from pmr.fullmodel.build import AssembledBody, build_bodies, free_motion_warnings, models_of
 from pmr.fullmodel.build import warnings as build_warnings
 from pmr.fullmodel.model import FullModel
@@ -191,7 +192,7 @@ def _outcome(
     )
 
 
-def _measure(bodies: Bodies, motions: Motions, budget: Mapping[str, Any], measures: Path | None) -> Mapping[str, Any]:
+def _measure(bodies: Bodies, motions: Motions, budget: Summary, measures: Path | None) -> Summary:
     """Measure the errors of a run's model and mesh, for ``budget`` of summary.json; collective.
 
     The model's is measured if the scene asks for it, or if `budget` lacks it and there is a folder `measures`; the

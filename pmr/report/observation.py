@@ -9,11 +9,10 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Summary
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
 from pmr.report.document import ReportFiles, render, with_date, write_page
 from pmr.report.figures.canvas import drawing
@@ -36,7 +35,7 @@ def write_report(folder: Path) -> ReportFiles:
     return write_page(render("study_report.html", chapter.title, [chapter], kind=title, introduction=()), folder)
 
 
-def build_chapter(figures: Mapping[str, Any], table: Array) -> Chapter:
+def build_chapter(figures: Summary, table: Array) -> Chapter:
     """Build the chapter from the contents `figures` of ``observe.json``.
 
     `table` (c, T) are the columns of ``estimates.csv``.
@@ -105,7 +104,7 @@ def _with_band(last: Mapping[str, float], unit: str) -> str:
     return f"{mean.rstrip()} ± {half.rstrip()}"
 
 
-def _estimate_caption(name: str, figures: Mapping[str, Any]) -> str:
+def _estimate_caption(name: str, figures: Summary) -> str:
     """Caption of the figure of the estimate `name`, with the share of true values within its band if it is given."""
     share = figures["coverage"].get(name)
     covered = "" if share is None else f" {format_percent(share)} of the true values lie within the band."
@@ -113,7 +112,7 @@ def _estimate_caption(name: str, figures: Mapping[str, Any]) -> str:
     return f"{name[:1].upper()}{name[1:]}.{covered}{missing}"
 
 
-def _sensor_grid(figures: Mapping[str, Any], innovations: Mapping[str, Array]) -> Grid:
+def _sensor_grid(figures: Summary, innovations: Mapping[str, Array]) -> Grid:
     """Table of the sensors: values, share of innovations within the lines, p-value, and first alarm."""
     rows = []
     for name, of in innovations.items():
@@ -142,7 +141,7 @@ def _grids_without(without: Mapping[str, Mapping[str, float]], names: list[str])
     return (Grid(caption, ("estimate", *(f"without {name}" for name in without)), tuple(rows)),)
 
 
-def _warnings(figures: Mapping[str, Any]) -> Iterator[str]:
+def _warnings(figures: Summary) -> Iterator[str]:
     """Yield sentences on sensors at odds with the model, unknowns with a wide band, and innovations with a pattern."""
     for name, t in figures["first_alarm"].items():
         yield f"{name} disagrees with the model or is stuck from {format_quantity(t, 's')} on."

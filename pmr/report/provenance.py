@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
+from pmr.files.arrays import Summary
 from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.subject import reduced_size
 from pmr.results import RunResult
@@ -67,7 +67,7 @@ def size_rows(result: RunResult) -> Rows:
         yield "rows left out", ", ".join(basis["rows_left_out"])
 
 
-def time_rows(seconds: Mapping[str, Any]) -> Rows:
+def time_rows(seconds: Summary) -> Rows:
     """Yield a row with the wall time in s of each part of the run; `seconds` are these times, in nested mappings."""
     for name, value in seconds.items():
         if isinstance(value, Mapping):

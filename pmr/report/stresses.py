@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.files.arrays import Summary
 from pmr.report import sentences
 from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.figures import loads as figures
@@ -69,7 +69,7 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
     return Block(heading="Forces along beams", drawings=(drawn,), grids=(grid,))
 
 
-def _extreme_cell(force: Mapping[str, Any], end: str, nothing: float) -> str:
+def _extreme_cell(force: Summary, end: str, nothing: float) -> str:
     """Format an extreme of a force, ``min`` or ``max`` as `end` says, with its distance from the tail and its time.
 
     A value of at most `nothing` is printed as ``0`` alone.
@@ -199,7 +199,7 @@ def _printed_unit(unit: str, largest: float) -> Unit:
     return STRAIN if unit == "1" else unit_for(largest, unit) if unit == "Pa" else Unit(1.0, unit)
 
 
-def _probe_caption(result: RunResult, probes_of_run: Iterable[Mapping[str, Any]]) -> str:
+def _probe_caption(result: RunResult, probes_of_run: Iterable[Summary]) -> str:
     """Caption of the table of extremes, with the point and the face of each probe."""
     texts = dict[str, str]()
     for probe in probes_of_run:

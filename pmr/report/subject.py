@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Summary
 from pmr.report.numbers import format_input, format_percent
 from pmr.results import BodyResult, RunResult
 from pmr.scene.built import PadRing
@@ -101,7 +100,7 @@ def structural_model_words(model: str, walls: str = "rigid") -> str:
     return MODELS.get(model, f"a {model.replace('_', ' ')}") + gives
 
 
-def choice_clause(measured: Mapping[str, Any]) -> str:
+def choice_clause(measured: Summary) -> str:
     """Clause that states why measurements chose a model: the error of each model that was tried, and the allowed error.
 
     If no model could be compared, the clause says that the smallest one was taken, and why.

@@ -13,11 +13,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Summary
 from pmr.results.response import Extreme, Extremes, Output, Response
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.keys import cylinder_name, qualified_name
@@ -471,7 +471,7 @@ class ReductionErrors(NamedTuple):
     by_kind: Mapping[str, float] = MappingProxyType({})
 
 
-def reduction_error(summary: Mapping[str, Any]) -> ReductionErrors:
+def reduction_error(summary: Summary) -> ReductionErrors:
     """Return the errors of the reduction of a run with this summary.
 
     If the full model was simulated, they are errors against the full model, else estimates; errors of frequencies are

@@ -11,13 +11,13 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pmr.errors import InputError
 from pmr.errors.environment import import_package
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Summary
 from pmr.files.whole import finish_swap
 from pmr.results.fatigue import rainflow_cycles
 from pmr.results.response import ROUND_OFF, Extremes, Response
@@ -145,19 +145,19 @@ def frequency_table(result: RunResult) -> Table:
     return Table((f"{result.abscissa_name} [m]", *heads), tuple(map(tuple, values.tolist())) if lowest.models else ())
 
 
-def stress_peaks(result: RunResult) -> dict[str, dict[str, Mapping[str, Any]]]:
+def stress_peaks(result: RunResult) -> dict[str, dict[str, Summary]]:
     """Return the largest von Mises stress by model, and then by region of each body.
 
     Bodies without named regions are left out.
     """
-    peaks = dict[str, dict[str, Mapping[str, Any]]]()
+    peaks = dict[str, dict[str, Summary]]()
     for name, part in summaries_by_section(result.summary).items():
         for model, regions in part.get("stress_by_region", {}).items():
             peaks.setdefault(model, {}).update({qualified_name(name, region): peak for region, peak in regions.items()})
     return peaks
 
 
-def summaries_by_section(summary: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+def summaries_by_section(summary: Summary) -> dict[str, Summary]:
     """Return the part of summary.json about each section, by the section's name.
 
     For a body alone the whole summary is returned under the empty name.
@@ -165,12 +165,12 @@ def summaries_by_section(summary: Mapping[str, Any]) -> dict[str, Mapping[str, A
     return {part["name"]: part for part in summary.get("sections", ())} or {ALONE: summary}
 
 
-def stress_by_part(summary: Mapping[str, Any]) -> dict[str, dict[str, Mapping[str, Any]]]:
+def stress_by_part(summary: Summary) -> dict[str, dict[str, Summary]]:
     """Return the largest von Mises stress by model, and then by region of each body.
 
     A body without named regions has one region, `WHOLE`.
     """
-    peaks = dict[str, dict[str, Mapping[str, Any]]]()
+    peaks = dict[str, dict[str, Summary]]()
     for name, part in summaries_by_section(summary).items():
         for model, peak in part.get("stress_peak", {}).items():
             regions = part.get("stress_by_region", {}).get(model) or {WHOLE: peak}
@@ -249,7 +249,7 @@ def _extreme_heads_without_unit() -> tuple[str, ...]:
     return tuple(name.removesuffix(" []") for name in _extreme_heads(""))
 
 
-def _measured_probes(result: RunResult, response: Response) -> Iterator[Mapping[str, Any]]:
+def _measured_probes(result: RunResult, response: Response) -> Iterator[Summary]:
     """Yield the entries of summary.json about those probes whose measurements are in the response."""
     yield from (probe for probe in result.summary.get("probes", ()) if probe["name"] in response.other_names)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from pmr.compare.errors import relative_error
 from pmr.compare.forces import missing_reaction_warnings, pulled_pad_warnings, ropes_part, unknown_force_warnings
 from pmr.compare.trust import budget_warnings, large_motion_warnings
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Summary
 from pmr.results import Energy, Response
 from pmr.results.run import SummaryPart, grave_warnings
 from pmr.scene import Scene
@@ -107,7 +107,7 @@ def warnings_of_row(
     return (*grave_warnings(parts), *budget_warnings(scene, budget), *hints)
 
 
-def unnamed_loads(scene: Scene, cases: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
     """Yield a line for each load that acts in runs of the scene but is listed in ``loads`` of no case of the chart."""
     named = {HOOK} | {name for case in cases for name in case["loads"]}
     for part in scene.sections:

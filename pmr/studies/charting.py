@@ -5,7 +5,7 @@ A point of a chart is a posture of the boom: one extension of each section, one 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.files import npz
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Summary
 from pmr.simulation.statics.loaded import LoadedStructure
 from pmr.simulation.statics.postures import HOOK, WEIGHT, DeflectionOutputs, PostureMatrices
 from pmr.simulation.statics.swings import Rope, lift_off
@@ -232,7 +232,7 @@ def _least_case(loads: Array) -> tuple[NDArray[np.int64], Array]:
     return case, loads[case, np.arange(loads.shape[1])]
 
 
-def _amount(case: Mapping[str, Any], part: str) -> float:
+def _amount(case: Summary, part: str) -> float:
     """Amount of a component `part` in a case, 0 if not named: factor on the weight or load, or a load in N or N m."""
     if part in (WEIGHT, HOOK):
         return float(case["weight" if part == WEIGHT else "load"])

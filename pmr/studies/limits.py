@@ -113,19 +113,19 @@ def _share_of_ground(limit: Limit, at: PostureMatrices, k: int, amounts: Sequenc
     Forces on the ground are those of runs (`pmr.simulation.ground`), at the k-th posture of `at`, where the components
     ``at.loads`` act by `amounts` (w,).
     """
-    rest = limit.stand_in(at)
-    outputs = rest.stand.outputs("")
+    at_rest = limit.stand_in(at)
+    outputs = at_rest.stand.outputs("")
     names, kinds, units, bodies = (
         tuple(getattr(output, key) for output in outputs) for key in ("name", "kind", "unit", "body")
     )
     measure = limit.measure(Columns(tuple(name.removeprefix(FORCE) for name in names), kinds, units, bodies))
     turned = boom_rotation(at.place.luffing[k : k + 1], at.place.slewing[k : k + 1])[0]
     rows = np.kron(np.eye(2), turned) @ pivot_rows(at)
-    resting = amounts[at.loads.names.index(WEIGHT)] * rest.weight[k]
+    resting = amounts[at.loads.names.index(WEIGHT)] * at_rest.weight[k]
 
     def share(states: LoadedStates) -> Array:
         """Used shares (p,) in p states."""
-        value, allowed = measure(rest.stand.columns(states.outputs @ rows.T + resting)), limit.allowed_amount
+        value, allowed = measure(at_rest.stand.columns(states.outputs @ rows.T + resting)), limit.allowed_amount
         if limit.least is None:
             return np.asarray(limit.factor / allowed * value)
         return np.array([_ratio(allowed, smallest) for smallest in value.tolist()])
@@ -331,9 +331,9 @@ class Limit(SceneTable):
         if self.polygon:
             edges, resting = _edges(self.polygon, self.height), weight_of_masses(self.machine, at, k, of_components)
         else:
-            rest = self.stand_in(at)
-            edges = edge_rows(rest.stand.polygon, rest.stand.height)
-            resting = of_components[at.loads.names.index(WEIGHT)] * rest.weight[k]
+            at_rest = self.stand_in(at)
+            edges = edge_rows(at_rest.stand.polygon, at_rest.stand.height)
+            resting = of_components[at.loads.names.index(WEIGHT)] * at_rest.weight[k]
         return TippingMoments.compute(edges, resting, at, k, of_components)
 
     def stand_in(self, at: PostureMatrices) -> StandAtRest:

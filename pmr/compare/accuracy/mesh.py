@@ -18,7 +18,7 @@ cells are shorter than pads: `docs/accuracy.md` has measurements.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +27,7 @@ import numpy as np
 from pmr.compare.accuracy.trials import Sizes, Trials
 from pmr.compare.outputs import differences
 from pmr.errors import InputError
+from pmr.files.arrays import Summary
 from pmr.results.quantities import COMPARED
 from pmr.scene import Scene
 from pmr.scene.choice import has_giving_walls, model_of
@@ -114,9 +115,7 @@ def coarser_walls(scene: Scene) -> Scene:
     return scene.vary_sections(double_cells)
 
 
-def mesh_budget(
-    scene: Scene, simulate_other: Callable[[Callable[[], Scene], str], Mapping[str, Any]]
-) -> dict[str, Any]:
+def mesh_budget(scene: Scene, simulate_other: Callable[[Callable[[], Scene], str], Summary]) -> dict[str, Any]:
     """Entries ``mesh`` and ``mesh_reason`` of the error budget: the mesh's error by kind, or why there is none.
 
     `simulate_other` runs another scene.  Its arguments are a function that returns that scene, and a name for it; it

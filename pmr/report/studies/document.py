@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
+from pmr.files.arrays import Summary
 from pmr.report.blocks import Block, Chapter, Grid, Table
 from pmr.report.document import ReportFiles, render, with_date, write_page
 from pmr.report.numbers import SPACE, format_quantity
@@ -40,7 +40,7 @@ def render_studies(folder: Path) -> str:
     )
 
 
-def _provenance_chapter(summary: Mapping[str, Any], studies: Sequence[FinishedStudy]) -> Chapter:
+def _provenance_chapter(summary: Summary, studies: Sequence[FinishedStudy]) -> Chapter:
     """Build the chapter with the number and time of all runs, the machine and the software."""
     rows = [(name, str(value)) for name, value in summary["machine"].items()]
     if summary.get("date"):

@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
+from pmr.files.arrays import Summary
 from pmr.report.blocks import DIFFERENT, SAME, ErrorTable, Mark, Row, mark_for, signed_deviation
 from pmr.report.numbers import SPACE, format_in_unit, format_input, significant
 from pmr.studies.results import RunRecord, StudyResults
@@ -21,7 +22,7 @@ class FinishedStudy:
     """Content of a study's folder."""
 
     name: str  # of the folder, by which links refer to the study's chapter
-    summary: Mapping[str, Any]  # content of summary.json, without the runs
+    summary: Summary  # content of summary.json, without the runs
     results: StudyResults  # the runs and their arrays
 
     @classmethod
@@ -41,7 +42,7 @@ class FinishedStudy:
         return str(self.summary["title"])
 
     @property
-    def study_file(self) -> Mapping[str, Any]:
+    def study_file(self) -> Summary:
         """Content of the study file, without the names of files in it."""
         return dict(self.summary["asked"])
 
@@ -61,7 +62,7 @@ class FinishedStudy:
         return [run for run in self.results.runs if run.status != "done"]
 
 
-def studies_in(folder: Path, summary: Mapping[str, Any]) -> list[FinishedStudy]:
+def studies_in(folder: Path, summary: Summary) -> list[FinishedStudy]:
     """Return the only study in a folder, or all studies of a collection; `summary` is the content of summary.json."""
     return [FinishedStudy.load(folder / name) for name in summary.get("studies", ("",))]
 
@@ -74,7 +75,7 @@ class HasPublishedValues(Protocol):
     @property
     def published(self) -> Sequence[Statement]: ...
     @property
-    def summary(self) -> Mapping[str, Any]: ...
+    def summary(self) -> Summary: ...
 
 
 def comparison(study: HasPublishedValues) -> ErrorTable:

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from pmr import scene as scenes
 from pmr.errors import InputError
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Summary
 from pmr.results import Frequencies, Response
 from pmr.results.fatigue import rainflow_cycles
 from pmr.results.response import Extremes
@@ -210,7 +210,7 @@ def _extreme_figures(name: str, extremes: Extremes) -> dict[str, Scalar]:
     return {f"{name}.{key}": value for key, value in extremes.summary().items()}
 
 
-def stress_figures(summary: Mapping[str, Any]) -> dict[str, Scalar]:
+def stress_figures(summary: Summary) -> dict[str, Scalar]:
     """Return ``stress.<region>.{max,t_max,x,y,z}``: the largest von Mises stress of the reduced model in each region.
 
     ``max`` is in Pa, its time ``t_max`` in s, its position ``x``, ``y``, ``z`` in m.  `summary` is the summary of a run
@@ -223,7 +223,7 @@ def stress_figures(summary: Mapping[str, Any]) -> dict[str, Scalar]:
     return record
 
 
-def body_figures(summary: Mapping[str, Any]) -> dict[str, Scalar]:
+def body_figures(summary: Summary) -> dict[str, Scalar]:
     """Return columns of the table about bodies, from the summary of a run.
 
     - ``stress.<region>...``: those of `stress_figures`.
