@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes.util
 import os
 import subprocess
 import sys
@@ -16,7 +15,6 @@ from pmr.compare import responses
 from pmr.errors import InputError
 from pmr.errors.environment import check_installed, import_package
 from pmr.pipeline import reduce
-from pmr.report import document
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
 MARCH_ALONE = ["simulation.simulators=['march']", "compare.against=['full']"]
@@ -95,27 +93,6 @@ def test_without_a_library_of_weasyprint_all_but_the_report_is_there(tmp_path: P
     assert "the results themselves are in results" in found.stderr
     names = {file.name for file in (tmp_path / "results").iterdir()}
     assert {"summary.json", "reduced.npz", "trajectories.npz"} <= names and "report.pdf" not in names
-
-
-def test_libraries_of_weasyprint_are_looked_for_only_where_they_are_not_found_by_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    content = "import ctypes.util\nif ctypes.util.find_library('pango') != 'found': raise OSError('not found')"
-    forget("weasyprint", hide("weasyprint", content, tmp_path), monkeypatch)
-    asked = list[str]()
-
-    def looked(name: str) -> str:
-        asked.append(name)
-        return "found"
-
-    monkeypatch.setattr(ctypes.util, "find_library", looked)
-    assert document.import_weasyprint().__file__.startswith(str(tmp_path)) and asked == ["pango"]
-    assert ctypes.util.find_library is looked
-    del sys.modules["weasyprint"]
-    (tmp_path / "hidden" / "weasyprint.py").write_text("import ctypes.util\nctypes.util.find_library('pango')\n")
-    assert document.import_weasyprint().__file__.startswith(str(tmp_path)) and asked == ["pango"]
-    assert ctypes.util.find_library is looked
-    del sys.modules["weasyprint"]
 
 
 def test_a_missing_package_is_named_before_the_work(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -45,12 +45,12 @@ def zero_round_off(signal: Array, reference: Array, round_off: float | Array) ->
     (o,), in the unit of the signals.  Both may also be a single output (T,).
     """
 
-    def zeroed(values: Array) -> Array:
+    def clear_columns(values: Array) -> Array:
         """The values with zeros in columns of round-off; NaN stays."""
         still = largest_absolute(values) <= round_off
         return np.where(still, 0.0, values) if np.any(still) else values
 
-    return Pair(zeroed(signal), zeroed(reference))
+    return Pair(clear_columns(signal), clear_columns(reference))
 
 
 def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> float:

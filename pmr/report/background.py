@@ -124,7 +124,7 @@ def _load() -> None:
     """Import the modules that draw, and compile the templates; the second process calls this while the run computes."""
     import pmr.report.document
 
-    pmr.report.document.import_weasyprint()
+    environment.import_package("weasyprint")
     for name in pmr.report.document.templates().list_templates():
         pmr.report.document.templates().get_template(name)
 

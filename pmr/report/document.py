@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes.util
 import logging
 import re
 from base64 import b64encode
@@ -13,7 +12,6 @@ from typing import Any
 
 import jinja2
 
-from pmr.errors import InputError
 from pmr.errors.environment import import_package
 from pmr.errors.text import escape_controls
 from pmr.files.whole import replacement_folder
@@ -129,32 +127,8 @@ def escape_plain_text(value: object) -> object:
 
 
 def write_pdf(text: str, file: Path) -> None:
-    """Write a page of HTML, `text`, as a PDF file."""
-    import_weasyprint().HTML(string=_without_screen(text)).write_pdf(file)
-
-
-def import_weasyprint() -> Any:
-    """Import and return the package weasyprint, which loads Pango and other libraries.
-
-    weasyprint looks each library up under several names.  For names of other systems, `find_library` starts the
-    compiler, the linker and others, some fifty processes.  So the import is tried first with a `find_library` that
-    finds nothing, and libraries are loaded by the names of their files.  If this fails, it is tried again with the
-    real `find_library`.  Raises InputError if weasyprint can't be imported.
-    """
-    name, find = "weasyprint", ctypes.util.find_library
-
-    def nowhere(name: str) -> str | None:
-        """Find no library: return None for every name."""
-        return None
-
-    ctypes.util.find_library = nowhere
-    try:
-        return import_package(name)
-    except InputError:
-        ctypes.util.find_library = find
-        return import_package(name)
-    finally:
-        ctypes.util.find_library = find
+    """Write a page of HTML, `text`, as a PDF file; raises InputError if weasyprint can't be imported."""
+    import_package("weasyprint").HTML(string=_without_screen(text)).write_pdf(file)
 
 
 def _without_screen(text: str) -> str:
