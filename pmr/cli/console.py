@@ -33,10 +33,21 @@ Folder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/NAME of the file]")
 ]
 
-#: Largest number of letters that a line has for the name of a quantity.
-NAMES = 28
+SceneFile = Annotated[
+    Path, typer.Argument(metavar="SCENE", help="Scene file, or the name of a scene that comes with pmr.")
+]
+MotionScene = Annotated[
+    Path, typer.Option("--scene", metavar="SCENE", help="Scene with the path, loads and time steps.")
+]
 #: Largest number of worker processes; each of them keeps some files open.
 MOST_JOBS = 256
+Jobs = Annotated[
+    int | None,
+    typer.Option("--jobs", metavar="N", min=1, max=MOST_JOBS, help="Worker processes.  [default: one a core]"),
+]
+
+#: Largest number of letters that a line has for the name of a quantity.
+NAMES = 28
 #: Time in s before which no progress is printed without a terminal, so that short runs print results alone.
 QUIET = 10.0
 

@@ -12,7 +12,9 @@ from rich.text import Text
 from pmr.cli.console import (
     Folder,
     Model,
+    MotionScene,
     Overrides,
+    SceneFile,
     check_output_file,
     err,
     out,
@@ -81,9 +83,7 @@ def export(
 
 
 def flexible(
-    scene: Annotated[
-        Path, typer.Argument(metavar="SCENE", help="Scene file, or the name of a scene that comes with pmr.")
-    ],
+    scene: SceneFile,
     at: Annotated[float, typer.Option("--at", metavar="S", help="Place of the sliders in m.")],
     to: Annotated[
         str,
@@ -208,7 +208,7 @@ def _held_motions_text(count: int) -> str:
 
 def simulate(
     model: Model,
-    scene: Annotated[Path, typer.Option("--scene", metavar="SCENE", help="Scene with the path, loads and time steps.")],
+    scene: MotionScene,
     out_dir: Folder = None,
     overrides: Overrides = None,
 ) -> None:
@@ -226,9 +226,10 @@ def simulate(
     from pmr import scene as scenes
     from pmr.compare.saved_model import simulate_saved
     from pmr.report import errors
+    from pmr.report.numbers import format_length, format_quantity
     from pmr.results import RESULT_FILES
-    from pmr.results.tables import reaction_table
-    from pmr.results.tables import write_tables as write_tables
+    from pmr.results.quantities import QUANTITIES
+    from pmr.results.tables import reaction_table, write_tables
     from pmr.system.system import System
 
     finish_swap(model.parent)
@@ -246,11 +247,16 @@ def simulate(
         write_tables(result, new)
     response, summary = result.responses["reduced"], result.summary
     table = Table(title=escape_controls(loaded.title), title_justify="left", title_style="bold", show_header=False)
-    table.add_row("largest displacement", f"{1e3 * summary['max_displacement']:.4g} mm")
+    table.add_row(QUANTITIES["largest"].reported, format_length(summary["max_displacement"], 4))
+
+    def add_range(name: str, least: float, most: float, unit: str) -> None:
+        """Add a row with the range of a force or moment."""
+        table.add_row(escape_controls(name), " to ".join(format_quantity(end, unit, 4) for end in (least, most)))
+
     for name, force in zip(response.force_names, response.slider_force.T, strict=False):
-        table.add_row(escape_controls(name), f"{force.min():.4g} to {force.max():.4g} N")
+        add_range(name, float(force.min()), float(force.max()), "N")
     for _, support, unit, least, _, _, most, *_ in reaction_table(result).rows:
-        table.add_row(escape_controls(f"reaction of {support}"), f"{least:.4g} to {most:.4g} {unit}")
+        add_range(f"reaction of {support}", float(least), float(most), str(unit))
     table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
     out.print(table)
     hidden = ("model", "mesh")  # they are those of the run that wrote the model

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from pmr.cli.console import Folder, Overrides, out, print_sentences, print_text, scene_file
+from pmr.cli.console import Folder, MotionScene, Overrides, out, print_sentences, print_text, scene_file
 from pmr.cli.export import Model
 from pmr.errors.text import escape_controls
 from pmr.files.whole import finish_swap
@@ -17,7 +17,7 @@ from pmr.files.whole import finish_swap
 
 def observe(
     model: Model,
-    scene: Annotated[Path, typer.Option("--scene", metavar="SCENE", help="Scene with the path, loads and time steps.")],
+    scene: MotionScene,
     measured: Annotated[Path, typer.Option("--measured", metavar="FILE", help="Measurements over time, as CSV.")],
     observer: Annotated[Path, typer.Option("--observer", metavar="FILE", help="Sensors and unknowns, as TOML.")],
     out_dir: Folder = None,

@@ -192,7 +192,7 @@ def _save_results(folder: Path, of_all: Path, report: BackgroundReport, outcome:
     from pmr.report.blocks import REPORT_FILES
     from pmr.results import RESULT_FILES
     from pmr.results.pads import pads_over_time
-    from pmr.results.tables import write_tables as write_tables
+    from pmr.results.tables import write_tables
 
     result = outcome.result
     report.draw(result)

@@ -16,10 +16,11 @@ from rich.progress import Progress as Bars
 from rich.table import Table
 
 from pmr.cli.console import (
-    MOST_JOBS,
     QUIET,
     Folder,
+    Jobs,
     Overrides,
+    SceneFile,
     err,
     out,
     prepare_folder,
@@ -52,10 +53,7 @@ def study(
         ),
     ],
     out_dir: Folder = None,
-    jobs: Annotated[
-        int | None,
-        typer.Option("--jobs", metavar="N", min=1, max=MOST_JOBS, help="Worker processes.  [default: one a core]"),
-    ] = None,
+    jobs: Jobs = None,
     overrides: Overrides = None,
     only: Annotated[
         list[str] | None,
@@ -244,15 +242,10 @@ LIMITS = """
 
 
 def chart(
-    scene: Annotated[
-        Path, typer.Argument(metavar="SCENE", help="Scene file, or the name of a scene that comes with pmr.")
-    ],
+    scene: SceneFile,
     up_to: Annotated[float, typer.Option("--up-to", metavar="KG", help="Largest load that is looked for.")],
     out_dir: Folder = None,
-    jobs: Annotated[
-        int | None,
-        typer.Option("--jobs", metavar="N", min=1, max=MOST_JOBS, help="Worker processes.  [default: one a core]"),
-    ] = None,
+    jobs: Jobs = None,
 ) -> None:
     """Compute what a boom carries at every extension and angle.
 

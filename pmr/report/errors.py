@@ -22,6 +22,7 @@ from pmr.report.blocks import (
 from pmr.report.numbers import (
     SPACE,
     TINY,
+    decimals_of,
     format_input,
     format_length,
     format_percent,
@@ -217,10 +218,7 @@ def _length_rows(result: RunResult) -> Iterator[Row]:
 
 def _decimals(printed: Mapping[str, Mapping[str, float]]) -> int:
     """Number of decimals with which a publication states its errors in per cent: the most that any of them has."""
-    exponents = [
-        Decimal(repr(value)).normalize().as_tuple().exponent for pair in printed.values() for value in pair.values()
-    ]
-    return max((max(-int(exponent) - 2, 0) for exponent in exponents), default=0)
+    return max((max(decimals_of(value) - 2, 0) for pair in printed.values() for value in pair.values()), default=0)
 
 
 def _digits(value: float) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from decimal import Decimal
 from math import floor, isfinite, log10
 
 SPACE = "\u00a0"  # space between a number and its unit, at which no line may break
@@ -42,6 +43,11 @@ def unit_for(largest: float, base: str) -> Unit:
     sizes = [size for size in _PREFIXES if size <= 1.0 or base not in ("m", "s")]
     size = next((size for size in sizes if abs(largest) >= 0.9995 * size), sizes[-1])
     return Unit(size, _PREFIXES[size] + base)
+
+
+def decimals_of(value: float) -> int:
+    """Number of decimals with which a value is printed."""
+    return max(-int(Decimal(repr(value)).normalize().as_tuple().exponent), 0)
 
 
 def power_of_ten(exponent: int) -> str:

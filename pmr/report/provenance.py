@@ -29,9 +29,9 @@ _STEPS = {
 }
 
 
-def software_versions(result: RunResult) -> list[str]:
-    """Names and versions of the software that computed a result."""
-    return [f"{name}{SPACE}{version}" for name, version in _flatten_times(result.summary.get("versions", {}))]
+def software_versions(summary: Summary) -> list[str]:
+    """Names and versions of the software that computed a result with this summary."""
+    return [f"{name}{SPACE}{version}" for name, version in _flatten_times(summary.get("versions", {}))]
 
 
 def size_rows(result: RunResult) -> Rows:
@@ -78,12 +78,13 @@ def time_rows(seconds: Summary) -> Rows:
 
 def run_rows(result: RunResult) -> Rows:
     """Yield rows about the run: hash of the scene, commit, date and machine."""
-    summary = result.summary
-    yield "scene", str(summary.get("scene_hash") or result.scene.hash)
-    if summary.get("commit"):
-        yield "commit", str(summary["commit"])
-    if summary.get("date"):
-        yield "date", str(summary["date"])
+    yield "scene", str(result.summary.get("scene_hash") or result.scene.hash)
+    yield from origin_rows(result.summary)
+
+
+def origin_rows(summary: Summary) -> Rows:
+    """Yield rows about the origin of results with this summary: commit, date and machine, as far as they are known."""
+    yield from ((key, str(summary[key])) for key in ("commit", "date") if summary.get(key))
     yield from _flatten_times(summary.get("machine", {}))
 
 

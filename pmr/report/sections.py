@@ -283,7 +283,7 @@ def origin_block(result: RunResult) -> Block:
         Table("Sizes", tuple(provenance.size_rows(result))),
     )
     shown = [table for table in all_tables if table.rows]
-    return Block(heading="Provenance", tables=shown, software=provenance.software_versions(result))
+    return Block(heading="Provenance", tables=shown, software=provenance.software_versions(result.summary))
 
 
 #: Functions of the blocks between that about the motion and that about the origin, in the order of the page.

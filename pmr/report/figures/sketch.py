@@ -63,16 +63,10 @@ class Paper:
 
         Nothing is drawn if its length is 0.
         """
-        size = np.hypot(dx, dy)
-        if size == 0.0:
-            return
-        along, head = np.array([dx, dy]) / size, 0.07 * self.inch
-        ends = [(np.array([x + dx, y + dy]), along)] + ([(np.array([x, y]), -along)] if two_heads else [])
-        self.ax.plot([x, x + dx], [y, y + dy], color=colour, linewidth=0.9)
-        for tip, way in ends:
-            side = np.array([-way[1], way[0]])
-            corners = [tip, tip - head * (way - 0.45 * side), tip - head * (way + 0.45 * side)]
-            self.ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none"))
+        if dx or dy:
+            head = f"{'<|' if two_heads else ''}-|>,head_length=4.5,head_width=1.9"
+            look = {"arrowstyle": head, "color": colour, "linewidth": 0.9, "shrinkA": 0.0, "shrinkB": 0.0}
+            self.ax.annotate("", (x + dx, y + dy), (x, y), arrowprops=look | {"mutation_scale": 1.0})
 
     def write(self, x: float, y: float, text: str, colour: str = INK, **where: Any) -> None:
         """Write a text in a colour at (x, y), centred there unless the keywords `where` align it otherwise."""

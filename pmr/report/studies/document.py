@@ -8,9 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from pmr.files.arrays import Summary
+from pmr.report import provenance
 from pmr.report.blocks import Block, Chapter, Grid, Table
 from pmr.report.document import ReportFiles, render, with_date, write_page
-from pmr.report.numbers import SPACE, format_quantity
+from pmr.report.numbers import format_quantity
 from pmr.report.studies import chart, runs
 from pmr.report.studies.finished import FinishedStudy, comparison, studies_in
 from pmr.report.studies.tables import run_name
@@ -42,20 +43,15 @@ def render_studies(folder: Path) -> str:
 
 def _provenance_chapter(summary: Summary, studies: Sequence[FinishedStudy]) -> Chapter:
     """Build the chapter with the number and time of all runs, the machine and the software."""
-    rows = [(name, str(value)) for name, value in summary["machine"].items()]
-    if summary.get("date"):
-        rows.append(("date", str(summary["date"])))
-    if summary["commit"]:
-        rows.append(("commit", str(summary["commit"])))
     effort = []
     for study in studies:
         seconds = sum(run.seconds.get("task", 0.0) for run in study.results.runs)
         effort.append((study.title, str(len(study.results.runs)), format_quantity(seconds, "s")))
     caption = "Runs, and the time that all workers together spent in them."
-    software = [f"{name}{SPACE}{version}" for name, version in summary["versions"].items()]
+    machine = Table("Machine", tuple(provenance.origin_rows(summary)))
     blocks = (
         Block("Effort", grids=(Grid(caption, ("study", "runs", "time"), tuple(effort)),)),
-        Block("Machine and software", tables=[Table("Machine", tuple(rows))], software=software),
+        Block("Machine and software", tables=[machine], software=provenance.software_versions(summary)),
     )
     return Chapter(anchor="provenance", title="Provenance", blocks=blocks)
 

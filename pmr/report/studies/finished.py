@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from decimal import Decimal
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from pmr.files.arrays import Summary
 from pmr.report.blocks import DIFFERENT, SAME, ErrorTable, Mark, Row, mark_for, signed_deviation
-from pmr.report.numbers import SPACE, format_in_unit, format_input, significant
+from pmr.report.numbers import SPACE, decimals_of, format_in_unit, format_input, significant
 from pmr.studies.results import RunRecord, StudyResults
 from pmr.studies.study import Statement
 from pmr.studies.tasks import Scalar, cell_number
@@ -141,11 +140,6 @@ def _verdict(statement: Statement, figure: Scalar) -> Verdict:
     if isinstance(statement.value, str) or isinstance(figure, str):
         return Verdict(SAME if figure == statement.value else DIFFERENT, None)
     published, value = cell_number(statement.value), cell_number(figure)
-    if value == published or not statement.words and round(value, _decimals(published)) == published:
+    if value == published or not statement.words and round(value, decimals_of(published)) == published:
         return Verdict(SAME, None)
     return Verdict(mark_for(value, published, statement.is_error), signed_deviation(value, published))
-
-
-def _decimals(value: float) -> int:
-    """Number of decimals with which a value is printed."""
-    return max(-int(Decimal(repr(value)).normalize().as_tuple().exponent), 0)
