@@ -24,15 +24,9 @@ from pmr.compare.hoist import hoist_part
 from pmr.compare.moving_frame import frame_part, ground_part
 from pmr.compare.outputs import has_impulsive_force, section_columns
 from pmr.compare.responses import Simulations
+from pmr.compare.ringing import RingingReference, rigid_contacts, ringing_warnings
 from pmr.compare.space_energy import energy_part
-from pmr.compare.trust import (
-    RingingReference,
-    distrust_warnings,
-    large_motion_warnings,
-    missing_reference_warnings,
-    rigid_contacts,
-    ringing_warnings,
-)
+from pmr.compare.trust import distrust_warnings, large_motion_warnings, missing_reference_warnings
 from pmr.errors import environment
 from pmr.files.arrays import Summary
 from pmr.results import Frequencies, Response
