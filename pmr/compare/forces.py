@@ -19,20 +19,12 @@ from pmr.scene import Scene
 from pmr.scene.built import PadRing, force_name, friction_name, reaction_name
 from pmr.scene.choice import has_axial_motion
 from pmr.scene.frame import INERTIA
-from pmr.scene.keys import LUFFING_CYLINDER, cylinder_name, qualified_name
-from pmr.scene.mechanism import CYLINDER, drive_rows, longest_rope, rope_shares, supports_at_lug
+from pmr.scene.keys import cylinder_name, qualified_name
+from pmr.scene.mechanism import drive_rows, longest_rope, rope_shares
 from pmr.scene.members import EXTENSION, members
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Friction
 from pmr.system.system import System
-
-#: A support can't stand in for a cylinder if the cylinder's largest stiffness about the pivot is more than this times
-#: its smallest.
-TURNED = 1.1
-#: A support lacks a cylinder's force along the boom if this is more than this share of the force across the boom.
-LEANING = 0.1
-#: Pressure in Pa of the surroundings: oil boils where its pressure is lower by this.
-VACUUM = 1e5
 
 #: There is a warning if a pad's pull exceeds this share of its largest push, or of a tenth of the largest force of any
 #: pad if that is more.
@@ -363,77 +355,3 @@ def ropes_part(scene: Scene, response: Response) -> SummaryPart:
                 "rope that pulls the section in"
             )
     return SummaryPart({"ropes": rows} if rows else {}, grave=slack)
-
-
-def luffing_part(scene: Scene, response: Response) -> SummaryPart:
-    r"""``luffing_cylinder`` of summary.json: extremes of ``force`` N, ``length`` m, ``speed`` m/s and ``power`` W.
-
-    .. math::
-        L(\varphi) = |R(\varphi)\, r_1 - r_0|, \qquad F = \mathfrak M / \tfrac{dL}{d\varphi}, \qquad P = F\, \dot L
-
-    with the length L at the luffing angle :math:`\varphi`, the rotation R, the lug r_1 on the boom, the foot r_0 on the
-    machine, the force F, the power P and the moment :math:`\mathfrak M` about the pivot of all forces with which the
-    boom presses on its machine (`pmr.simulation.reactions`).  The pivot turns freely, and the cylinder alone keeps the
-    angle, whatever holds the base in the scene.  The part is empty without such a cylinder.  Of a cylinder whose force
-    drives the angle all columns are taken from the response, pressures, flows and volumes of oil among them, and there
-    is a warning where a pressure is so low that the oil would boil.
-    """
-    if scene.frame is None or scene.frame.cylinder is None or CYLINDER not in response.other_names:
-        return SummaryPart()
-    prefix = f"{LUFFING_CYLINDER} "
-    driven = {
-        name.removeprefix(prefix): response.other(name) for name in response.other_names if name.startswith(prefix)
-    }
-    if driven:
-        along = scene.path_positions(response.t)
-        extremes = {key: Extremes.from_history(history, response.t, along) for key, history in driven.items()}
-        boiling = [
-            f"the oil on the {key.removeprefix('pressure ')} side of the luffing cylinder would have "
-            f"{with_unit(of.least, 'Pa')} {response.when(of.t_least)}, and boils: the model pulls on it"
-            for key, of in extremes.items()
-            if key.startswith("pressure") and of.least < -VACUUM
-        ]
-        figures = {key.replace(" ", "_"): of.summary() for key, of in extremes.items()}
-        return SummaryPart({LUFFING_CYLINDER.replace(" ", "_"): figures}, grave=boiling)
-    t, along = response.t, scene.path_positions(response.t)
-    angle, force = scene.frame.angles[0], response.other(CYLINDER)
-    length, arm = scene.frame.cylinder.length_and_arm(angle.value(t))
-    speed = arm * angle.rate(t)
-    histories = {"force": force, "length": length, "speed": speed, "power": force * speed}
-    figures = {key: Extremes.from_history(history, t, along).summary() for key, history in histories.items()}
-    return SummaryPart({"luffing_cylinder": figures}, warnings=turning_warnings(scene, angle.value(t)))
-
-
-def turning_warnings(scene: Scene, angles: Array) -> list[str]:
-    """A warning if a support with a stiffness stands in for a luffing cylinder that turns or leans; else nothing.
-
-    The cylinder turns if its stiffness about the pivot varies by more than a factor of `TURNED` over the luffing
-    `angles` (T,) in rad.  It leans if its force along the boom exceeds `LEANING` times its force across the boom.
-    """
-    if scene.frame is None or scene.frame.cylinder is None:
-        return []
-    names = [support.name for support in scene.sections[0].supports if support.stiffness != "rigid"]
-    across = [name for name in supports_at_lug(scene) if name in names]
-    if not across:
-        return []
-    arm = np.abs(scene.frame.cylinder.length_and_arm(angles)[1])
-    factor = float(arm.max() / arm.min()) ** 2
-    force_along, force_across = np.abs(scene.frame.cylinder.direction(angles)).T
-    leaning = float(np.max(force_along / np.maximum(force_across, 1e-9)))
-    differences = list[str]()
-    if factor > TURNED:
-        differences.append(
-            "is as stiff at all angles, where a cylinder's stiffness about the pivot changes by "
-            f"a factor of {factor:.2g}: deflections and frequencies are right at one angle alone"
-        )
-    if leaning > LEANING:
-        differences.append(
-            f"lacks the cylinder's force along the boom, up to {leaning:.2g} times that across it: normal and shear "
-            "forces of the base up to the lug are off, and so is its stress"
-        )
-    if not differences:
-        return []
-    return [
-        f"the support {across[0]!r} {'; it '.join(differences)}; frame.cylinder.stiffness, in place of the support, "
-        "turns with the boom"
-    ]

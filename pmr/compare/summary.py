@@ -18,9 +18,10 @@ from pmr.compare.errors import (
     relative_error,
     with_common_forces,
 )
-from pmr.compare.forces import forces_part, luffing_part, ropes_part
+from pmr.compare.forces import forces_part, ropes_part
 from pmr.compare.frequencies import published_part
 from pmr.compare.hoist import hoist_part
+from pmr.compare.luffing import luffing_part
 from pmr.compare.moving_frame import frame_part, ground_part
 from pmr.compare.outputs import has_impulsive_force, section_columns
 from pmr.compare.responses import Simulations
