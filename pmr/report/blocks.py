@@ -193,6 +193,7 @@ class Grid:
     caption: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    half: bool = False  # whether two such tables stand side by side on paper
 
 
 @dataclass(frozen=True)

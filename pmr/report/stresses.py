@@ -226,4 +226,4 @@ def _rainflow_grid(result: RunResult, name: str, unit: Unit) -> Grid:
             span = f"{significant(low / unit.size, 3)} to {significant(high / unit.size, 3)}"
             rows.append((span, f"{inside[:, 2].sum():g}", significant(mean / unit.size, 3)))
     caption = f"Load cycles of {name}, counted by rainflow: classes of the range, and the mean within each."
-    return Grid(caption, (f"range in {unit.name}", "cycles", f"mean in {unit.name}"), tuple(rows))
+    return Grid(caption, (f"range in {unit.name}", "cycles", f"mean in {unit.name}"), tuple(rows), half=True)

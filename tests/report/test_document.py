@@ -358,6 +358,19 @@ def test_on_paper_figures_are_images_and_text_stays_as_it_is(monkeypatch: pytest
 
 
 @pytest.mark.slow
+def test_narrow_tables_stand_side_by_side_on_paper() -> None:
+    """Six tables of twelve lines, which fill more than a page one below the other."""
+    weasyprint = pytest.importorskip("weasyprint")
+    rows = tuple((f"{n} to {n + 1}", "0.5", "1.25") for n in range(10))
+    counts = list[int]()
+    for half in (True, False):
+        grids = tuple(Grid(f"Load cycles {k}", ("range in MPa", "cycles", "mean in MPa"), rows, half) for k in range(6))
+        page = render([Chapter(anchor="case-1", title="Boom", blocks=[Block("Probes", grids=grids)])])
+        counts.append(len(weasyprint.HTML(string=page).render().pages))
+    assert counts == [1, 2]
+
+
+@pytest.mark.slow
 def test_a_long_table_goes_on_in_the_next_column_of_a_page() -> None:
     """105 and 60 rows in three columns, of which one would not hold the longer table."""
     weasyprint = pytest.importorskip("weasyprint")
