@@ -171,14 +171,18 @@ def _luffing_grids(result: RunResult) -> Iterator[Grid]:
     """Yield a table with the extremes of force, length, speed and power of the luffing cylinder, if there is one."""
     if (cylinder := result.summary.get("luffing_cylinder")) is None:
         return
-    rows = list[tuple[str, ...]]()
-    for key, extremes in cylinder.items():
-        name, extreme = key.replace("_", " "), Extremes.from_summary(extremes)
-        unit = unit_for(extreme.size, QUANTITIES[f"luffing_{name.split()[0]}"].unit)
-        rows.append((f"{name} in {unit.name}", *extreme_cells(extreme, unit)))
+    by_name = {key.replace("_", " "): Extremes.from_summary(extremes) for key, extremes in cylinder.items()}
+    bases = {name: QUANTITIES[f"luffing_{name.split()[0]}"].unit for name in by_name}
+    units = {name: unit_for(extremes.size, bases[name]) for name, extremes in by_name.items()}
     caption = "The cylinder that raises the boom, hinged as frame.cylinder says: positive where it presses, and where "
     caption += f"it gets longer; when that is, and {abscissa_words(result)} then."
-    yield Grid(caption, ("", "least", "largest"), tuple(rows))
+    yield extremes_grid(caption, by_name, units)
+
+
+def extremes_grid(caption: str, extremes: Mapping[str, Extremes], units: Mapping[str, Unit]) -> Grid:
+    """Build a table with a row for each name, whose extremes are in the unit of this name."""
+    rows = ((f"{name} in {units[name].name}", *extreme_cells(of, units[name])) for name, of in extremes.items())
+    return Grid(caption, ("", "least", "largest"), tuple(rows))
 
 
 def _force_block(result: RunResult, prefix: str, kind: str, heading: str) -> Block | None:

@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 
 from pmr.files.arrays import Array
-from pmr.report.blocks import Block, Drawing, Grid
+from pmr.report.blocks import Block, Drawing
 from pmr.report.figures.histories import drawn_history
-from pmr.report.forces import abscissa_words, extreme_cells
+from pmr.report.forces import abscissa_words, extremes_grid
 from pmr.report.numbers import format_quantity, format_time, significant, unit_for
 from pmr.results import Response, RunResult
 from pmr.results.quantities import QUANTITIES
@@ -45,16 +45,15 @@ def hoist_block(result: RunResult, prefix: str) -> Block | None:
     figures = result.summary.get("hoist")
     if figures is None:
         return None
-    drawings, cells, response = list[Drawing](), list[tuple[str, ...]](), result.responses["reduced"]
+    drawings, extremes, response = list[Drawing](), dict[str, Extremes](), result.responses["reduced"]
     for number, (key, (name, clause, _)) in enumerate(SHOWN.items()):
         label = name.capitalize()
         if figures[key]["max"] > figures[key]["min"]:
             drawn = f"{prefix}-hoist-{number}", result, partial(_history, key), f"{label}{clause}", label, _unit(key)
             drawings.append(drawn_history(*drawn))
-        extremes = Extremes.from_history(_history(key, response), response.t, result.abscissa_at(response.t))
-        unit = unit_for(extremes.size, _unit(key))
-        cells.append((f"{name} in {unit.name}", *extreme_cells(extremes, unit)))
-    grid = Grid(f"The hoist; when that is, and {abscissa_words(result)} then.", ("", "least", "largest"), tuple(cells))
+        extremes[name] = Extremes.from_history(_history(key, response), response.t, result.abscissa_at(response.t))
+    units = {name: unit_for(extremes[name].size, _unit(key)) for key, (name, *_) in SHOWN.items()}
+    grid = extremes_grid(f"The hoist; when that is, and {abscissa_words(result)} then.", extremes, units)
     weight, times = format_quantity(figures["weight_force"], "N"), significant(figures["factor"])
     text = f"The rope's largest force is {times} times that of the weight, {weight}."
     for span in figures.get("slack", ()):

@@ -50,7 +50,6 @@ from pmr.report.numbers import enlargement, format_input, format_percent, format
 from pmr.report.renderer import RAMP
 from pmr.report.subject import fixtures, input_loads, is_alone, reach, slider_offsets
 from pmr.results import RunResult
-from pmr.scene.signals import SignalBase
 
 FRAMES = 1500  # largest number of frames of an animation
 POINTS = 26  # largest number of points along the axis of a body
@@ -262,7 +261,8 @@ def _frame_motion(result: RunResult) -> dict[str, Any] | None:
 
     It is None if the scene has no frame.
     """
-    if (pose := result.pose(times(result))) is None:
+    frame, pose = result.frame, result.pose(times(result))
+    if frame is None or pose is None:
         return None
     bodies, alongs = body_surfaces(result), body_shifts(result)
     ends = [
@@ -278,18 +278,13 @@ def _frame_motion(result: RunResult) -> dict[str, Any] | None:
         "origin": encode_array(pose.origin.ravel()),
         "centre": ((low + high) / 2.0).tolist(),
         "size": float(np.linalg.norm(high - low)),
-        "angles": [encode_array(np.rad2deg(angle.value(times(result)))) for angle in _angle_signals(result)],
+        "angles": [encode_array(np.rad2deg(angle.value(times(result)))) for angle in frame.angles],
     }
 
 
 def _along_axis(shifts: Array) -> Array:
     """Turn shifts (F,) in m along x into vectors (F, 1, 3)."""
     return np.asarray(shifts[:, None, None] * np.array([1.0, 0.0, 0.0]))
-
-
-def _angle_signals(result: RunResult) -> tuple[SignalBase, ...]:
-    """Signals of luffing and slewing of a boom in a frame; empty without a frame."""
-    return () if result.frame is None else result.frame.angles
 
 
 def _body_data(result: RunResult, name: str, surface: Surface, shifts: Array, most_values: int) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.figures import loads as figures
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.histories import Timeline, difference_clause, drawn_history
-from pmr.report.forces import abscissa_words, extreme_cells
+from pmr.report.forces import abscissa_words, extremes_grid
 from pmr.report.numbers import NOTHING, SPACE, Unit, format_input, format_quantity, significant, unit_for
 from pmr.results import Response, RunResult
 from pmr.results.fatigue import rainflow_cycles
@@ -31,7 +31,7 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
     for number, (name, body) in enumerate(result.bodies.items()):
         if "reduced" not in body.peak_stress:
             continue
-        below = difference_clause(Timeline(result), figures.stress_histories(result, body), "below, the difference")
+        below = difference_clause(Timeline(result), figures.stress_histories(result, body))
         peak = parts.get(name, result.summary).get("stress_peak", {}).get("reduced")
         dot = f" The dot is the largest of all, {sentences.peak_clause(peak)}." if peak else ""
         caption = f"Largest von Mises stress over {name or 'the whole body'}{below}.{dot}"
@@ -136,17 +136,11 @@ def probe_block(result: RunResult, prefix: str) -> Block | None:
         largest[unit] = max(largest.get(unit, 0.0), extreme.size)
     units = {unit: _printed_unit(unit, size) for unit, size in largest.items()}
     named = [n for n, peak in extremes_by_name.items() if peak.size > UNSEEN * largest[probes_by_name[n]["unit"]]]
-    rows = []
-    for name in named:
-        unit = units[probes_by_name[name]["unit"]]
-        rows.append((f"{name} in {unit.name}", *extreme_cells(extremes_by_name[name], unit)))
-    extremes = Grid(_probe_caption(result, probes_by_name.values()), ("", "least", "largest"), tuple(rows))
+    unit_of = {name: units[probe["unit"]] for name, probe in probes_by_name.items()}
+    caption = _probe_caption(result, probes_by_name.values())
+    extremes = extremes_grid(caption, {name: extremes_by_name[name] for name in named}, unit_of)
     drawn = _drawn_measurements(named, extremes_by_name)
-    counted = [
-        _rainflow_grid(result, name, units[probes_by_name[name]["unit"]])
-        for name in drawn
-        if probes_by_name[name]["unit"] != "mm"
-    ]
+    counted = [_rainflow_grid(result, name, unit_of[name]) for name in drawn if probes_by_name[name]["unit"] != "mm"]
     figures = [
         _history_drawing(result, f"{prefix}-probe-{k}", name, probes_by_name[name]["unit"])
         for k, name in enumerate(drawn)

@@ -84,9 +84,7 @@ def test_what_lies_within_the_error_of_the_step_has_no_panel_and_is_said(boom: R
         assert any(label.startswith("Difference") for label in labels) == (step == 0.0)
         assert ("Difference in " in energy.svg) == ("Difference in " in parts.svg) == (step == 0.0)
         assert said in energy.caption
-        assert said in histories.difference_clause(
-            histories.Timeline(result), stress_histories(result, body), "below, the difference"
-        )
+        assert said in histories.difference_clause(histories.Timeline(result), stress_histories(result, body))
         assert ("on the right" in parts.caption) == (step == 0.0)
 
 

@@ -216,7 +216,7 @@ def drawn_history(
     window, most = time.detail(signals, largest or 0.0), largest or 0.0
     differs = bool(time.visible_differences(signals, largest=most)[0])
     apart = largest_of(time.differences(signals))
-    clause = difference_clause(time, signals, "below, the difference", most)
+    clause = difference_clause(time, signals, most)
     if largest is not None and not differs and apart > 0.0:
         clause = f"; that of {model_words(time.reference or '')} differs by {format_length(apart, 2)} at most"
     caption = f"{description}{clause}."
@@ -227,17 +227,17 @@ def drawn_history(
     return drawing(name, history_figure, caption, time, signals, label, base, window, most)
 
 
-def difference_clause(time: Timeline, signals: Mapping[str, Array], shown: str, largest: float = 0.0) -> str:
+def difference_clause(time: Timeline, signals: Mapping[str, Array], largest: float = 0.0) -> str:
     """Clause on the difference to the reference; empty without a reference.
 
-    If the difference is visible, the clause begins with `shown`, which says where in the figure; otherwise it says how
-    small the difference is.  `largest` is that of `Timeline.visible_differences`.
+    If the difference is visible, the clause says that it is below in the figure; otherwise it says how small the
+    difference is.  `largest` is that of `Timeline.visible_differences`.
     """
     base, limit = time.reference, invisible_difference(time.result)
     if base is None or base not in signals:
         return ""
     if time.visible_differences(signals, largest=largest)[0]:
-        return f"; {shown} to {model_words(base)}"
+        return f"; below, the difference to {model_words(base)}"
     share = "the time step's error" if limit > NOTHING else f"{format_percent(NOTHING, 1)} of the largest value"
     return f"; {model_words(base)} differs by less than {share}"
 

@@ -240,10 +240,7 @@ def _draw_fixture(paper: Paper, x: float, kind: str) -> None:
 def _draw_slider(paper: Paper, x: float, fill: str) -> None:
     """Draw a slider at `x` m: a roller above the body and one below, filled with the colour `fill`."""
     for side in (-1.0, 1.0):
-        centre = (x, side * 0.08 * paper.inch)
-        paper.ax.add_patch(
-            Circle(centre, 0.05 * paper.inch, facecolor=fill, edgecolor=MUTED, linewidth=0.8, zorder=3.0)
-        )
+        paper.disc(x, side * 0.08 * paper.inch, 0.05 * paper.inch, facecolor=fill, edgecolor=MUTED)
         paper.box(
             x - 0.09 * paper.inch, side * 0.14 * paper.inch, 0.18 * paper.inch, 0.01 * paper.inch, facecolor=MUTED
         )
@@ -290,10 +287,7 @@ def _draw_load(paper: Paper, load: AppliedLoad, values: NDArray[np.float64], x: 
         )
     elif load.direction == "aside":
         for radius, fill in ((0.05, "white"), (0.015, LOAD)):
-            patch = Circle(
-                (x - 0.14 * paper.inch, 0.0), radius * paper.inch, facecolor=fill, edgecolor=LOAD, zorder=3.0
-            )
-            paper.ax.add_patch(patch)
+            paper.disc(x - 0.14 * paper.inch, 0.0, radius * paper.inch, facecolor=fill, edgecolor=LOAD)
     elif load.direction == "along":
         start = x + (size if back else 0.0)
         paper.arrow(start, 0.0, -size if back else size, 0.0, two_heads=two_heads)
