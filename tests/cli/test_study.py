@@ -157,7 +157,9 @@ def test_interrupted_by_the_keyboard_it_says_how_to_go_on(small: Path, tmp_path:
     wait_until(lambda: list(tmp_path.glob("tasks/*.npz")), child)
     child.send_signal(signal.SIGINT)
     _, printed = child.communicate(timeout=PATIENCE)
-    assert child.returncode == 130 and printed == "interrupted; the same command goes on from here\n"
+    *progress, last = printed.splitlines()
+    assert child.returncode == 130 and last == "interrupted; the same command goes on from here"
+    assert all(" tasks done" in line for line in progress)  # of a slow machine
 
 
 @pytest.fixture
