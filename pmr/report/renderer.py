@@ -1,4 +1,4 @@
-"""Render pictures with pyvista, off-screen, in a process of their own.
+"""Render pictures with VTK, off-screen, in a process of their own.
 
 A graphics driver that is missing or broken may end the process that uses it.  A run must survive that, so a failure of
 the rendering process only becomes a sentence in the report, and VTK is imported in that process alone.
@@ -104,10 +104,10 @@ def render_shots(shots: Sequence[Shot]) -> list[bytes]:
     Raises
     ------
     NoPictureError
-        If pyvista is not installed, can't render, or takes longer than `LONGEST`.
+        If VTK is not installed, can't render, or takes longer than `LONGEST`.
     """
-    if find_spec("pyvista") is None:
-        raise NoPictureError("pyvista is not installed: pip install pyvista pillow installs it")
+    if find_spec("vtkmodules") is None:
+        raise NoPictureError("VTK is not installed: pip install vtk pillow installs it")
     command = [sys.executable, "-m", "pmr.report.renderer"]
     try:
         done = subprocess.run(command, input=pickle.dumps(list(shots)), capture_output=True, timeout=LONGEST)
@@ -122,43 +122,79 @@ def render_shots(shots: Sequence[Shot]) -> list[bytes]:
 
 def render_shot(shot: Shot) -> bytes:
     """Render a shot as PNG; imports VTK, so it should be called only in a process of its own."""
-    import pyvista
+    import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  # the classes below need it to render
     from PIL import Image
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkRenderingCore import vtkLight, vtkRenderer, vtkRenderWindow, vtkWindowToImageFilter
 
-    plotter = pyvista.Plotter(off_screen=True, window_size=[FINER * pixels for pixels in shot.size], lighting="none")
-    plotter.disable_anti_aliasing()  # scaled down pictures are smooth; anti-aliasing would double the time in software
-    plotter.set_background("white")
+    window, renderer, light, reader = vtkRenderWindow(), vtkRenderer(), vtkLight(), vtkWindowToImageFilter()
+    window.SetOffScreenRendering(1)
+    window.SetMultiSamples(0)  # scaled down pictures are smooth; anti-aliasing would double the time in software
+    window.SetSize(*(FINER * pixels for pixels in shot.size))
+    window.AddRenderer(renderer)
+    renderer.SetBackground(1.0, 1.0, 1.0)
+    renderer.SetAutomaticLightCreation(0)
+    light.SetLightTypeToCameraLight()
     below = float(np.dot(shot.direction, shot.up)) < 0.0
-    side = -0.7 if below else 0.7  # if the camera is below the body, the light is below too
-    plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.5, side, 1.0)))
+    light.SetPosition(-0.5, -0.7 if below else 0.7, 1.0)  # if the camera is below the body, the light is below too
+    renderer.AddLight(light)
     for piece in shot.pieces:
-        _add_piece(plotter, piece, shot.limits)
-    camera = plotter.camera
-    camera.focal_point = shot.centre
-    camera.position = tuple(c + 20.0 * d for c, d in zip(shot.centre, shot.direction, strict=True))
-    camera.up = shot.up
-    camera.parallel_projection, camera.parallel_scale = True, shot.height / 2.0
-    plotter.renderer.ResetCameraClippingRange()
-    image = Image.fromarray(plotter.screenshot(return_img=True))
-    plotter.close()
-    buffer = io.BytesIO()
+        renderer.AddActor(_actor(piece, shot.limits))
+    camera = renderer.GetActiveCamera()
+    camera.SetFocalPoint(*shot.centre)
+    camera.SetPosition(*(c + 20.0 * d for c, d in zip(shot.centre, shot.direction, strict=True)))
+    camera.SetViewUp(*shot.up)
+    camera.SetParallelProjection(1)
+    camera.SetParallelScale(shot.height / 2.0)
+    renderer.ResetCameraClippingRange()
+    reader.SetInput(window)
+    reader.ReadFrontBufferOff()
+    reader.Update()
+    pixels, (width, height, _) = reader.GetOutput(), reader.GetOutput().GetDimensions()
+    colours = vtk_to_numpy(pixels.GetPointData().GetScalars()).reshape(height, width, 3)
+    image, buffer = Image.fromarray(np.ascontiguousarray(colours[::-1])), io.BytesIO()
     image.resize(shot.size, Image.Resampling.BOX).quantize(COLOURS).save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
 
 
-def _add_piece(plotter: Any, piece: Piece, limits: tuple[float, float]) -> None:
-    """Add a piece to a plotter; `limits` is the range of the piece's values that the colours span."""
-    import pyvista
-    from matplotlib.colors import LinearSegmentedColormap
+def _actor(piece: Piece, limits: tuple[float, float]) -> Any:
+    """Return a piece as an actor of VTK; `limits` is the range of the piece's values that the colours span."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+    from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
-    mesh = pyvista.PolyData.from_regular_faces(piece.points, piece.faces)
-    look: dict[str, Any] = {"color": piece.colour}
+    mesh, points, faces, mapper, actor = vtkPolyData(), vtkPoints(), vtkCellArray(), vtkPolyDataMapper(), vtkActor()
+    points.SetData(numpy_to_vtk(np.ascontiguousarray(piece.points), deep=True))
+    sides = np.insert(piece.faces, 0, piece.faces.shape[1], axis=1).astype(np.int64).ravel()
+    faces.ImportLegacyFormat(numpy_to_vtkIdTypeArray(sides, deep=True))
+    mesh.SetPoints(points)
+    mesh.SetPolys(faces)
+    look = actor.GetProperty()
+    look.SetColor(*_channels(piece.colour))
     if piece.values is not None:
-        mesh.cell_data["values"] = piece.values
-        look = {"scalars": "values", "cmap": LinearSegmentedColormap.from_list("stress", RAMP), "clim": limits}
+        ramp, (low, high) = np.array([_channels(colour) for colour in RAMP]), limits
+        at = (piece.values - low) / (high - low) * (len(ramp) - 1)
+        colours = np.stack([np.interp(at, np.arange(len(ramp)), channel) for channel in ramp.T], axis=1)
+        mesh.GetCellData().SetScalars(numpy_to_vtk((255.0 * colours + 0.5).astype(np.uint8), deep=True))
+    mapper.SetInputData(mesh)
+    look.SetInterpolationToFlat()
+    look.SetAmbient(AMBIENT)
+    look.SetDiffuse(DIFFUSE)
+    look.SetOpacity(piece.opacity)
     if piece.edges:
-        look |= {"show_edges": True, "edge_color": EDGE, "line_width": FINER * piece.edges, "edge_opacity": 0.35}
-    plotter.add_mesh(mesh, **look, opacity=piece.opacity, show_scalar_bar=False, ambient=AMBIENT, diffuse=DIFFUSE)
+        look.EdgeVisibilityOn()
+        look.SetEdgeColor(*_channels(EDGE))
+        look.SetLineWidth(FINER * piece.edges)
+        look.SetEdgeOpacity(0.35)
+    actor.SetMapper(mapper)
+    return actor
+
+
+def _channels(colour: str) -> Vector:
+    """Return red, green and blue (0 to 1) of a colour such as ``#1c2733``."""
+    red, green, blue = (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
+    return red, green, blue
 
 
 if __name__ == "__main__":

@@ -48,14 +48,14 @@ def test_a_picture_shows_what_it_is_told_to_and_is_the_same_again() -> None:
     assert red > 80 and red > 2 * green and red > 2 * blue  # the last colour
 
 
-def test_without_pyvista_the_report_says_so(monkeypatch, make_space, make_fields) -> None:
+def test_without_vtk_the_report_says_so(monkeypatch, make_space, make_fields) -> None:
     hidden = (
-        "import sys; sys.modules['pyvista'] = None; import runpy; runpy.run_module(sys.argv[1], run_name='__main__')"
+        "import sys; sys.modules['vtkmodules'] = None; import runpy; runpy.run_module(sys.argv[1], run_name='__main__')"
     )
     run = studio.subprocess.run
     monkeypatch.setattr(studio.subprocess, "run", lambda c, **k: run([sys.executable, "-c", hidden, c[-1]], **k))
     found = start_album(make_space(fields=make_fields("line")), "case-1")()
-    assert found.pictures == () and "pyvista" in found.absent
+    assert found.pictures == () and "vtkmodules" in found.absent
 
 
 def test_a_driver_that_ends_its_process_ends_no_report(monkeypatch) -> None:
