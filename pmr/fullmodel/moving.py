@@ -175,10 +175,17 @@ class FrameAssembler:
         It leaves out point masses.  Every rank has all of its entries.
         """
         S, motion = acceleration_field(name, self._model)
-        A = self.inertia(S)
-        forces = times(A, motion[slice(*A.getOwnershipRange()), None])
-        free_objects(A)
-        return np.concatenate(self._comm.allgather(forces[:, 0]))
+        if (key := S.tobytes()) not in self._rigid_loads:  # several inputs have the same tensor
+            A = self.inertia(S)
+            forces = times(A, self._model.rigid_motions()[slice(*A.getOwnershipRange())])
+            free_objects(A)
+            self._rigid_loads[key] = np.concatenate(self._comm.allgather(forces))
+        return self._rigid_loads[key] @ motion
+
+    @cached_property
+    def _rigid_loads(self) -> dict[bytes, Array]:
+        """Loads A_S R (n, k) computed so far, by the bytes of S, for the k rigid motions R."""
+        return {}
 
     def geometric_stiffness(self, name: str) -> PETSc.Mat:
         """Geometric stiffness K_g (n, n) of the unit state `name`, a key of `STATES`; collective.
@@ -231,16 +238,16 @@ class FrameAssembler:
 
 
 def acceleration_field(name: str, model: StructuralModel) -> tuple[Array, Array]:
-    """Tensor S (3, 3) and rigid motion r (n,) of the acceleration field `name`, a key of `CONSTANT` or `LINEAR`.
+    """Tensor S (3, 3) and rigid motion (k,) of the acceleration field `name`, a key of `CONSTANT` or `LINEAR`.
 
-    The n entries of r are the coordinates of the model under a unit rigid motion.  The field is S, applied at each node
-    to the displacement vector of r there.  Both results are zero if the model lacks all directions whose rigid motion
-    could give the field.
+    The field is S, which has a single entry of 1, applied at each node to the displacement vector of the rigid motion.
+    The motion is 1 or -1 along or about one of the k directions of the model.  Both results are zero if the model lacks
+    all directions whose rigid motion could give the field.
     """
-    nothing = np.zeros((3, 3)), np.zeros(model.size)
+    nothing = np.zeros((3, 3)), np.zeros(len(model.directions))
     fields = (
         tensor_and_direction
         for tensor_and_direction in (CONSTANT | LINEAR)[name]
         if tensor_and_direction[1] in model.directions
     )
-    return next(((S, model.rigid_motions()[:, model.directions.index(along)]) for S, along in fields), nothing)
+    return next(((np.abs(S), S.sum() * (np.array(model.directions) == along)) for S, along in fields), nothing)

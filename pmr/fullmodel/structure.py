@@ -283,7 +283,8 @@ class Coupling:
 
         `model_load` (n,) is the load on the model alone.
         """
-        row, (S, motion) = self.T.T @ model_load, acceleration_field(name, self.model)
+        row, (S, rigid) = self.T.T @ model_load, acceleration_field(name, self.model)
+        motion = self.model.rigid_motions() @ rigid
         for mass, G in zip(self.masses, self.motions, strict=True):
             row += G.T @ (
                 _inertia(mass, self.model.directions, S) @ (self.model.motion(mass.on, _centre(mass)) @ motion)

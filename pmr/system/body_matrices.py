@@ -85,12 +85,11 @@ def _linear_field_motions(j: int, k: int) -> Iterator[tuple[Array, str]]:
     """Pairs of a matrix S and the name of a rigid motion u, such as ``rz``, whose product S u is the field x_k e_j.
 
     There is one pair for the rotation about each axis c other than k.  It moves the third component b by x_k or -x_k,
-    so S is e_j e_b^T with this sign.
+    so S is e_j e_b^T with this sign.  If there is a pair with b = j, whose S other fields have too, it comes first.
     """
-    for c in range(3):
-        if c != k:
-            b = 3 - c - k
-            yield np.cross(_E[c], _E[k])[b] * np.outer(_E[j], _E[b]), f"r{_AXES[c]}"
+    for c in sorted({0, 1, 2} - {k}, key=lambda c: 3 - c - k != j):
+        b = 3 - c - k
+        yield np.cross(_E[c], _E[k])[b] * np.outer(_E[j], _E[b]), f"r{_AXES[c]}"
 
 
 #: Inputs M e_j by constant acceleration fields e_j, in m/s^2, each as a matrix S and a rigid motion u with S u = e_j.
