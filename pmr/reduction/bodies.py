@@ -167,7 +167,8 @@ class Reduction:
 
 def with_stress_flags(scene: Scene, bodies: Mapping[str, ReducedBody]) -> dict[str, ReducedBody]:
     """Bodies by name, with `stressed` set if terms of second order of the scene's frame act on them."""
-    return {name: replace(body, stressed=any(frame_terms(scene))) for name, body in bodies.items()}
+    stressed = any(frame_terms(scene))  # a body that is not changed keeps its simulated model
+    return {n: body if body.stressed == stressed else replace(body, stressed=stressed) for n, body in bodies.items()}
 
 
 def join_bodies(scene: Scene, bodies: Mapping[str, ReducedBody]) -> System:

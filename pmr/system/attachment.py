@@ -232,10 +232,11 @@ def _append_vectors(model: ReducedModel, stiffness: Array, measures: Array, outp
         rows=stack_tables(rows, model.domain),
     )
     on_modes = replace(carriers, enrichment=measures[:K], inertia=None, answers=None)
-    with_modes = extend(
-        replace(model, enrichment=modes, carriers=on_modes, reactions=None)
-    )  # the old ones lack columns for the new coordinates
-    return with_modes if carriers.answers is None else _clear_cylinder_flexibility(with_modes, carriers.answers)
+    without = replace(model, enrichment=modes, carriers=on_modes, reactions=None)  # which lack the new coordinates
+    with_modes = extend(without, tabulated=False)
+    if carriers.answers is None:
+        return with_tables(with_modes)
+    return _clear_cylinder_flexibility(with_modes, carriers.answers)
 
 
 def _clear_cylinder_flexibility(model: ReducedModel, answers: CylinderResponses) -> ReducedModel:

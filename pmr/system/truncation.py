@@ -63,8 +63,10 @@ def truncate(model: ReducedModel, r: int) -> ReducedModel:
     )
 
 
-def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
+def extend(model: ReducedModel, count: int | None = None, tabulated: bool = True) -> ReducedModel:
     """Return the model with its first `count` enrichment modes (None: all) as last coordinates; it undoes `truncate`.
+
+    Unless the result is to be `tabulated`, its tables still have to be computed by `with_tables`.
 
     A ValueError is raised if the model has fewer enrichment modes, none at all or no residual flexibility, or if
     `count` is less than 1.
@@ -88,7 +90,7 @@ def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
         enrichment=_select_modes(model.enrichment, slice(count, None)) if count < available else None,
         carriers=None if model.carriers is None else model.carriers.extend(back),
     )
-    return with_tables(longer)
+    return with_tables(longer) if tabulated else longer
 
 
 def with_tables(model: ReducedModel) -> ReducedModel:
