@@ -117,7 +117,7 @@ def richer_system(scene: Scene, system: System, positions: PostureSet, up_to: fl
 
     few = positions.select(_sample_postures(positions))
     sample, half = PostureMatrices.from_scene(scene, system, few), up_to / 2.0
-    loaded = [LoadedStructure(sample.equations(k, {WEIGHT: 1.0})) for k in range(few.count)]
+    loaded = [LoadedStructure(sample.equations(k, {WEIGHT: 1.0}), may_float=True) for k in range(few.count)]
     most = [min(half, equilibrium.state(0.0).form.critical / 2.0) for equilibrium in loaded]
     forces = [np.array([equilibrium.state(0.0).forces for equilibrium in loaded])]
     forces.append(np.array([equilibrium.state(load).forces for equilibrium, load in zip(loaded, most, strict=True)]))

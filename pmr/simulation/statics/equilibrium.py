@@ -10,7 +10,8 @@ Contacts that only push are closed where they push and open where a gap is left;
 kernel decides which of these change sides (`pmr.kernel.laws.ContactSearch`; docs/pads_theory.md proves that this
 ends).
 A body that open contacts leave free for the moment is held by a small stiffness, its mass matrix times the square of a
-frequency far below all others; the last solve is without this stiffness.
+frequency far below all others; the last solve is without this stiffness.  If the closed contacts alone do not hold the
+bodies, those that touch without a force are closed with them.
 
 Terms may make K indefinite while contacts are open; then changing sides need not end, or ends in an unstable
 equilibrium.  So an equilibrium with terms and contacts that only push is valid only if the stiffness is positive
@@ -62,6 +63,8 @@ STEPS, FEW, SMALLER, LARGER = 100, 50, 0.5, 4.0
 SPRING_OF_RIGID, SOFTER = 1e-3, 1e-6
 #: Pull or overlap that is round-off, over the largest force or displacement.
 ROUND_OFF = 1e-9
+#: Gap of a contact that touches, over the largest one.
+TOUCH = 1e-6
 #: Equations up to which a dense factor is quicker than a sparse one.
 DENSE = 300
 #: An equilibrium with a strain energy below this share of the sum of its terms' sizes is held by round-off alone.
@@ -106,11 +109,14 @@ def equilibrium(assembly: Assembly, x: Array, f: Array, c: Array | None = None) 
     with_terms = bool(assembly.terms) and c is not None and bool(np.any(c))
 
     def stand(almost: Equilibrium) -> Equilibrium | None:
-        """Equilibrium by K alone with the contacts closed that are closed in `almost`; None if there is none."""
-        if (may_tip := with_terms and contacts.push) and not contacts.is_stable(K + neutral, almost.closed):
-            return None
-        state = contacts.solve_closed(K, push, almost.closed)
-        return state if contacts.is_confirmed(state, almost, K, stable=may_tip) else None
+        """Equilibrium by K alone with the closed contacts of `almost`, or all that touch; None if there is none."""
+        may_tip = with_terms and contacts.push
+        for closed in (almost.closed, almost.closed | contacts.touching(almost)):
+            if not may_tip or contacts.is_stable(K + neutral, closed):
+                state = contacts.solve_closed(K, push, closed)
+                if contacts.is_confirmed(state, almost, K, stable=may_tip):
+                    return state
+        return None
 
     almost = contacts.solve(K + neutral, push)
     if (state := stand(almost)) is not None:
@@ -208,11 +214,18 @@ class _Contacts:
 
     def wrong_contacts(self, state: Equilibrium) -> Mask:
         """Mask (m,) of closed contacts that pull although they only push, and of open ones whose bodies overlap."""
-        rows, q, forces = self.rows, state.q, state.forces
-        motion = rows.C @ q + self._motion - rows.F @ forces
-        size = np.abs(rows.C) @ np.abs(q) + self._clearance
+        forces, size = state.forces, np.abs(self.rows.C) @ np.abs(state.q) + self._clearance
         pulls = state.closed & self._pushes & (forces < -ROUND_OFF * np.abs(forces).max(initial=0.0))
-        return np.asarray(pulls | ~state.closed & (motion - self._clearance > ROUND_OFF * size))
+        return np.asarray(pulls | ~state.closed & (-self._gaps(state) > ROUND_OFF * size))
+
+    def touching(self, state: Equilibrium) -> Mask:
+        """Mask (m,) of contacts that only push and have no gap but round-off."""
+        gaps = self._gaps(state)
+        return np.asarray(self._pushes & (gaps <= TOUCH * np.abs(gaps).max(initial=0.0)))
+
+    def _gaps(self, state: Equilibrium) -> Array:
+        """Gaps (m,) in m between the sides of all contacts; negative where bodies overlap."""
+        return np.asarray(self._clearance - self._motion - self.rows.C @ state.q + self.rows.F @ state.forces)
 
 
 def _is_definite(A: sp.csr_matrix) -> bool:

@@ -17,7 +17,9 @@ factorisation serves all loads, and the structure buckles at the smallest P with
 Contacts that only push open and close as the load grows: each set of closed contacts has a `Form` of its own.  A search
 that meets a set of contacts that do not hold the structure starts again from the contacts that are closed without
 geometric stiffness but with a small multiple of the mass matrix added to the stiffness.  This stiffness is positive
-definite, so the search for these contacts ends (docs/pads_theory.md).
+definite, so the search for these contacts ends (docs/pads_theory.md).  If these contacts do not hold the structure
+either, those that touch without a force are closed with them: a body that no load presses sideways lies on pads without
+clearance.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 
+from pmr.errors import InputError
 from pmr.files.arrays import Array, Mask
 from pmr.kernel.laws import ContactSearch
 from pmr.simulation.statics.equilibrium import border_matrix
@@ -39,6 +42,8 @@ from pmr.system.soundness import FreeMotions, cholesky_root, first_singular
 ROUND_OFF, RIGID = 1e-9, 1e-4
 #: Pull or overlap that is round-off, over the largest force or displacement.
 WRONG = 1e-9
+#: Gap of a contact that touches, over the largest one; share of the largest loose motion that counts as loose.
+TOUCH, LOOSE = 1e-6, 1e-3
 #: Most sets of closed contacts tried at one load; share of the lowest omega^2 with which M holds free bodies.
 MOST_SETS, ALMOST_FREE = 200, 1e-8
 
@@ -67,6 +72,7 @@ class Equations:
     load_inputs: tuple[Array, Array, Array]
     # (r, n): added to the last r rows of `outputs` by a unit of the load
     outputs_by_load: Array = field(default_factory=lambda: np.zeros((0, 1)))
+    names: tuple[str, ...] = ()  # (m,): of the contacts, for errors
 
 
 @dataclass(frozen=True)
@@ -252,8 +258,10 @@ class Form:
     def buckling_forces(self, load: float) -> Array:
         """Contact forces (m,) of the first buckling shape under `load`, scaled to a largest absolute value of 1.
 
-        Their common sign has no meaning.  Forces of open contacts are zero.
+        Their common sign has no meaning.  Forces of open contacts are zero, and all if the structure is not `held`.
         """
+        if not self.held:
+            return np.zeros(len(self.closed))
         N0, N1, L, on_contacts = self._unstressed_flexibility
         _, Y = np.linalg.eigh(N0 + load * N1)
         G = self.equations.G[0] + load * self.equations.G[1]
@@ -323,10 +331,13 @@ class Form:
 
 
 class LoadedStructure:
-    """Equilibria in one posture under any load; the form of each set of closed contacts is stored once it is met."""
+    """Equilibria in one posture under any load; the form of each set of closed contacts is stored once it is met.
 
-    def __init__(self, equations: Equations) -> None:
-        self.equations = equations
+    A body that floats within the play of contacts has no equilibrium if it `may_float`, and else is refused.
+    """
+
+    def __init__(self, equations: Equations, may_float: bool = False) -> None:
+        self.equations, self._may_float = equations, may_float
         self._forms, self._states = dict[bytes, Form](), dict[float, LoadedState]()
         self._last = np.ones(len(equations.pushes), dtype=bool)
 
@@ -336,7 +347,10 @@ class LoadedStructure:
         return not self.equations.pushes.any()
 
     def state(self, load: float) -> LoadedState:
-        """Equilibrium under a load; NaN values if none is found."""
+        """Equilibrium under a load; NaN values if none is found.
+
+        Raises InputError if bodies float within the play of contacts because nothing presses them to a side.
+        """
         if load not in self._states:
             self._states[load] = self._find_equilibrium(load)
         return self._states[load]
@@ -365,15 +379,45 @@ class LoadedStructure:
         """Search the equilibrium under a load.
 
         The search begins with the last closed contacts; if it fails, it is repeated from the closed contacts of
-        `_first_order`.
+        `_first_order`, then from these and all that touch.
         """
         closed, every = self._last, np.ones_like(self._last)
         if self.holds_both_ways:
             return self._solve_closed(closed, load)[0]
         state = self._search(closed, load)
         if not state.in_equilibrium and self._form(every).is_stable(np.array([load]))[0]:
-            state = self._search(self._first_order._search(every, load).form.closed, load)
+            first = self._first_order._search(every, load).form
+            gap = -first.responses(np.array([load]))[0, len(self.equations.outputs) + len(every) :]
+            touching = first.closed.copy()
+            touching[self.equations.pushes] |= gap <= TOUCH * np.abs(gap).max()
+            for begin in (first.closed, touching):
+                state = self._search(begin, load)
+                if state.in_equilibrium:
+                    return state
+            if not self._may_float:
+                self._refuse_floating(touching, gap)
         return state
+
+    def _refuse_floating(self, closed: Mask, gap: Array) -> None:
+        """Raise InputError if bodies can move freely within the play of contacts while those of a mask (m,) are closed.
+
+        `gap` are the gaps in m of the contacts that only push.  A body that loads move away from all contacts is beyond
+        their clearances and is not refused.
+        """
+        e, pushes = self._first_order.equations, self.equations.pushes
+        if Form(replace(self.equations, G=e.G), closed).held:
+            return
+        matrix, _ = border_matrix(e.K, e.C[closed], e.F[closed][:, closed])
+        load = np.append(np.random.default_rng(3).standard_normal(len(e.K)), np.zeros(int(closed.sum())))
+        motion = np.abs(e.C[pushes] @ np.linalg.solve(matrix, load)[: len(e.K)])
+        loose = ~closed[pushes] & (motion > LOOSE * motion.max())
+        if loose.any() and np.abs(gap[loose]).max() <= 2.0 * np.abs(e.g[0]).max():
+            allowed = (
+                "no load presses these pads, and they have play on both sides: allowed are clearance = 0 on one of two "
+                "opposite faces, or in every load case a load that presses them"
+            )
+            names = [name for name, is_loose in zip(np.array(e.names)[pushes], loose, strict=True) if is_loose]
+            raise InputError("system", "contacts", ", ".join(names), allowed)
 
     @cached_property
     def _first_order(self) -> LoadedStructure:

@@ -311,6 +311,7 @@ class PostureMatrices:
             pushes=on.pushes,
             load_inputs=(on.B[:, hook], H[:, hook], on.energy[np.ix_(hook, hook)]),
             outputs_by_load=bent[1],
+            names=self.force_names,
         )
 
     def hook_force(self, k: int) -> Array:

@@ -58,6 +58,26 @@ def test_a_bar_between_pads_with_play_comes_to_rest_where_it_stands_stably(
     assert np.abs(stable - state.q).max(axis=1).min() < 1e-9 * np.abs(state.q).max()
 
 
+def test_what_no_load_presses_sideways_lies_on_the_pad_without_play() -> None:
+    """It hangs on a spring and has no stiffness sideways; with play on both sides nothing says where it is."""
+    rows = PPoly(np.array([[0.0, 1.0], [0.0, -1.0]]).reshape(1, 1, 2, 2), [0.0, 1.0])
+    body = ReducedModel(np.eye(2), np.zeros((2, 2)), np.diag([100.0, 0.0]), np.array([[1.0], [0.0]]), np.eye(2), rows,
+                        ("F",), ("left", "right"), np.zeros(2))  # fmt: skip
+    for clearance in ((0.0, 1e-3), (1e-3, 1e-3)):
+        pads = tuple(
+            Contact(name, Place("mass", name, 0.0), compliance=1e-6, clearance=gap)
+            for name, gap in zip(("left", "right"), clearance, strict=True)
+        )
+        system = System({"mass": body}, pads)
+        if all(clearance):
+            with pytest.raises(InputError, match="pads with a clearance hold nothing"):
+                equilibrium(Assembly(system), system.side_coordinates({}), np.array([3.0]))
+            continue
+        state = equilibrium(Assembly(system), system.side_coordinates({}), np.array([3.0]))
+        assert state.q == pytest.approx([0.03, 0.0]) and state.closed.tolist() == [True, False]
+        assert state.forces == pytest.approx([0.0, 0.0])
+
+
 @pytest.mark.parametrize("n", [20, 320])
 def test_a_rigid_stop_holds_what_a_term_tips_until_that_buckles_between_its_ends(n: int) -> None:
     """Small and large matrices are factored in different ways."""

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from pmr.errors import InputError
 from pmr.simulation.statics.loaded import Equations, Form, LoadedStructure
 from pmr.studies.allowed import Search, first_load, run_searches
 from pmr.system.soundness import FreeMotions, cholesky_root, first_singular
@@ -82,6 +83,32 @@ def test_a_pad_with_a_gap_carries_from_the_load_on_that_closes_it() -> None:
     assert run_searches(loaded, {"pad": (lambda states: states.forces[:, 0] / 30.0, search)}) == {
         "pad": pytest.approx(50.0, rel=1e-12)
     }
+
+
+def sideways(gaps: list[float], load: float = 0.0) -> Equations:
+    """A mass on a vertical spring, and sideways between two pads with these gaps, where `load` in N pushes it."""
+    e = equations(np.diag([100.0, 0.0]), np.diag([0.0, -1.0]), np.array([1.0, 0.0]),
+                  np.array([[0.0, 1.0], [0.0, -1.0]]), np.eye(2) / 300.0, True)  # fmt: skip
+    return replace(e, b=(np.array([0.0, load]), e.b[1]), g=(np.array(gaps), np.zeros(2)), names=("left", "right"))
+
+
+def test_what_no_load_presses_sideways_lies_on_the_pad_without_play() -> None:
+    """It stays there without a force and gets the spring's travel; a load off that pad moves it to the other one."""
+    for gaps, closed in (([0.0, 0.1], [True, False]), ([0.1, 0.0], [False, True])):
+        state = LoadedStructure(sideways(gaps)).state(7.0)
+        assert state.outputs == pytest.approx([0.07, 0.0]) and state.forces == pytest.approx([0.0, 0.0])
+        assert state.form.closed.tolist() == closed and state.form.critical == pytest.approx(300.0)
+    state = LoadedStructure(sideways([0.0, 0.1], load=-6.0)).state(7.0)
+    assert state.forces == pytest.approx([0.0, 6.0 + 7.0 * 0.1 + 7.0 * state.forces[1] / 300.0])
+
+
+def test_what_floats_within_its_play_is_refused_by_the_names_of_its_pads() -> None:
+    with pytest.raises(InputError, match=r"'left, right': no load presses these pads.*clearance = 0 on one of two"):
+        LoadedStructure(sideways([0.1, 0.2])).state(7.0)
+    floating = LoadedStructure(sideways([0.1, 0.2]), may_float=True).state(7.0)
+    assert not floating.in_equilibrium and not floating.form.buckling_forces(7.0).any()
+    lost = replace(sideways([0.0, 0.1], load=5.0), C=-np.abs(sideways([0.0, 0.1]).C))  # both pads are behind it
+    assert not LoadedStructure(lost).state(7.0).in_equilibrium
 
 
 @pytest.mark.parametrize("seed", range(4))
