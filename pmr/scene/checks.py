@@ -17,7 +17,7 @@ from pmr.scene.choice import (
     is_pinned_beam,
     refuse_unsupported,
 )
-from pmr.scene.frame_checks import check_frame
+from pmr.scene.frame_checks import check_exclusions, check_frame
 from pmr.scene.hoist_places import check_hoist
 from pmr.scene.joint_checks import check_joints
 from pmr.scene.keys import check_bounds
@@ -38,6 +38,7 @@ def check_scene(scene: Scene) -> None:
         check_joints(scene)
     else:
         _check_single_body(scene)
+    check_exclusions(scene)
     check_frame(scene)
     check_hoist(scene)
     _check_computed_motions(scene)

@@ -31,9 +31,10 @@ class Exclusion(NamedTuple):
     why: str
 
 
-FREE = "frame.luffing = 'free'"
+FREE, RESPONSE = "frame.luffing = 'free'", "observe.frequency_response"
 #: Parts of a scene that exclude each other.
 EXCLUSIONS = (
+    Exclusion(RESPONSE, "hoist", "a payload that swings has a part in it"),
     Exclusion("hoist", "frame.machine", "the rope's pull on it is not known"),
     Exclusion("frame.machine", FREE, "the cylinder stands on what does not move by itself"),
     Exclusion("frame.ground", "frame.machine", "its masses belong to frame.ground, which does not move"),
@@ -47,16 +48,19 @@ EXCLUSIONS = (
         for key, why in (
             ("frame.base.acceleration", "it does not say where the ground is: x, y and z do"),
             ("accuracy", "whose motion depends on model and step"),
+            (RESPONSE, "what is computed there has a part in it"),
             ("budget", "whose motion depends on model and step"),
         )
     ),
 )
 
 
-def check_exclusions(scene: Scene, frame: Frame) -> None:
+def check_exclusions(scene: Scene) -> None:
     """Refuse the first of `EXCLUSIONS` both of whose parts the scene has."""
+    frame = scene.frame or Frame.model_construct()
     ground, base = frame.ground, frame.base
     parts = {
+        RESPONSE: any(part.observe.frequency_response for part in scene.sections),
         "hoist": scene.hoist,
         "accuracy": scene.accuracy,
         "budget": scene.budget,
@@ -69,6 +73,7 @@ def check_exclusions(scene: Scene, frame: Frame) -> None:
     } | {f"frame.base.{key}": True for key in (base.motions if base else {})}
     for key, other, why in EXCLUSIONS:
         if parts.get(key) and parts.get(other):
+            key = scene.section_key(len(scene.sections) - 1, key) if key == RESPONSE else key
             raise scene_error(key, None, f"none is allowed beside {other}: {why}")
 
 
@@ -173,7 +178,6 @@ def check_frame(scene: Scene) -> None:
     frame = scene.frame
     if frame is None:
         return
-    check_exclusions(scene, frame)
     angles = dict(zip(("luffing", "slewing"), frame.angles, strict=True))
     keys = ("base.rx", "base.ry", "base.rz")
     if frame.ground is not None and any(frame.ground.slope):

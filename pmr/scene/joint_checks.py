@@ -385,7 +385,7 @@ def _check_overlaps_and_friction(scene: Scene) -> None:
 
 
 def _check_frequency_response(scene: Scene) -> None:
-    """Refuse a frequency response of other sections than the last, or together with pads that only push."""
+    """Refuse a frequency response of other sections than the last, or together with pads that only push or rub."""
     for number, part in enumerate(scene.sections):
         if not part.observe.frequency_response:
             continue
@@ -394,6 +394,8 @@ def _check_frequency_response(scene: Scene) -> None:
             raise scene_error(key, True, f"false is allowed: the tip is that of {scene.names[-1]}")
         if any(ring.unilateral for section in scene.sections for ring in section.rings):
             raise scene_error(key, True, "true is allowed with pads that hold both ways: some only push")
+        if any(ring.friction for section in scene.sections for ring in section.rings if isinstance(ring, JointPads)):
+            raise scene_error(key, True, "true is allowed without friction of pads, which is not linear")
 
 
 def _check_accuracy(scene: Scene) -> None:

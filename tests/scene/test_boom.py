@@ -110,6 +110,14 @@ def test_what_contradicts_itself_is_refused_with_key_and_numbers(change: str, sa
     assert "\n" not in str(caught.value)
 
 
+def test_a_frequency_response_leaves_no_friction_out() -> None:
+    rubbing = [
+        f"section.joint.{end}.0.{key}" for end in ("tail", "mouth") for key in ("unilateral=false", "friction=0.1")
+    ]
+    with pytest.raises(InputError, match=r"sections\[2\].observe.frequency_response = True: .* without friction"):
+        load("section.body.model=beam3d", *rubbing, "sections.fly.observe.frequency_response=true")
+
+
 def test_sections_are_held_along_the_boom_where_nothing_slides() -> None:
     """A clamped fly that stays, and one that is clamped while the section before it slides."""
     clamped = ["sections.fly.supports=[{on='tip',kind='clamped'}]", "sections.fly.joint.extension=1.0"]

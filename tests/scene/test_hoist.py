@@ -31,6 +31,7 @@ from pmr.simulation.excitation import Excitation
         ("frame.base.rx={kind='sine', amplitude=1.0, frequency=0.1}", "hoist.winch.section"),
         ("frame.base.z={kind='sine', amplitude=1.0, frequency=0.1}", "hoist.pivot_height"),
         ("frame.machine={mass=1e4}", "hoist"),
+        ("sections.fly.observe.frequency_response=true", "sections[2].observe.frequency_response"),
         ("simulation.simulators=['exudyn']", "simulation.simulators"),
         ("simulation.full=petsc", "compare.against"),
     ],
