@@ -304,17 +304,8 @@ PRESSED: tuple[Direction, ...] = ("y", "z")
 POLYNOMIALS = 4
 
 
-class Load(SceneTable):
-    r"""A force in N (moment in N m) on a named group or at a position, a difference of temperature, or wind.
-
-    A temperature that is higher by :math:`\Delta T` at the face in `direction` than at the opposite face, at the
-    distance d, bends a free beam with the curvature :math:`\alpha \Delta T / d`, away from the warmer face.
-
-    Wind has the pressure :math:`q = q_r (Z / Z_r)^{2 p}` at the height Z above the ground, constant below `least`.  On
-    the part of a beam that is outside of other sections it presses with :math:`c\, q\, d\, e |e|` per length along each
-    of its axes y and z, with the shape factor c, the depth d that it meets, and the component e along this axis of the
-    unit vector in which it blows.
-    """
+class PlacedLoad(SceneTable):
+    """Keys of a load of any kind: what it is, where and along which axes it acts, and how large it is over time."""
 
     name: Name = Field(default="F", description="Name of the load in results and exports")
     on: Name | Place = Field(default="tip", description="A named group, or a place along x in m")
@@ -330,6 +321,28 @@ class Load(SceneTable):
         description="Point where the force acts, which moves rigidly with `on`, in the axes of the body; by default "
         "the centroid of `on`",
     )
+    axes: Literal["body", "ground"] = Field(
+        default="body",
+        description="Axes in which `direction` is given: those of the boom, or in a frame those of the ground, z "
+        "upwards and x where the boom points unslewed",
+    )
+    signal: Annotated[Signal, Usual(1e-3, 1e4, "force", "N"), Usual(1e-4, 1e4, "moment", "N m")] = Field(
+        description="Force in N, moment in N m, difference of temperature in K or pressure of wind in Pa over time"
+    )
+
+
+class Load(PlacedLoad):
+    r"""A force in N (moment in N m) on a named group or at a position, a difference of temperature, or wind.
+
+    A temperature that is higher by :math:`\Delta T` at the face in `direction` than at the opposite face, at the
+    distance d, bends a free beam with the curvature :math:`\alpha \Delta T / d`, away from the warmer face.
+
+    Wind has the pressure :math:`q = q_r (Z / Z_r)^{2 p}` at the height Z above the ground, constant below `least`.  On
+    the part of a beam that is outside of other sections it presses with :math:`c\, q\, d\, e |e|` per length along each
+    of its axes y and z, with the shape factor c, the depth d that it meets, and the component e along this axis of the
+    unit vector in which it blows.
+    """
+
     expansion: Annotated[float, Field(gt=0.0, strict=True), Quantity("1/K", 1e-9, 1.0), Usual(1e-6, 1e-4)] = Field(
         default=1.2e-5, description="Coefficient of thermal expansion"
     )
@@ -347,14 +360,6 @@ class Load(SceneTable):
     least: Length = Field(default=2.0, description="Height up to which the pressure of wind is constant")
     above: Place = Field(
         default=0.0, description="Height of the pivot above the ground; by default that of frame.ground"
-    )
-    axes: Literal["body", "ground"] = Field(
-        default="body",
-        description="Axes in which `direction` is given: those of the boom, or in a frame those of the ground, z "
-        "upwards and x where the boom points unslewed",
-    )
-    signal: Annotated[Signal, Usual(1e-3, 1e4, "force", "N"), Usual(1e-4, 1e4, "moment", "N m")] = Field(
-        description="Force in N, moment in N m, difference of temperature in K or pressure of wind in Pa over time"
     )
 
     @model_validator(mode="after")

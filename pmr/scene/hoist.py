@@ -10,7 +10,6 @@ and only pulls, :math:`T = \max(0, E A\, (l - l_0) / l_0)`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated, Self
 
 import numpy as np
@@ -65,14 +64,9 @@ class Winch(SceneTable):
     )
 
 
-class Hoist(SceneTable):
-    """A rope over head sheaves with a hook and a payload, which swings; rope and hoist only pull."""
+class Rope(SceneTable):
+    """Keys of a hoist about its rope."""
 
-    section: NameOrNone = Field(default="", description="Section with the head sheaves; by default the last one")
-    on: Name | Place = Field(default="tip", description="Place of the head sheaves: the tip, or a place along x in m")
-    offset: Annotated[tuple[Place, Place], Usual(0.0, 0.2, "reach")] = Field(
-        default=(0.0, 0.0), description="Place of the head sheaves off the section's axis, along y and z"
-    )
     falls: Count = Field(default=1, description="Number of falls between head and hook")
     EA: Annotated[AxialStiffness, Usual(2e5, 5e9)] = Field(
         description="Stiffness of the rope: its Young's modulus times its metallic area"
@@ -80,8 +74,6 @@ class Hoist(SceneTable):
     damping: Annotated[_DAMPING, Usual(1.0, 1e9, unit="N s")] = Field(
         default=0.0, description="Force of the rope's damper over the rate of its strain"
     )
-    payload: Annotated[Mass, Usual(0.0, 1e3, "boom")] = Field(description="Mass that hangs on the hook")
-    hook: Annotated[Mass, Usual(0.0, 1e2, "boom")] = Field(default=0.0, description="Mass of the hook with its sheaves")
     length: Annotated[Signal, Usual(0.0, 100.0, "reach", "m")] | None = Field(
         default=None, description="Length over time of the rope without force, from its winch to its end"
     )
@@ -92,7 +84,13 @@ class Hoist(SceneTable):
     speed: Annotated[Signal, Usual(1e-4, 20.0, unit="m/s")] | None = Field(
         default=None, description="Speed over time at which the winch takes in the rope, with `hanging`"
     )
-    winch: Winch = Field(default=Winch(), description="Where the rope is wound up")
+
+
+class Payload(SceneTable):
+    """Keys of a hoist about what hangs on its rope, and how it begins to move."""
+
+    payload: Annotated[Mass, Usual(0.0, 1e3, "boom")] = Field(description="Mass that hangs on the hook")
+    hook: Annotated[Mass, Usual(0.0, 1e2, "boom")] = Field(default=0.0, description="Mass of the hook with its sheaves")
     wind: PivotLoad = Field(default=PivotLoad(), description="Forces on the payload along axes of the ground")
     swing: tuple[_ANGLE, _ANGLE] = Field(
         default=(0.0, 0.0), description="Angles of the rope at t = 0 along and across the boom; by default it hangs"
@@ -100,6 +98,27 @@ class Hoist(SceneTable):
     velocity: tuple[_SPEED, _SPEED, _SPEED] = Field(
         default=(0.0, 0.0, 0.0), description="Velocity of the hook at t = 0 along axes of the ground"
     )
+
+    @property
+    def mass(self) -> float:
+        """Mass of hook and payload in kg."""
+        return self.payload + self.hook
+
+    @property
+    def wind_signals(self) -> dict[str, SignalBase]:
+        """Signals in N of the wind on the payload along x, y and z of the ground, by their names `WIND`."""
+        return dict(zip(WIND, (getattr(self.wind, axis) or Constant(amount=0.0) for axis in "xyz"), strict=True))
+
+
+class Hoist(Payload, Rope):
+    """A rope over head sheaves with a hook and a payload, which swings; rope and hoist only pull."""
+
+    section: NameOrNone = Field(default="", description="Section with the head sheaves; by default the last one")
+    on: Name | Place = Field(default="tip", description="Place of the head sheaves: the tip, or a place along x in m")
+    offset: Annotated[tuple[Place, Place], Usual(0.0, 0.2, "reach")] = Field(
+        default=(0.0, 0.0), description="Place of the head sheaves off the section's axis, along y and z"
+    )
+    winch: Winch = Field(default=Winch(), description="Where the rope is wound up")
     pivot_height: Annotated[Place, Usual(0.0, 2.0, "reach")] = Field(
         default=0.0,
         description="Height of the pivot, or without a frame of the base's tail, from which the hook's is measured",
@@ -117,14 +136,6 @@ class Hoist(SceneTable):
         if self.on != "tip" and isinstance(self.on, str):
             raise key_error("on", self.on, "'tip' or a place along x in m is allowed")
         return self
-
-    def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
-        return {}
-
-    @property
-    def mass(self) -> float:
-        """Mass of hook and payload in kg."""
-        return self.payload + self.hook
 
     @property
     def lateral_key(self) -> str:
@@ -147,11 +158,6 @@ class Hoist(SceneTable):
     def is_wound(self) -> bool:
         """Whether the speed of the winch drives the rope, and not its length."""
         return self.length is None
-
-    @property
-    def wind_signals(self) -> dict[str, SignalBase]:
-        """Signals in N of the wind on the payload along x, y and z of the ground, by their names `WIND`."""
-        return dict(zip(WIND, (getattr(self.wind, axis) or Constant(amount=0.0) for axis in "xyz"), strict=True))
 
     def free_length(self, t: Array, along: ArrayLike) -> Array:
         """Return the length without force in m of the rope at ascending times t (T,) in s, the first of which is 0.
