@@ -111,6 +111,34 @@ def test_an_fmu_is_the_run(system: System, scene: Scene, hoisted: np.ndarray, tm
     assert_close(found, hoisted, 1e-6)
 
 
+def test_inputs_that_are_exact_at_the_end_of_each_step_make_an_fmu_the_run(
+    system: System, scene: Scene, hoisted: np.ndarray, tmp_path: Path
+) -> None:
+    """In a frame, parabolas by value, rate and second rate at the end of a step, where its equations hold."""
+    contents = fmu_contents(system, read_scene(system, "system"), "exact", "3")
+    library, h = loaded(contents, tmp_path, "3"), scene.time.step
+    head, *rows = contents.texts["resources/reference_in.csv"].splitlines()
+    names, table = [name.strip('"') for name in head.split(",")], np.array([row.split(",") for row in rows], float)
+    begun, frame, excitation = table[0, 1:].copy(), MovingFrame.from_system(system), Excitation.from_scene(scene)
+    for name in () if frame is None else (*frame.paths, *frame.angles):
+        at = frame.motions(excitation, excitation.times)[:, frame.drivers.index(name)]
+        called = f"s_{name}" if name in frame.paths else name
+        columns = [names.index(f"{called}{suffix}") for suffix in ("", "_rate", "_rate_2", "_rate_3")]
+        begun[np.array(columns) - 1] = [*at[:, 0], 0.0]
+        value, rate, second = at[:, 1:]
+        ends = [value - h * rate + h**2 / 2.0 * second, rate - h * second, second, 0.0 * second]
+        table[:-1, columns] = np.stack(ends, axis=1)
+    instance, shown = Instance(library), list[np.ndarray]()
+    outputs = [re.sub(" ", "_", name) for name in OUTPUTS]
+    instance.set(["internal_step"], [h])
+    instance.initialise(names[1:], begun)
+    for k in range(len(table)):
+        shown.append(instance.get(outputs))
+        instance.set(names[1:], table[k, 1:])
+        instance.step(k * h, h)
+    assert_close(shown, hoisted, 1e-10)
+
+
 def test_model_exchange_and_linear_models_are_refused(system: System) -> None:
     assert not Drivers.of(system).is_differential
     with pytest.raises(InputError, match="hoist: a scene without it is allowed here"):
