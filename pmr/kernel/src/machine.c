@@ -255,7 +255,7 @@ static int end_machine_step(pmr_machine_run *ms, int64_t k)
         if (m->free[n])
             past->smooth[n] = by_impulse(&w, now->b[6 + n] - past->b[6 + n], past->smooth[n]);
         else
-            held = 1;
+            held = ms->state->system->frame_angles[2] >= 0; /* nobody asks what holds a free luffing angle's frame */
     }
     for (n = 0; n < 6; n++)
         past->forces[n] = smoothed(&w, now->whole.forces[n], past->whole.forces[n], past->forces[n]);
