@@ -6,6 +6,12 @@ and gain of sensors, and errors of the model in measured outputs.  Loads and err
 .. math::
     f_{k+1} = e^{-h/\tau} f_k + w_k, \qquad \mathrm{var}(w_k) = \sigma^2 (1 - e^{-2h/\tau})
 
+Between two steps such a load wanders, too.  Its mean over a step, with the load at both ends known, is one more random
+load with the variance :math:`2 u \sigma^2 (1 - 2 u \tanh(1 / 2u))` of each step, :math:`u = \tau / h`.
+
+A parameter that is not estimated has no gain, and its covariance with the state goes on (Schmidt, *Application of
+state-space methods to navigation problems*, Advances in Control Systems 3, 1966).
+
 A payload m beside that of the reference motion acts as the load :math:`-m (g + a)`, with the acceleration a of the
 place that carries it.  In gains a is that of the reference motion; what the payload's estimate does by the rest of the
 estimated acceleration is a known load.  So gains do not depend on what is measured: the product of an estimated
@@ -25,14 +31,13 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
+from pmr.observe.alarms import ALARM, InnovationTest, find_silent, find_stuck
 from pmr.observe.linear import LinearMotion
 
 #: Innovation over its standard deviation from which a measurement counts less: its variance is enlarged to this bound.
 GATE = 5.0
-#: Seconds over which innovations are averaged for alarms, and mean square of normalised ones that raises an alarm.
-WINDOW, ALARM = 0.4, 6.0
-#: Seconds in which a sensor that vibrates does not have one and the same value.
-STUCK = 0.25
+#: The same ratio from which a measurement is not used: no error of a model is as large as that of a wrong unit.
+REFUSED = 50.0
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,15 @@ class UnknownLoad:
     deviation: float  # N: standard deviation
     time: float  # s: time in which it changes
 
+    def deviation_in_step(self, step: float) -> float:
+        r"""Standard deviation in N of the load's mean over a `step` h in s whose ends are known.
+
+        .. math::
+            \sigma^2\, 2 u \left( 1 - 2 u \tanh \frac{1}{2 u} \right), \qquad u = \tau / h
+        """
+        u = self.time / step
+        return self.deviation * float(np.sqrt(max(0.0, 2.0 * u * (1.0 - 2.0 * u * np.tanh(0.5 / u)))))
+
 
 @dataclass(frozen=True)
 class Payload:
@@ -72,6 +86,7 @@ class Parameter:
     name: str
     sensitivity: Array  # (T, q): what the change makes of the outputs (`output_sensitivity`)
     deviation: float = 1.0  # standard deviation, in units of the change
+    estimated: bool = True  # False: it widens bands alone, as the sensors would not tell its true value
 
 
 @dataclass(frozen=True)
@@ -87,7 +102,7 @@ class Estimates:
     unknown_deviation: Array  # (T, u)
     sensors: tuple[str, ...]
     innovations: Array  # (T, p): over their standard deviations; NaN where nothing was measured
-    alarms: NDArray[np.bool_]  # (T, p): whether a sensor disagrees with the model, or is stuck
+    alarms: NDArray[np.bool_]  # (T, p): whether a sensor disagrees with the model, is stuck or silent
 
     def of(self, name: str) -> tuple[Array, Array]:
         """Mean and standard deviation (T,) of an output or unknown; an InputError is raised for another name."""
@@ -258,6 +273,8 @@ class _Filter:
             slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)
         )
         self.n, N = n, int(ends[-1])
+        first = self.of_parameters.start
+        self.considered = [first + k for k, parameter in enumerate(observer.parameters) if not parameter.estimated]
         self.unknown = slice(n, int(ends[-2]))
         deviations = [load.deviation for load in observer.loads]
         deviations += [] if observer.payload is None else [observer.payload.deviation]
@@ -277,6 +294,7 @@ class _Filter:
         self.Q[self.of_loads] = [
             load.deviation**2 * (1.0 - a * a) for load, a in zip(observer.loads, decay, strict=True)
         ]
+        self.rough = np.array([load.deviation_in_step(self.h) for load in observer.loads])
         self.Q[self.of_errors] = 1.0 - error_decay**2
         if observer.payload is not None:
             self.Q[self.of_payload] = observer.payload.wander**2 * self.h
@@ -303,11 +321,14 @@ class _Filter:
         acceleration = float(self.rows[model.output_number(payload.acceleration)] @ self.x)
         return of_loads[:, model.input_number(payload.input)] * -acceleration * float(self.x[self.of_payload][0])
 
-    def update(self, k: int, measured: Array, present: NDArray[np.bool_]) -> Array:
+    def update(
+        self, k: int, measured: Array, present: NDArray[np.bool_], doubted: NDArray[np.bool_] | bool = False
+    ) -> Array:
         """Correct the state by measurements (p,) at step k; return innovations (p,) over their standard deviations.
 
         Only measurements in the mask `present` (p,) are used; the innovations of others are NaN.  One whose innovation
-        is beyond `GATE` counts with a larger variance.
+        is beyond `GATE` counts with a larger variance, or not at all if the sensor is `doubted` (p,) or the innovation
+        beyond `REFUSED`.
         """
         observer, model = self.observer, self.observer.model
         n, rows, payload = self.n, self.rows, observer.payload
@@ -327,17 +348,19 @@ class _Filter:
         H[self.off, range(self.of_errors.start, self.of_errors.stop)] = self.errors[off] * np.sqrt(self.square[off])
         expected = (model.reference[k] + self.shift)[self.number] + H @ self.x
         innovations = np.full(len(self.number), np.nan)
-        used = np.nonzero(present)[0]
+        variances = np.sum((H @ self.P) * H, axis=1) + self.noise**2
+        gaps = np.where(np.isfinite(measured), measured, expected) - expected
+        innovations[present] = (gaps / np.sqrt(variances))[present]
+        used = np.nonzero(np.abs(innovations) <= np.where(doubted, GATE, REFUSED))[0]
         if len(used):
-            H, gap = H[used], np.nan_to_num(measured[used] - expected[used])
+            H, gap = H[used], gaps[used]
             PH = self.P @ H.T
-            S = H @ PH + np.diag(self.noise[used] ** 2)
-            innovations[used] = gap / np.sqrt(np.diagonal(S))
             beyond = np.maximum((innovations[used] / GATE) ** 2 - 1.0, 0.0)
-            S[range(len(used)), range(len(used))] += beyond * np.diagonal(S)
+            S = H @ PH + np.diag(self.noise[used] ** 2 + beyond * variances[used])
             K = np.linalg.solve(S, PH.T).T
+            K[self.considered] = 0.0
             self.x = self.x + K @ gap
-            self.P -= K @ PH.T
+            self.P -= K @ PH.T + PH @ K.T - K @ S @ K.T
             self.P = 0.5 * (self.P + self.P.T)
         return innovations
 
@@ -359,25 +382,26 @@ class _Filter:
         self.x[:n] += swing
         self.P = F @ self.P @ F.T
         self.P[range(len(self.x)), range(len(self.x))] += self.Q
+        rough = model.B[k][:, self.load_columns] * self.rough
+        self.P[:n, :n] += rough @ rough.T
 
     def run(self, values: Array) -> Estimates:
         """Estimates from measurements (T, p) at the steps of the model, NaN where there is none.
 
-        Measurements of a sensor that is stuck are not used.  A sensor has an alarm where it is stuck, or while the mean
-        square of its innovations is above `ALARM`.
+        Measurements of a sensor that is stuck are not used.  A sensor has an alarm where it is stuck or silent.  It has
+        one, and is doubted, where the mean square of its innovations is large (`pmr.observe.alarms`).
         """
         observer, model = self.observer, self.observer.model
         T, q = model.reference.shape
         mean, deviation = np.zeros((T, q)), np.zeros((T, q))
         unknown, unknown_deviation = np.zeros((2, T, self.unknown.stop - self.unknown.start))
         innovations, alarms = np.full(values.shape, np.nan), np.zeros(values.shape, bool)
-        stuck = find_stuck(values, max(2, round(STUCK / self.h)))
-        level, share = np.ones(values.shape[1]), min(1.0, self.h / WINDOW)
+        stuck, silent = find_stuck(values, self.h), find_silent(values, self.h)
+        test = InnovationTest(np.ones(values.shape[1]), self.h)
         for k in range(T):
             usable = np.isfinite(values[k]) & ~stuck[k]
-            innovations[k] = self.update(k, values[k], usable)
-            level[usable] += share * (np.minimum(innovations[k, usable] ** 2, 1e3) - level[usable])
-            alarms[k] = stuck[k] | (level > ALARM)
+            innovations[k] = self.update(k, values[k], usable, test.level > ALARM)
+            alarms[k] = test.update(innovations[k]) | stuck[k] | silent[k]
             mean[k], variance = self.outputs(k)
             deviation[k] = np.sqrt(variance)
             unknown[k] = self.x[self.unknown]
@@ -386,18 +410,3 @@ class _Filter:
         names = tuple(sensor.output for sensor in observer.sensors)
         estimated = (model.outputs, mean, deviation, observer.unknowns, unknown, unknown_deviation)
         return Estimates(model.t, *estimated, names, innovations, alarms)
-
-
-def find_stuck(values: Array, count: int) -> NDArray[np.bool_]:
-    """Whether, at each step, a sensor's measurement (T, p) repeats the one before for the `count`-th time or more.
-
-    Steps without a measurement, NaN, are passed over, and are never stuck.
-    """
-    stuck = np.zeros(values.shape, bool)
-    for column, marked in zip(values.T, stuck.T, strict=True):
-        at = np.nonzero(np.isfinite(column))[0]
-        same = 0
-        for before, step in zip(at[:-1], at[1:], strict=True):
-            same = same + 1 if column[step] == column[before] else 0
-            marked[step] = same >= count
-    return stuck

@@ -11,42 +11,72 @@ from oscillator import OUTPUTS, H, history, measured, oscillator, weight
 
 from pmr.errors import InputError
 from pmr.observe.budget import output_errors
+from pmr.observe.linear import LinearMotion
 from pmr.observe.observer import Observer, Parameter, Payload, Sensor, UnknownLoad
 
 Array = NDArray[np.float64]
 
 
+def outputs_of_unknowns(model: LinearMotion, deviation: float, time: float, disturbance: float) -> Array:
+    """Outputs (T, q, u) for each of u unknowns with unit variance.
+
+    They are the first load, and for each step but the first the change of the load, the acceleration of the mode, and
+    the load's mean within the step.
+    """
+    T, decay = len(model.t), np.exp(-H / time)
+    with_end = time / H * (1.0 - decay)  # covariance of the mean with the load at an end, over deviation^2
+    of_mean = 2.0 * time / H * (1.0 - with_end)
+    ends = np.array([[1.0, decay], [decay, 1.0]])
+    within = deviation * np.sqrt(of_mean - with_end**2 * np.linalg.inv(ends).sum())
+    x, f, outputs = np.zeros((3, 1 + 3 * (T - 1))), np.zeros(1 + 3 * (T - 1)), []
+    f[0] = deviation
+    x += np.outer(model.start[:, 0], f)
+    for k in range(T):
+        outputs.append(model.C[k] @ x + np.outer(model.D[k, :, 0], f))
+        if k < T - 1:
+            x = model.A[k] @ x + np.outer(model.B[k, :, 0], f)
+            x[1, 2 + 3 * k] += disturbance * H
+            x[:, 3 + 3 * k] += within * model.B[k, :, 0]
+            f = decay * f
+            f[1 + 3 * k] += deviation * np.sqrt(1.0 - decay**2)
+    return np.array(outputs)
+
+
 def test_estimates_are_least_squares_over_the_whole_motion() -> None:
-    """All unknowns at once from a stacked system: load process, bias, and random accelerations of the mode."""
+    """All unknowns at once from a stacked system: load, bias, random accelerations of the mode, loads within steps."""
     steps, model, rng = 12, oscillator(12), np.random.default_rng(1)
     sensors = [Sensor(OUTPUTS[0], 0.05, bias=0.2), Sensor(OUTPUTS[2], 3.0)]
     observer = Observer(model, sensors, [UnknownLoad("push", 40.0, 0.05)], disturbance=0.5)
     y = history(model, 40.0 * rng.standard_normal(steps)) + np.array([0.1, 0.0, 0.0])
     data = measured(model, y, np.array([0.05, 0.0, 3.0]), rng, (OUTPUTS[0], OUTPUTS[2]))
     estimates = observer.run(data)
-    # unknowns: f_0, bias, f_1 ... f_T-1 noises, mode noises; all with unit variance
-    decay = np.exp(-H / 0.05)
-    count = 2 + 2 * (steps - 1)
-    x, f, bias = np.zeros((3, count)), np.zeros(count), np.zeros(count)
-    f[0], bias[1] = 40.0, 0.2
-    x += np.outer(model.start[:, 0], f)
-    rows, rights = list[Array](), list[float]()
-    for k in range(steps):
-        outputs = model.C[k] @ x + np.outer(model.D[k, :, 0], f)
-        for name, noise, off in ((OUTPUTS[0], 0.05, bias), (OUTPUTS[2], 3.0, 0.0)):
-            rows.append((outputs[OUTPUTS.index(name)] + off) / noise)
-            rights.append(data[name][1][k] / noise)
-        if k < steps - 1:
-            x = model.A[k] @ x + np.outer(model.B[k, :, 0], f)
-            x[1, 2 + steps - 1 + k] += 0.5 * H
-            f = decay * f
-            f[2 + k] += 40.0 * np.sqrt(1.0 - decay**2)
-    normal = np.eye(count) + np.array(rows).T @ np.array(rows)
-    solution, covariance = np.linalg.solve(normal, np.array(rows).T @ np.array(rights)), np.linalg.inv(normal)
-    for name, row in (("push", f), ("bias of acceleration of tip", bias), ("tip", outputs[1])):
+    outputs = outputs_of_unknowns(model, 40.0, 0.05, 0.5)
+    bias = np.concatenate([np.zeros(outputs.shape[2]), [0.2]])
+    outputs = np.concatenate([outputs, np.zeros((steps, 3, 1))], axis=2)
+    rows = np.vstack([(outputs[:, 0] + bias) / 0.05, outputs[:, 2] / 3.0])
+    rights = np.concatenate([data[OUTPUTS[0]][1] / 0.05, data[OUTPUTS[2]][1] / 3.0])
+    covariance = np.linalg.inv(np.eye(len(bias)) + rows.T @ rows)
+    solution = covariance @ rows.T @ rights
+    for name, row in (("bias of acceleration of tip", bias), ("tip", outputs[-1, 1])):
         mean, deviation = estimates.of(name)
         np.testing.assert_allclose(mean[-1], row @ solution, rtol=1e-8)
         np.testing.assert_allclose(deviation[-1], np.sqrt(row @ covariance @ row), rtol=1e-8)
+
+
+def test_a_parameter_that_is_not_estimated_widens_bands_by_what_it_does_to_errors() -> None:
+    """Estimates are linear in measurements, and their errors follow from this and from what is unknown."""
+    steps, model, rng = 10, oscillator(10), np.random.default_rng(5)
+    softer = Parameter("stiffness", 0.01 * rng.standard_normal((steps, 3)) * (1.0, 0.1, 600.0), 2.0, estimated=False)
+    loads = [UnknownLoad("push", 40.0, 0.05)]
+    observer = Observer(model, [Sensor(OUTPUTS[2], 3.0)], loads, parameters=[softer], disturbance=0.5)
+    plain = observer.run({OUTPUTS[2]: (model.t, np.zeros(steps))})
+    weights = np.array([observer.run({OUTPUTS[2]: (model.t, row)}).of("tip")[0][-1] for row in np.eye(steps)])
+    outputs = outputs_of_unknowns(model, 40.0, 0.05, 0.5)
+    outputs = np.concatenate([outputs, 2.0 * softer.sensitivity[:, :, None]], axis=2)
+    error = outputs[-1, 1] - weights @ outputs[:, 2]
+    deviation = np.sqrt(error @ error + 9.0 * weights @ weights)
+    np.testing.assert_allclose(plain.of("tip")[1][-1], deviation, rtol=1e-8)
+    assert np.all(plain.of("stiffness")[0] == 0.0) and np.all(plain.of("stiffness")[1] == 2.0)
 
 
 def test_a_payload_is_told_and_its_band_holds() -> None:
@@ -90,33 +120,67 @@ def test_accelerometers_alone_cannot_tell_a_payload() -> None:
     assert alone["payload"] > 0.9 and both["payload"] < 0.2
 
 
-@pytest.mark.parametrize("kind", ["missing", "gap", "stuck", "unit", "swapped"])
-def test_bad_measurements_are_told_and_nothing_diverges(kind: str) -> None:
-    model, rng = oscillator(800), np.random.default_rng(3)
-    y = history(model, 60.0 * rng.standard_normal(800))
-    sensors = [Sensor(OUTPUTS[0], 0.05), Sensor(OUTPUTS[1], 1e-3), Sensor(OUTPUTS[2], 3.0)]
-    data = measured(model, y, np.array([0.05, 1e-3, 3.0]), rng)
-    bad, at = OUTPUTS[2], 400
+def spoil(data: dict[str, tuple[Array, Array]], kind: str, bad: str, at: int) -> dict[str, tuple[Array, Array]]:
+    """Measurements of which those of the sensor `bad` are wrong from the step `at` on."""
     t, values = data[bad][0], data[bad][1].copy()
+    spoiled = dict(data)
     if kind == "missing":
         values[at::2] = np.nan
+    elif kind == "infinite":
+        values[at::3] = np.inf
     elif kind == "gap":
         values[at:600] = np.nan
     elif kind == "stuck":
         values[at:] = values[at]
-    elif kind == "unit":
-        values[at:] *= 1e3
+    elif kind == "slow and stuck":
+        values[np.arange(len(values)) % 8 != 0] = np.nan
+        values[at::8] = values[at]
+    elif kind == "dead":
+        values[at:] = 0.0
+    elif kind == "swapped":
+        other = OUTPUTS[OUTPUTS.index(bad) - 1]
+        spoiled[other] = (t, np.concatenate([data[other][1][:at], values[at:]]))
+        values[at:] = data[other][1][at:]
     else:
-        data[OUTPUTS[1]], values = (t, values), data[OUTPUTS[1]][1]
-        at = 0
-    data[bad] = (t, values)
+        values[at:] *= float(kind)
+    return {**spoiled, bad: (t, values)}
+
+
+KINDS = ("missing", "infinite", "gap", "stuck", "slow and stuck", "dead", "swapped", "1000.0", "0.001", "-1.0")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("bad", OUTPUTS)
+def test_bad_measurements_are_told_within_a_second_and_nothing_diverges(kind: str, bad: str) -> None:
+    model, rng, at = oscillator(800), np.random.default_rng(3), 400
+    y = history(model, 60.0 * rng.standard_normal(800))
+    sensors = [Sensor(OUTPUTS[0], 0.05), Sensor(OUTPUTS[1], 1e-3), Sensor(OUTPUTS[2], 3.0)]
+    data = spoil(measured(model, y, np.array([0.05, 1e-3, 3.0]), rng), kind, bad, at)
     estimates = Observer(model, sensors, [UnknownLoad("push", 60.0, 1e-3)]).run(data)
     for array in (estimates.mean, estimates.deviation, estimates.unknown_mean):
         assert np.isfinite(array).all()
-    assert np.abs(estimates.of("tip")[0]).max() < 100.0 * np.abs(y[:, 1]).max()
-    told = estimates.alarms[at : at + round(1.0 / H)].any()
-    assert told == (kind not in ("missing", "gap"))
+    assert np.abs(estimates.of("tip")[0] - y[:, 1]).max() < 3.0 * np.abs(y[:, 1]).max()
+    told = estimates.alarms[at : at + round(1.0 / H)]
+    assert told.any() == (kind not in ("missing", "infinite"))
     assert not estimates.alarms[:at].any()
+    if kind in ("gap", "stuck", "slow and stuck", "dead"):
+        assert told[:, OUTPUTS.index(bad)].any()
+
+
+def test_a_wrong_unit_does_not_move_the_payload() -> None:
+    """A force in kN from 3 s on: the payload is as well known as where the force is not measured any more."""
+    model, rng, at = oscillator(700), np.random.default_rng(2), 300
+    data = measured(model, weight(model, 12.0, rng, 15.0), np.array([0.02, 0.0, 20.0]), rng, (OUTPUTS[0], OUTPUTS[2]))
+    sensors, loads = [Sensor(OUTPUTS[0], 0.02), Sensor(OUTPUTS[2], 1.0)], [UnknownLoad("push", 15.0, -H / np.log(0.9))]
+    observer = Observer(replace(model, reference=model.reference + (0.0, 0.0, 5e3)), sensors, loads,
+                        Payload("push", OUTPUTS[0], 20.0))  # fmt: skip
+    t, force = data[OUTPUTS[2]]
+    gone, wrong = force + 5e3, force + 5e3
+    gone[at:] = np.nan
+    wrong[at:] *= 1e-3
+    without, estimates = (observer.run({**data, OUTPUTS[2]: (t, values)}) for values in (gone, wrong))
+    assert estimates.alarms[at + 5 :, 1].all()
+    np.testing.assert_allclose(estimates.of("payload")[0], without.of("payload")[0], rtol=1e-12)
 
 
 def test_sensors_have_rates_of_their_own() -> None:

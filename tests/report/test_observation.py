@@ -55,7 +55,7 @@ def test_the_page_has_what_the_files_have(tmp_path: Path) -> None:
 
 
 def test_a_sensor_that_disagrees_is_warned_of(tmp_path: Path, undrawn: None) -> None:
-    assert f"{OUTPUTS[2]} disagrees with the model or is stuck from" in page_of(tmp_path, observation(off=1e3))
+    assert f"{OUTPUTS[2]} disagrees with the model, is stuck or silent from" in page_of(tmp_path, observation(off=1e3))
 
 
 def test_truth_of_nothing_that_is_estimated_is_refused() -> None:

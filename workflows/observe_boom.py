@@ -1,0 +1,208 @@
+"""Payload, tip and stress of a boom that telescopes, from three sensors: python workflows/observe_boom.py.
+
+Random motions are simulated with another model than that of the observer, which has finer meshes, more coordinates and
+shorter steps; then once more with other pads, another Young's modulus and friction of the pads.  Errors of estimates
+are printed, with the shares of true values within bands of 90 %.  Motions 0 to 9 were there to choose the observer's
+settings; 10 to 39 are judged.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import pmr
+from pmr.observe.budget import output_errors
+from pmr.observe.linear import LinearMotion, linearize, output_sensitivity
+from pmr.observe.observer import Observer, Parameter, Payload, Sensor, UnknownLoad
+from pmr.pipeline import run
+from pmr.scene.scene import Scene
+from pmr.system.system import System
+
+Array = NDArray[np.float64]
+
+#: Motions by which settings were chosen, and those by which the observer is judged.
+TUNING, HELD_OUT = range(10), range(10, 40)
+END, STEP, TRUE_STEP = 6.0, 2e-3, 5e-4  # s
+NOMINAL = 300.0  # kg: the model's payload
+DEVIATION, TIME = 150.0, 0.15  # N and s, of the random force at the tip
+FORCE, LOAD = "base: force of luffing cylinder", "fly.tip force"
+ACCELERATIONS = ("acceleration of fly: tip z", "acceleration of middle: tip z")
+NOISE = dict.fromkeys(ACCELERATIONS, 0.02) | {FORCE: 300.0}
+TIP = "fly: tip z"
+STRESSES = ("base: base probe stress axial", "middle: middle probe stress axial")
+ESTIMATES = ("payload", TIP, *STRESSES)
+#: Largest relative deviations from the model's stiffness of pads and Young's modulus, and largest friction.
+PADS, YOUNG, FRICTION = 0.5, 0.03, 0.1
+
+
+@dataclass(frozen=True)
+class Beams:
+    """Beams and pads of a boom: stiffness of a pad in N/m, Young's modulus in Pa, coefficient of friction."""
+
+    pads: float = 1e8
+    young: float = 210e9
+    friction: float = 0.0
+
+
+#: Changes of one parameter: twice the compliance of pads, 3 % less Young's modulus, friction.
+CHANGES = {"pads": Beams(pads=0.5e8), "young": Beams(young=(1.0 - YOUNG) * 210e9), "friction": Beams(friction=FRICTION)}
+#: Standard deviations about zero of the parameters in these changes, which are uniform within their ranges.
+SPREAD = {"pads": 0.37, "young": 1.0 / np.sqrt(3.0), "friction": 1.0 / np.sqrt(3.0)}
+
+
+class Motion(NamedTuple):
+    """Random motion and the beams of its second truth."""
+
+    extensions: Sequence[float]  # (4,) m
+    payload: float  # kg
+    force: Array  # N, at the tip, every 0.5 ms
+    other: Beams
+    noise: np.random.Generator  # of measurements
+
+
+def draw(number: int) -> Motion:
+    """Motion of this number; stiffness, modulus and friction of its other beams are uniform within their ranges."""
+    rng = np.random.default_rng([2026, number])
+    extensions = rng.uniform(0.6, 4.5, 4).tolist()
+    for k in range(1, 4):
+        extensions[k] = float(np.clip(extensions[k], extensions[k - 1] - 1.2, extensions[k - 1] + 1.2))
+    payload, decay = float(rng.uniform(200.0, 420.0)), np.exp(-TRUE_STEP / TIME)
+    noise = rng.standard_normal(round(END / TRUE_STEP) + 1)
+    force = np.zeros(len(noise))
+    force[0] = DEVIATION * noise[0]
+    for k in range(1, len(force)):
+        force[k] = decay * force[k - 1] + DEVIATION * np.sqrt(1.0 - decay**2) * noise[k]
+    pads, young, friction = rng.uniform((-PADS, -YOUNG, 0.0), (PADS, YOUNG, FRICTION)).tolist()
+    return Motion(extensions, payload, force, Beams((1.0 + pads) * 1e8, (1.0 + young) * 210e9, friction), rng)
+
+
+def boom(motion: Motion, beams: Beams, *, truth: bool, estimate: bool = False, step: float = STEP) -> Scene:
+    """Scene of a motion: the truth, with its payload and force, or the observer's model, with the nominal payload."""
+    elements, coordinates = (60, 9) if truth else (40, 6)
+    rubs = f",friction={beams.friction}" if beams.friction else ""
+    ring = f"[{{at=0.15,stiffness={beams.pads},unilateral=false{rubs},faces={{bottom=[0.0],top=[0.0]}}}}]"
+    times = (TRUE_STEP * np.arange(len(motion.force))).tolist()
+    table = f"{{kind='table',interpolation='linear',times={times},values={motion.force.tolist()}}}"
+    stands = "{name='luffing cylinder',on=1.5,directions=['z'],stiffness=5e7}"
+    changes = [
+        f"section.mesh.elements={elements}", f"section.reduction.coordinates={coordinates}",
+        f"section.reduction.estimate={str(estimate).lower()}", f"sections.base.reduction.coordinates={coordinates}",
+        f"section.body.material.young={beams.young}", "start='equilibrium'", f"time.end={END}",
+        f"time.step={TRUE_STEP if truth else step}", "time.rho_inf=0.9", "compare.against=[]", "simulation.repeats=1",
+        "damping={ratio=0.01,frequencies=[1.0,30.0]}", f"section.joint.tail={ring}", f"section.joint.mouth={ring}",
+        f"section.joint.extension={{kind='smooth_ramp',times=[0.2,2.1,4.0,5.9],values={list(motion.extensions)}}}",
+        f"sections.base.supports=[{{name='pin',on=0.0,kind='pinned'}},{stands}]",
+        "sections.base.probes=[{name='base probe',at=[4.0,0.0,0.2]}]",
+        "sections.middle.probes=[{name='middle probe',at=[4.8,0.0,0.18]}]",
+        f"sections.fly.masses=[{{name='payload',on='tip',mass={motion.payload if truth else NOMINAL}}}]",
+        f"sections.fly.loads=[{{name='tip force',on='tip',direction='z',signal={table if truth else 0.0}}}]",
+    ]  # fmt: skip
+    return pmr.load_scene("boom_three", changes)
+
+
+class Truth(NamedTuple):
+    """Simulated motion: times (n,) in s, and outputs (n,) by name, with second differences of displacements."""
+
+    t: Array
+    outputs: Mapping[str, Array]
+
+
+def simulate(motion: Motion, beams: Beams) -> Truth:
+    """Truth of a motion on these beams."""
+    scene = boom(motion, beams, truth=True)
+    response = pmr.simulate(scene, pmr.reduce(scene).system)
+    numbers = {output.name: k for k, output in enumerate(response.outputs)}
+    outputs = {
+        name: response.column(numbers[name.removeprefix("acceleration of ")]) for name in (*NOISE, *ESTIMATES[1:])
+    }
+    for name in ACCELERATIONS:
+        outputs[name] = np.gradient(np.gradient(outputs[name], response.t), response.t)
+    return Truth(response.t, outputs)
+
+
+@cache
+def reduced(beams: Beams) -> System:
+    """Reduced system of the observer's model on these beams, for all extensions of the motions."""
+    return pmr.reduce(boom(draw(0)._replace(extensions=(0.6, 1.8, 3.0, 4.5)), beams, truth=False)).system
+
+
+@cache
+def budget() -> Mapping[str, Any]:
+    """Error budget of the observer's model, without its structural model, since the truth has beams, too."""
+    scene = boom(draw(0)._replace(extensions=(0.6, 1.8, 3.0, 4.5)), Beams(), truth=False, estimate=True)
+    with tempfile.TemporaryDirectory() as folder:
+        outcome = run(scene, measures=Path(folder))
+    assert outcome is not None
+    return {**outcome.result.summary, "budget": {"mesh": outcome.result.summary["budget"]["mesh"]}}
+
+
+def observer(motion: Motion, *, other: bool) -> Observer:
+    """Observer of a motion; for `other` beams with their parameters, of which friction only widens bands."""
+
+    def linear(beams: Beams) -> LinearMotion:
+        return linearize(boom(motion, beams, truth=False), reduced(beams), [TIP, *NOISE, *STRESSES], [LOAD])
+
+    model, parameters = linear(Beams()), list[Parameter]()
+    for name, beams in CHANGES.items() if other else ():
+        sensitivity = output_sensitivity(model, linear(beams))
+        parameters.append(Parameter(name, sensitivity, SPREAD[name], estimated=name != "friction"))
+    sensors = [Sensor(name, noise) for name, noise in NOISE.items()]
+    loads, payload = [UnknownLoad(LOAD, DEVIATION, TIME)], Payload(LOAD, ACCELERATIONS[0], 100.0)
+    return Observer(model, sensors, loads, payload, parameters, output_errors(budget(), model, STEP))
+
+
+class Judged(NamedTuple):
+    """RMS error of an estimate, as a fraction of the payload or of the largest true value, and share in 90 % bands."""
+
+    error: float
+    share: float
+    last: float  # error at the end
+
+
+def judge(number: int, *, other: bool) -> dict[str, Judged]:
+    """Errors and shares by estimate from 1 s on, on the beams of the model or on the `other` ones of a motion."""
+    motion = draw(number)
+    truth, every = simulate(motion, motion.other if other else Beams()), round(STEP / TRUE_STEP)
+    estimator = observer(motion, other=other)
+    t = estimator.model.t
+    true = {name: values[every::every] for name, values in truth.outputs.items()}
+    measured = {name: (t, true[name] + noise * motion.noise.standard_normal(len(t))) for name, noise in NOISE.items()}
+    estimates, late, judged = estimator.run(measured), t > 1.0, dict[str, Judged]()
+    true["payload"] = np.full(len(t), motion.payload - NOMINAL)
+    for name in ESTIMATES:
+        error = estimates.of(name)[0] - true[name]
+        size = motion.payload if name == "payload" else np.abs(true[name]).max()
+        share = estimates.coverage(name, np.where(late, true[name], np.nan))
+        judged[name] = Judged(float(np.sqrt(np.mean(error[late] ** 2)) / size), share, float(abs(error[-1]) / size))
+    return judged
+
+
+def main() -> None:
+    """Print errors and shares of each motion, and of all."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--tuning", action="store_true", help="motions 0 to 9 in place of the held-out ones")
+    numbers = TUNING if parser.parse_args().tuning else HELD_OUT
+    for other in (False, True):
+        print("other beams" if other else "the model's beams", flush=True)
+        motions = list[dict[str, Judged]]()
+        for number in numbers:
+            motions.append(judge(number, other=other))
+            listed = (f"{100.0 * each.error:.3f} % ({each.share:.2f})" for each in motions[-1].values())
+            print(f"  {number}:", ", ".join(listed), flush=True)
+        for name in ESTIMATES:
+            error, share, last = np.array([motion[name] for motion in motions]).T
+            rms, at_end = (100.0 * np.sqrt(np.mean(values**2)) for values in (error, last))
+            print(f"{name}: {rms:.3f} %, at the end {at_end:.3f} %, within bands {share.mean():.3f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
