@@ -37,7 +37,7 @@ from pmr.system.system import System
 #: Converter of a system's contacts to JSON and back.
 CONTACTS = TypeAdapter(tuple[Contact, ...])
 #: Why the error of the mesh is not known: a clause for the report.
-NO_FINER_MESH = "a finer one is made of beams with rigid walls alone"
+NO_FINER_MESH = "a finer one is made of beams with rigid walls alone; a run at such a point tells this error"
 #: Number of luffing angles at each extension for whose contact forces there are attachment modes.
 ANGLES_WITH_MODES = 3
 #: Number of postures in which the richer model's buckling factor is compared with that of full order.

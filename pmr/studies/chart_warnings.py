@@ -116,6 +116,21 @@ def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
                 yield f"load {load.name!r} acts in runs of this scene, but the chart lacks it: no load case names it"
 
 
+def replaced_mass_warnings(original: Scene, scene: Scene) -> list[str]:
+    """Return a line for each mass of `original` that `scene` lacks and that is beside or beyond the tip's axis."""
+    last, remaining = original.sections[-1], {mass.name for mass in scene.sections[-1].masses}
+    lines = list[str]()
+    for mass in last.masses:
+        offset = np.subtract(mass.at or (last.length, 0.0, 0.0), (last.length, 0.0, 0.0))
+        if mass.name not in remaining and np.any(offset):
+            place = ", ".join(f"{value:.4g}" for value in offset)
+            lines.append(
+                f"mass {mass.name!r} is at ({place}) m from the end of the axis; the chart's load in its place acts "
+                "on the axis: the chart lacks the moments of this offset and may allow too much"
+            )
+    return lines
+
+
 def _response_at_equilibria(equilibria: Sequence[Equilibrium]) -> RestingResponse:
     """Return a response with tip displacements and contact forces of one equilibrium at each time; all else is zero."""
     at, states = equilibria[0].place.postures, [at_rest.state for at_rest in equilibria]

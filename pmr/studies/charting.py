@@ -186,7 +186,9 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     of_places = warnings_of_row(scene, contacts, chart.places, models, loads, cases_of_loads, first)
     arrays |= {"place": np.column_stack([radius, tip[:, 2]]), "luffing": at.place.luffing[first:last]}
     left_out = unnamed_loads(scene, [*cases, *arguments["left"]])
-    return TaskResult(record, arrays, warnings=(*of_places, *left_out, *needs["postures"].warnings))
+    return TaskResult(
+        record, arrays, warnings=(*of_places, *left_out, *arguments["replaced"], *needs["postures"].warnings)
+    )
 
 
 def _point_arrays(chart: Chart, models: ChartModels, k: int, rope: Rope | None) -> dict[str, NDArray[Any]]:

@@ -15,6 +15,7 @@ from fuzz import toml
 from ways.kinds import RAISED, SPACE, boom, rings
 
 import pmr
+from pmr.report.studies.chart import covered_parts
 from pmr.report.studies.document import render_studies
 from pmr.scene import load_any
 from pmr.scene.model_ladder import model_comparison
@@ -22,6 +23,9 @@ from pmr.simulation.statics.postures import PostureMatrices, PostureSet, with_ho
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.chart_models import compute_richer_postures
+from pmr.studies.chart_warnings import replaced_mass_warnings
+from pmr.studies.charting import PARTS
+from pmr.studies.kinds.chart import Study
 from pmr.studies.limits import Limit
 from pmr.studies.results import StudyResults
 from pmr.studies.shared import scene_arguments
@@ -81,7 +85,16 @@ def test_the_bar_has_the_structural_model(chart: StudyResults, folder: Path) -> 
         assert min(abs(own - error - loads[n]), abs(own + error - loads[n])) < 0.03 * error
         assert float(row[f"{limit['name']} error [kg]"]) >= error
     assert float(row["lower bound [kg]"]) <= min(arrays["load"][0, :2] - arrays["error.model"][0, :2])
-    assert "structural model, from shells" in render_studies(folder)
+    page = render_studies(folder)
+    assert "structural model, from shells" in page and "reduction, mesh, model, rotations" in page
+    assert f"Lower bounds: these loads, less the error bars of all limits. Not in them: {row['not covered']}." in page
+
+
+def test_the_box_of_the_error_bar_names_what_it_lacks() -> None:
+    """The model is unknown for the limit that governs, and the mesh for one that does not."""
+    parts = {"load": np.array([[1.0, 2.0]])} | {f"error.{of}": np.zeros((1, 2)) for of in PARTS}
+    parts["error.model"][0, 0] = parts["error.mesh"][0, 1] = np.nan
+    assert covered_parts([parts]) == "reduction, mesh, rotations; without model"
 
 
 def test_a_chart_warns_as_a_run_of_the_boom_at_rest_does(chart: StudyResults, folder: Path) -> None:
@@ -117,6 +130,25 @@ def test_a_chart_names_loads_of_runs_that_no_case_has(folder: Path) -> None:
     ):
         (run,) = finished(folder, toml.written(quick | {"cases": cases})).runs
         assert any(f"load {name!r} acts in runs" in line for line in run.warnings) is warned
+
+
+@pytest.mark.parametrize(("at", "offset"), [([2.0, 0.4, 0.0], "(0, 0.4, 0)"), ([2.5, 0.0, 0.0], "(0.5, 0, 0)")])
+def test_a_chart_says_that_its_load_is_not_beside_the_axis_as_the_mass_in_its_place_was(
+    folder: Path, at: list[float], offset: str
+) -> None:
+    described = tomllib.loads((folder / "scene.toml").read_text())
+    described["sections"][-1]["masses"] = [
+        {"name": "hook", "on": "tip", "mass": 100.0, "at": at},
+        {"name": "light", "on": "tip", "mass": 1.0},
+    ]
+    (folder / "beside.toml").write_text(toml.written(described))
+    original = load_any(folder / "beside.toml")
+    (line,) = replaced_mass_warnings(original, load_any(folder / "scene.toml"))
+    assert f"mass 'hook' is at {offset} m from the end of the axis" in line and "lacks the moments" in line
+    assert replaced_mass_warnings(original, original) == []
+    keys = {"scene": str(folder / "beside.toml"), "change": {"sections": {"fly": {"masses": []}}}}
+    (row, *_) = Study.model_validate(STUDY | keys).plan().runs
+    assert row.arguments["replaced"] == [line]
 
 
 def test_without_a_richer_model_the_reason_is_said(folder: Path) -> None:

@@ -63,6 +63,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
         drawing(f"{prefix}-duty", duty_lines, caption, chart),
         DutyTable.from_loads(table, float(study.study_file["up_to"])),
     )
+    not_covered = str(parts[0]["not_covered"][0])
     texts = [_cell_text(study, table, chart, error, number) for number in range(least.size)]
     shown = f"{SCREEN}{pointer_cells(chart, texts)}{END_OF_SCREEN}</svg>"
     picture = replace(picture, svg=picture.svg.removesuffix("</svg>") + shown)
@@ -70,10 +71,10 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
         anchor=prefix,
         title=study.title,
         headline=_headline(study, least),
-        key_numbers=_key_numbers(study, least, error),
+        key_numbers=_key_numbers(study, least, error, parts),
         paragraphs=_paragraphs(study, parts),
         blocks=[
-            Block("Load chart", (picture, lines), grids=tuple(_duty_grids(study, duty))),
+            Block("Load chart", (picture, lines), grids=tuple(_duty_grids(study, duty, not_covered))),
             Block("Limits", grids=(_limit_grid(study, names), *_error_bar_grids(study, names, parts))),
             Block("Load cases", grids=(_case_grid(study),)),
             *governing_pages(study, names, parts, prefix),
@@ -122,11 +123,11 @@ def _headline(study: FinishedStudy, least_loads: Array) -> str:
     return f"It carries {_format_load(low)} to {_format_load(high)}, depending on extension and angle."
 
 
-def _key_numbers(study: FinishedStudy, least_loads: Array, error: Array) -> list[KeyNumber]:
+def _key_numbers(study: FinishedStudy, least_loads: Array, error: Array, parts: Parts) -> list[KeyNumber]:
     """Key numbers: number of points, largest and least of `least_loads` in kg.
 
-    If any `error` bar is finite, the largest one follows, and the number of points where another limit may govern
-    within them.
+    If any `error` bar is finite, the largest one follows with what it contains, and the number of points where another
+    limit may govern within them.
     """
     count = len(study.study_file["limits"]) + 1
     key_numbers = [KeyNumber(str(least_loads.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
@@ -134,9 +135,20 @@ def _key_numbers(study: FinishedStudy, least_loads: Array, error: Array) -> list
     key_numbers.append(KeyNumber(_format_load(np.nanmin(least_loads)), "least"))
     if np.isfinite(error).any():
         largest, doubt = _format_load(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])
-        key_numbers.append(KeyNumber(largest, "error bar, at most", "reduction, mesh, model, rotations"))
+        key_numbers.append(KeyNumber(largest, "error bar, at most", covered_parts(parts)))
         key_numbers.append(KeyNumber(doubt, "points where another limit may govern", "within the error bars"))
     return key_numbers
+
+
+def covered_parts(parts: Parts) -> str:
+    """List the parts of the error bars, then those that are unknown for the limit that governs, anywhere."""
+    which = governing_limit(np.concatenate([part["load"] for part in parts]))
+    rows = np.flatnonzero(which >= 0)
+    covered, lacking = list[str](), list[str]()
+    for of in charting.PARTS:
+        error = np.concatenate([part[f"error.{of}"] for part in parts])[rows, which[rows]]
+        (lacking if np.isnan(error).any() else covered).append("rotations" if of == "rotation" else of)
+    return ", ".join(covered) + (f"; without {', '.join(lacking)}" if lacking else "")
 
 
 def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
@@ -145,14 +157,19 @@ def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
         "Error bars are the sum of four parts: the reduction, from a richer reduced model; the mesh, from elements "
         "half as long; the structural model, from shells in place of beams; and what second order neglects where "
         "the boom bends far. The lower bound in chart.csv is what all limits allow at least, less their error bars. "
-        f"Not covered: {parts[0]['not_covered'][0]}."
+        f"Neither error bars nor lower bounds contain: {parts[0]['not_covered'][0]}."
         if study.study_file["error_bars"]
         else "Error bars were not asked for."
+    )
+    frequency = (
+        "Frequencies are those with the pads that are closed at rest under the load. A run's first page has every pad "
+        "closed, which is stiffer: its frequency is higher where pads are open here."
     )
     return [
         "Equilibrium to second order with the contacts that are closed: axial forces of weight and load bend what is "
         "bent. All factors are those of the study. A machine tips with the load at the deflected tip.",
         bars,
+        *([frequency] if any(limit["of"] == "frequency" for limit in study.study_file["limits"]) else []),
         *_hoisting_sentences(study),
     ]
 
@@ -273,8 +290,11 @@ def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
     return format_quantity(amount, unit) if unit else f"{amount:g}"
 
 
-def _duty_grids(study: FinishedStudy, duty: DutyTable) -> Iterator[Grid]:
-    """Yield the table of loads over radius and boom length with letters of limits, and that of their lower bounds."""
+def _duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Iterator[Grid]:
+    """Yield the table of loads over radius and boom length with letters of limits, and that of their lower bounds.
+
+    The caption of the lower bounds says what is `not_covered` by them.
+    """
     columns = spread_indices(len(duty.lengths), COLUMNS)
 
     def cell(r: int, e: int, values: Array) -> str:
@@ -295,7 +315,7 @@ def _duty_grids(study: FinishedStudy, duty: DutyTable) -> Iterator[Grid]:
     )
     named = {caption: duty.load}
     if study.study_file["error_bars"]:
-        named["The same, less the error bars of all limits."] = duty.lower
+        named[f"Lower bounds: these loads, less the error bars of all limits. Not in them: {not_covered}."] = duty.lower
     for text, values in named.items():
         head = ("radius in m", *(f"{duty.lengths[e]:.3g}{SPACE}m" for e in columns))
         yield Grid(text, head, tuple((f"{radius:g}", *(cell(r, int(e), values) for e in columns))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -23,6 +24,7 @@ from pmr.simulation.statics.postures import HOOK, with_hook
 from pmr.studies import shared
 from pmr.studies.cases import CLASSES, LoadCase, hoisting_factor
 from pmr.studies.chart_models import compute_postures, compute_richer_postures
+from pmr.studies.chart_warnings import replaced_mass_warnings
 from pmr.studies.charting import allow_row, governing_limit, limits_in_doubt, lower_bounds
 from pmr.studies.duty import DutyTable, LeastLoads
 from pmr.studies.governing import Stop
@@ -183,6 +185,7 @@ class Study(StudyBase):
             "left": [case.acting_amounts(self.classes) for case in self._out_of_service],
             "gravity": scene.gravity.acceleration if scene.gravity else 0.0,
             "stops": [{"of": stop.of, "speed": stop.speed * unit, "within": stop.within} for stop in self.stops],
+            "replaced": self._replaced_masses,
             "hoist": self.hoist and [self.hoist.rope_stiffness, self.hoist.speed],
         }
         runs = []
@@ -361,6 +364,13 @@ class Study(StudyBase):
             raise InputError("study", "stops", "slewing", "a scene whose [frame] has a slewing angle is allowed")
         self._class_factor  # noqa: B018  (refuses a class that is not there)
         return scene.with_keys(frame={"second_order": True})
+
+    @property
+    def _replaced_masses(self) -> list[str]:
+        """Lines of `replaced_mass_warnings` on what `change` removes; none if the scene is not valid without it."""
+        with suppress(InputError):
+            return replaced_mass_warnings(scenes.load_any(self.scene), self._scene)
+        return []
 
     @cached_property
     def _extension_rows(self) -> list[dict[str, float]]:
