@@ -52,7 +52,8 @@ def figures_of(result: RunResult, anchor: str) -> Figures:
     """
     pictures = start_album(result, anchor)  # another process renders them meanwhile
     sketched = drawing(f"{anchor}-sketch", sketch.draw_sketch, sketch.sketch_caption(result), result)
-    shown = [motion_block(result, anchor, pictures), *(show(result, anchor) for show in SECTIONS), origin_block(result)]
+    sections = [show(result, anchor) for show in SECTIONS]
+    shown = [motion_block(result, anchor, pictures), *sections, origin_block(result)]  # the first one needs pictures
     return Figures(sketched, [*filter(None, shown)])
 
 
