@@ -69,10 +69,13 @@ def test_angle_and_cylinder_are_those_of_the_run(drive: str) -> None:
     run = LuffingRun(scene, system)
     angle = run.with_luffing().frame.luffing.samples.values
     columns = dict(zip(CYLINDER_COLUMNS, run.simulation.cylinder.T, strict=True))
+    # each step finds the rate to MACHINE_NEAR of the fastest so far, which is at least that of a fall within a step
+    near = 2.0 * 1e-9 * max(np.abs(angle[1]).max(), scene.time.step * 9.80665)
     stepper = stepped(drive, outputs=["luffing angle", "rate of luffing angle", "hook height"])
     for k in range(1, scene.time.steps + 1):
         y = stepper.step(*driven(scene, drive, k))
-        assert y[:2] == pytest.approx(angle[:2, k], abs=1e-11)
+        assert y[0] == pytest.approx(angle[0, k], abs=1e-12)
+        assert y[1] == pytest.approx(angle[1, k], abs=near)
     for name, value in stepper.luffing.items():
         if name.startswith("luffing cylinder "):
             expected = columns[name.removeprefix("luffing cylinder ")]
