@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from pmr.files import npz
 from pmr.files.arrays import Array, Summary
+from pmr.scene import Scene
 from pmr.simulation.statics.loaded import LoadedStructure
 from pmr.simulation.statics.postures import HOOK, WEIGHT, DeflectionOutputs, PostureMatrices
 from pmr.simulation.statics.swings import Rope, lift_off
 from pmr.studies import shared
-from pmr.studies.allowed import Place, allowed_loads, large_rotation_changes
+from pmr.studies.allowed import JUST_BELOW, Place, allowed_loads, large_rotation_changes
 from pmr.studies.chart_models import CONTACTS, ChartModels
 from pmr.studies.chart_warnings import unnamed_loads, warnings_of_row
 from pmr.studies.governing import StopMotion, governing_details, largest_governed_rows
@@ -146,6 +147,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     - ``place`` (p, 2) m: radius and height of the undeformed tip; ``luffing`` (p,) rad.
     - ``load`` (p, l) kg: the smallest over all cases in service, NaN if no load up to ``up_to`` reaches the limit;
       ``case`` (p, l): the number of that case.
+    - ``member`` (p,): the pad, cylinder, rope, support or probe that reaches the limit that governs; empty if unknown.
     - ``error`` (p, l) kg: ``error.reduction`` + ``error.mesh`` + ``error.model`` + ``error.rotation``, the mesh's and
       the model's counting as 0 where they are NaN, which means unknown; ``not_covered`` (p,): the errors that it does
       not cover, in words.
@@ -164,7 +166,10 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     rope = None if arguments.get("hoist") is None else Rope(*arguments["hoist"])
     first, last = arguments["rows"]
     idle = replace(chart, amounts=[[_amount(case, part) for part in at.loads.names] for case in arguments["left"]])
-    rows = [_point_arrays(chart, models, k, rope) | {"passed": idle.passed_limits(at, k)} for k in range(first, last)]
+    scene = shared.scene_of(arguments)
+    rows = [
+        _point_arrays(chart, models, k, rope, scene) | {"passed": idle.passed_limits(at, k)} for k in range(first, last)
+    ]
     arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     governing = np.min(np.nan_to_num(arrays["load"], nan=np.inf), axis=1)
     finite = governing[np.isfinite(governing)]
@@ -181,7 +186,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     pages = governing_details(chart.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
     arrays |= {f"at.{name}": values for name, values in (pages | {"place": best}).items()}
     arrays["not_covered"] = np.array(["; ".join(models.not_covered(chart.limits))] * len(rows))
-    scene, contacts = shared.scene_of(arguments), CONTACTS.validate_json(str(needs["postures"].arrays["contacts"]))
+    contacts = CONTACTS.validate_json(str(needs["postures"].arrays["contacts"]))
     loads, cases_of_loads = np.nan_to_num(arrays["load"], nan=chart.up_to), arrays["case"]
     of_places = warnings_of_row(scene, contacts, chart.places, models, loads, cases_of_loads, first)
     arrays |= {"place": np.column_stack([radius, tip[:, 2]]), "luffing": at.place.luffing[first:last]}
@@ -191,15 +196,23 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     )
 
 
-def _point_arrays(chart: Chart, models: ChartModels, k: int, rope: Rope | None) -> dict[str, NDArray[Any]]:
-    """Return the row of point number `k` in the arrays ``load``, ``case``, ``error...`` and ``hoist`` of `allow_row`.
+def _point_arrays(
+    chart: Chart, models: ChartModels, k: int, rope: Rope | None, scene: Scene
+) -> dict[str, NDArray[Any]]:
+    """Return point number `k` in the arrays ``load``, ``case``, ``member``, ``error...`` and ``hoist`` of `allow_row`.
 
     Errors are NaN without richer models; ``hoist`` is missing without a rope.
     """
     places = chart.places(models.reduced, k)
     loads = chart.loads(places)
     case, load = _least_case(loads)
-    row: dict[str, NDArray[Any]] = {"load": load, "case": case}
+    row: dict[str, NDArray[Any]] = {"load": load, "case": case, "member": np.array("")}
+    (which,) = governing_limit(load[None])
+    if 0 <= which < len(chart.limits):
+        place = places[case[which]]
+        state = place.equilibria.state(float(load[which]) * (1.0 - JUST_BELOW))
+        values = np.append(state.outputs, state.forces)
+        row["member"] = np.array(chart.limits[which].governing_member(scene, place.postures.columns, values))
     parts = dict.fromkeys((f"error.{of}" for of in PARTS), np.full(len(load), np.nan))
     if models.enriched is not None:
         parts["error.reduction"] = chart.reduction_errors(models, k, loads)

@@ -18,7 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
+from operator import eq
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
@@ -311,6 +312,18 @@ class Limit(SceneTable):
             probes = [probe for probe in columns.stress_columns() if FIELD not in probe] if self.of == "stress" else []
             raise self._unknown_name(probes)
         return measure
+
+    def governing_member(self, scene: Scene, columns: Columns, values: Array) -> str:
+        """Return the name of the pad, cylinder, rope, support or probe with the largest value in a state; or nothing.
+
+        `values` (c,) are those of the `columns` in this state.  Limits without such members have an empty name.
+        """
+        measure_of, sizes = self.kind.names and LIMITED[self.of].measure, dict[str, float]()
+        for member in filter(self.concerns, self.kind.names(scene) if self.kind.names else ()):
+            measure = measure_of and measure_of(columns, partial(eq, member))
+            if measure is not None:
+                sizes[member] = float(measure(values[None])[0])
+        return max(sizes, key=lambda member: sizes[member], default="")
 
     def eigenvalue_load(self, form: Form, near: float, up_to: float) -> float | None:
         """Return the load in kg at which the eigenvalue of `form` reaches the limit while no contact opens or closes.

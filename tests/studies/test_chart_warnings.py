@@ -90,6 +90,21 @@ def test_the_bar_has_the_structural_model(chart: StudyResults, folder: Path) -> 
     assert f"Lower bounds: these loads, less the error bars of all limits. Not in them: {row['not covered']}." in page
 
 
+def test_a_chart_names_the_pad_that_governs(folder: Path, tmp_path: Path) -> None:
+    """It is the one that a run under this load presses the most."""
+    limits = [{"name": "pads", "of": "pad", "most": 5e3}]
+    (tmp_path / "scene.toml").write_text((folder / "scene.toml").read_text())
+    finished(tmp_path, toml.written(STUDY | {"error_bars": False, "limits": limits}))
+    (row,) = csv.DictReader((tmp_path / "chart.csv").read_text().splitlines())
+    hung = {"name": "hook", "on": "tip", "mass": float(row["load [kg]"])}
+    outcome = pmr.run(load_any(folder / "scene.toml", [f"sections.fly.masses=[{toml.value(hung)}]"]))
+    assert outcome is not None and row["governed by"] == "pads"
+    pads = {pad["name"]: max(-pad["min"], pad["max"]) for pad in outcome.result.summary["pads"]}
+    greatest = [name for name, force in pads.items() if force > (1.0 - 1e-6) * max(pads.values())]  # left and right
+    assert max(pads.values()) == pytest.approx(5e3, rel=0.01) and row["governing member"] in greatest
+    assert f"kg, by pads ({row['governing member']})" in render_studies(tmp_path)
+
+
 def test_the_box_of_the_error_bar_names_what_it_lacks() -> None:
     """The model is unknown for the limit that governs, and the mesh for one that does not."""
     parts = {"load": np.array([[1.0, 2.0]])} | {f"error.{of}": np.zeros((1, 2)) for of in PARTS}

@@ -367,10 +367,11 @@ def _governing_page(
     )
     stands = ", ".join(f"{name} out {value:.3g}{SPACE}m" for name, value in out.items())
     bar = f"{SPACE}±{SPACE}{format_input(float(f'{error:.2g}'))}" if np.isfinite(error) else ""
+    member = f" ({arrays['member'][k]})" if arrays["member"][k] else ""
     text = (
         f"Raised by {np.rad2deg(angle):.3g}°{', ' if stands else ''}{stands}: radius {radius:.4g}{SPACE}m, height "
-        f"{height:.4g}{SPACE}m. It carries {load:.5g}{bar}{SPACE}kg, by {names[n]}, the largest load that this limit "
-        "governs."
+        f"{height:.4g}{SPACE}m. It carries {load:.5g}{bar}{SPACE}kg, by {names[n]}{member}, the largest load that this "
+        "limit governs."
     )
     text += "".join(f" {name}" for name in _stop_sentences(study, names[n], arrays["at.stops"][n]))
     drawn = drawing(anchor, bent_boom, caption, boom)

@@ -317,6 +317,7 @@ class Study(StudyBase):
             ("load [kg]", load[which] if is_limited else ""),
             ("lower bound [kg]", lower if is_limited or lower < self.up_to else ""),
             ("governed by", names[which] if is_limited else "none"),
+            ("governing member", str(table["member"][k])),
             ("case", self._in_service[int(table["case"][k, which])].name if is_limited else ""),
             ("may govern", " | ".join(names[doubt])),
             *([("hoisting factor", table["hoist"][k])] if self.hoist else []),
