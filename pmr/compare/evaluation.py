@@ -167,9 +167,9 @@ def append_friction(response: Response, contacts: Sequence[Contact], friction: A
 
 
 def hoist_outputs(system: BodySystem[Any]) -> list[Output]:
-    """Meaning of the columns of a hoist, which belong to the last section."""
-    last = [*system.bodies][-1]
-    return [Output(name, KINDS[name], last, unit=unit) for name, unit in OUTPUTS.items()]
+    """Meaning of the columns of a hoist, which belong to the section with its head."""
+    section = [*system.bodies][len(system.hoist.reach[0])]  # each section before it travels along a path but the first
+    return [Output(name, KINDS[name], section, unit=unit) for name, unit in OUTPUTS.items()]
 
 
 def response_to_motion(system: BodySystem[Any], t: Array, motion: MotionOutputs) -> Response:

@@ -70,6 +70,9 @@ def check_hoist(scene: Scene) -> None:
             "a section is allowed beside frame.ground: forces of outriggers do not know the rope's pull on a machine"
         )
         raise scene_error("hoist.winch.section", None, allowed)
+    if frame is not None and frame.ground is not None and hoist.pivot_height not in (0.0, frame.ground.height):
+        allowed = f"frame.ground.height, {frame.ground.height:g}, is the pivot's height, and none beside it is allowed"
+        raise scene_error("hoist.pivot_height", hoist.pivot_height, allowed)
     for key, name in (("section", hoist.section), ("winch.section", hoist.winch.section)):
         if name and name not in scene.names:
             raise scene_error(f"hoist.{key}", name, f"{', '.join(scene.names)} are allowed")

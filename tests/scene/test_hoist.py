@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from processes import called
 
 import pmr
+from pmr.compare.evaluation import hoist_outputs
 from pmr.errors import InputError
 from pmr.scene import load_any
 from pmr.scene.choice import axis_loads, choose_model
 from pmr.scene.hoist_places import distance_along
 from pmr.scene.members import members
 from pmr.simulation.excitation import Excitation
+from pmr.system.hoist import hoist_of
 
 
 @pytest.mark.parametrize(
@@ -42,9 +45,29 @@ def test_what_does_not_fit_is_refused_with_its_key(change: str, key: str) -> Non
     assert refused.value.key == key, refused.value
 
 
+STANDS = [
+    "hoist.winch={section='base', at=[0.0, 0.0, 0.0]}",
+    "frame.ground={height=1.6, masses=[{name='m', mass=1e4, at=[0.0, 0.0, 0.0]}], outriggers=["
+    "{name='a', at=[2.0, 2.0]}, {name='b', at=[2.0, -2.0]}, {name='c', at=[-4.0, 0.0]}]}",
+]
+
+
+def test_the_hook_of_a_machine_on_outriggers_is_measured_from_their_ground() -> None:
+    scene = pmr.load_scene("hoist", [*STANDS, "hoist.pivot_height=0.0"])
+    assert hoist_of(scene).numbers[-1] == 1.6
+    with pytest.raises(InputError, match=r"hoist\.pivot_height = 2\.0: frame\.ground\.height, 1\.6, is"):
+        pmr.load_scene("hoist", [*STANDS, "hoist.pivot_height=2.0"])
+
+
 def test_a_head_that_is_not_at_the_tip_is_refused_in_second_order() -> None:
     with pytest.raises(InputError, match=r"hoist\.on"):
         pmr.load_scene("hoist", ["frame.second_order=true", "hoist.on=5.0"])
+
+
+def test_its_outputs_belong_to_the_section_with_its_head() -> None:
+    hoist = hoist_of(pmr.load_scene("hoist", ["hoist.section=middle"]))
+    bodies = dict.fromkeys(("base", "middle", "fly"))
+    assert {output.body for output in hoist_outputs(SimpleNamespace(bodies=bodies, hoist=hoist))} == {"middle"}
 
 
 def test_a_head_off_the_axis_turns_its_section() -> None:
