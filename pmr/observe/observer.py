@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.observe.alarms import ALARM, InnovationTest, find_silent, find_stuck
-from pmr.observe.linear import LinearMotion
+from pmr.observe.linear import SPECIFIC_FORCE, LinearMotion
 
 #: Innovation over its standard deviation from which a measurement counts less: its variance is enlarged to this bound.
 GATE = 5.0
@@ -183,6 +183,9 @@ class Observer:
         if self.payload is not None:
             self.model.input_number(self.payload.input)
             self.model.output_number(self.payload.acceleration)
+            if self.payload.gravity and self.payload.acceleration.startswith(SPECIFIC_FORCE):
+                allowed = "0 is allowed with a specific force, which includes it"
+                raise InputError("observe", "payload.gravity", self.payload.gravity, allowed)
         for parameter in self.parameters:
             if parameter.sensitivity.shape != self.model.reference.shape:
                 allowed = f"a sensitivity {self.model.reference.shape} is allowed"
@@ -222,7 +225,8 @@ class Observer:
         """Measurements (T, p) at the model's steps, NaN where there is none.
 
         `measured` has times (n,) in s and values (n,) by the sensors' outputs; each value counts at the nearest step.
-        Raises InputError for a name that no sensor has, and for times and values of different lengths.
+        Raises InputError for a name that no sensor has, for times and values of different lengths, and if there is no
+        value within the model's times.
         """
         names = [sensor.output for sensor in self.sensors]
         values = np.full((len(self.model.t), len(names)), np.nan)
@@ -230,6 +234,11 @@ class Observer:
             if name not in names:
                 raise InputError("observe", "measured", name, f"one of the sensors is allowed: {', '.join(names)}")
             values[:, names.index(name)] = self.model.sample(name, times, readings)
+        if not np.isfinite(values).any():
+            allowed = (
+                f"values between {self.model.t[0]:.4g} and {self.model.t[-1]:.4g} s, the times of the scene's motion"
+            )
+            raise InputError("observe", "measured", None, f"{allowed}, are needed: there are none")
         return values
 
     def run(self, measured: Mapping[str, tuple[Array, Array]]) -> Estimates:
@@ -261,7 +270,7 @@ class _Filter:
         self.number = np.array([model.output_number(sensor.output) for sensor in sensors])
         self.noise = np.array([sensor.noise for sensor in sensors])
         self.errors, self.square = observer.total_errors(), np.mean(model.reference**2, axis=0)
-        self.lift = 0.0 if observer.payload is None else -observer.payload.gravity
+        self.lift = 0.0 if observer.payload is None else self._lift_at(0)
         self.load_columns = [model.input_number(load.input) for load in observer.loads]
         sizes = [len(observer.loads), int(observer.payload is not None), len(observer.parameters)]
         self.biased = [k for k, sensor in enumerate(sensors) if sensor.bias]
@@ -305,6 +314,12 @@ class _Filter:
         """Variances (u,) of the unknowns."""
         return np.diagonal(self.P)[self.unknown].copy()
 
+    def _lift_at(self, k: int) -> float:
+        """Upward force in N by 1 kg of payload at step k of the reference motion, whose weight acts from the start."""
+        payload, model = self.observer.payload, self.observer.model
+        assert payload is not None  # without one there is no lift
+        return -(payload.gravity + float(model.reference[k, model.output_number(payload.acceleration)]))
+
     def _load_rows(self, of_loads: Array) -> Array:
         """Columns (., loads + 1) of unknown loads and payload, from the derivatives (., i) by the model's loads."""
         payload, model = self.observer.payload, self.observer.model
@@ -337,7 +352,7 @@ class _Filter:
         for j, parameter in enumerate(observer.parameters):
             rows[:, self.of_parameters.start + j] = parameter.sensitivity[k]
         if payload is not None:
-            self.lift = -(payload.gravity + float(model.reference[k, model.output_number(payload.acceleration)]))
+            self.lift = self._lift_at(k)
             rows[:, n : self.of_payload.stop] = self._load_rows(model.D[k])
         self.shift = self._payload_inertia(model.D[k])
         predicted = model.reference[k] + self.shift + rows @ self.x

@@ -326,7 +326,13 @@ class PlacedLoad(SceneTable):
         description="Axes in which `direction` is given: those of the boom, or in a frame those of the ground, z "
         "upwards and x where the boom points unslewed",
     )
-    signal: Annotated[Signal, Usual(1e-3, 1e4, "force", "N"), Usual(1e-4, 1e4, "moment", "N m")] = Field(
+    signal: Annotated[
+        Signal,
+        Usual(1e-3, 1e4, "force", "N"),
+        Usual(1e-4, 1e4, "moment", "N m"),
+        Usual(1e-2, 150.0, "temperature", "K"),
+        Usual(1.0, 5e3, "wind", "Pa"),
+    ] = Field(
         description="Force in N, moment in N m, difference of temperature in K or pressure of wind in Pa over time"
     )
 
@@ -392,7 +398,7 @@ class Load(PlacedLoad):
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
         if self.acts != "force":
-            return {}
+            return {self.acts: 1.0}
         if self.direction.startswith("r"):
             return {"moment": scales.get("weight", 0.0) * scales.get("length", 0.0)}
         return {"force": scales.get("weight", 0.0)}

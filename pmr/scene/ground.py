@@ -16,7 +16,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
-from pmr.scene.keys import Mass, Name, Place, Point, Quantity, SceneTable, Stiffness, Switch, Text, Usual, key_error
+from pmr.scene.keys import (
+    Distance,
+    Mass,
+    Name,
+    Place,
+    Point,
+    Quantity,
+    SceneTable,
+    Stiffness,
+    Switch,
+    Text,
+    Usual,
+    key_error,
+)
 from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
 
 Corner = tuple[Place, Place]
@@ -59,7 +72,9 @@ class Outrigger(SceneTable):
 class Ground(SceneTable):
     """Ground that carries the machine by outriggers or wheels, whose forces follow from those of boom and machine."""
 
-    height: Annotated[Place, Usual(0.0, 3.0, "reach")] = Field(default=0.0, description="Height of the pivot above it")
+    height: Annotated[Distance, Usual(0.0, 3.0, "reach")] = Field(
+        default=0.0, description="Height of the pivot above it"
+    )
     slope: tuple[Slope, Slope] = Field(
         default=(0.0, 0.0), description="Angles by which it rises along X and along Y of the machine, in frame.unit"
     )

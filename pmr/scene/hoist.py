@@ -89,7 +89,7 @@ class Rope(SceneTable):
 class Payload(SceneTable):
     """Keys of a hoist about what hangs on its rope, and how it begins to move."""
 
-    payload: Annotated[Mass, Usual(0.0, 1e3, "boom")] = Field(description="Mass that hangs on the hook")
+    payload: Annotated[Mass, Usual(1e-3, 1e3, "boom")] = Field(description="Mass that hangs on the hook")
     hook: Annotated[Mass, Usual(0.0, 1e2, "boom")] = Field(default=0.0, description="Mass of the hook with its sheaves")
     wind: PivotLoad = Field(default=PivotLoad(), description="Forces on the payload along axes of the ground")
     swing: tuple[_ANGLE, _ANGLE] = Field(

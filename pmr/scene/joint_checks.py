@@ -21,6 +21,7 @@ from pmr.scene.structure_checks import (
     check_proportions,
     check_reserved,
     check_structure,
+    check_wheel,
     describe_jump,
     scene_error,
 )
@@ -148,6 +149,8 @@ def _check_section_names(scene: Scene) -> None:
     for number, part in enumerate(scene.sections[1:], start=1):
         if part.joint is None:
             raise scene_error(f"sections[{number}].joint", None, f"a joint in which {part.name} slides is needed")
+        if part.body.mover is not None:
+            check_wheel(part.joint, f"sections[{number}].")
         for ends in (part.joint.tail, part.joint.mouth):
             if len({ring.name for ring in ends}) < len(ends):
                 raise scene_error(f"sections[{number}].joint", None, "rings at one end need names that differ")

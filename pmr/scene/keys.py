@@ -39,7 +39,10 @@ from pmr.errors.text import NAMED, escape_controls, is_name, missing_file_reason
 Location = Sequence[str | int]
 Schema = dict[str, Any]
 #: What is allowed in place of a value that is neither table nor list, by pydantic's kind of error.
-_INSTEAD = dict.fromkeys(("model_type", "dict_type"), "a table of keys") | {"tuple_type": "a list"}
+_INSTEAD = dict.fromkeys(("model_type", "dict_type"), "a table of keys") | {
+    "tuple_type": "a list",
+    "model_attributes_type": "a number or a table of keys",
+}
 _OF_A_KEY = "of_a_key"
 #: For an unknown key, all keys of a table are named up to this number of keys; this many keys of a larger table.
 _FEW, _NAMED = 12, 8
@@ -71,6 +74,11 @@ class Refusal:
         location: list[str | int] = [part for part in first["loc"] if isinstance(part, int) or part in spelled]
         value, allowed, about = first["input"], first["msg"].removeprefix("Value error, "), first.get("ctx", {})
         match first["type"]:
+            case "missing" if isinstance(first["loc"][-1], int):  # an entry of a list
+                entries = [e["loc"][-1] for e in errors if e["loc"][:-1] == first["loc"][:-1]]
+                location, allowed = location[:-1], f"a list of {1 + max(map(int, entries))} is allowed"
+            case "too_long" if about["field_type"] == "Tuple":
+                allowed = f"a list of {about['max_length']} is allowed"
             case "missing":
                 location += [part for part in first["loc"][-1:] if part not in location]
                 value = None
@@ -91,7 +99,9 @@ class Refusal:
             case kind if kind == _OF_A_KEY:
                 location, value = [*location, about["key"]], about["value"]
             case kind if kind in _INSTEAD:
-                allowed = f"{_INSTEAD[kind]} is allowed"
+                words = [e for e in errors if e["type"] == "literal_error" and e["input"] is value]
+                instead = [*(e["ctx"]["expected"] for e in words), _INSTEAD[kind]]
+                allowed = f"{', '.join(instead)} is allowed"
         return cls(location, value, allowed[:1].lower() + allowed[1:])
 
 

@@ -17,7 +17,7 @@ from pmr.scene.box import Box
 from pmr.scene.built import WEIGHT, Face, PadRing
 from pmr.scene.choice import axis_loads, inertia_fields, is_planar, model_of, motion_directions
 from pmr.scene.frame import INERTIA
-from pmr.scene.joints import OneBody
+from pmr.scene.joints import Joint, OneBody
 from pmr.scene.members import Member
 from pmr.scene.signals import SignalBase
 from pmr.scene.structures import ALLOWED_INERTIA, is_inertia
@@ -209,6 +209,13 @@ def _check_body(member: Member) -> None:
         _check_planar_beam(member)
 
 
+def check_wheel(joint: Joint | None, prefix: str) -> None:
+    """Refuse a mover whose joint is no wheel; `prefix` stands before its keys."""
+    if joint is None or joint.mouth or len(joint.tail) > 1 or joint.tail[0].at or joint.tail[0].faces:
+        allowed = "a joint with one ring in `tail`, at = 0 and without faces, is needed: the wheel"
+        raise scene_error(f"{prefix}body.mover", None, allowed)
+
+
 def _check_mover(member: Member) -> None:
     """Refuse a mover of another model, one that runs on nothing, and whatever it can't have."""
     part = member.part
@@ -216,10 +223,7 @@ def _check_mover(member: Member) -> None:
         raise scene_error("body.mover", None, "a table with the mass is needed with body.model = 'mover'")
     if model_of(member) != "mover":
         raise scene_error("body.model", part.body.model, "auto or mover is allowed with body.mover")
-    joint = part.joint
-    if joint is None or joint.mouth or len(joint.tail) > 1 or joint.tail[0].at or joint.tail[0].faces:
-        allowed = "a joint with one ring in `tail`, at = 0 and without faces, is needed: the wheel"
-        raise scene_error("body.mover", None, allowed)
+    check_wheel(part.joint, "")
     for key in ("masses", "pads", "probes", "supports"):
         if getattr(part, key):
             raise scene_error(key, None, "none is allowed on a mover, which has a mass and a wheel alone")

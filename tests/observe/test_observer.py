@@ -93,6 +93,23 @@ def test_a_payload_is_told_and_its_band_holds() -> None:
     assert not estimates.alarms[100:].any()
 
 
+def test_a_payload_is_told_by_specific_force_as_by_acceleration() -> None:
+    """The sensor feels gravity beside the acceleration; with it the payload's weight acts from the start."""
+    model, rng, felt = oscillator(200), np.random.default_rng(5), "specific force of tip"
+    y = weight(model, 12.0, rng, 15.0)
+    offset = np.array([9.80665, 0.0, 0.0])
+    feeling = replace(model, outputs=(felt, *OUTPUTS[1:]), reference=model.reference + offset)
+    data = measured(model, y, np.array([0.02, 0.0, 20.0]), rng, (OUTPUTS[0], OUTPUTS[2]))
+    t, acceleration = data[OUTPUTS[0]]
+    loads, force = [UnknownLoad("push", 15.0, 0.1)], Sensor(OUTPUTS[2], 20.0)
+    by_acceleration = Observer(model, [Sensor(OUTPUTS[0], 0.02), force], loads, Payload("push", OUTPUTS[0], 20.0))
+    by_force = Observer(feeling, [Sensor(felt, 0.02), force], loads, Payload("push", felt, 20.0, gravity=0.0))
+    ours = by_force.run({felt: (t, acceleration + 9.80665), OUTPUTS[2]: data[OUTPUTS[2]]}).of("payload")
+    np.testing.assert_allclose(ours, by_acceleration.run(data).of("payload"), rtol=1e-9, atol=1e-9)
+    with pytest.raises(InputError, match="payload.gravity = 9.80665: 0 is allowed"):
+        Observer(feeling, [force], payload=Payload("push", felt, 20.0))
+
+
 @pytest.mark.slow
 def test_a_payload_has_no_bias_where_innovations_are_not_white() -> None:
     """An accelerometer whose noise is overstated 50 times tells next to nothing, and does not move the payload."""
@@ -222,6 +239,7 @@ def test_what_the_model_lacks_is_refused() -> None:
         with pytest.raises(InputError, match="observe"):
             Observer(model, **arguments)  # type: ignore[arg-type]
     observer = Observer(model, [sensor])
-    for data in ({"nothing": (model.t, model.t)}, {OUTPUTS[1]: (model.t, model.t[:2])}):
+    in_ms = {OUTPUTS[1]: (1e3 * (model.t + 1.0), model.t)}
+    for data in ({"nothing": (model.t, model.t)}, {OUTPUTS[1]: (model.t, model.t[:2])}, in_ms):
         with pytest.raises(InputError, match="measured"):
             observer.grid(data)
