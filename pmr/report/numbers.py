@@ -34,11 +34,12 @@ def unit_for(largest: float, base: str) -> Unit:
     """Return the unit with the prefix by which the value `largest`, given in the unit `base`, is printed as 1 to 1000.
 
     Lengths in m and times in s get no prefix above 1, such as k.  Quotients such as N/m, and products other than N m,
-    get no prefix at all; nor does any unit if `largest` is 0 or not finite.  Volumes are in litres, flows in l/min.
+    get no prefix at all; nor does any unit if `largest` is 0 or not finite.  Volumes are in litres, flows in l/min,
+    masses in kg.
     """
     if base in LITRES:
         return LITRES[base]
-    if largest == 0.0 or not isfinite(largest) or not (base.isalpha() or base == "N m"):
+    if largest == 0.0 or not isfinite(largest) or base == "kg" or not (base.isalpha() or base == "N m"):
         return Unit(1.0, base)
     sizes = [size for size in _PREFIXES if size <= 1.0 or base not in ("m", "s")]
     size = next((size for size in sizes if abs(largest) >= 0.9995 * size), sizes[-1])

@@ -17,7 +17,7 @@ from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
 from pmr.report.document import ReportFiles, render, with_date, write_page
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.estimates import WIDTH, band_figure, innovation_figure
-from pmr.report.numbers import SPACE, format_percent, format_quantity, significant
+from pmr.report.numbers import SPACE, format_percent, format_quantity, significant, unit_for
 from pmr.results.quantities import unit_text
 
 #: p-value of the test of innovations below which the report says that the model lacks something.
@@ -77,7 +77,7 @@ def build_chapter(figures: Summary, table: Array) -> Chapter:
             KeyNumber(_with_band(last[name], units[name]), name, f"at the end, band of 90{SPACE}%")
             for name in list(units)[:4]
         ],
-        warnings=list(_warnings(figures)),
+        warnings=[warning[:1].upper() + warning[1:] for warning in _warnings(figures)],
         blocks=blocks,
     )
 
@@ -100,8 +100,10 @@ def _with_band(last: Mapping[str, float], unit: str) -> str:
 
     `last` has its ``mean`` and ``deviation``, the last ones of a run.
     """
-    mean, half = format_quantity(last["mean"], unit), format_quantity(WIDTH * last["deviation"], unit, 2)
-    return f"{mean.rstrip()} ± {half.rstrip()}"
+    mean, half = last["mean"], WIDTH * last["deviation"]
+    shown = unit_for(max(abs(mean), half), unit)
+    text = f"{significant(mean / shown.size)} ± {significant(half / shown.size, 2)}"
+    return f"{text}{SPACE}{shown.name}".rstrip()
 
 
 def _estimate_caption(name: str, figures: Summary) -> str:
@@ -144,10 +146,10 @@ def _grids_without(without: Mapping[str, Mapping[str, float]], names: list[str])
 def _warnings(figures: Summary) -> Iterator[str]:
     """Yield sentences on sensors at odds with the model, unknowns with a wide band, and innovations with a pattern."""
     for name, t in figures["first_alarm"].items():
-        yield f"{name} disagrees with the model, is stuck or silent from {format_quantity(t, 's')} on."
+        yield f"{name} disagrees with the model, is stuck or silent from {format_quantity(t, 's')} on"
     for name, ratio in figures["observability"].items():
         if ratio > HARDLY:
-            yield f"These sensors hardly tell {name}: its band still has {format_percent(ratio)} of its first width."
+            yield f"These sensors hardly tell {name}: its band still has {format_percent(ratio)} of its first width"
     doubtful = [name for name, p in figures["whiteness"].items() if p is not None and p < DOUBTFUL]
     if doubtful:
-        yield f"Innovations are not white, so that the model lacks something: {', '.join(doubtful)}."
+        yield f"Innovations are not white, so that the model lacks something: {', '.join(doubtful)}"

@@ -210,5 +210,6 @@ def test_times_volumes_and_large_inputs_have_no_more_digits_than_they_need() -> 
         "22.62\u00a0s",
     )
     assert format_quantity(1.25e-3, "m^3/s") == "75.0\u00a0l/min" and format_quantity(3.29e-3, "m^3") == "3.29\u00a0l"
+    assert format_quantity(0.739, "kg") == "0.739\u00a0kg"
     assert format_input(1e9, "N") == "10⁹\u00a0N" and format_input(-2.5e11) == "−2.5\u00a0·\u00a010¹¹"
     assert format_input(123456789.0) == "123\u202f456\u202f789"

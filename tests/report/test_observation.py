@@ -55,7 +55,10 @@ def test_the_page_has_what_the_files_have(tmp_path: Path) -> None:
 
 
 def test_a_sensor_that_disagrees_is_warned_of(tmp_path: Path, undrawn: None) -> None:
-    assert f"{OUTPUTS[2]} disagrees with the model, is stuck or silent from" in page_of(tmp_path, observation(off=1e3))
+    text, name = page_of(tmp_path, observation(off=1e3)), OUTPUTS[2][:1].upper() + OUTPUTS[2][1:]
+    assert re.search(rf"{name} disagrees with the model, is stuck or silent from \S+ m?s on\. [^.]", text)
+    bands = re.findall(r"\S+ ± \S+.{1,8}", text)
+    assert bands and all(re.fullmatch(r"\S*\d ± [\d.]+\s[^\d]+.*", band) for band in bands)  # one unit, behind both
 
 
 def test_truth_of_nothing_that_is_estimated_is_refused() -> None:
