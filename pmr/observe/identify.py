@@ -131,17 +131,44 @@ class NumberTable(NamedTuple):
     values: Array
 
 
+#: Units in which tables are read: those of times, places, frequencies and all outputs, without prefixes.
+UNITS = (
+    "s",
+    "m",
+    "Hz",
+    "N",
+    "N m",
+    "m/s",
+    "m/s^2",
+    "m/s²",
+    "Pa",
+    "m^3",
+    "m³",
+    "m^3/s",
+    "m³/s",
+    "rad",
+    "rad/s",
+    "W",
+    "kg",
+    "1",
+)
+
+
 def read_table(file: Path) -> NumberTable:
     """Read a CSV table of numbers; units in brackets behind the names are left out.
 
     Empty lines are left out; an empty cell is NaN.
-    Raises InputError, with the line, for a cell that is no number and for a line of another length.
+    Raises InputError for a unit that is not in `UNITS`, and with the line for a cell that is no number and for a line
+    of another length.
     """
     try:
         with file.open(newline="", encoding="utf-8-sig") as stream:
             rows = [row for row in csv.reader(stream) if row]
     except (OSError, UnicodeDecodeError, csv.Error):
         raise InputError(str(file), "", None, missing_file_reason(file)) from None
+    for heading in rows[0] if rows else ():
+        if (unit := heading.partition(" [")[2].strip().removesuffix("]")) and unit not in UNITS:
+            raise InputError(str(file), "columns", heading, f"a unit without prefix is allowed: {', '.join(UNITS)}")
     names = tuple(name.partition(" [")[0].strip() for name in rows[0]) if rows else ()
     values = np.full((max(len(rows) - 1, 0), len(names)), np.nan)
     for line, row in enumerate(rows[1:], 2):
