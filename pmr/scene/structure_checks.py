@@ -54,6 +54,7 @@ def check_structure(member: Member) -> None:
     _check_pads(member)
     _check_places(member)
     _check_sliding_points(member)
+    _check_probe_faces(member)
     if not (member.signals or member.frame):
         raise scene_error("loads", None, "a load or [gravity] is allowed: nothing moves the structure")
 
@@ -343,6 +344,17 @@ def _check_pad_range(member: Member, length: float, ring: PadRing, key: str) -> 
         slider = member.part.slider
         raise scene_error("slider.travel" if slider and slider.travel else "slider.path", None, allowed)
     raise scene_error(key, ring.at, allowed)
+
+
+def _check_probe_faces(member: Member) -> None:
+    """Refuse a probe of stress on a face that the model of a box lacks; other faces are known to their models alone."""
+    box, model = member.part.body.box, model_of(member)
+    faces = {"beam2d": ("bottom", "top"), "shell": ("outer", "middle", "inner")}.get(model, ()) if box else ()
+    if box is not None and model == "beam3d":
+        faces = tuple(corner.name for corner in box.corners)
+    for i, probe in enumerate(member.part.probes):
+        if faces and probe.face not in ("", *faces) and set(probe.measures) - {"displacement"}:
+            raise scene_error(f"probes[{i}].face", probe.face, f"{', '.join(faces)} are allowed")
 
 
 def _check_pad_width(box: Box, ring: PadRing, place: tuple[str, Face, float], key: str) -> None:

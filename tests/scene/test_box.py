@@ -265,6 +265,10 @@ REFUSED_PROFILE = [
     ),
     ([PADS % ("'top left'=[0.0]", "bottom=0.01")], "a clearance of faces that have pads is allowed: bottom has none"),
     ([PADS % ("'top left'=[-0.1]", "")], "the flat face top left offers -0.0424264 to 0.113137 m"),
+    (
+        ["sections.fly.probes=[{name='p',at=[3,0,0],face='top'}]"],
+        "probes[0].face = 'top': bottom right - bottom, bottom - bottom left, bottom left - left, ",
+    ),
     (["section.body.model=beam2d"], "bottom, top, left and right are allowed for beam2d, or body.model = 'beam3d'"),
 ]
 
