@@ -34,7 +34,7 @@ import scipy.linalg
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Mask
 from pmr.kernel.laws import ContactSearch
-from pmr.simulation.statics.equilibrium import border_matrix
+from pmr.simulation.statics.equilibrium import LARGER, SMALLER, border_matrix
 from pmr.system.soundness import FreeMotions, cholesky_root, first_singular
 
 #: Share of the largest eigenvalue of the geometric stiffness below which an eigenvalue is round-off; share of the
@@ -42,10 +42,12 @@ from pmr.system.soundness import FreeMotions, cholesky_root, first_singular
 ROUND_OFF, RIGID = 1e-9, 1e-4
 #: Pull or overlap that is round-off, over the largest force or displacement.
 WRONG = 1e-9
-#: Gap of a contact that touches, over the largest one; share of the largest loose motion that counts as loose.
-TOUCH, LOOSE = 1e-6, 1e-3
+#: Gap of a contact that touches, over the largest clearance; share of the largest loose motion that counts as loose.
+TOUCH, LOOSE = 0.1, 1e-3
 #: Most sets of closed contacts tried at one load; share of the lowest omega^2 with which M holds free bodies.
 MOST_SETS, ALMOST_FREE = 200, 1e-8
+#: Most steps downhill to an equilibrium.
+STEPS = 40
 
 
 @dataclass(frozen=True)
@@ -386,38 +388,71 @@ class LoadedStructure:
             return self._solve_closed(closed, load)[0]
         state = self._search(closed, load)
         if not state.in_equilibrium and self._form(every).is_stable(np.array([load]))[0]:
-            first = self._first_order._search(every, load).form
-            gap = -first.responses(np.array([load]))[0, len(self.equations.outputs) + len(every) :]
-            touching = first.closed.copy()
-            touching[self.equations.pushes] |= gap <= TOUCH * np.abs(gap).max()
-            for begin in (first.closed, touching):
-                state = self._search(begin, load)
-                if state.in_equilibrium:
-                    return state
-            if not self._may_float:
-                self._refuse_floating(touching, gap)
+            closed = self._first_order._search(every, load).form.closed
+            state = self._search(closed, load)
+            while not state.in_equilibrium and (nearest := self._nearest_loose(closed, load)) is not None:
+                closed = closed | (np.arange(len(closed)) == nearest)
+                state = self._search(closed, load)
+            if not state.in_equilibrium and np.any(self.equations.g[0][self.equations.pushes] > 0.0):
+                state = self._search_downhill(state)
+            if not state.in_equilibrium and not self._may_float:
+                self._nearest_loose(closed, load, refuse=True)
         return state
 
-    def _refuse_floating(self, closed: Mask, gap: Array) -> None:
-        """Raise InputError if bodies can move freely within the play of contacts while those of a mask (m,) are closed.
+    def _search_downhill(self, state: LoadedState) -> LoadedState:
+        """Search the equilibrium under the load of `state` downhill, as `pmr.simulation.statics.equilibrium` does.
 
-        `gap` are the gaps in m of the contacts that only push.  A body that loads move away from all contacts is beyond
-        their clearances and is not refused.
+        Second order may press a body with play to a side that no first-order force presses it to.  The values of
+        `state` are NaN, and so are those of the result if no step ends in an equilibrium.
         """
-        e, pushes = self._first_order.equations, self.equations.pushes
+        e, n, load = self.equations, len(self.equations.K), state.load
+        share, closed = 1.0, np.ones_like(self._last)
+        K, b, g = (of[0] + load * of[1] for of in ((e.K + e.G[0], e.G[1]), e.b, e.g))
+        floor, nothing = self._first_order.equations.K - e.K, np.zeros_like(e.K)
+        floor, q, shown = floor / ALMOST_FREE, np.zeros(n), (np.zeros(n), np.zeros(n))
+        step = replace(
+            e, G=(nothing, nothing), g=(g, 0.0 * g), outputs=np.eye(n), X=np.zeros((n, len(closed))), direct=shown,
+            outputs_by_load=np.zeros((0, n)),
+        )  # fmt: skip
+        for _ in range(STEPS):
+            held = replace(step, K=K + share * floor, b=(b + share * floor @ q, 0.0 * b))
+            almost = LoadedStructure(held)._search(closed, 0.0)
+            if not almost.in_equilibrium:
+                share *= LARGER
+                continue
+            closed, q, share = almost.form.closed, almost.outputs, SMALLER * share
+            state = self._search(closed, load)
+            if state.in_equilibrium:
+                break
+        return state
+
+    def _nearest_loose(self, closed: Mask, load: float, refuse: bool = False) -> int | None:
+        """Return the number of the contact that touches a body which floats while those of a mask (m,) are closed.
+
+        None if no body floats, or if the load moves it away from all contacts, beyond their clearances.  Raises
+        InputError with `refuse` if a body floats within the play of contacts that do not touch.
+        """
+        e, o = self._first_order.equations, len(self.equations.outputs) + len(closed)
         if Form(replace(self.equations, G=e.G), closed).held:
-            return
+            return None
+        gap, pushes, play = np.full(len(closed), np.inf), e.pushes, np.abs(e.g[0]).max()
+        gap[pushes] = -self._first_order._form(closed).responses(np.array([load]))[0, o:]
         matrix, _ = border_matrix(e.K, e.C[closed], e.F[closed][:, closed])
-        load = np.append(np.random.default_rng(3).standard_normal(len(e.K)), np.zeros(int(closed.sum())))
-        motion = np.abs(e.C[pushes] @ np.linalg.solve(matrix, load)[: len(e.K)])
-        loose = ~closed[pushes] & (motion > LOOSE * motion.max())
-        if loose.any() and np.abs(gap[loose]).max() <= 2.0 * np.abs(e.g[0]).max():
-            allowed = (
-                "no load presses these pads, and they have play on both sides: allowed are clearance = 0 on one of two "
-                "opposite faces, or in every load case a load that presses them"
-            )
-            names = [name for name, is_loose in zip(np.array(e.names)[pushes], loose, strict=True) if is_loose]
-            raise InputError("system", "contacts", ", ".join(names), allowed)
+        push = np.append(np.random.default_rng(3).standard_normal(len(e.K)), np.zeros(int(closed.sum())))
+        motion = np.abs(e.C @ np.linalg.solve(matrix, push)[: len(e.K)])
+        loose = np.flatnonzero(~closed & pushes & (motion > LOOSE * motion.max()))
+        if not len(loose) or not gap[loose].max() <= 2.0 * play:
+            return None
+        nearest = int(loose[gap[loose].argmin()])
+        if gap[nearest] <= TOUCH * play:
+            return nearest
+        if not refuse:
+            return None
+        allowed = (
+            "no load presses these pads, and they have play on both sides: allowed are clearance = 0 on one of two "
+            "opposite faces, or in every load case a load that presses them"
+        )
+        raise InputError("system", "contacts", ", ".join(np.array(e.names)[loose]), allowed)
 
     @cached_property
     def _first_order(self) -> LoadedStructure:

@@ -102,6 +102,14 @@ def test_what_no_load_presses_sideways_lies_on_the_pad_without_play() -> None:
     assert state.forces == pytest.approx([0.0, 6.0 + 7.0 * 0.1 + 7.0 * state.forces[1] / 300.0])
 
 
+@pytest.mark.parametrize("gaps", [[0.1, 0.1], [0.01, 0.1]])
+def test_what_second_order_tips_within_its_play_leans_on_a_pad(gaps: list[float]) -> None:
+    """A load of 7 N, as a spring of -7 N/m sideways, and 1e-3 N to a side: 300 (x - c) = 7 x + 1e-3."""
+    state = LoadedStructure(sideways(gaps, load=1e-3)).state(7.0)
+    x = (300.0 * gaps[0] + 1e-3) / 293.0
+    assert state.outputs[1] == pytest.approx(x) and state.forces == pytest.approx([300.0 * (x - gaps[0]), 0.0])
+
+
 def test_what_floats_within_its_play_is_refused_by_the_names_of_its_pads() -> None:
     with pytest.raises(InputError, match=r"'left, right': no load presses these pads.*clearance = 0 on one of two"):
         LoadedStructure(sideways([0.1, 0.2])).state(7.0)
