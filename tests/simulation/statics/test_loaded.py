@@ -102,12 +102,18 @@ def test_what_no_load_presses_sideways_lies_on_the_pad_without_play() -> None:
     assert state.forces == pytest.approx([0.0, 6.0 + 7.0 * 0.1 + 7.0 * state.forces[1] / 300.0])
 
 
-@pytest.mark.parametrize("gaps", [[0.1, 0.1], [0.01, 0.1]])
-def test_what_second_order_tips_within_its_play_leans_on_a_pad(gaps: list[float]) -> None:
-    """A load of 7 N, as a spring of -7 N/m sideways, and 1e-3 N to a side: 300 (x - c) = 7 x + 1e-3."""
-    state = LoadedStructure(sideways(gaps, load=1e-3)).state(7.0)
-    x = (300.0 * gaps[0] + 1e-3) / 293.0
-    assert state.outputs[1] == pytest.approx(x) and state.forces == pytest.approx([300.0 * (x - gaps[0]), 0.0])
+def test_what_second_order_tips_within_its_play_leans_on_pads_of_both_sides() -> None:
+    """Ends y1, y2 of a rod under thrust, P (y2 - y1) apart, between pads of 300 N/m; y2 lies 1e-3 m to the left.
+
+    The left pad at y1 touches without a force, and thrust pulls y1 off it: d = 0.101 + 2 P d / 300, d = y2 - y1.
+    """
+    rows, tipping = np.vstack([np.eye(2), -np.eye(2)]), -np.array([[1.0, -1.0], [-1.0, 1.0]])
+    e = equations(np.zeros((2, 2)), tipping, np.zeros(2), rows, np.eye(4) / 300.0, True)
+    loaded = LoadedStructure(
+        replace(e, b=(np.array([0.0, 1e-6]), e.b[1]), g=(np.array([0.0, 1e-3, 0.1, 0.1]), np.zeros(4)))
+    )
+    thrust = 7.0 * 0.101 / (1.0 - 14.0 / 300.0)
+    assert loaded.state(7.0).forces == pytest.approx([0.0, thrust, thrust, 0.0], rel=1e-3)
 
 
 def test_what_floats_within_its_play_is_refused_by_the_names_of_its_pads() -> None:
