@@ -42,8 +42,9 @@ from pmr.system.soundness import FreeMotions, cholesky_root, first_singular
 ROUND_OFF, RIGID = 1e-9, 1e-4
 #: Pull or overlap that is round-off, over the largest force or displacement.
 WRONG = 1e-9
-#: Gap of a contact that touches, over the largest clearance; share of the largest loose motion that counts as loose.
-TOUCH, LOOSE = 0.1, 1e-3
+#: Clearance of a contact without play and gap of a body that is lost, over the largest clearance; share of the largest
+#: loose motion that counts as loose.
+TOUCH, FAR, LOOSE = 0.1, 1e3, 1e-3
 #: Most sets of closed contacts tried at one load; share of the lowest omega^2 with which M holds free bodies.
 MOST_SETS, ALMOST_FREE = 200, 1e-8
 #: Most steps downhill to an equilibrium.
@@ -427,7 +428,7 @@ class LoadedStructure:
         return state
 
     def _nearest_loose(self, closed: Mask, load: float, refuse: bool = False) -> int | None:
-        """Return the number of the contact that touches a body which floats while those of a mask (m,) are closed.
+        """Return the number of the nearest contact without play of a body that floats on those of a mask (m,).
 
         None if no body floats, or if the load moves it away from all contacts, beyond their clearances.  Raises
         InputError with `refuse` if a body floats within the play of contacts that do not touch.
@@ -441,11 +442,11 @@ class LoadedStructure:
         push = np.append(np.random.default_rng(3).standard_normal(len(e.K)), np.zeros(int(closed.sum())))
         motion = np.abs(e.C @ np.linalg.solve(matrix, push)[: len(e.K)])
         loose = np.flatnonzero(~closed & pushes & (motion > LOOSE * motion.max()))
-        if not len(loose) or not gap[loose].max() <= 2.0 * play:
+        if not len(loose) or not gap[loose].max() <= FAR * play:
             return None
-        nearest = int(loose[gap[loose].argmin()])
-        if gap[nearest] <= TOUCH * play:
-            return nearest
+        touching = loose[(e.g[0] + load * e.g[1])[loose] <= TOUCH * play]
+        if len(touching):  # but for what walls give way there
+            return int(touching[gap[touching].argmin()])
         if not refuse:
             return None
         allowed = (

@@ -98,6 +98,10 @@ def test_what_no_load_presses_sideways_lies_on_the_pad_without_play() -> None:
         state = LoadedStructure(sideways(gaps)).state(7.0)
         assert state.outputs == pytest.approx([0.07, 0.0]) and state.forces == pytest.approx([0.0, 0.0])
         assert state.form.closed.tolist() == closed and state.form.critical == pytest.approx(300.0)
+    walls = np.array([[-1.0, 1.0], [0.0, -1.0]])  # give way as far as the spring
+    first_order = replace(sideways([0.0, 0.1]), C=walls, G=(np.zeros((2, 2)), np.zeros((2, 2))))
+    state = LoadedStructure(first_order).state(7.0)
+    assert state.outputs == pytest.approx([0.07, 0.07]) and state.form.closed.tolist() == [True, False]
     state = LoadedStructure(sideways([0.0, 0.1], load=-6.0)).state(7.0)
     assert state.forces == pytest.approx([0.0, 6.0 + 7.0 * 0.1 + 7.0 * state.forces[1] / 300.0])
 
