@@ -78,13 +78,28 @@ static int solve_dense(int n, const double *A, double *x, double *room)
     return 0;
 }
 
+/* How far a unit force at contact k moves it by the system's elastic modes, those of rigid motions left out. */
+#define RIGID_MOTION 1e-9
+static double modal_flexibility(const pmr_state *st, int k)
+{
+    const pmr_system *y = st->system;
+    const double *row = st->C + (size_t)k * y->modes;
+    double stiffest = 0.0, flexibility = 0.0;
+    int n;
+    for (n = 0; n < y->modes; n++) stiffest = larger(stiffest, y->omega2[n]);
+    for (n = 0; n < y->modes; n++)
+        if (y->omega2[n] > RIGID_MOTION * stiffest) flexibility += row[n] * row[n] / y->omega2[n];
+    return flexibility;
+}
+
 /* Whether contact k is rigid: where the rows stand with a scheme without a step, whose A is F.  As F is semidefinite its
-   diagonal decides, of which so small a share of the largest is round-off. */
+   diagonal decides.  So small a share of the largest, or of what modes give way by, is round-off: a model with all modes
+   leaves nothing else. */
 #define ROUND_OFF_OF_F 1e-14
 static int is_rigid(const pmr_state *st, int k)
 {
     const pmr_system *y = st->system;
-    double largest = 0.0;
+    double largest = modal_flexibility(st, k);
     int l;
     for (l = 0; l < y->contacts; l++) largest = larger(largest, st->A[l * y->mp + l]);
     return !(st->A[k * y->mp + k] > ROUND_OFF_OF_F * largest);
