@@ -17,6 +17,7 @@ from pmr.report.numbers import SPACE, format_input, unit_for
 from pmr.report.subject import structural_model_words
 from pmr.results.quantities import unit_text
 from pmr.scene import Scene
+from pmr.scene.built import Load
 from pmr.scene.choice import choose_model, is_undecided, model_of
 from pmr.scene.keys import quantity_of, usual_ranges
 from pmr.scene.members import members
@@ -128,6 +129,8 @@ class SceneWords:
 
     def _unit(self, table: BaseModel, key: str) -> str:
         """Return the unit that a table declares for the numbers of a key, or for the values of its signal."""
+        if isinstance(table, Load) and key == "signal":
+            return table.unit
         quantity, usual = quantity_of(type(table), key), usual_ranges(type(table), key)
         units = [quantity.unit] if quantity is not None else [limits.unit for limits in usual] or [""]
         straight, _, turning = units[0].partition(", of angles ")

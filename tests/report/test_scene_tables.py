@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from pmr.report.columns import forces_by_group, tip_displacements
-from pmr.report.scene_tables import input_tables
+from pmr.report.scene_tables import SceneWords, input_tables
 from pmr.report.subject import field_times, reach, slider_offsets
 from pmr.scene import load_any
+from pmr.scene.built import Load
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 SPACE = "\u00a0"
@@ -88,3 +89,17 @@ def test_a_planar_beam_feels_no_pads_on_its_sides_and_rigid_pads_that_stay_have_
 def test_places_and_times(boom) -> None:
     assert (slider_offsets(boom), reach(boom)) == ((0.0,), 6.0)
     assert np.allclose(field_times(boom, boom.body), np.linspace(0.0, 1.0, 21))  # the scene's recovery
+
+
+@pytest.mark.parametrize(
+    ("keys", "unit"),
+    [
+        ({"on": "tip", "direction": "z"}, "N"),
+        ({"on": "tip", "direction": "ry"}, f"N{SPACE}m"),
+        ({"direction": "z", "acts": "temperature"}, "K"),
+        ({"acts": "wind"}, "Pa"),
+    ],
+)
+def test_a_load_has_the_unit_of_what_acts(keys: dict[str, str], unit: str) -> None:
+    load = Load.model_validate({"name": "L", "signal": 4.0} | keys)
+    assert f"amount 4{SPACE}{unit}" in SceneWords().describe(load)
