@@ -67,7 +67,7 @@ def scale(found: Mapping[str, Any], prefix: str) -> Chapter:
         blocks=[
             Block(
                 "Time and memory",
-                rows=((drawing(f"{prefix}-stages", figures.scale, caption, found),),),
+                drawings=(drawing(f"{prefix}-stages", figures.scale, caption, found),),
                 grids=(_seconds(done), _peaks(done), _exponents(found["exponents"])),
             ),
             *([Block("One rank and two", grids=(_agreement(found["agreement"]),))] if found["agreement"] else []),
