@@ -8,12 +8,10 @@ trajectory of the bodies' coordinates.
 from __future__ import annotations
 
 import argparse
-import pickle
 import subprocess
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from pmr.kernel.state import Record
@@ -24,21 +22,29 @@ from pmr.simulation.moving import read_scene
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
-from pmr.system.system import System
 
 SCENES = ("evolved_residual", "boom_beam", "boom_two", "boom_three", "boom_four", "boom_three_shell", "crane")
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
 LOOP = ("z", "v", "multipliers", "energy", "impulses", "peaks", "parts")
 #: Samples are of so many times, of so many steps at least.
 TIMES, FINE = 2048, 64
-#: The whole in an earlier checkout, which has these functions too.
+#: The whole in an earlier checkout, of its own workflow with the name; `read_scene` once had another name.
 _EARLIER = """
-import pickle, sys, time
+import sys, time
+from pmr.pipeline import reduce
+from pmr.scene import load_any
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-system, excitation = pickle.load(open(sys.argv[1], "rb"))
-form, start, least = SystemForm.of(system), systems.start_of(system, excitation), 1e9
-for _ in range(int(sys.argv[2]) + 1):
+try:
+    from pmr.simulation.moving import read_scene
+except ImportError:
+    from pmr.simulation.recorded import recorded as read_scene
+name, repeats = sys.argv[1:]
+system = reduce(load_any(name)).system
+excitation = read_scene(system, name).excitation
+start = systems.start_of(system, excitation) if hasattr(systems, "start_of") else None
+form, least = SystemForm.of(system), 1e9
+for _ in range(int(repeats) + 1):
     begun = time.process_time()
     systems.simulate_form(form, excitation, start)
     least = min(least, time.process_time() - begun)
@@ -70,7 +76,7 @@ def measure(
             "system_bytes": len(form.kernel.block),
         }
         if earlier is not None:
-            row["earlier"] = 1e6 * _whole_in(earlier, system, excitation, repeats) / steps
+            row["earlier"] = 1e6 * _whole_in(earlier, name, repeats) / steps
         rows.append(row)
         if say is not None:
             ratio = f", earlier {row['earlier']:.3f}, ratio {row['whole'] / row['earlier']:.2f}" if earlier else ""
@@ -100,13 +106,10 @@ def _whole(form: SystemForm, excitation: Excitation) -> float:
     return time.process_time() - begun
 
 
-def _whole_in(earlier: Path, system: System, excitation: Excitation, repeats: int) -> float:
-    """Processor time in s of the same simulation in an earlier checkout, in a process of its own."""
-    with TemporaryDirectory() as folder:
-        file = Path(folder, "case.pickle")
-        file.write_bytes(pickle.dumps((system, excitation)))
-        command = [str(earlier / ".venv/bin/python"), "-c", _EARLIER, str(file), str(repeats)]
-        return float(subprocess.run(command, cwd=earlier, check=True, capture_output=True, text=True).stdout)
+def _whole_in(earlier: Path, name: str, repeats: int) -> float:
+    """Processor time in s of the simulation of a workflow in an earlier checkout, in a process of its own."""
+    command = [str(earlier / ".venv/bin/python"), "-c", _EARLIER, name, str(repeats)]
+    return float(subprocess.run(command, cwd=earlier, check=True, capture_output=True, text=True).stdout)
 
 
 if __name__ == "__main__":
