@@ -124,6 +124,7 @@ release: .venv-release/.ready ## dist: sources and wheels, checked in fresh envi
 .PHONY: report
 report: setup ## the paper's two cases, full against reduced: reports/paper/report.html and .pdf
 	@.venv/bin/pmr run workflows/paper_simple.toml workflows/paper_evolved.toml --out reports/paper
+	@echo "all is well: both cases are computed; look at reports/paper/report.html (warnings say where figures are rough)"
 
 .PHONY: paper
 paper: setup ## every experiment of the paper, figures and tables in one report: reports/paper_experiments (some minutes)
