@@ -196,7 +196,7 @@ def growth(found: Mapping[str, Any], prefix: str) -> Chapter:
         blocks=[
             Block(
                 "Cost against size",
-                rows=((drawing(f"{prefix}-size", figures.growth, caption, found),),),
+                drawings=(drawing(f"{prefix}-size", figures.growth, caption, found),),
                 grids=(
                     Grid("A step, and its share of each mode.", ("size", "a step", "each"), rows),
                     Grid("Moving rows and outputs.", ("size", "a step", "more than the first"), others),
@@ -346,7 +346,7 @@ def offline(found: Mapping[str, Any], prefix: str) -> Chapter:
         blocks=[
             Block(
                 "Offline",
-                rows=((drawing(f"{prefix}-stages", figures.offline, caption, found),),),
+                drawings=(drawing(f"{prefix}-stages", figures.offline, caption, found),),
                 grids=(
                     Grid(
                         "Coordinates and ranks; seconds of the slowest rank; peak memory of a rank.",
