@@ -24,6 +24,7 @@ import scipy.optimize
 from pmr.errors import InputError
 from pmr.errors.text import missing_file_reason
 from pmr.files.arrays import Array
+from pmr.results.quantities import QUANTITIES, unit_text
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -131,27 +132,17 @@ class NumberTable(NamedTuple):
     values: Array
 
 
-#: Units in which tables are read: those of times, places, frequencies and all outputs, without prefixes.
-UNITS = (
+#: Units in which tables are read, without prefixes: those of quantities, of times, rates and masses.
+_UNITS = {
+    *(quantity.unit for quantity in QUANTITIES.values() if quantity.unit),
     "s",
-    "m",
     "Hz",
-    "N",
-    "N m",
-    "m/s",
-    "m/s^2",
-    "m/s²",
-    "Pa",
-    "m^3",
-    "m³",
-    "m^3/s",
-    "m³/s",
-    "rad",
     "rad/s",
-    "W",
+    "m/s^2",
+    "m^3",
     "kg",
-    "1",
-)
+}
+UNITS = tuple(sorted(_UNITS | {unit_text(unit) for unit in _UNITS if unit_text(unit)}))
 
 
 def read_table(file: Path) -> NumberTable:
