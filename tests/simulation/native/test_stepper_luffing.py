@@ -102,3 +102,16 @@ def test_the_angle_is_given_at_the_start_alone() -> None:
         begun.step({}, None, {"luffing": 0.4})
     with pytest.raises(InputError, match=r"luffing drive force.*luffing drive opening"):
         begun.step({}, {"luffing drive force": 1.0})
+
+
+def test_a_saved_state_goes_on_alike_in_another_stepper() -> None:
+    """Angle, rate and pressures are parts of the state, bit for bit."""
+    scene, _ = boom("opening")
+    first, other = (stepped("opening", outputs=["luffing angle", "hook height"]) for _ in range(2))
+    for k in range(1, 41):
+        first.step(*driven(scene, "opening", k))
+    other._state.restore(first._state.save())
+    for k in range(41, 61):
+        steps = [stepper.step(*driven(scene, "opening", k)) for stepper in (first, other)]
+        np.testing.assert_array_equal(*steps)
+    assert first.luffing == other.luffing
