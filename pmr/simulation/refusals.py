@@ -61,8 +61,7 @@ def needs_of(system: BodySystem[Body], rigid: Mask, x: Array, rho_inf: float) ->
         Spectral radius at infinite frequency.
     """
     pushing, moving = ~np.isnan(system.clearance), np.zeros(len(rigid), bool)
-    for side, at in zip(system.sides, x.T, strict=True):
-        moving[side.contact] |= np.any(at != at[0])
+    moving[[system.sides[k].contact for k in np.flatnonzero((x != x[0]).any(axis=0))]] = True
 
     rubs = Friction.from_contacts(system.contacts)
 

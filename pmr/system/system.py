@@ -250,23 +250,22 @@ class BodySystem(Generic[AnyBody]):
         The result is clipped to the ranges of the rows, which round-off may exceed.  An InputError is raised if a path
         is missing from `s`, or leads a place to where its row is not defined.
         """
-        places = []
-        for side in self.sides:
+        shape = np.broadcast_shapes(*(np.shape(values) for values in s.values()))
+        x = np.empty((len(self.sides), *shape))
+        for k, side in enumerate(self.sides):
             place, name = side.place, self.contacts[side.contact].name
             if place.path is not None and place.path not in s:
                 raise contact_error(
                     name, "path", place.path, f"a path for it is needed; given: {', '.join(s) or 'none'}"
                 )
             low, high = self.range_of(place)
-            x, slack = place.coordinate(s), BEYOND_ENDS * (high - low)
-            outside = ~((x >= low - slack) & (x <= high + slack))
-            if np.any(outside):
-                worst = float(np.atleast_1d(x)[np.atleast_1d(outside)][0])
+            x[k], slack = place.coordinate(s), BEYOND_ENDS * (high - low)
+            if not (x[k].min(initial=low) >= low - slack and x[k].max(initial=high) <= high + slack):  # or not finite
+                outside = ~((x[k] >= low - slack) & (x[k] <= high + slack))
                 allowed = f"{low:g} to {high:g} m are allowed on {place.body}"
-                raise contact_error(name, "place", worst, allowed)
-            places.append(np.clip(x, low, high))
-        shape = np.broadcast_shapes(*(np.shape(values) for values in s.values()))
-        return np.moveaxis(np.array([np.broadcast_to(x, shape) for x in places]).reshape(len(places), *shape), 0, -1)
+                raise contact_error(name, "place", float(x[k][outside][0]), allowed)
+            np.clip(x[k], low, high, out=x[k, ...])
+        return np.moveaxis(x, 0, -1)
 
 
 @dataclass(frozen=True)
