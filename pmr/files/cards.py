@@ -185,14 +185,17 @@ def read_axes(card: Card) -> Axes | None:
 def rectangular(card: Card, axes: Axes | None, coordinates: Sequence[float]) -> Point:
     """Return the place in the axes of the whole of a node with `coordinates` (3,) on a card `*NODE`.
 
-    They are x, y, z, or with ``SYSTEM=C`` radius, angle in degrees and z, in the axes of `*SYSTEM`.  Raises InputError
-    for another SYSTEM.
+    They are along the axes of `*SYSTEM`: x, y, z, with ``SYSTEM=C`` radius, angle from x in degrees and z, with
+    ``SYSTEM=S`` radius, angle from x and latitude above the xy plane.  Raises InputError for another SYSTEM.
     """
     system = card.options.get("SYSTEM", "R").upper()
-    if system not in ("R", "C"):
-        raise card.place.error(f"SYSTEM={system} is not read; rectangular (R) and cylindrical (C) are allowed")
+    if system not in ("R", "C", "S"):
+        raise card.place.error(f"SYSTEM={system} is not read; R, C (cylindrical) and S (spherical) are allowed")
     x, y, z = coordinates
-    if system == "C":
+    if system == "S":
+        latitude = np.deg2rad(z)
+        x, z = x * float(np.cos(latitude)), x * float(np.sin(latitude))
+    if system != "R":
         angle = np.deg2rad(y)
         x, y = x * float(np.cos(angle)), x * float(np.sin(angle))
     if axes is not None:
@@ -204,16 +207,19 @@ def turned_axes(card: Card, points: Array) -> Array:
     """Return the axes (k, 3, 3), as rows, of displacements at `points` (k, 3) in m that a card `*TRANSFORM` gives.
 
     Its line has two points: of TYPE=R one on the x axis and one in the xy plane from the origin, of TYPE=C two on the
-    polar axis, where the axes are radial, circumferential and axial.  Raises InputError for anything else.
+    polar axis, where the axes are radial, circumferential and axial, of TYPE=S the centre and one on the polar axis,
+    where they are radial, circumferential and meridional.  Raises InputError for anything else.
     """
     kind = card.options.get("TYPE", "R").upper()
     numbers = [number for line in card.lines for number in _numbers(line, 6)]
-    if kind not in ("R", "C") or len(numbers) != 6:
-        raise card.place.error("TYPE=R or TYPE=C with three coordinates of two points is allowed")
+    if kind not in ("R", "C", "S") or len(numbers) != 6:
+        raise card.place.error("TYPE=R, C or S with three coordinates of two points is allowed")
     a, b = np.array(numbers[:3]), np.array(numbers[3:])
     x = np.tile(a, (len(points), 1)) if kind == "R" else points - a
     z = np.tile(np.cross(a, b) if kind == "R" else b - a, (len(points), 1))
     y = np.cross(z, x)
+    if kind == "S":
+        z = np.cross(x, y)
     with np.errstate(invalid="ignore", divide="ignore"):
         y, z = (axis / np.linalg.norm(axis, axis=1)[:, None] for axis in (y, z))
     axes = np.stack([np.cross(y, z), y, z], axis=1)

@@ -218,8 +218,18 @@ def _check_constraints(nodes: _Nodes, pairs: Indices) -> None:
                 "written without it are allowed"
             )
             raise place.error(allowed)
+        is_nastran = Path(place.source).suffix.lower() in _DMIG
+        is_rigid = is_nastran and keyword != "MPC"  # of several sets of MPC a run takes one
+        with_rows = nodes.dependent.get(place, set()) & {(node, d) for node, d in pairs.tolist()} if is_rigid else set()
+        if with_rows:
+            node, direction = min(with_rows)
+            allowed = (
+                f"matrices are allowed that {keyword} is part of: it makes direction {direction} of grid point {node} "
+                "depend on others, and the matrices have a row of it"
+            )
+            raise place.error(allowed)
         if missing > 0:
-            star = "" if Path(place.source).suffix.lower() in _DMIG else "*"
+            star = "" if is_nastran else "*"
             allowed = (
                 f"a model is allowed in which {star}{keyword} ties no coordinates to others: {missing} displacements "
                 "have no row in the matrices, which pmr takes as fixed"
@@ -394,8 +404,9 @@ def _read_bulk_nodes(path: Path) -> _Nodes:
     bulk = labelled.read_bulk(path)
     groups = {name: nodes.tolist() for name, nodes in bulk.groups.items()}
     ties = [(Place(str(path), line), name) for line, name in bulk.constraints]
+    dependent = {Place(str(path), line): members for line, members in bulk.dependent.items() if members}
     nodes = _make_nodes(bulk.numbers.tolist(), bulk.points.tolist(), groups)
-    return replace(nodes, axes=bulk.axes, constraints=ties)
+    return replace(nodes, axes=bulk.axes, constraints=ties, dependent=dependent)
 
 
 def _nastran_readers(letter: str, name: str) -> dict[str, Callable[[Path], object]]:

@@ -124,6 +124,7 @@ class Bulk:
     groups: dict[str, Indices]  #: Grid points of each SET1 entry, by names such as ``set7``
     axes: dict[int, Array]  #: (3, 3) arrays: axes of displacements as rows, by grid point where they are its own
     constraints: list[tuple[int, str]]  #: Line and name of each entry that ties displacements to others
+    dependent: dict[int, set[tuple[int, int]]]  #: Grid point and component that depend on others, by an entry's line
 
 
 #: Cards of a file that pyNastran reads.  This module reads sets itself, as pyNastran expands their ranges to lists of
@@ -133,8 +134,12 @@ CARDS = frozenset(
 )
 
 
+#: Sine of the angle from the polar axis up to which a grid point is at a pole.
+POLE = 1e-9
 #: Entries that tie displacements of grid points to those of others.
 TIES = re.compile(r"(MPC|RBAR1?|RBE[123]|RROD|RSPLINE|RTRPLT1?)\b", re.IGNORECASE)
+#: Number and name of a SET1 of grid points in a comment of HyperMesh, and of ANSA.
+NAMED = re.compile(r"\$(?:HMSET\s+(\d+)\s+1\s+\"([^\"]+)\"|ANSA_NAME_COMMENT;(\d+);SET;([^;]+);)")
 BEGIN = re.compile(r"\s*BEGIN\s+(BULK|SUPER)\b", re.IGNORECASE)
 
 
@@ -143,7 +148,7 @@ def read_bulk(path: Path) -> Bulk:
 
     The bulk data may be those of one superelement (BEGIN SUPER), as EXTSEOUT writes them.  Raises InputError if
     pyNastran is missing.  Raises UnreadableError if the file can't be read, or if it has complex matrices, several
-    parts or displacements along spherical axes.
+    parts or displacements at a pole of their spherical axes.
     """
     state = path.stat()
     return _read_bulk(path, state.st_mtime_ns, state.st_size)
@@ -184,12 +189,13 @@ def _read_bulk(path: Path, changed: int, size: int) -> Bulk:
     for grid in grids:
         if deck.nodes[grid].Cd() != 0:
             system, place = deck.nodes[grid].cd_ref, deck.nodes[grid].get_position()
-            axes[grid] = _displacement_axes(system.type[-1], system.beta(), system.transform_node_to_local(place)[1])
+            axes[grid] = _displacement_axes(system.type[-1], system.beta(), system.transform_node_to_local(place))
             if not np.isfinite(axes[grid]).all():
                 pattern = re.compile(rf"GRID\*?[\s,]+{grid}\b", re.IGNORECASE)
                 line = next((k for k, row in enumerate(text, 1) if pattern.match(row)), 0)
-                allowed = "displacements along rectangular or cylindrical axes are allowed"
-                raise UnreadableError(f"{allowed}: those of grid point {grid} are not", line)
+                allowed = "displacements along spherical axes are allowed away from their poles"
+                raise UnreadableError(f"{allowed}: grid point {grid} is at one", line)
+    ties = [(k, tie[1].upper()) for k, line in enumerate(text, 1) if (tie := TIES.match(line))]
     return Bulk(
         {name: matrix.matrix(pairs) for name, matrix in entries.items()},
         pairs,
@@ -197,19 +203,26 @@ def _read_bulk(path: Path, changed: int, size: int) -> Bulk:
         np.array([deck.nodes[grid].get_position() for grid in grids], dtype=float).reshape(-1, 3),
         _group_sets(text, np.array(grids, dtype=np.int64)),
         axes,
-        [(k, tie[1].upper()) for k, line in enumerate(text, 1) if (tie := TIES.match(line))],
+        ties,
+        {k: _dependent(name, fields) for name in {*dict(ties).values()} for k, fields in _entries(text, name)},
     )
 
 
-def _displacement_axes(kind: str, beta: Array, angle: float) -> Array:
-    """Return the axes (3, 3) of a grid point's displacements, as rows; NaN if they are spherical.
+def _displacement_axes(kind: str, beta: Array, place: Array) -> Array:
+    """Return the axes (3, 3) of a grid point's displacements, as rows; NaN at a pole of spherical ones.
 
-    `kind` is that of their system, R, C or S, `beta` (3, 3) its axes as rows, and `angle` in degrees that of the grid
-    point in a cylindrical system.
+    `kind` is that of their system, R, C or S, `beta` (3, 3) its axes as rows, and `place` (3,) that of the grid point
+    in the system, with angles in degrees: from x of a cylindrical system, from z and from x of a spherical one.
     """
-    c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
-    turns = {"R": np.eye(3), "C": np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])}
-    return np.asarray(turns.get(kind, np.full((3, 3), np.nan)) @ beta)
+    turned, sine = np.eye(3), 1.0
+    if kind != "R":
+        angle = np.deg2rad(place[1 if kind == "C" else 2])
+        c, s = np.cos(angle), np.sin(angle)
+        turned = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    if kind == "S":
+        cosine, sine = np.cos(np.deg2rad(place[1])), np.sin(np.deg2rad(place[1]))
+        turned = np.array([[sine, 0.0, cosine], [cosine, 0.0, -sine], [0.0, 1.0, 0.0]]) @ turned
+    return np.asarray(turned @ beta if sine > POLE else np.full((3, 3), np.nan))
 
 
 def _group_sets(text: Sequence[str], grids: Indices) -> dict[str, Indices]:
@@ -233,7 +246,31 @@ def _group_sets(text: Sequence[str], grids: Indices) -> dict[str, Indices]:
             sets[f"set{int(number)}"] = np.unique(np.concatenate(members))
         except (ValueError, IndexError, OverflowError):
             raise UnreadableError("SET1 with numbers of grid points, and first THRU last, is allowed", line) from None
+    for named in map(NAMED.match, text):
+        if named and (key := f"set{int(named[1] or named[3])}") in sets:
+            sets.setdefault((named[2] or named[4]).strip().lower(), sets[key])
     return sets
+
+
+def _dependent(name: str, fields: Sequence[str]) -> set[tuple[int, int]]:
+    """Return grid point and component of the displacements that the rigid element `name` makes depend on others.
+
+    `fields` are those behind its name.  The result is empty for entries that are not of the plain forms of RBE2 (one
+    independent point), RBE3 (without UM), RBAR (its first point independent in all components) and MPC.
+    """
+    _, first, second, third, *further = [*fields, *[""] * 7]
+    points, components = list[str](), ""
+    if name == "MPC":
+        components, points = second, [first]
+    elif name == "RBE2":
+        components, points = second, [field for field in (third, *further) if field and "." not in field]
+    elif name == "RBE3" and "UM" not in fields:
+        components, points = third, [second]
+    elif name == "RBAR" and (third, further[0], further[1]) == ("123456", "", ""):
+        components, points = further[2] or third, [second]
+    if not all(field.isdigit() for field in (components, *points)):
+        return set()
+    return {(int(point), int(component)) for point in points for component in components}
 
 
 def _external_pairs(text: Sequence[str]) -> Indices:

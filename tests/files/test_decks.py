@@ -72,7 +72,7 @@ def test_several_blocks_of_nodes_and_a_part_with_an_instance_in_place_are_read(t
         ("*Heading", "*INCLUDE, INPUT=other.inp\n*Heading", 1, "INPUT=other.inp: no such file"),
         ("*Heading", "*INCLUDE\n*Heading", 1, "INPUT=: no such file, but a folder"),
         ("*Heading", "*INCLUDE, INPUT=job.inp\n*Heading", 1, "files that do not include themselves"),
-        ("nset=ALL", "SYSTEM=S", 4, "SYSTEM=S is not read; rectangular (R) and cylindrical (C)"),
+        ("nset=ALL", "SYSTEM=T", 4, "SYSTEM=T is not read; R, C (cylindrical)"),
         ("nset=ALL", "INPUT=nodes.txt", 4, "INPUT=nodes.txt: no such file"),
         ("nset=ALL", "COPY=1", 4, "the option COPY of *NODE is not read"),
         ("*Heading", "*SYSTEM\n0., 0., 0., 1., 0., 0.\n2., 0., 0.\n*Heading", 2, "three points that are not on a line"),
@@ -198,7 +198,7 @@ def test_nodes_of_instances_are_bounded(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_nodes_in_other_axes_are_those_of_the_whole(tmp_path: Path) -> None:
-    """Cylindrical ones, and axes of their own that are moved, turned about z, or through three points."""
+    """Cylindrical and spherical ones, and axes of their own that are moved, turned about z, or through three points."""
     text = """*NODE, SYSTEM=C
 1, 2., 90., 5.
 *SYSTEM
@@ -216,11 +216,18 @@ def test_nodes_in_other_axes_are_those_of_the_whole(tmp_path: Path) -> None:
 0., 1., 1.
 *NODE
 5, 1., 2., 3.
+*NODE, SYSTEM=S
+7, 2., 90., 30.
 *SYSTEM
 *NODE
 6, 1., 2., 3.
+*NODE, SYSTEM=S
+8, 2., 90., 30.
+9, 2., 180., -90.
 """
-    expected = [(0, 2, 5), (2, 1, 1), (1, 1, 2), (0, 0, 0), (-3, 2, 1), (1, 2, 3)]
+    expected = [(0, 2, 5), (2, 1, 1), (1, 1, 2), (0, 0, 0), (-3, 2, 1), (-1, 3**0.5, 0), (1, 2, 3)]
+    expected += [(0, 3**0.5, 1), (0, 0, -2)]
+    expected = [tuple(round(x, 12) for x in place) for place in expected]
     places = [tuple(round(x, 12) + 0.0 for x in place) for place in deck(tmp_path, text).nodes.values()]
     assert places == expected
 

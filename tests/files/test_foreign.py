@@ -231,8 +231,8 @@ BAD: list[tuple[Callable[[ForeignFiles], ForeignFiles], str]] = [
     ),
     (changed("stiffness", "1 2\n"), "job.sti: line 1: row, column and entry are allowed, not '1 2'"),
     (
-        changed("nodes", "*STEP->*TRANSFORM, NSET=tip, TYPE=S\n0, 0, 0, 0, 0, 1\n*STEP"),
-        "job.inp: line 14: TYPE=R or TYPE=C with three coordinates of two points is allowed",
+        changed("nodes", "*STEP->*TRANSFORM, NSET=tip, TYPE=T\n0, 0, 0, 0, 0, 1\n*STEP"),
+        "job.inp: line 14: TYPE=R, C or S with three coordinates of two points is allowed",
     ),
     (
         changed(
@@ -353,9 +353,9 @@ def test_sets_of_bulk_data_have_the_points_that_there_are(entry: str, members: l
     [
         (
             "GRID,30,,1.,1.,0.",
-            "GRID,30,,1.,1.,0.,4\nCORD2S,4,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.",
+            "GRID,30,,1.,1.,0.,4\nCORD2S,4,,1.,1.,2.,1.,1.,3.\n,2.,0.,0.",
             3,
-            "displacements along rectangular or cylindrical axes are allowed: those of grid point 30",
+            "displacements along spherical axes are allowed away from their poles: grid point 30 is at one",
         ),
         ("KAA,0,6,2,0", "KAA,0,6,4,0", 4, "real entries are allowed: those of KAA have imaginary parts"),
         ("GRID,1", "SET1,7,1,THRU\nGRID,1", 1, "SET1 with numbers of grid points, and first THRU last"),
@@ -378,20 +378,23 @@ def test_bulk_data_that_is_not_read_is_refused_by_its_line(
 def test_a_deck_with_axes_and_names_of_its_own_has_the_same_matrices(tmp_path: Path) -> None:
     """With executive and case control, places in one system, and displacements of two nodes along axes of their own.
 
-    Nodes 12 and 5 have rectangular axes that are turned about x, and cylindrical ones about z at node 3.
+    Nodes 12 and 5 have rectangular axes that are turned about x, and cylindrical ones about z at node 3, node 3 has
+    spherical ones about an axis along y through the point (-1, -4, 0).
     """
     bdf = pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed")
     one, deck = given(), bdf.BDF(debug=None)
     a = np.deg2rad(30.0)
     deck.add_cord2r(8, [0.0, 0.0, 0.0], [0.0, -np.sin(a), np.cos(a)], [1.0, 0.0, 0.0])
     deck.add_cord2c(9, [2.0, 0.0, 0.0], [2.0, 0.0, 1.0], [3.0, 0.0, 0.0])
+    deck.add_cord2s(6, [-1.0, -4.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -4.0, 0.0])
     deck.add_cord2r(4, [1.0, 2.0, 3.0], [1.0, 2.0, 4.0], [2.0, 2.0, 3.0])
     for number, point in zip(NUMBERS, one.points, strict=True):
-        deck.add_grid(number, point - [1.0, 2.0, 3.0], cp=4, cd={12: 8, 5: 9}.get(number, 0))
+        deck.add_grid(number, point - [1.0, 2.0, 3.0], cp=4, cd={12: 8, 5: 9, 3: 6}.get(number, 0))
     place = one.points[NUMBERS.index(5)] - [2.0, 0.0, 0.0]
     radial = np.array([place[0], place[1], 0.0]) / np.hypot(place[0], place[1])
     axes = {
         12: np.array([[1.0, 0.0, 0.0], [0.0, np.cos(a), np.sin(a)], [0.0, -np.sin(a), np.cos(a)]]),
+        3: np.array([[0.6, 0.8, 0.0], [0.8, -0.6, 0.0], [0.0, 0.0, -1.0]]),  # along the radius, from and about the pole
         5: np.stack([radial, np.cross([0.0, 0.0, 1.0], radial), [0.0, 0.0, 1.0]]),
     }
     Q = np.eye(one.size)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -63,15 +64,62 @@ def test_a_second_superelement_in_a_file_is_refused_with_its_line(tmp_path: Path
         read_foreign(foreign_files(tmp_path / "two.pch", None, None, None))
 
 
-@pytest.mark.parametrize("entry", ["RBE2,9,1,123456,3", "RBE3,9,,1,123,1.0,123,3", "RBAR,9,1,3,123456"])
-def test_rigid_elements_are_refused_where_displacements_have_no_row(entry: str, tmp_path: Path) -> None:
-    grids = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,0.,1.,0.\n"
-    pairs = [(1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (2, 3)]
-    A = sp.csr_matrix(2.0 * np.eye(6))
-    lines = [*dmig("KAA", A, pairs), *dmig("MAA", A, pairs)]
-    (tmp_path / "job.bdf").write_text(f"{grids}{entry}\n" + "\n".join([*lines, ""]))
-    with pytest.raises(InputError, match=rf"job\.bdf: line 4: a model is allowed in which {entry[:4].strip(',')}"):
-        read_foreign(foreign_files(tmp_path / "job.bdf", None, None, None))
+GRIDS = [(-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+
+
+def lattice(folder: Path, text: str) -> Path:
+    """File of a tetrahedron of bars on grid points 1 to 4, with the lines `text` behind them."""
+    points, pairs = np.array(GRIDS), [(k, d) for k in (1, 2, 3, 4) for d in (1, 2, 3)]
+    K = np.zeros((12, 12))
+    for i, j in combinations(range(4), 2):
+        axis = (points[j] - points[i]) / np.linalg.norm(points[j] - points[i])
+        at = [*range(3 * i, 3 * i + 3), *range(3 * j, 3 * j + 3)]
+        K[np.ix_(at, at)] += 1e7 * np.kron([[1, -1], [-1, 1]], np.outer(axis, axis))
+    grids = [f"GRID,{k},,{x},{y},{z}" for k, (x, y, z) in enumerate(GRIDS, 1)]
+    matrices = [*dmig("KAA", sp.csr_matrix(K), pairs), *dmig("MAA", sp.eye(12, format="csr"), pairs)]
+    (folder / "job.bdf").write_text("\n".join([*grids, text, *matrices, ""]))
+    return folder / "job.bdf"
+
+
+MPC = "\n".join(f"MPC,7,9,{d},1.0,3,{d},-1.0" for d in (1, 2, 3))
+
+
+@pytest.mark.parametrize(
+    "entry",
+    ["RBE2,9,1,123456,9,10", "RBE3,9,,9,123,1.0,123,3\nRBE2,8,9,123,10,1.0-5", "RBAR,8,1,9,123456\nRBAR,9,1,10,123456",
+     f"{MPC}\nRBE2,9,9,123,10"],
+)  # fmt: skip
+def test_points_that_rigid_elements_make_depend_on_others_are_left_out(entry: str, tmp_path: Path) -> None:
+    """A program leaves their displacements out of its matrices."""
+    loose = "GRID,9,,0.,0.,2.\nGRID,10,,0.,0.,3.\nSET1,7,2,THRU,10\n"
+    read = read_foreign(foreign_files(lattice(tmp_path, loose + entry), None, None, None))
+    assert read.points.tolist() == [list(point) for point in GRIDS]
+    assert {name: members.tolist() for name, members in read.groups.items()} == {"set7": [1, 2, 3]}
+
+
+@pytest.mark.parametrize(
+    ("entry", "says"),
+    [
+        ("RBE2,9,1,12,9", "a model is allowed in which RBE2 ties no coordinates to others: 3 displacements"),
+        ("RBE2,9,1,123,9,THRU,10", "a model is allowed in which RBE2 ties no coordinates to others: 3 displacements"),
+        ("RBE3,9,,3,123,1.0,123,1,+\n+,UM,9,123", "a model is allowed in which RBE3 ties no coordinates to others"),
+        ("RBAR,9,1,9,123,12,3", "a model is allowed in which RBAR ties no coordinates to others"),
+        ("RBE2,9,1,123456,9,3", "matrices are allowed that RBE2 is part of: it makes direction 1 of grid point 3"),
+        ("RBE3,9,,3,123,1.0,123,1", "matrices are allowed that RBE3 is part of: it makes direction 1 of grid point 3"),
+    ],
+)
+def test_rigid_elements_that_do_not_go_with_the_matrices_are_refused(entry: str, says: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=rf"job\.bdf: line 6: {says}"):
+        read_foreign(foreign_files(lattice(tmp_path, "GRID,9,,0.,0.,2.\n" + entry), None, None, None))
+
+
+def test_sets_have_the_names_that_preprocessors_write_in_comments(tmp_path: Path) -> None:
+    sets = '$HMSET       7        1 "Rail Top"\nSET1,7,1,2\nSET1,8,3\n$ANSA_NAME_COMMENT;8;SET;tip;;NO;NO;NO;NO;\n'
+    sets += '$HMSET       9        2 "elements"\n'
+    read = read_bulk(lattice(tmp_path, sets)).groups
+    assert {name: members.tolist() for name, members in read.items()} == {
+        "set7": [1, 2], "rail top": [1, 2], "set8": [3], "tip": [3],
+    }  # fmt: skip
 
 
 def output4(matrices: Mapping[str, np.ndarray], form: str, width: int, exponent: str = "E", words: int = 2) -> str:

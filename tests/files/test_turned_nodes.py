@@ -29,6 +29,7 @@ def written(body: GivenMatrices, card: str, folder: Path) -> ForeignFiles:
 CARDS = {
     "R": "*TRANSFORM, NSET=tip\n0.8, 0.6, 0., -0.6, 0.8, 0.",
     "C": "*TRANSFORM, NSET=tip, TYPE=C\n0., 3., 0., 0., 3., 1.",
+    "S": "*TRANSFORM, NSET=tip, TYPE=S\n0., 3., 0., 0., 3., 1.",
 }
 
 
@@ -36,6 +37,12 @@ def axes(kind: str, point: np.ndarray) -> np.ndarray:
     """Axes as rows at a point."""
     x = np.array([0.8, 0.6, 0.0]) if kind == "R" else np.array([point[0], point[1] - 3.0, 0.0])
     x = x / np.linalg.norm(x)
+    if kind == "S":
+        latitude = np.arctan2(point[2], np.hypot(point[0], point[1] - 3.0))
+        east, pole = np.cross([0.0, 0.0, 1.0], x), np.array([0.0, 0.0, 1.0])
+        return np.stack(
+            [np.cos(latitude) * x + np.sin(latitude) * pole, east, np.cos(latitude) * pole - np.sin(latitude) * x]
+        )
     return np.stack([x, np.cross([0.0, 0.0, 1.0], x), [0.0, 0.0, 1.0]])
 
 
