@@ -27,7 +27,7 @@ from pmr.scene.built import Gravity
 from pmr.scene.checks import MOST_STEPS
 from pmr.scene.files import stored_scene
 from pmr.scene.hoist import ROPE
-from pmr.scene.keys import RECORDED, input_name
+from pmr.scene.keys import LUFFING, RECORDED, input_name
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.members import members
 from pmr.scene.signals import Constant, Signal, SignalBase
@@ -289,7 +289,9 @@ class MovingFrame:
     @property
     def start(self) -> Array:
         """Values, rates and second rates (3, n) of the drivers in the scene at t = 0, with the full weight."""
-        motions = self.motions(Excitation.from_scene(self.scene), 0.0)
+        motions, frame = self.motions(Excitation.from_scene(self.scene), 0.0), self.scene.frame
+        if self.luffing is not None and frame is not None:
+            motions[1, self.drivers.index(LUFFING)] = frame.luffing_rate * (1.0 if frame.unit == "rad" else np.pi / 180)
         if self.scene.gravity is not None:
             motions[0, self.drivers.index(GRAVITY)] = self.scene.gravity.acceleration
         return motions

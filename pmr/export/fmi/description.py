@@ -23,6 +23,7 @@ _UNITS: dict[str, dict[str, float]] = {
     "mm": {"m": 1, "factor": 0.001},
     "rad": {"rad": 1},
     "K": {"K": 1},
+    "m3": {"m": 3},
     "N/m": {"kg": 1, "s": -2},
 }
 UNITS = _UNITS | {
@@ -38,6 +39,7 @@ class ModelAttributes:
     title: str
     token: str  #: Hash that distinguishes the model from others
     model_exchange: bool  #: Whether there is a Model Exchange interface in addition to Co-Simulation
+    derivatives: bool  #: Whether there are directional derivatives
     sources: Sequence[str]
     end: float  #: s, of the reference trajectory
     step: float  #: s, of the reference trajectory
@@ -46,7 +48,8 @@ class ModelAttributes:
 def description_2(model: ModelAttributes, variables: Sequence[Variable]) -> str:
     """Text of modelDescription.xml of FMI 2.0."""
     root = _root_element(model, "2.0", {"guid": model.token, "numberOfEventIndicators": "0"})
-    can = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true", "providesDirectionalDerivative": "true"}
+    can = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
+    can["providesDirectionalDerivative"] = str(model.derivatives).lower()
     steps = {
         "canHandleVariableCommunicationStepSize": "true",
         "canInterpolateInputs": "true",
@@ -82,7 +85,8 @@ def description_2(model: ModelAttributes, variables: Sequence[Variable]) -> str:
 def description_3(model: ModelAttributes, variables: Sequence[Variable]) -> str:
     """Text of modelDescription.xml of FMI 3.0."""
     root = _root_element(model, "3.0", {"instantiationToken": model.token})
-    can = {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true", "providesDirectionalDerivatives": "true"}
+    can = {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
+    can["providesDirectionalDerivatives"] = str(model.derivatives).lower()
     steps = {"canHandleVariableCommunicationStepSize": "true", "maxOutputDerivativeOrder": "1"}
     for kind, more in _interfaces(model, steps):
         ET.SubElement(root, kind, {"modelIdentifier": model.identifier, **can, **more})

@@ -98,7 +98,7 @@ def write_fmu(
     """
     npz_path = Path(npz_path)
     system = System.load(npz_path)
-    return write(system, read_scene(system, npz_path.name), target, version, platforms, sources)
+    return write(system, read_scene(system, npz_path.name, free=True), target, version, platforms, sources)
 
 
 def write(
@@ -109,7 +109,7 @@ def write(
     platforms: Sequence[Platform] = PLATFORMS,
     sources: bool = False,
 ) -> Path:
-    """Write a system as an FMU for Co-Simulation, and for Model Exchange if no contact is rigid or has friction.
+    """Write a system as an FMU for Co-Simulation, and for Model Exchange if it is an ordinary differential equation.
 
     Parameters
     ----------
@@ -160,6 +160,7 @@ def fmu_contents(system: System, scene: StoredScene, name: str, version: str, so
         title=scene.title,
         token=file.token,
         model_exchange=drivers.is_differential,
+        derivatives=drivers.has_derivatives,
         sources=compiled_files(files),
         end=run.stepping.end,
         step=run.stepping.step,

@@ -15,13 +15,15 @@ from numpy.typing import ArrayLike
 from pmr.export.fmi.variables import STARTS, Drivers, Variable
 from pmr.files.arrays import Array
 from pmr.scene.built import force_name
+from pmr.scene.keys import LUFFING
 from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Strand
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation, signals_in_order
-from pmr.simulation.moving import StoredScene
+from pmr.simulation.moving import DRIVE, StoredScene, store_boom_scene
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
+from pmr.simulation.native.luffing import LuffingRun
 from pmr.simulation.stepping import TimeStepping
 
 #: Number of instants at which outputs are written; all steps if there are fewer.
@@ -35,7 +37,7 @@ class Reference:
     stepping: TimeStepping
     omega: float  #: rad/s, of contacts that only push; 0 without any
     inputs: Array  #: (T, 1 + 4 n) array: time, drivers and their rates of order one to three, at every step
-    first: Array  #: (n,) array: values of the drivers at the start
+    first: Array  #: (2, n) array: values of the drivers at the start, and rates of those that have no input
     static: bool  #: Whether it starts in equilibrium
     t: Array  #: (S,) array, s
     outputs: Array  #: (S, o + m) array: outputs of the bodies, and contact forces
@@ -45,23 +47,27 @@ class Reference:
     def start_values(self) -> Array:
         """Start values (4 + 4 n,) of time, drivers, the drivers' rates, and the parameters step, rho_inf, start.
 
-        Rates are zero; the parameter start is the number of the kind of start (`STARTS`).
+        Rates of inputs are zero; the parameter start is the number of the kind of start (`STARTS`).
         """
         step = self.stepping.step
         start = STARTS["static" if self.static else "at rest"]
-        return np.concatenate([[0.0], self.first, np.zeros(3 * len(self.first)), [step, self.stepping.rho_inf, start]])
+        return np.concatenate([[0.0], *self.first, np.zeros(self.first.size), [step, self.stepping.rho_inf, start]])
 
 
 def reference(drivers: Drivers, scene: StoredScene) -> Reference:
     """Simulate a system under its own scene and return the reference trajectory.
 
     Without a frame, paths and loads follow the FMU's cubics between steps; with a frame that moves, they follow the
-    scene's signals.
+    scene's signals.  A free luffing angle is computed first, as in a run; errors as
+    `pmr.simulation.native.luffing.LuffingRun.with_luffing`.
     """
+    if scene.luffs_freely and scene.scene is not None:
+        scene = store_boom_scene(LuffingRun(scene.scene, drivers.system).with_luffing(), drivers.system)
     system, excitation = drivers.system, scene.excitation
     inputs = input_cubics(drivers, excitation)
     reached = _cubic_excitation(drivers, excitation, inputs)
-    initial = None if system.hoist else systems.static_start(system, reached) if scene.static else {}
+    free = bool(system.hoist) or drivers.luffs_freely
+    initial = None if free else systems.static_start(system, reached) if scene.static else {}
     trajectory = systems.simulate_form(SystemForm(system, drivers.forms), reached, initial)
     y = list(systems.displacements(system, trajectory).values())
     z, v = (
@@ -73,10 +79,13 @@ def reference(drivers: Drivers, scene: StoredScene) -> Reference:
     largest = np.abs(np.hstack([z, v])).max(axis=0)
     smallest = 1e-9 * np.repeat(largest.reshape(2, -1).max(axis=1), z.shape[1])
     nominal = np.maximum(largest, smallest)
-    first = inputs[0, 0].copy()
+    first = np.stack([inputs[0, 0], np.zeros(drivers.count)])
     if not drivers.shown_paths:
-        first[: drivers.first_load_number] = [low for low, _ in drivers.data.rows.ranges]
-    first[drivers.first_load_number : drivers.first_load_number + len(drivers.loads)] = first_loads(drivers, scene)
+        first[0, : drivers.first_load_number] = [low for low, _ in drivers.data.rows.ranges]
+    first[0, drivers.first_load_number : drivers.first_motion_number] = first_loads(drivers, scene)
+    if drivers.luffs_freely and drivers.frame is not None:
+        number = drivers.frame.drivers.index(LUFFING)
+        first[1, number] = drivers.frame.start[1, number]
     return Reference(
         stepping=reached.stepping,
         omega=contact_frequency(SystemForm(system, drivers.forms).modal, reached),
@@ -146,8 +155,8 @@ def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
     """Drivers and their rates of order one to three at the steps, (4, T, n), as cubics that reach the next step.
 
     Without a frame, value and rate of each path and load agree at both ends of a step.  In a frame, paths and angles
-    agree in value and second rate, which accelerates the frame; all other drivers are straight lines.  At the last time
-    the rates are zero.
+    agree in value and second rate, which accelerates the frame, and the drive of a luffing cylinder in value and rate;
+    all other drivers are straight lines.  At the last time the rates are zero.
     """
     t, h, n = excitation.times, excitation.stepping.step, drivers.count
     orders, frame = np.zeros((4, len(t), n)), drivers.frame
@@ -155,8 +164,9 @@ def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
         at = frame.motions(excitation, t)
         second = np.array([name in (*frame.paths, *frame.angles) for name in frame.drivers])
         orders[0] = at[0].T
-        x, a = at[0].T, at[2].T
-        lines = straight_line(x[:-1], x[1:], h)
+        x, v, a = at[0].T, at[1].T, at[2].T
+        lines, drive = straight_line(x[:-1], x[1:], h), [name.startswith(DRIVE) for name in frame.drivers]
+        lines = np.where(drive, cubic_by_rates(x[:-1], x[1:], v[:-1], v[1:], h), lines)
         orders[:, :-1] = np.where(second, cubic_by_second_rates(x[:-1], x[1:], a[:-1], a[1:], h), lines)
         return orders
     signals = [*(excitation.paths[path] for path in drivers.shown_paths)]

@@ -16,8 +16,10 @@ from pmr.kernel.further import AXES
 from pmr.scene.built import force_name
 from pmr.scene.hoist import ROPE, WIND
 from pmr.scene.keys import LUFFING
+from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.simulation.moving import GRAVITY, MovingFrame
+from pmr.simulation.moving import DRIVE, GRAVITY, MovingFrame, read_scene
+from pmr.simulation.native.luffing import stepped_frame
 from pmr.system.body import force_outputs, names_of, units_of
 from pmr.system.contacts import ALONE, SLIDER, qualified_name
 from pmr.system.system import System
@@ -26,6 +28,8 @@ from pmr.system.system import System
 SLEWING = "slewing"
 #: Unit of what drives the rope of a hoist: of its length, and of the speed of its winch.
 ROPE_UNITS = ("m", "m/s")
+#: Unit of what drives a free luffing angle, by the kind of drive.
+DRIVE_UNITS = {"opening": "1", "force": "N", "length": "m"}
 
 
 @dataclass(frozen=True)
@@ -42,9 +46,11 @@ class Drivers:
         """Drivers of a system.
 
         Raises InputError if the system has terms but no scene with a frame that drives these, if the system's paths
-        differ from the frame's or have another order, or as `modal_form`.
+        differ from the frame's or have another order, or as `modal_form` and `stepped_frame`.
         """
-        frame = MovingFrame.from_system(system)
+        if "scene" in system.provenance and read_scene(system, "system", free=True).luffs_freely:
+            system = with_all_inertia(system)
+        frame = stepped_frame(system, "system")
         if frame is None:
             system.ensure_without_terms("system")
         elif frame.paths != tuple(path for path in system.paths if path != LUFFING):
@@ -99,6 +105,7 @@ class Drivers:
         of_parts = {name.rpartition(" ")[0]: unit for name, unit in of_inputs.items()}
         known = {GRAVITY: "m/s2"} if self.frame else {}
         known |= {name: "N" for name in WIND} | {ROPE: ROPE_UNITS[self.is_wound]}
+        known |= {f"{DRIVE}{name}": unit for name, unit in DRIVE_UNITS.items()}
         return tuple(known.get(name) or of_inputs.get(name) or of_parts[name] for name in self.loads)
 
     @property
@@ -117,14 +124,25 @@ class Drivers:
         return self.first_load_number + len(self.loads)
 
     @property
+    def luffs_freely(self) -> bool:
+        """Whether the luffing angle is free, so that only its start is given."""
+        return self.frame is not None and self.frame.luffing is not None
+
+    @property
+    def has_derivatives(self) -> bool:
+        """Whether rates of outputs and directional derivatives are known: without a hoist and a free luffing angle."""
+        return not self.system.hoist and not self.luffs_freely
+
+    @property
     def is_differential(self) -> bool:
-        """Whether the model is an ordinary differential equation: no contact is rigid, no friction, and no hoist."""
+        """Whether the model is an ordinary differential equation: it has derivatives, no rigid contact, no friction."""
         rows = self.data.rows
-        return rows.friction is None and not self.system.hoist and bool(np.all(rows.gives > 0.0))
+        return self.has_derivatives and rows.friction is None and bool(np.all(rows.gives > 0.0))
 
     def kinds(self) -> list[int]:
-        """Kind of each driver as source/unit.h numbers them: 0 other, 1 path, 2 angle, 3 slewing angle."""
-        of_motions = [0 if name in AXES else 3 if name == SLEWING else 2 for name in self.motions]
+        """Kind of each driver as source/unit.h numbers them: 0 other, 1 path, 2 angle, 3 slewing angle, 4 start."""
+        kinds = dict.fromkeys(AXES, 0) | {SLEWING: 3} | ({LUFFING: 4} if self.luffs_freely else {})
+        of_motions = [kinds.get(name, 2) for name in self.motions]
         return [*(1 for _ in self.paths), *(0 for _ in self.loads), *of_motions]
 
 
@@ -197,13 +215,17 @@ def rate_unit(unit: str, order: int) -> str:
 
 @dataclass(frozen=True)
 class _Driver:
-    """A driver as an input: name, index among all drivers, description, unit, and (smallest, largest) value or None."""
+    """A driver as an input: name, index among all drivers, description, unit, and (smallest, largest) value or None.
+
+    If `only_starts`, its value and its rate at the start are parameters.
+    """
 
     name: str
     number: int
     what: str
     unit: str
     within: tuple[float, float] | None = None
+    only_starts: bool = False
 
 
 def _drivers(drivers: Drivers) -> Iterator[_Driver]:
@@ -221,7 +243,10 @@ def _drivers(drivers: Drivers) -> Iterator[_Driver]:
             yield _Driver(name, drivers.first_load_number + k, f"load {name}", unit)
     for k, name in enumerate(drivers.motions):
         what, unit = (f"angle {name}", "rad") if name not in AXES else (f"acceleration of the pivot, {name}", "m/s2")
-        yield _Driver(name + " acceleration" * (name in AXES), drivers.first_motion_number + k, what, unit)
+        only_starts = name == LUFFING and drivers.luffs_freely
+        shown, what = (f"{name} start", f"{what} at the start") if only_starts else (name, what)
+        shown += " acceleration" * (name in AXES)
+        yield _Driver(shown, drivers.first_motion_number + k, what, unit, only_starts=only_starts)
 
 
 def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -> Iterator[Variable]:
@@ -230,18 +255,16 @@ def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -
     yield Variable(names("time"), 0, "time", "independent", initial="", unit="s")
     orders = list[tuple[_Driver, int, str]]()
     for driver in _drivers(drivers):
-        orders += [
-            (driver, k, names(driver.name + suffix)) for k, suffix in enumerate(("", "_rate", "_rate_2", "_rate_3"))
-        ]
+        suffixes = ("", "_rate", "_rate_2", "_rate_3")[: 2 if driver.only_starts else ORDERS]
+        orders += [(driver, k, names(driver.name + suffix)) for k, suffix in enumerate(suffixes)]
     for driver, order, name in sorted(orders, key=lambda each: (each[1], each[0].number)):
         at, what = (
             1 + order * drivers.count + driver.number,
             ("", "rate of ", "second rate of ", "third rate of ")[order],
         )
         unit, within = rate_unit(driver.unit, order), None if order else driver.within
-        yield Variable(
-            name, at, what + driver.what, "input", initial="", unit=unit, start=float(start[at]), within=within
-        )
+        kind = ("parameter", "fixed", "exact") if driver.only_starts else ("input", "continuous", "")
+        yield Variable(name, at, what + driver.what, *kind, unit, float(start[at]), within=within)
     first = 1 + ORDERS * drivers.count
     how = "undeformed and at rest, in equilibrium with the loads, or as the start values of the modes say"
     parameters = (
@@ -268,15 +291,15 @@ def output_kinds(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
 def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Iterator[Variable]:
     """Yield outputs, rates of outputs that are motions, and contact forces; the first value reference is `first`.
 
-    With a hoist there are no rates.
+    There are no rates without derivatives.
     """
     system, called = drivers.system, list(output_kinds(drivers))
     count, o = len(called), len(system.output_names)
     outputs = [names(force_name(name) if not moves and k < o else name) for k, (name, _, moves) in enumerate(called)]
     for k, (name, unit, _) in enumerate(called):
-        yield Variable(outputs[k], first + k, name, unit=unit)
+        yield Variable(outputs[k], first + k, name, unit=unit.replace("^", ""))
     for k, (what, unit, moves) in enumerate(called):
-        if moves and not system.hoist:  # its rope has no rates
+        if moves and drivers.has_derivatives:
             name = names(f"{outputs[k]}_rate")
             yield Variable(name, first + count + k, f"rate of {what}", unit=rate_unit(unit, 1), is_rate=True)
     for k, contact in enumerate(system.contacts):

@@ -17,6 +17,7 @@ import pytest
 from export.fmi import loop, valve
 from numpy.typing import ArrayLike, NDArray
 from processes import called
+from simulation.native import test_stepper_luffing
 
 from benchmarks.fmu import Timed
 from pmr import scene
@@ -150,6 +151,16 @@ def test_a_crane_in_a_loop_under_fmpy_is_that_with_a_stepper(fmpy: Path, tmp_pat
         assert np.ptp(other) > 1e-2 * np.abs(other).max()
         for one in ones:
             np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-6 * np.abs(other).max())
+
+
+@pytest.mark.parametrize("version", fmu.VERSIONS)
+def test_a_crane_that_luffs_by_itself_steps_under_fmpy_as_in_its_run(version: str, fmpy: Path, tmp_path: Path) -> None:
+    _, system = test_stepper_luffing.boom("opening")
+    file = fmu.write_fmu(system.save(tmp_path / "system.npz"), tmp_path / "crane.fmu", version, PLATFORMS[:1])
+    assert under(fmpy, "validate", str(file)) == []
+    seen = under(fmpy, "steps", str(file))
+    assert seen["m"] < 1e-6
+    assert seen["N"] < 1.0  # of 10 kN
 
 
 def test_another_importer_steps_as_march_does(exported: Exported, fmpy: Path) -> None:

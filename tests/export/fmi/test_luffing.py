@@ -1,4 +1,4 @@
-"""The force of the cylinder that raises a boom as an output of its FMU, beside statics by hand."""
+"""FMUs of booms that luff: forces of the cylinder beside statics by hand, and a free angle beside a stepper."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from compare.test_luffing_cylinder import FOOT, LENGTH, LUG, MASS, G, raised
-from export.fmi.libraries import Instance, loaded
+from export.fmi.libraries import CallError, Instance, Library, loaded
+from simulation.native import test_stepper_luffing as freed
 from turning_cylinder import Rigid, boom
 
 import pmr
 from pmr.export.fmi.fmu import fmu_contents
+from pmr.scene import Scene
 from pmr.simulation.moving import read_scene
 from pmr.system.system import System
 
@@ -56,3 +58,69 @@ def test_a_cylinder_that_gives_way_turns_with_the_angle(tmp_path: Path) -> None:
     instance.initialise(["luffing"], [0.7])
     seen = [(instance.set(["luffing"], [0.7 + d]), instance.get([force])[0])[1] for d in (h, -h, 0.0)]
     assert instance.directional([force], "luffing")[0] == pytest.approx((seen[0] - seen[1]) / (2.0 * h), rel=1e-5)
+
+
+def free_boom(drive: str, folder: Path) -> tuple[Scene, System, Library]:
+    """Boom that hoists, slews and luffs by itself, as it was saved, with its FMU."""
+    scene, system = freed.boom(drive)
+    system = System.load(system.save(folder / "system.npz"))
+    contents = fmu_contents(system, read_scene(system, "system.npz", free=True), "boom", "3")
+    return scene, system, loaded(contents, folder, "3")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("drive", freed.DRIVES)
+def test_a_free_luffing_angle_is_that_of_a_stepper(drive: str, tmp_path: Path) -> None:
+    """Under the same motions at the ends of steps, also after a state that was saved; its start is a parameter."""
+    scene, _, library = free_boom(drive, tmp_path)
+    h, begun, turned = scene.time.step, 0.32, 0.01
+    names = ["luffing angle", "hook height", "luffing cylinder force", "fly: tip z"]
+    stepper, instance = freed.stepped(drive, outputs=names, frame={"luffing": (begun, turned)}), Instance(library)
+    shown = ["luffing_angle", "hook_height", "luffing_cylinder_force", "fly_tip_z"]
+    instance.set(["internal_step", "luffing_start", "luffing_start_rate"], [h, begun, turned])
+    instance.initialise()
+    assert instance.get(["luffing_angle", "luffing_start"]) == pytest.approx([begun, begun], rel=1e-14)
+    for k in range(1, 81):
+        _, loads, frame = freed.driven(scene, drive, k)
+        expected = stepper.step({}, loads, frame)
+        (at, rate, second), (drives, faster) = frame["slewing"], loads[f"luffing drive {drive}"]
+        inputs = {
+            "slewing": at - h * rate + h**2 / 2.0 * second,
+            "slewing_rate": rate - h * second,
+            "slewing_rate_2": second,
+            f"luffing_drive_{drive}": drives - h * faster,
+            f"luffing_drive_{drive}_rate": faster,
+            "hoist_rope": loads["hoist rope"],
+        }
+        instance.set(list(inputs), list(inputs.values()))
+        before = instance.serialised(instance.saved())
+        instance.step((k - 1) * h, h)
+        assert instance.get(shown) == pytest.approx(expected, rel=1e-11, abs=1e-13)
+    after = instance.get(shown)
+    assert instance.get(["luffing_start", "luffing_start_rate"]) == pytest.approx([begun, turned])
+    other = Instance(library)
+    other.restore(other.deserialised(before))
+    other.step(79 * h, h)
+    np.testing.assert_array_equal(other.get(shown), after)
+    with pytest.raises(CallError, match="fixed once the start is made"):
+        instance.set(["luffing_start"], [0.3])
+    assert not {"luffing", "luffing_rate", "luffing_start_rate_2"} & set(library.references)
+
+
+@pytest.mark.slow
+def test_an_fmu_says_why_a_free_luffing_angle_is_not_found(tmp_path: Path) -> None:
+    _, _, library = free_boom("length", tmp_path)
+    instance = Instance(library)
+    instance.initialise()
+    instance.set(["luffing_drive_length"], [60.0])
+    with pytest.raises(CallError, match="foot, lug and pivot|the luffing angle is not found"):
+        for k in range(2000):
+            instance.step(k * 1e-3, 1e-3)
+    with pytest.raises(CallError, match="derivatives with a hoist or a free luffing angle are not known"):
+        Instance(library).directional(["luffing_angle"], "slewing")
+    hook = Instance(library)
+    hook.initialise()
+    hook.set(["hoist_rope"], [5.0])
+    with pytest.raises(CallError, match="the hook is at its head sheaves"):
+        for k in range(2000):
+            hook.step(k * 1e-3, 1e-3)

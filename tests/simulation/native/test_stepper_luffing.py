@@ -12,9 +12,12 @@ from oil_boom import FOOT, LUG, RIGID, UP_AND_DOWN, oil
 
 import pmr
 from pmr.errors import InputError
+from pmr.export.fmi.reference import reference
+from pmr.export.fmi.variables import Drivers, variables
 from pmr.kernel.machine import CYLINDER_COLUMNS
 from pmr.scene import Scene
 from pmr.simulation.free_base import with_all_inertia
+from pmr.simulation.moving import read_scene
 from pmr.simulation.native.luffing import LuffingRun
 from pmr.system.system import System
 
@@ -102,6 +105,17 @@ def test_the_angle_is_given_at_the_start_alone() -> None:
         begun.step({}, None, {"luffing": 0.4})
     with pytest.raises(InputError, match=r"luffing drive force.*luffing drive opening"):
         begun.step({}, {"luffing drive force": 1.0})
+
+
+def test_the_rate_at_the_start_is_that_of_the_scene() -> None:
+    scene = free_boom.scene(*KEYS[:-1], "frame.luffing_rate=0.02", DRIVES["opening"])
+    system = with_all_inertia(pmr.reduce(scene).system)
+    stepper = pmr.Stepper(system, step=scene.time.step, s={"fly": 0.6}, rho_inf=0.9)
+    assert stepper.luffing["rate of luffing angle"] == pytest.approx(0.02, rel=1e-12)
+    drivers = Drivers.of(system)
+    carried = reference(drivers, read_scene(system, "system", free=True))
+    start = {v.name: v.start for v in variables(drivers, carried.start_values, carried.nominal)}
+    assert start["luffing_start_rate"] == pytest.approx(0.02, rel=1e-12)
 
 
 def test_a_saved_state_goes_on_alike_in_another_stepper() -> None:

@@ -56,7 +56,7 @@ static int is_sound(Unit *unit)
     for (k = 0; k < unit->modes; k++)
         if (unit->where[k] < 0 || unit->where[k] >= unit->sizes.modes) return 0;
     for (k = 0; k < unit->drivers; k++)
-        if (unit->kinds[k] < OTHER || unit->kinds[k] > SLEWING || (unit->kinds[k] == PATH && k != unit->paths++))
+        if (unit->kinds[k] < OTHER || unit->kinds[k] > START || (unit->kinds[k] == PATH && k != unit->paths++))
             return 0;
     /* beside them the luffing angle is the path of a cylinder that gives way */
     if (unit->paths != unit->sizes.paths && !(unit->sizes.motions && unit->paths == unit->sizes.paths - 1)) return 0;
@@ -149,7 +149,9 @@ Unit *unit_open(const char *token, const char *folder, int model_exchange, char 
     if (!is_sound(unit))
         snprintf(why, 400, "resources/system.pmr: variables of a unit are missing or damaged");
     else if (model_exchange && !unit->exchange[0])
-        snprintf(why, 400, "rigid rows or friction leave no differential equation: Co-Simulation is allowed");
+        snprintf(why, 400,
+                 "rigid rows, friction, a hoist or a free luffing angle leave no differential equation: Co-Simulation "
+                 "is allowed");
     else if (!open_memory(unit) && !open_state(unit, why, 400)) {
         unit_reset(unit);
         return unit;
@@ -235,6 +237,11 @@ int unit_failed(Unit *unit, int failed)
                                 : "the forces of second order do not converge: shorter steps help where tension, "
                                   "pressure or spin change the stiffness of a step as much as it is");
     case PMR_NOT_FINITE: return refuse(unit, "the state is not finite: loads may have been none");
+    case PMR_BLOCKED: return refuse(unit, "the hook is at its head sheaves: its rope is too short");
+    case PMR_LOST: return refuse(unit, "the luffing angle is not found: shorter steps are needed");
+    case PMR_UPRIGHT:
+        return refuse(unit, "foot, lug and pivot of the luffing cylinder come in line; without a cylinder, the boom has "
+                            "swung by 90 degrees");
     default: return refuse(unit, "what drives the system is not finite");
     }
 }
@@ -288,7 +295,7 @@ static int begin(Unit *unit)
     failed = unit->sizes.motions ? pmr_start_in_frame(unit->state, kinds[kind], driven, NULL, z, v)
              : kind == 1         ? pmr_start_moving(unit->state, kinds[kind], driven, driven + unit->drivers, z, v)
                                  : pmr_start(unit->state, kinds[kind], driven, z, v);
-    if (failed && kind == 1)
+    if (failed && kind == 1 && failed != PMR_BLOCKED && failed != PMR_LOST && failed != PMR_UPRIGHT)
         return refuse(unit, "no static start: nothing holds the body against the loads, or rows depend on each other");
     if (failed) return unit_failed(unit, failed);
     unit_changed(unit);
@@ -318,7 +325,9 @@ static void check_inputs(Unit *unit)
     int n;
     for (n = 0; n < unit->drivers; n++) {
         const double second = fabs(u[2 * unit->drivers + n]) + fabs(u[3 * unit->drivers + n]), off = unit->off[n];
-        const double range = kinds[n] == OTHER ? 0.0 : kinds[n] == PATH ? ends[2 * n + 1] - ends[2 * n] : WHOLE_TURN;
+        const double range = kinds[n] == OTHER || kinds[n] == START ? 0.0
+                             : kinds[n] == PATH                     ? ends[2 * n + 1] - ends[2 * n]
+                                                                    : WHOLE_TURN;
         const char *what = NULL;
         if (range > 0.0 && off > JUMP * range)
             what = "it jumps, which excites what no boom does: set it at the end of each step, in m or rad";
@@ -334,6 +343,16 @@ static void check_inputs(Unit *unit)
         unit->second[n] = second;
         unit->off[n] = 0.0;
     }
+}
+
+/* Drivers `since` the inputs `led` (4, N) were set; a start stays as it was. */
+static void lead_drivers(Unit *unit, const double *led, double since)
+{
+    double *driven = unit->variables + DRIVEN;
+    int k;
+    pmr_lead_on(led, unit->drivers, since, 3, driven);
+    for (k = 0; k < 2 * unit->drivers; k++)
+        if (unit->kinds[k % unit->drivers] == START) driven[k] = led[k];
 }
 
 int unit_advance(Unit *unit, double time, double duration)
@@ -354,7 +373,7 @@ int unit_advance(Unit *unit, double time, double duration)
     memcpy(led, driven, 4 * (size_t)n * sizeof(double));
     for (k = 0; k < (int)count; k++) {
         const double since = k * step;
-        pmr_lead_on(led, n, since + step, 3, driven);
+        lead_drivers(unit, led, since + step);
         unit_changed(unit);
         if (check_paths(unit, driven)) return 1;
         failed = pmr_step_led(unit->state, led, since);

@@ -7,7 +7,8 @@
        unit_start (1 + 4 N + 3)  start values of the variables up to the kind of start
        unit_nominal (2 r)        sizes of the states
        unit_modes (r)            where modes stand among all that the kernel has
-       unit_kinds (N)            what a driver is: OTHER, PATH, ANGLE, or SLEWING, which may go on and on
+       unit_kinds (N)            what a driver is: OTHER, PATH, ANGLE, SLEWING, which may go on and on, or START, an
+                                 angle of which value and rate at the start alone count
        unit_settings (5)         of contacts that push: omega, tolerance, the resolved share of 1 / omega, most parts;
                                  share of a path by which s may lie beyond its ends
        unit_exchange (1)         whether there is a differential equation
@@ -27,7 +28,7 @@
 #define EXPORT
 #endif
 
-enum { OTHER, PATH, ANGLE, SLEWING };
+enum { OTHER, PATH, ANGLE, SLEWING, START };
 /* Angles but that of slewing turn once at most, rad. */
 #define WHOLE_TURN 6.283185307179586
 

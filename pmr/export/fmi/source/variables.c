@@ -120,7 +120,8 @@ static const char *impossible(const Unit *unit, unsigned reference, double value
 {
     if (!isfinite(value)) return "a finite number is allowed";
     if (reference >= DRIVEN && reference < DRIVEN + (unsigned)unit->drivers &&
-        unit->kinds[reference - DRIVEN] == ANGLE && fabs(value) > WHOLE_TURN)
+        (unit->kinds[reference - DRIVEN] == ANGLE || unit->kinds[reference - DRIVEN] == START) &&
+        fabs(value) > WHOLE_TURN)
         return "an angle of at most one turn is allowed, in rad";
     if (reference == unit->at.start && value != 0.0 && value != 1.0 && value != 2.0)
         return "0, 1 or 2 is allowed: at rest, static, as given";
@@ -133,7 +134,9 @@ int set_variables(Unit *unit, const unsigned *references, size_t count, const do
     size_t n;
     for (n = 0; n < count; n++) {
         const unsigned reference = references[n];
-        const int is_parameter = reference >= at->internal_step && reference < at->states;
+        const int is_parameter = (reference >= at->internal_step && reference < at->states) ||
+                                 (reference < at->internal_step && reference != TIME &&
+                                  unit->kinds[(reference - DRIVEN) % (unsigned)unit->drivers] == START);
         const int is_state = reference >= at->states && reference < at->derivatives;
         const char *why;
         if (reference == TIME || reference >= at->derivatives)
@@ -265,6 +268,8 @@ int differentiate(Unit *unit, const unsigned *unknowns, size_t unknown_count, co
             return refuse_reference(unit, "derivatives of outputs and of the states' rates are known", unknowns[n]);
         rates |= unknowns[n] >= at->rates && unknowns[n] < at->forces;
     }
+    if (unit->sizes.hoist || unit->sizes.luffing)
+        return refuse(unit, "derivatives with a hoist or a free luffing angle are not known");
     if (unit_prepare(unit)) return 1;
     of = calloc(2 * (size_t)at->all, sizeof(double));
     if (!of) return refuse(unit, "no memory is left");
