@@ -22,3 +22,6 @@ def test_figures_of_the_manual_are_those_of_the_measurements() -> None:
     for name, rms, held in (("rand1", 6.2, 0.98), ("slow6", 3.5, 0.88)):
         figures = script["judge"](observer, [script["series"](FOLDER / f"{name}.npz")])
         assert figures["rms"] == pytest.approx(rms, abs=0.1) and figures["held"] == pytest.approx(held, abs=0.01)
+    tuned, others = ([script["series"](FOLDER / f"{name}.npz")] for name in ("rand0", "rand1"))
+    figures = script["judge_strain"](observer, tuned, others, 0)
+    assert figures["NRMS"] == pytest.approx(0.175, abs=0.01) and figures["correlation"] > 0.98
