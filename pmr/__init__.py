@@ -29,7 +29,7 @@ The names of this module stay the same; everything else may change between versi
 
 from typing import TYPE_CHECKING
 
-from pmr.errors.lazy import FORMER, lazy_names
+from pmr.errors import FORMER, lazy_names
 
 if TYPE_CHECKING:
     from pmr.compare.simulated import simulate, simulate_with_states

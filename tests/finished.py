@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pmr.studies import files
-from pmr.studies.call import Outcome, save
-from pmr.studies.files import Project
-from pmr.studies.results import Store, StudyResults
+from pmr.studies import call
+from pmr.studies.call import Outcome, Project, save
+from pmr.studies.study import Store, StudyResults
 from pmr.studies.tasks import digests
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
@@ -34,7 +33,7 @@ def finished(folder: Path, text: str, **changes: Any) -> StudyResults:
     """Write a study file into `folder`, compute all of it there, and return its results."""
     file = folder / "study.toml"
     file.write_text(text)
-    return compute(folder, files.load(file))
+    return compute(folder, call.load(file))
 
 
 def compute(folder: Path, project: Project) -> StudyResults:

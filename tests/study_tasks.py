@@ -17,8 +17,7 @@ import numpy as np
 
 from pmr.errors import SimulationError
 from pmr.studies import workers
-from pmr.studies.call import Outcome, compute_results, save
-from pmr.studies.files import PlannedStudy, Project
+from pmr.studies.call import Outcome, PlannedStudy, Project, compute_results, save
 from pmr.studies.study import StudyBase
 from pmr.studies.tasks import Plan, Task, TaskResult
 

@@ -11,7 +11,7 @@ import pytest
 
 import pmr
 from pmr import scene as scenes
-from pmr.errors.lazy import FormerName, lazy_names
+from pmr.errors import FormerName, lazy_names
 
 
 def test_every_public_name_is_there() -> None:

@@ -17,7 +17,7 @@ from pmr import scene
 from pmr.compare.step_error import STEP_LIMIT
 from pmr.models.mesh_drawing import read_nodes
 from pmr.pipeline import run
-from pmr.studies import files
+from pmr.studies import call
 
 ROOT = Path(__file__).parents[1]
 #: How a file begins: its schema for editors, then what it is.
@@ -47,7 +47,7 @@ def test_every_scene_is_valid_and_says_what_it_is(file: Path) -> None:
 
 @pytest.mark.parametrize("file", PLANNED)
 def test_every_study_can_be_planned(file: Path) -> None:
-    project = files.load(file)
+    project = call.load(file)
     assert project.title and re.match(SAYS, file.read_text())
     assert project.parts and all(part.plan.runs for part in project.parts)
 

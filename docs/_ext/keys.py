@@ -10,7 +10,7 @@ from typing import Any
 from sphinx.application import Sphinx
 
 from pmr.scene.hints import scene_form_schemas
-from pmr.studies.files import schemas
+from pmr.studies.call import schemas
 
 Schema = dict[str, Any]
 

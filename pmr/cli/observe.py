@@ -1,18 +1,27 @@
-"""The command `pmr observe`: estimates from measurements, by a saved system."""
+"""The commands `pmr observe` and `pmr identify`: estimates and parameters of a scene from measurements."""
 
 from __future__ import annotations
 
 import json
+import math
+import os
+import tomllib
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 
 from pmr.cli.console import Folder, MotionScene, Overrides, out, print_sentences, print_text, scene_file
 from pmr.cli.export import Model
+from pmr.errors import InputError
 from pmr.errors.text import escape_controls
-from pmr.files.whole import finish_swap
+from pmr.files.whole import finish_swap, replacement_file
+
+if TYPE_CHECKING:
+    from pmr.files.arrays import Array
+    from pmr.system.system import System
 
 
 def observe(
@@ -66,3 +75,91 @@ def observe(
         print_sentences(out, f"{100.0 * share:.0f} % of the true values of {name} lie within the band of 90 %")
     for path in (*files, write_report(folder).html):
         print_text(out, str(path))
+
+
+def identify(
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file, folder or name of a workflow.")],
+    measured: Annotated[Path, typer.Option("--measured", metavar="FILE", help="Frequencies at places, as CSV.")],
+    fit: Annotated[list[str], typer.Option("--fit", metavar="KEY=START", help="Key to fit and its start; repeatable.")],
+    out_dir: Folder = None,
+    overrides: Overrides = None,
+) -> None:
+    """Fit keys of a scene to measured frequencies.
+
+    The measurements have columns by paths, or s for the only path, in m, then f1, f2 ... in Hz.  A place with 1 in the
+    column held_out judges the fit.  DIR then has fitted.toml, the scene with fitted values, and identify.json.
+
+    For example:
+
+        pmr identify dropbear --measured frequencies.csv --fit body.profile.length=0.5
+    """
+    import pmr
+    from pmr.observe.identify import FrequencyTable
+    from pmr.scene import load_any
+
+    table, file, changes = FrequencyTable.read(measured), scene_file(scene), list(overrides or ())
+    start = dict(map(_start_of, fit))
+
+    def reduce_with(fitted: Sequence[str]) -> System:
+        """Reduce the scene with fitted values, and return its system."""
+        return pmr.reduce(load_any(file, [*changes, *fitted])).system
+
+    result = table.identify(reduce_with, start)
+    folder = out_dir or Path("reports", f"identify_{scene.stem}")
+    folder.mkdir(parents=True, exist_ok=True)
+    fitted, figures = folder / "fitted.toml", folder / "identify.json"
+    lines = [
+        f"extends = {json.dumps(os.path.relpath(file, folder))}",
+        *map(_toml_line, [*changes, *result.overrides()]),
+    ]
+    with replacement_file(fitted) as part:
+        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    load_any(fitted)  # refuses what TOML can't hold, such as a key of a list that another change sets as a whole
+    parameters = {
+        name: {"start": start[name], "value": float(value), "error": float(error) if math.isfinite(error) else None}
+        for name, value, error in zip(result.names, result.values, result.errors, strict=True)
+    }
+    rms = {"start": result.start, "fitted": result.fitted, "held_out": result.held_out}
+    by_mode = {name: _rms_by_mode(values) for name, values in rms.items()}
+    content = {"parameters": parameters, "correlation": result.correlation.tolist(), "rms": by_mode}
+    with replacement_file(figures) as part:
+        part.write_text(json.dumps(content, indent=2), encoding="utf-8")
+    printed = Table("key", "start", "fitted", "standard error", title_justify="left")
+    for name, value, error in zip(result.names, result.values, result.errors, strict=True):
+        text = f"{error:.2g}" if math.isfinite(error) else "not determined"
+        printed.add_row(escape_controls(name), f"{start[name]:.6g}", f"{value:.6g}", text)
+    out.print(printed)
+    for name, shares in by_mode.items():
+        listed = ", ".join(f"f{k + 1} {100.0 * share:.2g} %" for k, share in enumerate(shares) if share is not None)
+        if listed:
+            print_text(out, f"RMS error, {name.replace('_', ' ')}: {listed}")
+    for name, value, error in zip(result.names, result.values, result.errors, strict=True):
+        if error > 0.5 * abs(value):
+            print_sentences(out, f"warning: these frequencies hardly determine {name}")
+    for path in (fitted, figures):
+        print_text(out, str(path))
+
+
+def _start_of(text: str) -> tuple[str, float]:
+    """Key and value at the start from ``KEY=START``; an InputError is raised for another text."""
+    key, _, value = text.partition("=")
+    try:
+        return key.strip(), float(value)
+    except ValueError:
+        raise InputError("command line", "--fit", text, "KEY=START with a number is allowed") from None
+
+
+def _toml_line(change: str) -> str:
+    """Line of a TOML file for a change as ``--set`` takes it, in which a bare word stands for a string."""
+    key, _, value = change.partition("=")
+    try:
+        tomllib.loads(f"value = {value}")
+    except tomllib.TOMLDecodeError:
+        value = json.dumps(value.strip())
+    return f"{key.strip()} = {value.strip()}"
+
+
+def _rms_by_mode(errors: Array) -> list[float | None]:
+    """RMS of relative errors (k, m) of each frequency, None where it was not measured."""
+    columns = [[error for error in column if math.isfinite(error)] for column in errors.T.tolist()]
+    return [math.hypot(*column) / math.sqrt(len(column)) if column else None for column in columns]

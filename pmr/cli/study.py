@@ -36,8 +36,7 @@ from pmr.errors.text import escape_controls
 if TYPE_CHECKING:
     from pmr.scene import Scene
     from pmr.studies import workers
-    from pmr.studies.call import Outcome, Progress, Watch
-    from pmr.studies.files import Project
+    from pmr.studies.call import Outcome, Progress, Project, Watch
 
 LOGGED_EVERY = 30.0  # s between two lines of progress if there is no terminal
 SHOWN_FAILURES, SHOWN_KEYS, SHOWN_RUNS = 10, 5, 20
@@ -81,15 +80,15 @@ def study(
         mpiexec -n 9 python -m mpi4py.futures -m pmr study coordinates    (8 workers)
     """
     from pmr.scene.tomlfiles import experiments
-    from pmr.studies import files
+    from pmr.studies import call
     from pmr.studies.call import compute_results, save
-    from pmr.studies.results import TABLES
+    from pmr.studies.study import TABLES
 
     file = found_file(study_file)
     if file in experiments().values():
         _run_experiment(file, out_dir, jobs, overrides or [], only or [], listed)
     if listed:
-        for name in files.load(file, overrides or ()).runs:
+        for name in call.load(file, overrides or ()).runs:
             print_text(out, name)
         return
     environment.check_report()  # before the work, not after it
@@ -98,7 +97,7 @@ def study(
         with _worker_pool(jobs) as pool:
             if pool is None:
                 return  # this rank is a worker, and the first rank has finished
-            project = files.load(file, overrides or ())
+            project = call.load(file, overrides or ())
             chosen = project.select_runs(only) if only else project
             for part in chosen.parts:
                 prepare_folder(folder / part.name, TABLES)

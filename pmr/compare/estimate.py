@@ -38,7 +38,6 @@ from pmr.compare.outputs import (
     probe_differences,
     run_from_start,
 )
-from pmr.compare.ringing import is_ringing
 from pmr.compare.round_off import ROUND_OFF
 from pmr.compare.trust import (
     LOAD_JUMPS,
@@ -47,6 +46,7 @@ from pmr.compare.trust import (
     SLIDER_RINGING,
     UNSETTLED_KINDS,
     has_damped_jump,
+    is_ringing,
 )
 from pmr.compare.velocities import only_body_motion
 from pmr.errors import GrowthError, SimulationError

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from pmr.compare.error_parts import ReductionError, SimulatedSystem, reduction_error
+from pmr.compare.error_parts import ReductionError, SimulatedSystem, reduction_error, step_part
 from pmr.compare.frequencies import frequencies_on_way, frequency_part, response_on_way, result_paths, way_points
 from pmr.compare.moving_frame import with_choice_of_terms
 from pmr.compare.responses import check_installed, simulate
 from pmr.compare.simulated import excitation_of_scene, with_models_of
-from pmr.compare.step_part import step_part
 from pmr.compare.summary import (
     origin_part,
     parts_of_motion,

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pmr.compare.drives import hoist_part, luffing_part
 from pmr.compare.error_parts import SimulatedSystem
 from pmr.compare.errors import (
     ResponseFunction,
@@ -20,14 +21,18 @@ from pmr.compare.errors import (
 )
 from pmr.compare.forces import forces_part, ropes_part
 from pmr.compare.frequencies import published_part
-from pmr.compare.hoist import hoist_part
-from pmr.compare.luffing import luffing_part
 from pmr.compare.moving_frame import frame_part, ground_part
 from pmr.compare.outputs import has_impulsive_force, section_columns
 from pmr.compare.responses import Simulations
-from pmr.compare.ringing import RingingReference, rigid_contacts, ringing_warnings
 from pmr.compare.space_energy import energy_part
-from pmr.compare.trust import distrust_warnings, large_motion_warnings, missing_reference_warnings
+from pmr.compare.trust import (
+    RingingReference,
+    distrust_warnings,
+    large_motion_warnings,
+    missing_reference_warnings,
+    rigid_contacts,
+    ringing_warnings,
+)
 from pmr.errors import environment
 from pmr.files.arrays import Summary
 from pmr.results import Frequencies, Response

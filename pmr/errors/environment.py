@@ -33,7 +33,7 @@ GROUPS = {
     "pmr.bases": "a function of a full model and a pmr.scene.Reduction that returns this rank's rows of vectors (n, k)",
     "pmr.signals": "a subclass of pmr.scene.signals.SignalBase whose `kind` is the entry point's name",
     "pmr.exports": "a pmr.export.formats.Format",
-    "pmr.limits": "a function of a pmr.studies.user_limits.AtRest that returns a number",
+    "pmr.limits": "a function of a pmr.studies.further_limits.AtRest that returns a number",
 }
 
 

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from pmr.errors.lazy import lazy_names
+from pmr.errors import lazy_names
 
 if TYPE_CHECKING:
     from pmr.fem.compat import versions as fenicsx_versions

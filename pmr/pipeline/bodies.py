@@ -13,12 +13,11 @@ from pmr.compare.error_parts import (
     needs_other_model,
     other_model_scene,
     reduction_error,
+    step_part,
 )
 from pmr.compare.frequencies import WayPoints, frequencies_on_way, way_points
 from pmr.compare.moving_frame import decide_second_order
 from pmr.compare.responses import Simulations, compared_quantities, simulate
-from pmr.compare.ringing import rigid_contacts
-from pmr.compare.step_part import step_part
 from pmr.compare.summary import (
     comparison_part,
     impacts_part,
@@ -27,7 +26,7 @@ from pmr.compare.summary import (
     sections_part,
     utilisation_part,
 )
-from pmr.compare.trust import reduction_warnings
+from pmr.compare.trust import reduction_warnings, rigid_contacts
 from pmr.errors import ConvergenceError, InputError, call_on_first_rank
 from pmr.errors.environment import Clock
 from pmr.files.arrays import Array

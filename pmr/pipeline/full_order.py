@@ -17,8 +17,7 @@ import scipy.sparse.linalg as spla
 from pmr.compare.evaluation import MotionOutputs, append_friction, response_to_motion
 from pmr.compare.outputs import output_contacts
 from pmr.compare.responses import Simulation, cable_response, full_simulator, simulate_by
-from pmr.compare.ringing import rigid_contacts
-from pmr.compare.trust import reason_for_distrust
+from pmr.compare.trust import reason_for_distrust, rigid_contacts
 from pmr.errors import SimulationError, call_on_first_rank
 from pmr.errors.environment import Clock
 from pmr.files.arrays import Array

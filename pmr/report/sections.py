@@ -10,17 +10,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from pmr.report import (
-    first_page,
-    forces,
-    hoist,
-    player,
-    provenance,
-    scene_tables,
-    sentences,
-    stresses,
-    subject,
-)
+from pmr.report import first_page, forces, player, scene_tables, sentences, stresses, subject
 from pmr.report.album import Album, start_album
 from pmr.report.blocks import Block, Chapter, Drawing, Figures, Grid, Player, Table, signed_deviation
 from pmr.report.bodies import largest_colour_stress
@@ -279,12 +269,12 @@ def origin_block(result: RunResult) -> Block:
     """
     all_tables = (
         *scene_tables.input_tables(result.scene),
-        Table("Wall time", tuple(provenance.time_rows(result.summary.get("seconds", {})))),
-        Table("Run", tuple(provenance.run_rows(result))),
-        Table("Sizes", tuple(provenance.size_rows(result))),
+        Table("Wall time", tuple(scene_tables.time_rows(result.summary.get("seconds", {})))),
+        Table("Run", tuple(scene_tables.run_rows(result))),
+        Table("Sizes", tuple(scene_tables.size_rows(result))),
     )
     shown = [table for table in all_tables if table.rows]
-    return Block(heading="Provenance", tables=shown, software=provenance.software_versions(result.summary))
+    return Block(heading="Provenance", tables=shown, software=scene_tables.software_versions(result.summary))
 
 
 #: Functions of the blocks between that about the motion and that about the origin, in the order of the page.
@@ -292,7 +282,7 @@ SECTIONS: tuple[Show, ...] = (
     space.space_block, input_block, tip_block, stresses.stress_block,
     stresses.section_force_block, stresses.probe_block, forces.contact_block,
     forces.cylinder_block, forces.support_block, forces.pivot_block, forces.ground_block, forces.luffing_block,
-    hoist.hoist_block, energy_block, constraint_block, basis_block, response_block,
+    forces.hoist_block, energy_block, constraint_block, basis_block, response_block,
 )  # fmt: skip
 
 

@@ -64,7 +64,7 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     """
     from pmr.compare.accuracy import mesh
     from pmr.compare.accuracy.mesh import FINER, ORDER
-    from pmr.compare.luffing import turning_warnings
+    from pmr.compare.drives import turning_warnings
     from pmr.fullmodel.build import warnings
 
     at = PostureSet.from_task(arguments["at"])

@@ -21,8 +21,13 @@ from pmr.simulation.statics.swings import Rope, lift_off
 from pmr.studies import shared
 from pmr.studies.allowed import JUST_BELOW, Place, allowed_loads, large_rotation_changes
 from pmr.studies.chart_models import CONTACTS, ChartModels
-from pmr.studies.chart_warnings import unnamed_loads, warnings_of_row
-from pmr.studies.governing import StopMotion, governing_details, largest_governed_rows
+from pmr.studies.chart_points import (
+    StopMotion,
+    governing_details,
+    largest_governed_rows,
+    unnamed_loads,
+    warnings_of_row,
+)
 from pmr.studies.limits import Limit
 from pmr.studies.tasks import Arguments, Needs, TaskResult
 
@@ -154,7 +159,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     - ``hoist`` (p,), only if ``hoist`` is among the arguments: the largest force of the rope while the point's smallest
       load is hoisted off the ground, over the load's weight, with the amounts of the first case.
     - ``passed`` (p, c, l): whether the limit is exceeded without a load in a case out of service.
-    - ``at.<name>``: arrays of `pmr.studies.governing.governing_details` at the points ``at.place`` (l,), where each
+    - ``at.<name>``: arrays of `pmr.studies.chart_points.governing_details` at the points ``at.place`` (l,), where each
       limit governs the largest load of the row; ``at.place`` is -1 for a limit that governs at none.
 
     Record: ``load.least`` and ``load.most``, the extremes over the points of the smallest load over all limits, in kg.

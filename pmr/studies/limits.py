@@ -11,7 +11,7 @@ frequency    :math:`\gamma f_{least} / f` with the lowest frequency f, the load 
 overturning  :math:`\gamma M_{load} / M_{rest}` with the moments of load and rest about each edge of the polygon
 ===========  ===============================================================================
 
-The moments are those of `pmr.studies.tipping`.
+The moments are those of `pmr.studies.further_limits`.
 """
 
 from __future__ import annotations
@@ -39,8 +39,15 @@ from pmr.scene.structures import Probe
 from pmr.simulation.statics.loaded import Form, LoadedStates
 from pmr.simulation.statics.postures import WEIGHT, PostureMatrices, StandAtRest
 from pmr.studies import shared
-from pmr.studies.tipping import TippingMoments, pivot_rows, weight_of_masses
-from pmr.studies.user_limits import amounts_of_states, check_names, expression_function, plugin_function
+from pmr.studies.further_limits import (
+    TippingMoments,
+    amounts_of_states,
+    check_names,
+    expression_function,
+    pivot_rows,
+    plugin_function,
+    weight_of_masses,
+)
 from pmr.system.from_scene import force_names
 
 Positive = Annotated[float, Field(gt=0.0)]

@@ -1,18 +1,31 @@
-"""Keys that all study files share; each kind of study adds keys of its own and its plan."""
+"""A study: the keys that all study files share, and the results of its runs, as they are stored and read.
+
+Each kind of study adds keys of its own and its plan.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
+import math
+import os
+import time
 from abc import abstractmethod
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Literal
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
+from pmr.errors.text import warning_kind
+from pmr.files import npz
+from pmr.files.whole import finish_swap, replacement_folder
 from pmr.scene.keys import SceneTable
-from pmr.studies.tasks import Plan, Scalar
-
-if TYPE_CHECKING:
-    from pmr.studies.results import StudyResults
+from pmr.studies.tasks import Failure, Plan, Scalar, TaskResult, digests
 
 Count = Annotated[int, Field(ge=1, strict=True)]
 
@@ -76,3 +89,271 @@ class StudyBase(SceneTable):
     def summary_line(self, results: StudyResults) -> str:
         """Return the main result in one line for the terminal, or an empty text; called when all runs are done."""
         return ""
+
+
+FORMAT = "pmr-task-result"
+FORMAT_VERSION = 3  # from version 3 on, warnings belong to the result
+STALE_AFTER = 3600.0  # s, age at which a file under construction counts as abandoned
+#: Text between two warnings in a cell of the table.
+SEPARATOR = " | "
+#: Files that are written together, and the reports that are made of them.
+TABLES, REPORT = ("runs.csv", "runs.npz", "seconds.csv", "summary.json"), ("report.html", "report.pdf")
+
+
+@dataclass(frozen=True)
+class Store:
+    """Folder with the results of tasks: one npz file with a JSON header for each, named by the result's digest.
+
+    The digest covers everything on which the result depends.  A file appears under its name only when it is complete,
+    and a damaged file counts as missing; so an interrupted study continues with the files that exist.  Equal tasks of
+    several studies share a file.  Nothing in a file is pickled.
+    """
+
+    folder: Path
+
+    def path(self, digest: str) -> Path:
+        """File of the result with this digest."""
+        return self.folder / f"{digest}.npz"
+
+    def prepare(self) -> None:
+        """Make the folder, and delete files that interrupted processes left unfinished more than an hour ago."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for file in self.folder.glob("*.part"):
+            if file.is_file() and time.time() - file.stat().st_mtime > STALE_AFTER:
+                file.unlink(missing_ok=True)
+
+    def is_sound(self, digest: str) -> bool:
+        """Return whether the file of this digest exists and is undamaged to the last byte."""
+        try:
+            self.read(digest)
+        except npz.DamagedError:
+            return False
+        return True
+
+    def write(self, digest: str, key: str, result: TaskResult) -> None:
+        """Write the result of the task `key` to the file of this digest, completely or not at all.
+
+        Raises TypeError or ValueError if the result's record holds anything but finite scalars.
+        """
+        header = {"format": FORMAT, "version": FORMAT_VERSION, "digest": digest, "key": key}
+        header |= {"record": _check_record(result.record), "seconds": dict(result.seconds)}
+        header |= {"warnings": list(result.warnings)}
+        npz.write(self.path(digest), {f"array.{name}": array for name, array in result.arrays.items()}, header)
+
+    def read_without_arrays(self, digest: str) -> TaskResult:
+        """Return the result with this digest without its arrays; raises DamagedError as `read` does."""
+        return self.read(digest, only=(npz.HEADER,))
+
+    def read(self, digest: str, only: Collection[str] | None = None) -> TaskResult:
+        """Return the result with this digest; its arrays are read-only.
+
+        `only` holds the names of the arrays that are read; None reads all.  Raises DamagedError if the file is missing
+        or damaged.
+        """
+        file = self.path(digest)
+        try:
+            data = npz.read(file, only=only)
+            header = npz.pop_header(data)
+            if (header["format"], header["digest"]) != (FORMAT, digest) or not 1 <= header["version"] <= FORMAT_VERSION:
+                raise ValueError("another file's header")
+            arrays = {name.removeprefix("array."): array for name, array in data.items()}
+            for array in arrays.values():
+                array.setflags(write=False)
+            warnings = tuple(header["warnings"] if header["version"] > 2 else header["notes"])
+            return TaskResult(header["record"], arrays, header["seconds"], warnings)
+        except (KeyError, TypeError, ValueError) as error:
+            raise npz.DamagedError(f"{file.name} is missing or damaged ({error})") from None
+
+
+def _check_record(record: Mapping[str, Scalar]) -> dict[str, Scalar]:
+    """Return a record as plain Python scalars.
+
+    Raises TypeError for a value of another type, ValueError for a float that is not finite.
+    """
+    plain: dict[str, Scalar] = {}
+    for name, value in record.items():
+        value = value.item() if isinstance(value, np.generic) else value
+        if not isinstance(value, (float, int, bool, str, type(None))):
+            raise TypeError(f"{name} is a {type(value).__name__}; a record holds scalars")
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ValueError(f"{name} = {value} is not finite")
+        plain[name] = value
+    return plain
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """One run: the `parameters` that were varied, its `status`, and its numbers, `figures`.
+
+    `status` is ``"done"``, ``"failed"`` or ``"skipped"``.  Unless it is ``"done"``, `figures` are empty, `reason` says
+    why in one line, and `detail` says it at length.  `file` is the path of the run's arrays, relative to the study's
+    folder.
+    """
+
+    key: str
+    status: str
+    parameters: Mapping[str, Scalar]
+    figures: Mapping[str, Scalar]
+    seconds: Mapping[str, float]
+    reason: str = ""
+    detail: str = ""
+    warnings: tuple[str, ...] = ()
+    file: str = ""
+
+    @property
+    def row(self) -> dict[str, Scalar]:
+        """Cells of the run in the table, by column: key, status, reason, parameters, figures, warnings."""
+        head = {"run": self.key, "status": self.status, "reason": self.reason}
+        return {**head, **self.parameters, **self.figures, "warnings": SEPARATOR.join(self.warnings)}
+
+
+@dataclass(frozen=True)
+class CountedWarning:
+    """A kind of warning: its text in the first run with such a warning, and the keys of all runs with one."""
+
+    text: str
+    runs: tuple[str, ...]
+
+    def line(self, count: int) -> str:
+        """Return the warning as a line that says which of the study's `count` runs have it."""
+        if count == 1:
+            return self.text
+        if len(self.runs) == 1:
+            return f"in {self.runs[0]}: {self.text}"
+        return f"in {len(self.runs)} of {count} runs, first in {self.runs[0]}: {self.text}"
+
+
+@dataclass(frozen=True)
+class StudyResults:
+    """All runs of one study, in the order of its plan, and the folder in which the results are stored."""
+
+    folder: Path
+    runs: tuple[RunRecord, ...]
+
+    @classmethod
+    def collect(
+        cls, folder: Path, plan: Plan, code: str, store: Store, failures: Mapping[str, Failure]
+    ) -> StudyResults:
+        """Return the records of a plan's runs: of failed runs from `failures`, by digest, of all others from the store.
+
+        `code` is the digest of the code that computed the results; `folder` is the study's own folder.
+        """
+        digest = digests(plan, code)
+        runs = []
+        for task in plan.runs:
+            failure = failures.get(digest[task.key])
+            if failure is not None:
+                record = RunRecord(task.key, failure.status, task.parameters, {}, {}, failure.reason, failure.detail)
+            else:
+                done, file = store.read_without_arrays(digest[task.key]), store.path(digest[task.key])
+                record = RunRecord(task.key, "done", task.parameters, done.record, done.seconds, warnings=done.warnings)
+                record = replace(record, file=os.path.relpath(file, folder))
+            runs.append(record)
+        return cls(folder, tuple(runs))
+
+    @classmethod
+    def load(cls, folder: Path) -> StudyResults:
+        """Read the results from the summary.json that `save` wrote into `folder`."""
+        finish_swap(folder)
+        runs = json.loads((folder / "summary.json").read_text())["runs"]
+        for run in runs:
+            run["warnings"] = tuple(run["warnings"] if "warnings" in run else run.pop("notes"))  # earlier name
+        return cls(folder, tuple(RunRecord(**run) for run in runs))
+
+    @property
+    def warnings(self) -> list[CountedWarning]:
+        """Warnings of all runs, one entry for each kind, the kind that most runs have first."""
+        of_kind = dict[str, dict[str, str]]()
+        for run in self.runs:
+            for text in run.warnings:
+                of_kind.setdefault(warning_kind(text), {}).setdefault(run.key, text)
+        counted = [CountedWarning(next(iter(of.values())), tuple(of)) for of in of_kind.values()]
+        return sorted(counted, key=lambda warning: -len(warning.runs))
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all runs are done."""
+        return all(run.status == "done" for run in self.runs)
+
+    def arrays(self, key: str) -> Mapping[str, NDArray[Any]]:
+        """Read the arrays of the run with this key from the store."""
+        file = next(run.file for run in self.runs if run.key == key)
+        path = self.folder / file
+        return Store(path.parent).read(path.stem).arrays
+
+    def column(self, name: str) -> NDArray[Any]:
+        """Return the column `name` (runs,) of the table; a run without a value has NaN, or "" in a column of texts."""
+        return _column([run.row.get(name) for run in self.runs])
+
+    def save(self, summary: Mapping[str, object], tables: Mapping[str, str | bytes] | None = None) -> None:
+        """Write runs.csv, runs.npz, seconds.csv, summary.json (`summary` and the runs) and further `tables`.
+
+        `tables` maps file names to contents; for an empty one no file is written.  Old files of these names are
+        replaced or deleted.  An existing report is deleted, since it shows the old results.
+        """
+        rows = [run.row for run in self.runs]
+        names = _column_names(rows)
+        with replacement_folder(self.folder, (*TABLES, *REPORT, *(tables or {}))) as new:
+            for name, content in (tables or {}).items():
+                if content:
+                    (new / name).write_bytes(content.encode() if isinstance(content, str) else content)
+            _write(new / "runs.csv", _csv_of_rows(rows))
+            npz.write(new / "runs.npz", {name: self.column(name) for name in names})
+            times: list[dict[str, Scalar]] = [{"run": run.key} | dict(run.seconds) for run in self.runs]
+            _write(new / "seconds.csv", _csv_of_rows(times))
+            _write(new / "summary.json", self._text(summary))
+
+    def save_summary(self, summary: Mapping[str, object]) -> None:
+        """Write summary.json alone, with `summary` and the runs, and delete an existing report."""
+        with replacement_folder(self.folder, ("summary.json", *REPORT)) as new:
+            _write(new / "summary.json", self._text(summary))
+
+    def _text(self, summary: Mapping[str, object]) -> str:
+        """Return the text of summary.json: the keys of `summary`, and all runs under ``runs``."""
+        runs = [
+            vars(run) | {n: dict(getattr(run, n)) for n in ("parameters", "figures", "seconds")} for run in self.runs
+        ]
+        return npz.json_text({**summary, "runs": runs}, indent=1)
+
+
+def _column_names(rows: Iterable[Mapping[str, Scalar]]) -> list[str]:
+    """Return the names of the columns of rows in the order of their first appearance, ``warnings`` last."""
+    names = dict.fromkeys(name for row in rows for name in row)
+    return sorted(names, key=lambda name: name == "warnings")
+
+
+def csv_text(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return the text of a CSV file with a line of column heads and rows of cells."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([heads, *rows])
+    return text.getvalue()
+
+
+def _csv_of_rows(rows: Sequence[Mapping[str, Scalar]]) -> str:
+    """Return the text of a CSV file of rows by column name; cells that a row lacks are empty."""
+    names = _column_names(rows)
+    return csv_text(names, [[_cell(row.get(name)) for name in names] for row in rows])
+
+
+def _cell(value: Scalar) -> str:
+    """Return a value as text: None as an empty text, booleans in small letters, numbers with all digits."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return value if isinstance(value, str) else repr(value)
+
+
+def _column(values: Sequence[Scalar]) -> NDArray[Any]:
+    """Return values as an array: of texts, with an empty text for None, or of numbers, with NaN for None."""
+    values_given = [value for value in values if value is not None]
+    if any(isinstance(value, str) for value in values_given):
+        return np.array(["" if value is None else str(value) for value in values])
+    if len(values_given) == len(values) and values_given:
+        return np.array(values_given)  # bool, int or float: the first type that holds all values
+    return np.array([np.nan if value is None else float(value) for value in values])
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a text file in UTF-8."""
+    path.write_text(text, encoding="utf-8")

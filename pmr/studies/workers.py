@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from pmr.errors import InputError, environment
-from pmr.studies.results import Store
+from pmr.studies.study import Store
 from pmr.studies.tasks import Failure, TaskResult
 
 #: Environment variables for the number of threads, which libraries read when they are loaded.

@@ -19,13 +19,12 @@ from typer.testing import CliRunner
 import pmr
 from pmr import __version__
 from pmr import scene as scenes
-from pmr.cli.app import app
+from pmr.cli.app import TEMPLATES, app, scene_kinds
 from pmr.cli.console import scene_file, study_file
-from pmr.cli.new import TEMPLATES, scene_kinds
 from pmr.errors import InputError
 from pmr.scene.members import member_at, members
 from pmr.simulation.frame import load_signals
-from pmr.studies import files
+from pmr.studies import call
 
 RUN = CliRunner()
 
@@ -233,7 +232,7 @@ def test_the_study_that_it_writes_asks_for_all_that_the_scene_goes_through(
 ) -> None:
     monkeypatch.setattr("pmr.cli.study.study", lambda *_, **__: None)  # written, not computed
     called(monkeypatch, capsys, "chart", "crane", "--up-to", "20000", "--out", str(tmp_path))
-    asked = files.load(tmp_path / "chart.toml").parts[0].study
+    asked = call.load(tmp_path / "chart.toml").parts[0].study
     assert (asked.extensions[0], asked.extensions[-1]) == (
         {"middle": 0.6, "fly": 0.6}, {"middle": 4.5, "fly": 4.5},
     )  # fmt: skip

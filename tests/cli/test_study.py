@@ -14,7 +14,7 @@ import pytest
 from processes import UNDRAWN, called, python, undrawn
 from waiting import PATIENCE, wait_until
 
-from pmr.studies.results import Store, StudyResults
+from pmr.studies.study import Store, StudyResults
 
 ROOT = Path(__file__).parents[2]
 HELD = str(Path(__file__).with_name("held.py"))

@@ -8,7 +8,7 @@ import turning_cylinder
 from turning_cylinder import Rigid, boom
 
 import pmr
-from pmr.compare.luffing import turning_warnings
+from pmr.compare.drives import turning_warnings
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene

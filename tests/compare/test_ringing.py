@@ -11,7 +11,8 @@ from driving import driven
 from oracle import flexible, full_body
 
 from pmr.compare.errors import nrms
-from pmr.compare.ringing import (
+from pmr.compare.saved_model import simulate_saved
+from pmr.compare.trust import (
     RINGING_SHARE,
     RingingReference,
     alternating_share,
@@ -22,7 +23,6 @@ from pmr.compare.ringing import (
     ringing_share,
     ringing_warnings,
 )
-from pmr.compare.saved_model import simulate_saved
 from pmr.pipeline import run
 from pmr.report import errors
 from pmr.scene.signals import Chirp, Sine, SmoothRamp

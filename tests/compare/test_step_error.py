@@ -23,11 +23,11 @@ from random_scenes import random_scene
 
 from pmr import scene as scenes
 from pmr.compare import step_error as step_errors
+from pmr.compare.error_parts import step_summary, step_warnings
 from pmr.compare.errors import relative_error
 from pmr.compare.outputs import run_from_start
 from pmr.compare.simulated import simulate
 from pmr.compare.step_error import NEGLIGIBLE, SETTLED, STEP_LIMIT, ConvergenceSeries, StepError
-from pmr.compare.step_part import step_summary, step_warnings
 from pmr.compare.stepped_runs import SteppedSystem
 from pmr.errors import SimulationError
 from pmr.pipeline import reduce, run
@@ -278,7 +278,7 @@ def test_where_march_fails_the_reason_stands_in_place_of_the_figure(load_scene, 
     def fails(*_: object, **__: object) -> None:
         raise SimulationError("march failed at step 3")
 
-    monkeypatch.setattr("pmr.compare.step_part.step_error", fails)
+    monkeypatch.setattr("pmr.compare.error_parts.step_error", fails)
     outcome = run(load_scene("evolved_residual", [*COARSE, "simulation.simulators=['march']", "compare.against=[]"]))
     assert outcome is not None
     summary_ = outcome.result.summary

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from pmr import scene as scenes
-from pmr.compare.ringing import ALTERNATING
-from pmr.compare.trust import distrust_warnings, missing_reference_warnings, reason_for_distrust
+from pmr.compare.trust import ALTERNATING, distrust_warnings, missing_reference_warnings, reason_for_distrust
 from pmr.errors import InputError, SimulationError
 from pmr.fem.compat import MPI
 from pmr.files import npz

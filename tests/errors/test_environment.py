@@ -15,8 +15,7 @@ import scipy.linalg
 from processes import called, python
 
 from pmr.cli import app
-from pmr.errors import InputError, environment
-from pmr.errors.lazy import lazy_names
+from pmr.errors import InputError, environment, lazy_names
 from pmr.fem.compat import PETSc
 
 ROOT = Path(__file__).parents[2]

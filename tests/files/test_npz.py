@@ -25,7 +25,7 @@ from pmr.files.foreign import ForeignFiles, read_foreign
 from pmr.files.npz import DamagedError, read, record_arrays, record_from_arrays
 from pmr.results.field_series import Fields
 from pmr.simulation.petsc.checkpoint import Checkpoint, load
-from pmr.studies.results import Store
+from pmr.studies.study import Store
 from pmr.system.reduced_model import ReducedModel
 
 ARRAYS = {

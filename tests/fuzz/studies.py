@@ -15,7 +15,7 @@ from fuzz.scenes import prepare as warm
 from fuzz.verdict import NonsenseError
 
 from pmr.errors import ConvergenceError, SimulationError
-from pmr.studies import files
+from pmr.studies import call
 from pmr.studies.tasks import Plan, Task, TaskResult
 
 SCENES = {
@@ -66,7 +66,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
         content = toml.written(mutated(base, rng, most=2)).encode()
     file = folder / "study.toml"
     file.write_bytes(content)
-    project = files.load(file, overrides)
+    project = call.load(file, overrides)
     if any("\n" in run for run in project.runs):
         raise NonsenseError("a run's name has several lines")
     computed = 0

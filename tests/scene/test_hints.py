@@ -17,7 +17,7 @@ from pmr.scene.hints import OTHER_UNITS, hints
 from pmr.scene.keys import quantity_of, usual_ranges
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
-from pmr.studies import files
+from pmr.studies import call
 
 ROOT = Path(__file__).parents[2]
 COMPLETE = [
@@ -160,7 +160,7 @@ def test_so_it_is_in_a_chart(usual: str, wrong: str, key: str, unit: str, tmp_pa
     file = tmp_path / "chart.toml"
     for text, count in ((CHART, 0), (CHART.replace(usual, wrong, 1), 1)):
         file.write_text(text.replace("LOAD", load).replace("CRANE", str(ROOT / "workflows" / "crane.toml")))
-        (part,) = files.load(file).parts
+        (part,) = call.load(file).parts
         assert len(found := part.study.hints()) == count
     assert found[0].startswith(f"{key} = ") and f" {unit} (" in found[0]
 

@@ -15,7 +15,7 @@ import pytest
 from pydantic import BaseModel
 
 from pmr import scene as scenes
-from pmr.cli.new import scene_kinds, scene_schema, study_schema
+from pmr.cli.app import scene_kinds, scene_schema, study_schema
 from pmr.errors import InputError
 from pmr.scene.keys import SceneTable, quantity_of
 from pmr.scene.scene import BodyFile, Scene

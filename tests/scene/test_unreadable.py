@@ -15,7 +15,7 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.errors import InputError
-from pmr.studies import files as studies
+from pmr.studies import call as studies
 
 PAPER = Path(__file__).parents[2] / "workflows" / "paper_simple.toml"
 NOBODY = 65534

@@ -21,8 +21,7 @@ from pmr.cli import study as cli_study
 from pmr.errors.text import duration_text
 from pmr.files import npz
 from pmr.studies.call import Progress
-from pmr.studies.results import Store, StudyResults
-from pmr.studies.study import StudyBase
+from pmr.studies.study import Store, StudyBase, StudyResults
 from pmr.studies.tasks import Plan, Task
 
 PROGRAM = str(Path(study_tasks.__file__))

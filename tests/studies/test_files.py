@@ -10,7 +10,7 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.errors import InputError
-from pmr.studies import files, shared
+from pmr.studies import call, shared
 from pmr.studies.kinds.scenes import Study, run_case
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -25,7 +25,7 @@ def study(folder: Path, text: str) -> Path:
 
 
 def keys(path: Path, *overrides: str) -> list[str]:
-    return [task.key for part in files.load(path, overrides).parts for task in part.plan.runs]
+    return [task.key for part in call.load(path, overrides).parts for task in part.plan.runs]
 
 
 def test_scenes_cases_and_grid_are_combined(tmp_path: Path) -> None:
@@ -82,13 +82,13 @@ REFUSED = [
 @pytest.mark.parametrize(("text", "says"), REFUSED, ids=[says for _, says in REFUSED])
 def test_what_is_not_allowed_is_refused_in_one_line(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(InputError) as caught:
-        files.load(study(tmp_path, text))
+        call.load(study(tmp_path, text))
     assert says in str(caught.value) and "\n" not in str(caught.value)
 
 
 def test_a_bad_option_is_said_of_the_option(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
-        files.load(study(tmp_path, GOOD), ["grid.reduction.modes=[0]"])
+        call.load(study(tmp_path, GOOD), ["grid.reduction.modes=[0]"])
     assert str(caught.value).startswith("--set: grid.reduction.modes = 0: input should be greater")
 
 
@@ -104,13 +104,13 @@ def folder(tmp_path: Path) -> Path:
 
 def test_a_collection_plans_its_studies(folder: Path) -> None:
     text = COLLECTION + "[change.two]\ngrid.reduction.modes = [5, 6]\n"
-    project = files.load(study(folder, text))
+    project = call.load(study(folder, text))
     assert [(part.name, len(part.plan.runs)) for part in project.parts] == [("one", 1), ("two", 2)]
     assert keys(study(folder, text), "change.one.grid.time.end=[1.0]") == ["end=1.0", "modes=5", "modes=6"]
 
 
 def test_some_runs_of_a_collection_alone(folder: Path) -> None:
-    project = files.load(study(folder, COLLECTION + "[change.two]\ngrid.reduction.modes = [5, 6]\n"))
+    project = call.load(study(folder, COLLECTION + "[change.two]\ngrid.reduction.modes = [5, 6]\n"))
     assert project.runs == ("one/paper_simple", "two/modes=5", "two/modes=6")
     two = project.select_runs(["two/modes=6"])
     assert two.runs == ("two/modes=6",) and [part.name for part in two.parts] == ["two"]
@@ -131,7 +131,7 @@ def test_some_runs_of_a_collection_alone(folder: Path) -> None:
 )
 def test_a_bad_collection_is_refused(folder: Path, text: str, says: str) -> None:
     with pytest.raises(InputError) as caught:
-        files.load(study(folder, text))
+        call.load(study(folder, text))
     assert says in str(caught.value) and "\n" not in str(caught.value)
 
 

@@ -26,8 +26,8 @@ from pmr.simulation.native import systems
 from pmr.simulation.statics.postures import HOOK, WEIGHT, DeflectionOutputs, PostureMatrices, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, large_rotation_changes
+from pmr.studies.chart_points import StopMotion, governing_details, largest_governed_rows
 from pmr.studies.charting import MARGIN, governing_limit, limits_in_doubt, lower_bounds
-from pmr.studies.governing import StopMotion, governing_details, largest_governed_rows
 from pmr.studies.limits import Limit, with_fields
 from pmr.system.body import kinds_of
 from pmr.system.terms import carried_inertia

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pmr.files.npz import DamagedError, write
-from pmr.studies.results import STALE_AFTER, RunRecord, Store, StudyResults
+from pmr.studies.study import STALE_AFTER, RunRecord, Store, StudyResults
 from pmr.studies.tasks import TaskResult
 
 FIGURES = {"e": 0.1, "ok": True, "count": 3}

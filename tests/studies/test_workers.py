@@ -12,7 +12,7 @@ from waiting import is_alive, wait_until
 
 import pmr
 from pmr.errors import environment
-from pmr.studies.results import Store
+from pmr.studies.study import Store
 from pmr.studies.workers import OTHER_CODE, Order, Worker, code_of_tasks
 
 SLEEPER = """

@@ -24,7 +24,7 @@ from pmr.scene import Reduction
 from pmr.scene.built import OwnModel
 from pmr.scene.choice import SIMULATORS
 from pmr.scene.joints import Joint
-from pmr.studies.files import kind_names
+from pmr.studies.call import kind_names
 
 PAGE = Path(__file__).parents[2] / "docs" / "ways.md"
 RIGHT = "+"

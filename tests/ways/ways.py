@@ -32,8 +32,8 @@ from pmr.scene.choice import SIMULATORS
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.moving import MovingFrame, read_scene
 from pmr.simulation.native import systems
-from pmr.studies.files import kind_names
-from pmr.studies.results import SEPARATOR
+from pmr.studies.call import kind_names
+from pmr.studies.study import SEPARATOR
 from pmr.system.assembly import Assembly
 from pmr.system.body import length_outputs
 from pmr.system.reduced_model import ReducedModel

@@ -18,9 +18,8 @@ from pmr.report.studies.finished import FinishedStudy
 from pmr.results.response import FORCES
 from pmr.scene.keys import ALONE
 from pmr.studies import charting
-from pmr.studies.cases import LoadCase
 from pmr.studies.charting import governing_limit
-from pmr.studies.duty import DutyTable, LeastLoads
+from pmr.studies.duty import DutyTable, LeastLoads, LoadCase
 from pmr.studies.limits import KINDS, STABILITY
 
 #: Largest number of boom lengths in the table of loads.

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from pmr.files.arrays import Summary
-from pmr.report import provenance
+from pmr.report import scene_tables
 from pmr.report.blocks import Block, Chapter, Grid, Table
 from pmr.report.document import ReportFiles, render, with_date, write_page
 from pmr.report.numbers import format_quantity
@@ -48,10 +48,10 @@ def _provenance_chapter(summary: Summary, studies: Sequence[FinishedStudy]) -> C
         seconds = sum(run.seconds.get("task", 0.0) for run in study.results.runs)
         effort.append((study.title, str(len(study.results.runs)), format_quantity(seconds, "s")))
     caption = "Runs, and the time that all workers together spent in them."
-    machine = Table("Machine", tuple(provenance.origin_rows(summary)))
+    machine = Table("Machine", tuple(scene_tables.origin_rows(summary)))
     blocks = (
         Block("Effort", grids=(Grid(caption, ("study", "runs", "time"), tuple(effort)),)),
-        Block("Machine and software", tables=[machine], software=provenance.software_versions(summary)),
+        Block("Machine and software", tables=[machine], software=scene_tables.software_versions(summary)),
     )
     return Chapter(anchor="provenance", title="Provenance", blocks=blocks)
 

@@ -11,8 +11,7 @@ from typing import NamedTuple, Protocol
 from pmr.files.arrays import Summary
 from pmr.report.blocks import DIFFERENT, SAME, ErrorTable, Mark, Row, mark_for, signed_deviation
 from pmr.report.numbers import SPACE, decimals_of, format_in_unit, format_input, significant
-from pmr.studies.results import RunRecord, StudyResults
-from pmr.studies.study import Statement
+from pmr.studies.study import RunRecord, Statement, StudyResults
 from pmr.studies.tasks import Scalar, cell_number
 
 

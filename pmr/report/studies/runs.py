@@ -30,7 +30,7 @@ from pmr.report.studies.tables import (
     value_of,
     value_words,
 )
-from pmr.studies.results import RunRecord
+from pmr.studies.study import RunRecord
 from pmr.studies.tasks import cell_number
 
 MOST_ROWS, MOST_COLUMNS, MOST_GRIDS, MOST_VALUES, MOST_PANELS = 60, 7, 3, 8, 4

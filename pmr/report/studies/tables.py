@@ -16,7 +16,7 @@ from pmr.results.quantities import unit_text
 from pmr.scene.joints import BoomSection
 from pmr.scene.keys import quantity_of as quantity_in
 from pmr.scene.scene import BodyFile
-from pmr.studies.results import RunRecord
+from pmr.studies.study import RunRecord
 from pmr.studies.tasks import Scalar, cell_number
 
 TIME = "simulate.reduced"  # name of the time in s that one simulation of the reduced model takes

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+from pmr.errors import lazy_names
 from pmr.errors.environment import import_package
-from pmr.errors.lazy import lazy_names
 
 if TYPE_CHECKING:
     from pmr.simulation.exudyn.drawing import add_drawing as add_drawing

@@ -22,15 +22,12 @@ from pmr.scene.signals import Constant
 from pmr.scene.tomlfiles import Change
 from pmr.simulation.statics.postures import HOOK, with_hook
 from pmr.studies import shared
-from pmr.studies.cases import CLASSES, LoadCase, hoisting_factor
 from pmr.studies.chart_models import compute_postures, compute_richer_postures
-from pmr.studies.chart_warnings import replaced_mass_warnings
+from pmr.studies.chart_points import Stop, replaced_mass_warnings
 from pmr.studies.charting import allow_row, governing_limit, limits_in_doubt, lower_bounds
-from pmr.studies.duty import DutyTable, LeastLoads
-from pmr.studies.governing import Stop
+from pmr.studies.duty import CLASSES, DutyTable, LeastLoads, LoadCase, hoisting_factor
 from pmr.studies.limits import STABILITY, Limit
-from pmr.studies.results import StudyResults, csv_text
-from pmr.studies.study import Count, StudyBase
+from pmr.studies.study import Count, StudyBase, StudyResults, csv_text
 from pmr.studies.tasks import Plan, Scalar, Task
 
 #: Most points of a chart.

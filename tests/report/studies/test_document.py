@@ -11,7 +11,7 @@ import pytest
 from finished import compute, short_scene
 
 from pmr.report.studies import document, write_report
-from pmr.studies import files
+from pmr.studies import call
 
 pytestmark = pytest.mark.slow  # studies are computed and drawn
 
@@ -38,7 +38,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         extra = STATEMENT.format(figure="largest", value=0.001) if name == "steps" else ""
         head = f'kind = "scenes"\ntitle = "Study of {name}"\nsource = "A paper"\n'
         (part / "study.toml").write_text(f"{head}{rest}\n{extra}")
-        compute(part, files.load(part / "study.toml"))
+        compute(part, call.load(part / "study.toml"))
         summary = json.loads((part / "summary.json").read_text())
         (part / "summary.json").write_text(json.dumps(summary | {"figures": {"largest": 0.01234}}))
     (root / "summary.json").write_text(

@@ -11,7 +11,7 @@ from pmr.report.blocks import Chapter
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.runs import MOST_COLUMNS, build_chapter, terminal_grid, varied_parameter
 from pmr.report.studies.tables import heading, key_words, quantity_of, run_name, unit_of
-from pmr.studies.results import RunRecord, StudyResults
+from pmr.studies.study import RunRecord, StudyResults
 
 BEAM, TIP = "errors.reduced_vs_full.beam", "errors.reduced_vs_full.tip"
 

@@ -19,12 +19,12 @@ from pmr.errors import InputError
 from pmr.errors.environment import plugin_objects
 from pmr.report.studies.document import render_studies
 from pmr.scene import load_any
-from pmr.studies import files, shared
+from pmr.studies import call, shared
 from pmr.studies.call import Progress, compute_results, save
-from pmr.studies.cases import LoadCase
+from pmr.studies.duty import LoadCase
 from pmr.studies.kinds.chart import Study
 from pmr.studies.limits import Limit
-from pmr.studies.results import RunRecord, StudyResults
+from pmr.studies.study import RunRecord, StudyResults
 from pmr.studies.workers import local_pool
 from pmr.system.from_scene import force_names
 
@@ -137,7 +137,7 @@ def test_what_is_met_at_no_load_or_never_is_told(small: StudyResults, folder: Pa
 
 def test_cases_are_made_of_classes_and_winds(small: StudyResults, folder: Path) -> None:
     """phi2 = 1.10 + 0.34 v, F = rho v^2 / 2 A c; out of service nothing hangs, and what it exceeds is named."""
-    project = files.load(folder / "study.toml")
+    project = call.load(folder / "study.toml")
     study = project.parts[0].study
     assert isinstance(study, Study)
     calm, gust, storm = (case.acting_amounts(study.classes) for case in study.cases)
@@ -198,7 +198,7 @@ def test_cut_off_and_called_again_it_is_the_same_to_the_byte(folder: Path, tmp_p
     (folder / "resumed.toml").write_text(
         STUDY.replace("count = 4 }", "count = 1 }").replace("count = 3 }", "count = 4 }")
     )
-    project, made, cut = files.load(folder / "resumed.toml"), tmp_path / "made", tmp_path / "cut"
+    project, made, cut = call.load(folder / "resumed.toml"), tmp_path / "made", tmp_path / "cut"
 
     def leave(progress: Progress) -> None:
         if progress.done > 2:  # what all four rows need, and the first of them
@@ -219,7 +219,7 @@ def test_cut_off_and_called_again_it_is_the_same_to_the_byte(folder: Path, tmp_p
 
 def test_a_row_whose_process_was_killed_is_missing_alone(small: StudyResults, folder: Path, tmp_path: Path) -> None:
     """The table has the points of the other rows; without any row an old table goes."""
-    study, killed = files.load(folder / "study.toml").parts[0].study, RunRecord("row2", "failed", {}, {}, {}, "died")
+    study, killed = call.load(folder / "study.toml").parts[0].study, RunRecord("row2", "failed", {}, {}, {}, "died")
     arrays = {run.key: small.arrays(run.key) for run in small.runs}
 
     class Partly(StudyResults):
@@ -235,7 +235,7 @@ def test_a_row_whose_process_was_killed_is_missing_alone(small: StudyResults, fo
 
 
 def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path) -> None:
-    study, loads = files.load(folder / "study.toml").parts[0].study, [row["load [kg]"] for row in rows(folder)]
+    study, loads = call.load(folder / "study.toml").parts[0].study, [row["load [kg]"] for row in rows(folder)]
     known = [float(load) for load in loads if load]
     line = study.summary_line(small)
     carried, bars, missing = re.split(", less error bars of up to | kg; not covered: ", line)
@@ -353,7 +353,7 @@ def test_bad_tables_are_refused_in_one_line(folder: Path, old: str, new: str, sa
     assert old in STUDY
     (folder / "bad.toml").write_text(STUDY.replace(old, new, 1))
     with pytest.raises(InputError, match=r".") as refused:
-        files.load(folder / "bad.toml")
+        call.load(folder / "bad.toml")
     assert said in str(refused.value) and "\n" not in str(refused.value)
 
 
@@ -364,7 +364,7 @@ def test_degrees_are_refused_where_the_scene_says_no_unit(folder: Path) -> None:
         text = STUDY.replace("scene.toml", "radians.toml").replace(old, new)
         (folder / "bad.toml").write_text(text.replace("up_to =", "slewing = [0.0, 90.0]\nup_to =", 1))
         with pytest.raises(InputError, match=f"{key}.0: its unit has to be said where an angle goes beyond a turn"):
-            files.load(folder / "bad.toml")
+            call.load(folder / "bad.toml")
 
 
 @pytest.mark.parametrize(
@@ -385,7 +385,7 @@ def test_a_limit_of_what_is_not_there_is_refused_before_anything_is_computed(
     assert old in STUDY
     (folder / "bad.toml").write_text(STUDY.replace(old, new, 1))
     with pytest.raises(InputError, match=r".") as refused:
-        files.load(folder / "bad.toml")
+        call.load(folder / "bad.toml")
     assert said in str(refused.value) and "\n" not in str(refused.value)
 
 

@@ -17,11 +17,11 @@ from pmr.files.whole import user_cache_folder
 from pmr.pipeline import run
 from pmr.results import Energy, Response
 from pmr.scene.tomlfiles import Change
-from pmr.studies import files
+from pmr.studies import call
 from pmr.studies import shared as common
 from pmr.studies.kinds.scenes import grid_points, motion_figures, run_case
-from pmr.studies.results import StudyResults
 from pmr.studies.shared import scene_arguments
+from pmr.studies.study import StudyResults
 from pmr.studies.tasks import Plan, task_key
 
 NAMES = ("base", "fly")
@@ -42,7 +42,7 @@ compare.against = ["full"]
 def plan(folder: Path, rest: str) -> Plan:
     file = folder / "study.toml"
     file.write_text(SHORT.format(scene=SCENE, rest=rest))
-    (part,) = files.load(file).parts
+    (part,) = call.load(file).parts
     return part.plan
 
 
@@ -91,7 +91,7 @@ def test_a_scene_may_have_any_name(tmp_path: Path) -> None:
         (tmp_path / f"{name}.toml").write_text(f'extends = "{SCENE}"\n')
     scenes = '.toml", "'.join(names) + ".toml"
     (tmp_path / "study.toml").write_text(SHORT.format(scene=scenes, rest=""))
-    results = compute(tmp_path / "results", files.load(tmp_path / "study.toml"))
+    results = compute(tmp_path / "results", call.load(tmp_path / "study.toml"))
     assert results.is_complete and [run.key for run in results.runs] == [task_key(name) for name in names]
     assert np.isfinite(results.column("max_displacement")).all()
 
@@ -101,7 +101,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
     """Three sizes of basis, with the pin's rows held and dropped."""
     folder = tmp_path_factory.mktemp("study")
     plan(folder, "[grid]\nreduction.coordinates = [4, 10, 20]\nreduction.basis = ['paper', 'eigenmodes']")
-    found = compute(folder, files.load(folder / "study.toml"))
+    found = compute(folder, call.load(folder / "study.toml"))
     # six runs share a reference, eigenmodes at all positions, and frequencies
     assert found.is_complete and len(list(folder.glob("tasks/*.npz"))) == 6 + 3
     return found
@@ -137,7 +137,7 @@ def test_a_study_has_the_figures_of_single_runs(results: StudyResults) -> None:
 def test_six_free_modes_with_flexibility_beat_ten_coordinates(results: StudyResults, tmp_path: Path) -> None:
     choice = "{ basis = 'free_modes', flexibility = true, coordinates = 6 }"
     plan(tmp_path, f"[[cases]]\nname = 'free'\nchange.reduction = {choice}")
-    (six,) = compute(tmp_path, files.load(tmp_path / "study.toml")).runs
+    (six,) = compute(tmp_path, call.load(tmp_path / "study.toml")).runs
     (ten,) = [run for run in results.runs if run.key == "coordinates=10,basis=eigenmodes"]
     errors = [run.figures["errors.reduced_vs_full.beam"] for run in (six, ten)]
     assert six.figures["coordinates.reduced"] == 6 and 0.0 < 5.0 * float(errors[0] or 0.0) < float(errors[1] or 0.0)
@@ -202,7 +202,7 @@ section.joint.mouth.0.unilateral = false
 section.reduction.flexibility = [true, false]
 """
     )
-    with_flexibility, without = (run.figures for run in compute(tmp_path / "out", files.load(file)).runs)
+    with_flexibility, without = (run.figures for run in compute(tmp_path / "out", call.load(file)).runs)
     assert with_flexibility["errors.reduced_vs_full.beam"] < 1e-3 < without["errors.reduced_vs_full.beam"]
     assert without["coordinates.reduced"] == 9
     assert with_flexibility["coordinates.reduced"] == 9 + 2  # modes of the fly's cylinder

@@ -23,12 +23,12 @@ from pmr.simulation.statics.postures import PostureMatrices, PostureSet, with_ho
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.chart_models import compute_richer_postures
-from pmr.studies.chart_warnings import replaced_mass_warnings
+from pmr.studies.chart_points import replaced_mass_warnings
 from pmr.studies.charting import PARTS
 from pmr.studies.kinds.chart import Study
 from pmr.studies.limits import Limit
-from pmr.studies.results import StudyResults
 from pmr.studies.shared import scene_arguments
+from pmr.studies.study import StudyResults
 
 pytestmark = pytest.mark.slow
 

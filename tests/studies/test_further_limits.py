@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from pmr.studies.user_limits import compile_expression
+from pmr.studies.further_limits import compile_expression
 
 AT = {"load": 3.0, "force": {"fly tail top": -4.0, "ring": 2.0}}
 
