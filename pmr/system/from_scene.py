@@ -156,15 +156,17 @@ def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str
     """Pads of one ring in the joint of section `number`, without those that have none of the `rows` of both sections.
 
     A planar beam has no rows for sideways motion.  A ring without faces is one pad, or two, above and below, if it only
-    pushes.  The names of the pads begin with `prefix`.
+    pushes; a carriage's wheel without clearance is one pad that lifts off.  The names of the pads begin with `prefix`.
     """
     prefix = " ".join(filter(None, (prefix, ring.name)))
     compliance = 0.0 if ring.stiffness == "rigid" else 1.0 / ring.stiffness
     law = {key: getattr(ring, key) for key in FRICTION}
     if ring.faces is None:
-        clearance = ring.clearance_on("") if ring.unilateral else None
-        pressed = 1.0 if scene.joint(number).mouth else -1.0  # a carriage presses down on what it runs on
-        for way, direction in {" above": 1.0, " below": -1.0}.items() if ring.unilateral else {"": pressed}.items():
+        clearance, runs = ring.clearance_on("") if ring.unilateral else None, not scene.joint(number).mouth
+        ways = {" above": 1.0, " below": -1.0}
+        if not ring.unilateral or (runs and not clearance):
+            ways = {"": -1.0 if runs else 1.0}  # a carriage presses down on what it runs on
+        for way, direction in ways.items():
             arm = _arm(scene.sections[number], "top") if ring.friction else 0.0
             yield JointPad(prefix + way, POINT, ring.at, direction, compliance, clearance, arm=arm, **law)
         return

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -45,7 +45,8 @@ def crossing(inner: Mapping[str, Any], path: Mapping[str, Any] | float, end: flo
 
 def mover(path: Mapping[str, Any] | float, end: float, body: Mapping[str, float], **more: Any) -> Scene:
     """Scene of a mass on a rigid wheel."""
-    wheel = {"tail": [{"at": 0.0, "unilateral": False, "stiffness": more.pop("wheel", "rigid")}]}
+    ring = {"at": 0.0, "unilateral": more.pop("pushes", False), "stiffness": more.pop("wheel", "rigid")}
+    wheel = {"tail": [ring | {"clearance": more.pop("clearance", 0.0)}]}
     loads = more.pop("loads", [])
     return crossing({"body": {"mover": body}, "joint": wheel, "loads": loads}, path, end, **more)
 
@@ -131,11 +132,19 @@ def test_a_tension_that_nothing_holds_is_refused() -> None:
         mover(1.0, 1.0, {"mass": 1.0}, tension=1.0, held=["tail"])
 
 
-def modal_motion(t: Array, speed: float, body: Mapping[str, float], gravity: float, modes: int = 8) -> Array:
-    """Deflection (T,) of midspan in m under a mover that enters at rest, by modal equations of the beam.
+def modal_motion(
+    t: Array,
+    speed: float,
+    body: Mapping[str, float],
+    gravity: float,
+    modes: int = 8,
+    lift: Callable[[float], float] | None = None,
+) -> tuple[Array, Array]:
+    """Deflections (T,) of midspan and of a mover that enters at rest, in m, by modal equations of the beam.
 
     A rigid mover adds its mass at the wheel, with all convective terms.  A sprung one has the wheel's mass there, and
-    spring and damper to the mass above.  The weight of beam and mover acts from t = 0.
+    spring and damper to the mass above.  The weight of beam and mover acts from t = 0.  If a force `lift` in N over
+    time pulls the mass up, its spring only pushes.
     """
     n = np.arange(1, modes + 1)
     wave, m = n * np.pi / LENGTH, MASS * LENGTH / 2.0
@@ -152,14 +161,17 @@ def modal_motion(t: Array, speed: float, body: Mapping[str, float], gravity: flo
         if k:
             z, rate = y[2 * modes :]
             spring = k * (z - phi @ q) + d * (rate - phi @ v - speed * slope @ q)
+            spring = spring if lift is None else min(spring, 0.0)
             carried += spring
-            above = [rate, -gravity - spring / body["mass"]]
+            above = [rate, -gravity - (spring - (lift(t) if lift else 0.0)) / body["mass"]]
         A = m * np.eye(modes) + wheel * np.outer(phi, phi)
         return np.concatenate([v, np.linalg.solve(A, weight + phi * carried - stiffness * q), above])
 
     y0 = np.zeros(2 * modes + (2 if k else 0))
-    solved = solve_ivp(rates, (0.0, t[-1]), y0, "DOP853", t, rtol=1e-8, atol=1e-11)
-    return np.asarray(np.sin(n * np.pi / 2.0) @ solved.y[:modes])
+    solved = solve_ivp(rates, (0.0, t[-1]), y0, "DOP853", t, rtol=1e-8, atol=1e-11, max_step=t[-1] / 500.0)
+    x = np.outer(wave, speed * t)
+    above = solved.y[2 * modes] if k else np.sum(np.sin(x) * solved.y[:modes], axis=0)
+    return np.asarray(np.sin(n * np.pi / 2.0) @ solved.y[:modes]), above
 
 
 @pytest.mark.parametrize(
@@ -172,8 +184,32 @@ def test_a_moving_mass_is_that_of_modal_equations(body: dict[str, float]) -> Non
     speed, gravity = 0.3 * CRITICAL, 9.81
     end = LENGTH / speed
     of = reduced_motion(mover(path(end), end, body, gravity={"acceleration": gravity, "rise": 0.0}, steps=8000))
-    expected = modal_motion(of.t[::20], speed, body, gravity)
+    expected, above = modal_motion(of.t[::20], speed, body, gravity)
     assert np.abs(of.midspan[::20] - expected).max() < 1e-3 * np.abs(expected).max()
+    assert np.abs(of.mover[::20] - above).max() < 1e-3 * np.abs(above).max()
+
+
+@pytest.mark.slow
+def test_a_wheel_that_only_pushes_lifts_off_and_lands() -> None:
+    """A force of up to twice the weight pulls the mass off the beam, which swings on by itself."""
+    speed, gravity, mass, k = 0.3 * CRITICAL, 9.81, 4000.0, 1e7
+    end = LENGTH / speed
+    pull = {"kind": "ramp", "times": [0.4 * end, 0.45 * end, 0.5 * end], "values": [0.0, 2.0 * mass * gravity, 0.0]}
+    scene = mover(
+        path(end), end, {"mass": mass}, wheel=k, pushes=True, loads=[{"on": "tip", "signal": pull}], steps=8000,
+        gravity={"acceleration": gravity, "rise": 0.0},
+    )  # fmt: skip
+    of, signal = reduced_motion(scene), scene.sections[1].loads[0].signal
+    body = {"mass": mass, "stiffness": k}
+    expected, above = modal_motion(of.t[::20], speed, body, gravity, lift=lambda t: float(signal.value(t)))
+    assert np.abs(of.midspan[::20] - expected).max() < 1e-3 * np.abs(expected).max()
+    assert np.abs(of.mover[::20] - above).max() < 1e-3 * np.abs(above).max()
+    assert of.forces.shape[1] == 1 and of.forces.min() == 0.0 < 0.1 < np.mean(of.forces == 0.0) < 0.5
+
+
+def test_a_wheel_with_play_runs_in_a_rail() -> None:
+    held = [reduced_motion(mover(5.0, 0.01, {"mass": 1.0}, steps=2, pushes=True, clearance=x)) for x in (0.0, 0.01)]
+    assert [of.forces.shape[1] for of in held] == [1, 2]
 
 
 def carriage(*wheels: float, x: float, stiffness: float | str = "rigid", **more: Any) -> Scene:
