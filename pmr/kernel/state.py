@@ -277,7 +277,7 @@ class State:
 
     @property
     def hoist(self) -> Array:
-        """Outputs (7,) of the hoist at the end of the last step, by the names `pmr.scene.hoist.OUTPUTS`; else empty."""
+        """Outputs (10,) of the hoist at the end of the last step, by names `pmr.scene.hoist.OUTPUTS`; else empty."""
         last = self.kernel.further - self.kernel.luffing
         return self.further()[last - self.kernel.hoist : last]
 

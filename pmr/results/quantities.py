@@ -376,6 +376,7 @@ QUANTITIES: Mapping[str, Quantity] = {
             "hoist_force", "forces of the hoist rope", "N", "hoist", ("hoist_force",),
             "largest force of the hoist rope", "most", sign="pulls",
         ),
+        Quantity("winch_pull", "pulls of the hoist rope on its winch", "N", "hoist", ("winch_pull",)),
         # forces on the supports of the boom
         Quantity("support_force", "forces of supports that give way", "N", "support", ("support",)),
         Quantity("reaction", "reactions of rigid supports", "N", "support", ("reaction",)),

@@ -20,11 +20,12 @@ from pmr.scene.members import member_at
 #: as a pad without faces), of cylinders and of elastic supports; measurements of probes; reactions of rigid supports;
 #: friction of all pads of a joint along the boom; positions and rates of what moves by itself, a machine or a luffing
 #: angle; forces of outriggers, margins against tipping, and the use of the support polygon; pressures, flows and power
-#: of oil; height of the hook of a hoist, its place in space, its swing, and the force of its rope.
+#: of oil; height of the hook of a hoist, its place in space, its swing, the force of its rope, and
+#: its pull on the winch.
 KINDS = (
     "beam", "tip", "pad", "cylinder", "support", "probe", "reaction", "friction", "machine",
     "outrigger", "margin", "tipping", "pressure", "flow", "power",
-    "hook_height", "hook_place", "swing", "hoist_force",
+    "hook_height", "hook_place", "swing", "hoist_force", "winch_pull",
 )  # fmt: skip
 #: Name of the column of a luffing angle that was computed.
 LUFFING_ANGLE = "luffing angle"

@@ -40,12 +40,14 @@ HOIST = "hoist "
 ROPE, WIND = "hoist rope", tuple(f"hoist wind {axis}" for axis in "xyz")
 #: Names of a hoist's outputs, in the order of `show_hoist` in pmr/kernel/src/hoist.c.
 HEIGHT, ROPE_FORCE = "hook height", "force of the hoist rope"
+WINCH_PULLS = tuple(f"pull of the hoist rope on its winch {axis}" for axis in "XYZ")
 PLACES = tuple(f"hook in space {axis}" for axis in "XYZ")
 SWINGS = ("swing of the hook along the boom", "swing of the hook across the boom")
 #: Unit of each output, and its kind in results.
-OUTPUTS = {HEIGHT: "m", **dict.fromkeys(PLACES, "m"), **dict.fromkeys(SWINGS, "rad"), ROPE_FORCE: "N"}
+OUTPUTS = {HEIGHT: "m", **dict.fromkeys(PLACES, "m"), **dict.fromkeys(SWINGS, "rad")}
+OUTPUTS |= dict.fromkeys((ROPE_FORCE, *WINCH_PULLS), "N")
 KINDS = {HEIGHT: "hook_height", **dict.fromkeys(PLACES, "hook_place"), **dict.fromkeys(SWINGS, "swing")}
-KINDS |= {ROPE_FORCE: "hoist_force"}
+KINDS |= {ROPE_FORCE: "hoist_force", **dict.fromkeys(WINCH_PULLS, "winch_pull")}
 #: Outputs whose extremes are in summary.json, by their keys there.
 KEYS = {"height": HEIGHT, **dict(zip(("swing_along", "swing_across"), SWINGS, strict=True)), "force": ROPE_FORCE}
 _DAMPING = Annotated[float, Field(ge=0.0, strict=True), Quantity("N s", 0.0, 1e15)]

@@ -65,11 +65,6 @@ def check_hoist(scene: Scene) -> None:
         return
     if scene.gravity is None:
         raise scene_error("gravity", None, "a table [gravity] is needed with [hoist], whose payload has a weight")
-    if frame is not None and frame.ground is not None and not hoist.winch.section:
-        allowed = (
-            "a section is allowed beside frame.ground: forces of outriggers do not know the rope's pull on a machine"
-        )
-        raise scene_error("hoist.winch.section", None, allowed)
     if frame is not None and frame.ground is not None and hoist.pivot_height not in (0.0, frame.ground.height):
         allowed = f"frame.ground.height, {frame.ground.height:g}, is the pivot's height, and none beside it is allowed"
         raise scene_error("hoist.pivot_height", hoist.pivot_height, allowed)

@@ -1,8 +1,9 @@
 r"""Forces of outriggers or wheels on rigid ground, and the margin against tipping of the machine that they carry.
 
 The force F and the moment :math:`\mathfrak M` about the pivot, along the axes of the machine, by which boom and machine
-press on the ground, are those of the boom (`pmr.simulation.reactions`) and, of each mass m of the machine at r with the
-inertia I, whose part of the machine turns with the angular velocity :math:`\omega`,
+press on the ground, are those of the boom (`pmr.simulation.reactions`), of a hoist's rope on a winch on the machine,
+and, of each mass m of the machine at r with the inertia I, whose part of the machine turns with the angular velocity
+:math:`\omega`,
 
 .. math::
     F_m = -m\, (g\, e_Z + \ddot u + A r), \qquad
@@ -39,7 +40,9 @@ from pmr.results import Response
 from pmr.results.response import Output
 from pmr.scene import Scene
 from pmr.scene.built import force_name, reaction_name
+from pmr.scene.frame import boom_rotation
 from pmr.scene.ground import Ground, edge_rows
+from pmr.scene.hoist import WINCH_PULLS
 from pmr.scene.keys import Direction
 from pmr.scene.mechanism import AT_GROUND, AT_PIVOT, TIPPING_MARGIN
 from pmr.scene.signals import Constant
@@ -172,6 +175,17 @@ def machine_wrench(scene: Scene, t: Array) -> Array:
     return total
 
 
+def _winch_wrench(scene: Scene, response: Response) -> Array:
+    """Force and moment about the pivot (T, 6) by which the hoist's rope pulls a winch on the machine; else zeros."""
+    hoist, frame = scene.hoist, scene.frame
+    if hoist is None or hoist.winch.section or frame is None:
+        return np.zeros((len(response.t), 6))
+    pull = np.stack([response.other(name) for name in WINCH_PULLS], axis=1)
+    still = np.zeros(len(response.t))
+    place = boom_rotation(still, np.atleast_1d(frame.angles[1].value(response.t)) + still) @ np.array(hoist.winch.at)
+    return np.hstack([pull, np.cross(place, pull)])
+
+
 def with_ground_forces(scene: Scene, response: Response) -> Response:
     """Return the response with forces on the ground, of outriggers, and margins against tipping.
 
@@ -188,6 +202,6 @@ def with_ground_forces(scene: Scene, response: Response) -> Response:
         elif not (planar and axis in ("y", "rx", "rz")):
             return response
     turned = np.stack([wrench[:, :3], wrench[:, 3:]], axis=1) @ np.swapaxes(scene.frame.rotation(response.t), 1, 2)
-    total = turned.reshape(-1, 6) + machine_wrench(scene, response.t)
+    total = turned.reshape(-1, 6) + machine_wrench(scene, response.t) + _winch_wrench(scene, response)
     stand = Stand.of_ground(scene.frame.ground)
     return response.with_others(stand.columns(total), stand.outputs(scene.names[0]))

@@ -41,7 +41,7 @@ class SystemTrajectory:
     friction: Array | None = None
     moments: Array | None = None
     rates: Array | None = None  # (T, P) m/s: rates of the path coordinates; None if not known
-    hoist: Array | None = None  # (T, 7): outputs of a hoist (`pmr.scene.hoist.OUTPUTS`); None without one
+    hoist: Array | None = None  # (T, 10): outputs of a hoist (`pmr.scene.hoist.OUTPUTS`); None without one
 
     @property
     def arrays(self) -> list[NDArray[Any]]:

@@ -20,6 +20,7 @@ from pmr.scene.ground import Ground, convex_hull, polygon_area
 from pmr.simulation import Excitation
 from pmr.simulation.ground import Stand
 from pmr.simulation.native import systems
+from pmr.simulation.native.form import SystemForm
 from pmr.simulation.reactions import with_forces_on_machine
 from pmr.studies import shared
 
@@ -35,7 +36,7 @@ def ground(**changes: Any) -> dict[str, Any]:
     return {"height": 1.4, "masses": [CARRIER, WEIGHT], "outriggers": LEGS} | changes
 
 
-def rigid(luffing: Any, slewing: Any, **changes: Any) -> Scene:
+def rigid(luffing: Any, slewing: Any, hoist: dict[str, Any] | None = None, **changes: Any) -> Scene:
     """A boom of 6 m that is 10,000 times as stiff as steel, with 120 kg at its tip, clamped to its machine."""
     smooth = {"kind": "smooth_ramp", "times": [0.5, 2.5], "degree": 9}
     frame: dict[str, Any] = {"pivot": [0.4, 0.0, 0.3], "unit": "rad"}
@@ -58,6 +59,7 @@ def rigid(luffing: Any, slewing: Any, **changes: Any) -> Scene:
             "frame": frame | {"ground": ground(**changes)},
             "sections": [section],
             "gravity": {},
+            "hoist": hoist,
             "start": "equilibrium",
             "time": {"end": 3.0, "step": 4e-3, "rho_inf": 0.6},
             "compare": {"against": []},
@@ -71,7 +73,7 @@ def simulated(scene: Scene) -> Response:
     """Response of the reduced system of a scene."""
     system = join_bodies(scene, reduce_bodies(scene, shared.bodies_of(scene)))
     excitation = Excitation.from_scene(scene)
-    moved = systems.simulate(system, excitation, systems.start_of(system, excitation))
+    moved = systems.simulate_form(SystemForm.of(system), excitation)
     return with_forces_on_machine(scene, evaluate_motion(system, moved))
 
 
@@ -121,6 +123,29 @@ def test_a_rigid_machine_in_motion_presses_as_newton_and_euler_say() -> None:
     for k, column in enumerate(of_ground):
         size = np.abs(wrench[:, :3] if k < 3 else wrench[:, 3:]).max()
         assert column == pytest.approx(wrench[:, k], abs=1e-6 * size)
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+def test_a_payload_on_a_rope_to_the_machine_presses_where_it_hangs() -> None:
+    """Hoisting, luffing and slewing: the ground bears machine, boom, and the pull of the falls at the head.
+
+    What the rope pulls at the winch it presses the boom with.
+    """
+    speed = {"kind": "smooth_ramp", "times": [0.5, 1.0, 2.0, 2.5], "values": [0.0, 0.5, 0.5, 0.0]}
+    winch = {"at": [-0.7, 0.2, 0.5]}
+    hoist = {"payload": 400.0, "falls": 2, "EA": 1e7, "damping": 5e4, "hanging": 3.0, "speed": speed, "winch": winch}
+    scene = rigid([0.2, 0.3], [0.0, 0.4], hoist)
+    shown = simulated(scene)
+    assert shown.of("hoist_force").min() > 0.0
+    head = np.einsum("tij,j->ti", scene.frame.rotation(shown.t), [0.4 + scene.sections[0].length, 0.0, 0.3])
+    fall = np.stack([shown.other(f"hook in space {axis}") for axis in "XYZ"], axis=1) - head
+    pull = 2.0 * shown.of("hoist_force") * fall / np.linalg.norm(fall, axis=1)[:, None]
+    hung = np.hstack([pull, np.cross(head, pull)])
+    wrench = rigid_boom(scene, shown.t) + masses_on_ground(scene, shown.t) + hung
+    for k, axis in enumerate(("x", "y", "z", "rx", "ry", "rz")):
+        size = np.abs(hung[:, :3] if k < 3 else hung[:, 3:]).max()
+        assert shown.other(f"reaction of ground {axis}") == pytest.approx(wrench[:, k], abs=1e-5 * size)
 
 
 @pytest.mark.parametrize("seed", range(COUNT))

@@ -56,7 +56,8 @@ enum {
     AT_ACCELERATION = 15,
     AT_HEAD = 18, /* along axes of the boom */
     AT_PULL = 21, /* on the payload, along axes of the ground */
-    AT_FORCE = 24,
+    AT_WINCH = 24, /* on the winch, along axes of the boom */
+    AT_FORCE = 27,
     AT_ELASTIC, /* the force without the damper's */
     AT_LENGTH,
     AT_UNSTRETCHED,
@@ -298,7 +299,7 @@ static int pull_rope(pmr_state *st, const pmr_scheme *c, const double *free)
     for (k = 0; k < y->hoist; k++) st->new_pulls[k] = -force * slope[k];
     for (n = 0; n < 3; n++) q[n] = -force * rope.by_payload[n];
     out_of_boom(st->slots, q, now + AT_PULL);
-    for (n = 0; n < 3; n++) now[AT_HEAD + n] = rope.head[n];
+    for (n = 0; n < 3; n++) now[AT_HEAD + n] = rope.head[n], now[AT_WINCH + n] = -force * rope.by_winch[n];
     return PMR_DONE;
 }
 
@@ -421,15 +422,12 @@ static void account_hoist(pmr_state *st)
    stands.  Between head and winch on the boom the rope pulls both, and adds nothing. */
 static void add_rope_wrench(const pmr_state *st, double *force, double *moment)
 {
-    const double *numbers = st->system->hoist_numbers, *now = st->hoist, *head = now + AT_HEAD;
-    double pull[3], winch[3], pulled[3], size;
+    const double *now = st->hoist, *head = now + AT_HEAD, on_machine = st->system->hoist_numbers[HOIST_LEVEL];
+    double pull[3], pulled[3];
     int n;
     into_boom(st->slots, now + AT_PULL, pull);
-    place_winch(st->system, st->slots, winch);
-    size = distance(head, winch);
     for (n = 0; n < 3; n++) {
-        pulled[n] = -pull[n];
-        if (numbers[HOIST_LEVEL] != 0.0) pulled[n] += now[AT_FORCE] * (winch[n] - head[n]) / size;
+        pulled[n] = -pull[n] - on_machine * now[AT_WINCH + n];
         force[n] += pulled[n];
     }
     moment[0] += head[1] * pulled[2] - head[2] * pulled[1];
@@ -487,6 +485,7 @@ static int begin_hoist(pmr_state *st, const double *u)
     now[AT_LENGTH] = stretched;
     for (n = 0; n < 3; n++) {
         now[AT_PULL + n] = -now[AT_FORCE] * numbers[HOIST_FALLS] * way[n];
+        now[AT_WINCH + n] = -now[AT_FORCE] * rope.by_winch[n];
         now[AT_ACCELERATION + n] = a[n] + now[AT_PULL + n] / numbers[HOIST_MASS];
     }
     for (k = 0; k < y->hoist; k++) st->new_pulls[k] = -now[AT_FORCE] * by_input(y, &rope, k);
@@ -495,7 +494,8 @@ static int begin_hoist(pmr_state *st, const double *u)
 
 /* ---- outputs ---- */
 
-/* Height of the hook and its place in m, swing along and across the boom's plane in rad, force of the rope in N. */
+/* Height of the hook and its place in m, swing along and across the boom's plane in rad, force of the rope in N, and its
+   pull on the winch along axes of the ground. */
 static void show_hoist(pmr_state *st, double *shown)
 {
     const pmr_system *y = st->system;
@@ -514,4 +514,5 @@ static void show_hoist(pmr_state *st, double *shown)
     shown[4] = atan2(ahead, -way[2]);
     shown[5] = atan2(aside, sqrt(ahead * ahead + way[2] * way[2]));
     shown[6] = now[AT_FORCE];
+    out_of_boom(slots, now + AT_WINCH, shown + 7);
 }

@@ -305,7 +305,7 @@ typedef struct {
     double *friction;    /* (., n) N */
     double *outputs;     /* (., o) */
     double *drivers;     /* (., N) */
-    double *hoist;       /* (., 7): as `pmr_further` has them */
+    double *hoist;       /* (., 10): as `pmr_further` has them */
     int32_t *parts;      /* (.,) */
 } pmr_record;
 
@@ -325,7 +325,7 @@ void pmr_observe(pmr_state *state, int count, const int32_t *numbers, double *va
 /* Further outputs (further,) where the state stands: in N and N m what a body presses on its rigid supports; in a frame
    the place of the tip from the pivot along axes of the ground in m, and the force of the luffing cylinder in N; of a
    hoist the height of the hook, its place along axes of the ground in m, its swing along and across the boom's plane in
-   rad, and the force of the rope in N.  In a frame the motions are those of the last start or step that was told them. */
+   rad, the force of the rope in N, and its pull on the winch along axes of the ground.  In a frame the motions are those of the last start or step that was told them. */
 void pmr_further(pmr_state *state, double *further);
 
 /* ---- derivatives ---- */

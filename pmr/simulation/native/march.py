@@ -52,7 +52,7 @@ class Steps(NamedTuple):
     parts: NDArray[np.int32] | None = None  # (T,): number of parts of each step
     impulses: Array | None = None  # (T, m) N s: impulse in the step, if contacts only push
     friction: Array | None = None  # (T, n) N: of the pads that rub
-    hoist: Array | None = None  # (T, 7): outputs of a hoist
+    hoist: Array | None = None  # (T, 10): outputs of a hoist
 
     def at(self, rows: NDArray[np.int64] | slice) -> Steps:
         """Steps with the numbers `rows`, from 0 on, or in this slice."""
