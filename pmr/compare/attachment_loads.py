@@ -115,7 +115,9 @@ def system_with_attachment_modes(system: System, x: Array, forces: Sequence[Arra
 
     Parameters
     ----------
-    system : System     System of reduced bodies. x : (P, sides) array, m
+    system : System
+        System of reduced bodies.
+    x : (P, sides) array, m
         Path coordinates of all sides of the contacts in P positions.
     forces, loads : sequences of arrays, (P, m) and (P, i) in N
         Forces of the m contacts, and loads on the i inputs, with one array for each load case.

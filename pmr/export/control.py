@@ -265,9 +265,10 @@ end {name};
 
 
 def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write a Modelica 3 block named like the file, with A, B, C, D at all grid points; its variables are an FMU's.
+    """Write a Modelica 3 block of a saved reduced system, with A, B, C, D at all grid points; return `target`.
 
-    The path of the file, `target`, is returned.
+    `npz_path` is the file of the system, from which the state space is computed.  The block is named like the file
+    `target`, which has to end in .mo; its variables are named as an FMU names them.
     Raises InputError as `pmr.export.state_space.saved_state_space`, or if Modelica does not allow the file's name.
     """
     name = target.stem

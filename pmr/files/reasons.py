@@ -244,12 +244,15 @@ def rows_by_direction(body: Resistance) -> Reason | None:
 
 
 def all_axes_turned(body: Resistance) -> Reason | None:
-    """Return (wrong input, reason) if K was made for these points, but with different axes at each node; else None.
+    """Return (wrong input, reason) if K was made for these points with axes of each node's own; else None.
 
-    Let z_j (3, 6) be the displacements of node j in six motions that K leaves free, and x_j its position.  Let [x_j] be
-    the matrix of the cross product with x_j, Q_j the axes of the node, and A (6, 6) a matrix that is the same for all
-    nodes.  Then z_j = Q_j (1, -[x_j]) A, so that tr(z_j B z_j^T) = 3 + 2 |x_j|^2 holds with one symmetric matrix B for
-    all nodes.
+    A K in the right axes passes this test too: ask for other reasons first.  Nothing is tested, and None is returned,
+    if a node has a rotation or lacks a displacement, if there are more than `DENSE` coordinates, or if K does not leave
+    six motions free.
+
+    If node j at x_j has the axes Q_j, its displacements in the six free motions are z_j = Q_j (1, -[x_j]) A, (3, 6).
+    Here [x_j] is the matrix of the cross product with x_j, and A (6, 6) is the same for all nodes.  So the symmetric
+    matrix B = (A^T A)^-1 satisfies tr(z_j B z_j^T) = 3 + 2 |x_j|^2 at all nodes, whatever the Q_j are.
     """
     count = len(body.points)
     order = np.lexsort((body.direction, body.node))

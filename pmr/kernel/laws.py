@@ -194,7 +194,9 @@ def slide_pads(
 
     Parameters
     ----------
-    stiffness : (n,) array, N/m     Stiffness of each pad along the boom while it sticks. laws : (n, 3) array
+    stiffness : (n,) array, N/m
+        Stiffness of each pad along the boom while it sticks.
+    laws : (n, 3) array
         Constants of the pads' laws of friction (`pmr.system.contacts.friction_law`).
     forces, old : (n,) arrays, N
         Forces of the pads, and their friction at the end of the last step (`pmr.system.contacts`).

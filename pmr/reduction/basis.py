@@ -102,8 +102,9 @@ def pod(
         The pool.
     size : int or None
         Number of vectors r, at most the numerical rank of the pool; None for as many as this rank.
-    product : ``"euclidean"`` or ``"mass"``     Product in which the vectors are orthonormal. solver : ``"auto"``,
-    ``"dense"`` or ``"slepc"``
+    product : ``"euclidean"`` or ``"mass"``
+        Product in which the vectors are orthonormal.
+    solver : ``"auto"``, ``"dense"`` or ``"slepc"``
         LAPACK on process 0 (reproducible), or Gram-Schmidt on the distributed matrix.  ``auto`` makes the same choice
         as for the solver of the snapshots.
     rigid_count : int

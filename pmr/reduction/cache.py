@@ -136,7 +136,7 @@ class Cache:
         return body
 
     def model_of(self, scene: Scene, make: Callable[[], ReducedModel]) -> ReducedModel:
-        """Return the reduced model of a scene with the same structure on another mesh; collective.
+        """Return the reduced model of `scene`, the structure of the cache's full model on another mesh; collective.
 
         If it is not stored, `make` is called on every rank, and the result of rank 0 is stored.  The result is the same
         on every rank.

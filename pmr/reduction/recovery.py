@@ -67,8 +67,9 @@ class Recovery:
         The full model, with n coordinates.
     V : (n_local, k) array
         This rank's part of the basis; its first columns are the modes of the reduced model that are no cylinder modes.
-    reduced : ReducedModel     The reduced model, the same on every rank. solver : ``"auto"``, ``"dense"`` or
-    ``"slepc"``
+    reduced : ReducedModel
+        The reduced model, the same on every rank.
+    solver : ``"auto"``, ``"dense"`` or ``"slepc"``
         Solver of static equations, chosen as for the tables of the residual flexibility.
 
     Attributes
@@ -148,8 +149,9 @@ class BodyFields:
 
     Parameters
     ----------
-    built : AssembledBody     The full model, with the clamps and rigid masses that leave out coordinates of its
-    structural model. stresses : bool
+    built : AssembledBody
+        The full model, with the clamps and rigid masses that leave out coordinates of its structural model.
+    stresses : bool
         Whether stresses are computed, for a model that has stresses.
 
     Raises
@@ -249,7 +251,9 @@ def record_fields(
 
     Parameters
     ----------
-    view : BodyFields     Displacements and stresses of the body. t : (S,) array, s
+    view : BodyFields
+        Displacements and stresses of the body.
+    t : (S,) array, s
         Times of the states.
     blocks : iterable of (k, n_local) arrays
         Full coordinates of k successive states each, this rank's part: `Recovery.blocks`, or `in_blocks`.

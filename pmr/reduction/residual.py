@@ -60,7 +60,8 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, object]) 
     basis : Basis
         Basis that contains all rigid-body modes that the fixed rows leave free: `pmr.reduction.basis.modal_basis` of
         free modes, or `pmr.reduction.basis.with_rigid_modes`.
-    provenance : dict     Provenance of the reduced model.
+    provenance : dict
+        How the reduced model is made; it is stored with the model.
 
     Raises
     ------

@@ -134,7 +134,7 @@ def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:
         yield KeyNumber(
             format_percent(errors["pad_force"]),
             f"RMS error of the {force_words(result)}",
-            _error_without_impacts(result),
+            _clauses_on_impacts(result),
         )
     if errors.get("cylinder_force", 0.0) >= TINY:  # a smaller error is round-off: a cylinder's force may be prescribed
         yield KeyNumber(format_percent(errors["cylinder_force"]), "RMS error of the cylinder forces")
@@ -173,10 +173,10 @@ def comparison_sentence(table: Sequence[Row]) -> str:
     return f"Beside {sum(counts.values())} published figures: {counted}." if counts else ""
 
 
-def _error_without_impacts(result: RunResult) -> str:
-    """Clauses on the error of the forces up to the frequency of the tip's motion, and on impacts at kinks of the path.
+def _clauses_on_impacts(result: RunResult) -> str:
+    """Text on the error of forces below the frequency of the tip's motion, and on impacts at kinks of the path.
 
-    They are empty if no slider strikes.
+    It is empty if no slider strikes, and has neither a capital nor a full stop.
     """
     impacts = result.summary.get("impacts")
     if impacts is None:

@@ -253,9 +253,10 @@ class Scene(SectionTables):
 
     @property
     def hash(self) -> str:
-        """Digest of the keys that decide the results: all keys but title, published numbers and simulators.
+        """Digest (16 hex digits) of the keys that decide the results: all but `title`, `published` and `simulation`.
 
         Keys at their default value are left out, so that stored results stay valid when a new version adds a key.
+        Files of the sections count by their contents: moving a file keeps the digest, editing it changes the digest.
         """
         left_out = {"title", "published", "simulation"}
         content = self.model_dump(mode="json", exclude=left_out, exclude_defaults=True)

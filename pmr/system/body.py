@@ -63,8 +63,9 @@ class Body(Protocol):
         Clearance of each row that only pushes; NaN for rows that hold both ways.
     moving : list of int
         Numbers of the rows that depend on s.
-    held : dict of int to int     By the number of each row that is a support on a single coordinate: the number of the
-    coordinate held at zero. lasting : tuple of str
+    held : dict of int to int
+        By the number of each row that is a support on a single coordinate: the number of the coordinate held at zero.
+    lasting : tuple of str
         Names of the rows that are rigid, hold both ways, don't depend on s, and combine several coordinates.
     domain : (float, float), m
         Lowest and highest path coordinate for which the rows are defined.

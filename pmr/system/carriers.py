@@ -236,7 +236,10 @@ class CarrierRows:
         return RowPolynomials.from_rows([self.row(k, str(k)).refine(breaks) for k in range(len(self.breaks))])
 
     def project(self, X: Array) -> CarrierRows:
-        """Return the rows on new coordinates z (k,), from which the old coordinates follow as X z, with X (r, k)."""
+        """Return the rows on new coordinates z (k,), with the old ones equal to X z, X (r, k), on the same flexibility.
+
+        If k < r, the flexibility lacks what the new coordinates leave out.
+        """
         return replace(self, values=self.values @ X)
 
     def with_rows(self, numbers: Sequence[int]) -> CarrierRows:

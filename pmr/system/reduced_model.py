@@ -97,9 +97,11 @@ class ReducedModel:
         Displacement at which a row that only pushes closes; NaN for rows that hold both ways, None if all rows do.
     rayleigh : Rayleigh, optional
         Factors of Rayleigh damping, if D is of this kind.
-    carriers : CarrierRows, optional     The rows on their carriers, for a system in which each row has a path
-    coordinate of its own. reactions : Reactions, optional     Work from which the forces of rigid supports are
-    computed. section : SectionOf, optional
+    carriers : CarrierRows, optional
+        The rows on their carriers, for a system in which each row has a path coordinate of its own.
+    reactions : Reactions, optional
+        Work from which the forces of rigid supports are computed.
+    section : SectionOf, optional
         The boom of which this is a section.
     ports : mapping of str to (r,) array
         Motion, by each coordinate, of a point where connectors may be attached: ``"tip z"`` in m, ``"tip ry"`` in rad.

@@ -350,7 +350,7 @@ def _value_axis(ax: Axes, name: str) -> None:
 
 
 def _legend_margin(done: Sequence[RunRecord], parameter: str) -> dict[str, float]:
-    """Margin above the axes, in inches, that a legend of the curves needs."""
+    """Return ``{"top": inches}``: the margin above the axes that a legend of the curves needs."""
     return {"top": 0.16 + 0.15 * min(-(-len(_curves(done, parameter)) // 3), MOST_CURVES // 3)}
 
 

@@ -161,7 +161,7 @@ class _Joint:
         return z[:k], z[k : k + n], self._base.extensions(t, z[k + n :], z[k + n :]).value
 
     def _displacements(self, z: Array) -> Array:
-        """Displacements (N - 6,), without reference values, of all coordinates in z (N,) after the first six.
+        """Displacements (N - 6,): all coordinates z (N,) but the first six, less reference values of base and paths.
 
         The first six coordinates are those of w and the hook.
         """

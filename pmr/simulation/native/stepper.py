@@ -285,7 +285,7 @@ class Stepper:
 
     @property
     def contact(self) -> float:
-        """Time step times the contact frequency of contacts that only push, over all paths; 0 without such contacts.
+        """Time step times the highest frequency of contacts that only push, at any position; 0 without such contacts.
 
         With `parts` = 1, impacts lose force and energy where this is above `contact_step.RESOLVED`
         (docs/pads_theory.md).
