@@ -175,8 +175,8 @@ endef
 # What CI runs: the suite on Debian's stack under KERNEL; on the wheel stack, under the last kernel, what needs the other
 # stack and the numerical part; under the kernels between, on Debian's, the tests for two ranks on two, and what else is
 # numerical. So each stack and each kernel has its turn, and no test runs twice for one of them. Left out, as they run
-# on Debian's: what only reads scenes and pages, slow tests but numerical ones and those of FEniCSx itself, slow ones on
-# two ranks. The longest
+# on Debian's: what only reads scenes and pages, slow tests but numerical ones and those of FEniCSx itself, further cases
+# of tests with parameters that are neither, slow ones and further cases on two ranks. The longest
 # begin first and the shortest end: a core waits for the last of them. LONGEST and LAST are what .ci/run adds.
 LAST_KERNEL := $(lastword $(KERNELS))
 BETWEEN := $(filter-out $(KERNEL) $(LAST_KERNEL),$(KERNELS))
@@ -322,11 +322,11 @@ test-wheel-ranks-%: .venv-wheel/.ready
 
 .PHONY: test-wheel-part
 test-wheel-part: .venv-wheel/.ready
-	$(call pytest,.venv-wheel,$(LAST_KERNEL),-m "stack or numerical")
+	$(call pytest,.venv-wheel,$(LAST_KERNEL),-m stack)
 
 .PHONY: test-wheel-part-mpi
 test-wheel-part-mpi: .venv-wheel/.ready
-	$(call ranks,.venv-wheel,$(KERNEL),mpirun,mpi and not slow)
+	$(call ranks,.venv-wheel,$(KERNEL),mpirun,mpi and first and not slow)
 
 .PHONY: schemas
 schemas: setup ## write what editors complete and check workflows from

@@ -31,10 +31,11 @@ from pmr.system.reduced_model import ReducedModel
 TESTS = Path(__file__).parent
 WORKFLOWS = TESTS.parent / "workflows"
 #: Where BLAS and LAPACK have a hand in what is compared: run under several kernels of OpenBLAS, but of slow tests only
-#: those that are marked so.
+#: those that are marked so. Steps are made by C without BLAS: of `simulation` only what stands before them is here.
 NUMERICAL = (
-    *("compare", "convergence", "fem", "fullmodel", "models", "reduction"),
-    *("simulation", "studies/kinds", "system", "errors/test_environment.py", "test_run.py"),
+    *("compare", "convergence", "fem", "fullmodel", "models", "reduction", "system"),
+    *("simulation/petsc", "simulation/statics", "simulation/native/test_systems.py", "simulation/test_modal.py"),
+    *("studies/kinds", "errors/test_environment.py", "test_run.py"),
 )
 #: What shows FEniCSx, PETSc and SLEPc at work (weak forms, factors, memory): CI runs its slow tests on both stacks,
 #: other slow tests on one, unless they are numerical.
@@ -111,8 +112,14 @@ def is_numerical(file: Path) -> bool:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark numerical tests and those of one stack; refuse a mark that the file does not spell out."""
+    """Mark numerical tests, first cases and what CI runs on both stacks; refuse a mark that the file does not have."""
+    functions = set[tuple[Path, str]]()
     for item in items:
+        function = item.path, item.nodeid.partition("[")[0]
+        first = function not in functions
+        functions.add(function)
+        if first:
+            item.add_marker(pytest.mark.first)
         for mark in (FOR_RANKS, FOR_KERNELS):
             if item.get_closest_marker(mark.rpartition(".")[2]) and mark not in item.path.read_text():
                 raise pytest.UsageError(f"{item.nodeid}: where it is to run only files are read that say {mark}")
@@ -120,7 +127,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if is_numerical(item.path) and not slow:
             item.add_marker(pytest.mark.numerical)
         read = file.startswith(READ) and not file.startswith(EVALUATED)
-        if file.startswith(FENICSX) or not slow and not read:
+        if file.startswith(FENICSX) or item.get_closest_marker("numerical") or not slow and not read and first:
             item.add_marker(pytest.mark.stack)
 
 

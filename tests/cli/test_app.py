@@ -199,7 +199,7 @@ def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("undrawn", "unmeasured")
+@pytest.mark.usefixtures("undrawn")
 def test_a_number_in_another_unit_is_a_warning_of_the_run_its_summary_and_its_report(
     tmp_path: Path, monkeypatch, capsys
 ) -> None:

@@ -39,7 +39,7 @@ print(code_variant())
 
 @pytest.mark.slow
 @needs_compiler
-@pytest.mark.parametrize("flags", [[], ["-DPMR_PLAIN", "-O0"]], ids=["vectors", "plain"])
+@pytest.mark.parametrize("flags", [["-O1"], ["-DPMR_PLAIN", "-O0"]], ids=["vectors", "plain"])
 def test_sources_compile_without_a_warning_and_export_what_the_header_declares(
     tmp_path: Path, flags: list[str]
 ) -> None:

@@ -75,7 +75,6 @@ def test_loads_and_terms_follow_from_any_motion(frame: MovingFrame, kernel: Kern
 
 
 @pytest.mark.slow
-@pytest.mark.numerical
 def test_steps_are_those_of_a_run(system: System, frame: MovingFrame, kernel: Kernel) -> None:
     """Given one by one, and by the signals of the scene: outputs and forces to round-off."""
     excitation = Excitation.from_scene(frame.scene).with_stepping(

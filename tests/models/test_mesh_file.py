@@ -42,9 +42,7 @@ mesh.file = "boom.inp"
 
 
 @pytest.mark.slow
-def test_a_boom_of_two_instances_is_the_one_that_pmr_draws(
-    tmp_path: Path, unmeasured: None, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_boom_of_two_instances_is_the_one_that_pmr_draws(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Frequencies, motion of the tip and mass: the cells are the same."""
     pytest.importorskip("gmsh")
     assert UP == round(HEIGHT / (WIDTH / ACROSS))  # as many cells up a side as pmr draws

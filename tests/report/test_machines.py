@@ -11,7 +11,7 @@ from pmr.report.first_page import first_page_tables
 from pmr.report.sentences import opening_sentences
 from pmr.results import RunResult
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("undrawn", "unmeasured")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("undrawn")]
 SPACE = "\u00a0"
 SHORT = ("section.mesh.elements=8", "section.reduction.coordinates=6", "time.end=0.2")
 

@@ -103,7 +103,6 @@ def test_stiff_pads_and_steps_of_a_millisecond_give_the_forces_of_a_fine_step(ki
 
 
 @pytest.mark.slow
-@pytest.mark.numerical
 @pytest.mark.parametrize("rho_inf", [0.0, 0.5, 0.9, 1.0])
 @pytest.mark.parametrize("stiffness", [1e6, 3e8, 1e10])
 @pytest.mark.parametrize("kind", BODIES)

@@ -78,7 +78,6 @@ def simulated(scene: Scene) -> Response:
 
 
 @pytest.mark.slow
-@pytest.mark.numerical
 def test_a_rigid_machine_at_rest_tips_as_moments_by_hand_say() -> None:
     """On level ground: weights times distances from each edge, and the rule of levers over a rectangle."""
     phi, psi = 0.4, 0.7
@@ -105,7 +104,6 @@ def test_a_rigid_machine_at_rest_tips_as_moments_by_hand_say() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.numerical
 def test_a_rigid_machine_in_motion_presses_as_newton_and_euler_say() -> None:
     """On a slope, luffing and slewing; three legs, whose forces equilibrium alone decides."""
     scene = rigid([0.2, 0.7], [0.0, 0.9], outriggers=[*LEGS[:2], {"name": "e", "at": [0.3, -2.5]}], slope=[0.03, -0.02])
@@ -176,7 +174,6 @@ SAMPLED = (2, 5, 22, 30, 58)
 
 
 @pytest.mark.slow
-@pytest.mark.numerical
 @pytest.mark.parametrize("seed", range(COUNT) if os.environ.get("PMR_SWEEP") == "full" else SAMPLED)
 def test_forces_on_a_random_machine_sum_to_zero_with_weight_and_inertia(seed: int) -> None:
     """Forces of pin and luffing cylinder, of all masses and of the outriggers, while the machine stands.

@@ -39,7 +39,7 @@ import pmr
 from pmr.errors import InputError, SimulationError
 
 Array = NDArray[np.float64]
-pytestmark = [pytest.mark.slow, pytest.mark.numerical]  # a boom is reduced
+pytestmark = pytest.mark.slow  # a boom is reduced
 
 
 def test_boom_on_shut_oil_swings_at_the_frequency_of_its_columns() -> None:

@@ -34,7 +34,7 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.luffing import LuffingRun
 
 Array = NDArray[np.float64]
-pytestmark = [pytest.mark.slow, pytest.mark.numerical]  # a boom is reduced
+pytestmark = pytest.mark.slow  # a boom is reduced
 
 MASS, EA, FALLS, HANGING, SWING, SPEED, END = 60.0, 2e6, 2, 1.5, 0.4, 0.3, 0.5
 HOIST = (

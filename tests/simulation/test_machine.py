@@ -127,7 +127,6 @@ class Whole:
         return self.q[k], self.rate[k]
 
 
-@pytest.mark.numerical
 def test_free_in_space_momenta_stay_to_round_off_while_it_telescopes() -> None:
     """Those of the boom that is simulated in the frame that was found; it bends, and is driven to luff."""
     scene = in_space("time.end=0.06", "time.step=2e-3")
@@ -158,7 +157,6 @@ def test_free_in_space_its_energy_is_the_work_of_what_draws_it_out_but_for_the_s
     assert lost[1] < 0.01
 
 
-@pytest.mark.numerical
 def test_held_it_is_the_ground_and_driven_a_frame() -> None:
     """Directions of the motion that was found are those that were given, in the unit of the frame's angles."""
     turned = "frame.luffing={kind='smooth_ramp', times=[0.0, 0.1], values=[0.3, 0.5]}"
@@ -180,7 +178,6 @@ def test_held_it_is_the_ground_and_driven_a_frame() -> None:
     assert np.abs(driven.displacement - on_ground.displacement).max() > 0.1 * np.abs(on_ground.displacement).max()
 
 
-@pytest.mark.numerical
 def test_what_holds_it_is_the_change_of_momentum() -> None:
     """Held along Y and in yaw, on springs upwards and in roll: momenta change by weight less what it presses with."""
     missing = []

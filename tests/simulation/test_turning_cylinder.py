@@ -15,7 +15,6 @@ from pmr.fullmodel.luffing import direction_polynomial
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.mechanism import CYLINDER
 
-pytestmark = pytest.mark.usefixtures("undrawn", "unmeasured")
 SOFT = 2e6  # N/m: of the cylinder alone, beside which all else is rigid to 1e-6
 RAISED = {"kind": "smooth_ramp", "times": [0.05, 0.25], "values": [10.0, 40.0]}
 

@@ -102,7 +102,6 @@ def by_integrals(luffing: float, slewing: float, pressure: float) -> Array:
 
 
 @pytest.mark.slow
-@pytest.mark.numerical
 @pytest.mark.parametrize(("luffing", "slewing"), [(25.0, 40.0), (3.0, -20.0), (60.0, 90.0)])
 def test_force_and_moment_of_the_wind_are_integrals_of_its_profile(luffing: float, slewing: float) -> None:
     """Of what the boom presses with on its machine at rest."""

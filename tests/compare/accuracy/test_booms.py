@@ -120,7 +120,7 @@ def _apart(own: Response, fine: Response) -> float:
 
 
 @pytest.mark.slow
-def test_budgets_of_time_as_of_one_body(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_budgets_of_time_as_of_one_body(few_steps: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """More time a step allows more modes; a multiple of real time limits the steps."""
     monkeypatch.setattr(trials, "TIMES", 1)  # that many times each is timed: none of these budgets is a close one
     common = ("compare.against=[]", "budget.mesh=false", "section.mesh.elements=9")
@@ -147,7 +147,7 @@ def test_velocities_and_cylinders_are_kinds_of_their_own() -> None:
 
 
 @pytest.mark.slow
-def test_what_is_not_held_is_told() -> None:
+def test_what_is_not_held_is_told(few_steps: None) -> None:
     found = summary("accuracy.tolerance=1e-12", "section.mesh.elements=3", "compare.against=[]")
     assert not found["accuracy"]["holds"]
     assert any("tolerance of 1e-10 % isn't held" in line for line in found["warnings"])

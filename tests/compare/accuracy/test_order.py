@@ -208,7 +208,7 @@ def test_a_budget_of_coordinates_is_used_up(load_scene) -> None:
 
 
 @pytest.mark.slow
-def test_a_budget_of_time_is_kept(load_scene, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_budget_of_time_is_kept(few_steps: None, load_scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a machine on which a step takes 0.1 us a coordinate."""
 
     def seconds(self: Trials, sizes: Sizes) -> float:

@@ -72,7 +72,7 @@ def test_the_tolerance_holds_and_three_coordinates_fewer_do_not(kinds: tuple[str
 
 
 @pytest.mark.slow
-def test_what_cannot_be_held_is_the_best_that_was_tried() -> None:
+def test_what_cannot_be_held_is_the_best_that_was_tried(few_steps: None) -> None:
     tried = trials(MODEL, driven())
     trial = found_by(tried, 1e-9)
     assert trial.sizes == tried.most == (20,) and max(trial.total.values()) > 1e-9

@@ -53,7 +53,6 @@ BODIES = {"index 1": MODEL, "index 3": FULL}
 
 
 @pytest.mark.slow
-@pytest.mark.numerical
 @pytest.mark.parametrize("rho_inf", [0.0, 0.5, 0.9, 1.0])
 @pytest.mark.parametrize("path", [FIXED, WITHIN, ACROSS], ids=["fixed", "within an element", "across elements"])
 @pytest.mark.parametrize("name", BODIES)
@@ -122,7 +121,6 @@ def test_a_slow_slide_keeps_energy_over_frequency() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.numerical
 @pytest.mark.parametrize("offsets", [[0.0, 0.5], [0.0, 0.5, 1.0]])
 def test_the_matrix_of_a_step_tends_to_one_that_is_well_conditioned(load_scene, offsets: list[float]) -> None:
     """dq C S^-1 C^T + G, scaled to a diagonal of ones: for h = 1e-4, 1e-5 and 1e-6 s, full and reduced."""

@@ -57,7 +57,6 @@ def given(frame: MovingFrame, excitation: Excitation, t: float) -> dict[str, Any
 
 
 @pytest.mark.slow
-@pytest.mark.numerical
 def test_steps_are_those_of_a_run(system: System, frame: MovingFrame) -> None:
     """Where gravity and inertia turn, and terms couple bodies: displacements and forces to round-off."""
     excitation = Excitation.from_scene(frame.scene).with_stepping(

@@ -21,7 +21,7 @@ from pmr.simulation.moving import read_scene
 from pmr.simulation.native.luffing import LuffingRun
 from pmr.system.system import System
 
-pytestmark = [pytest.mark.slow, pytest.mark.numerical]  # a boom is reduced
+pytestmark = pytest.mark.slow  # a boom is reduced
 
 HOIST = "hoist={payload=60.0, EA=2e6, falls=2, hanging=1.5, winch={at=[-0.4, 0.1, 0.5]}}"
 RAMP = "{kind='smooth_ramp', times=[0.05, 0.2], values="

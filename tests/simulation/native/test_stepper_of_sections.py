@@ -38,7 +38,6 @@ def system(boom: Scene) -> System:
 
 
 @pytest.mark.slow
-@pytest.mark.numerical
 def test_steps_are_those_of_the_simulation(boom: Scene, system: System) -> None:
     """Displacements of all sections and forces of all contacts, by names and in their order, from equilibrium on."""
     excitation = Excitation.from_scene(boom).with_stepping(TimeStepping(END, STEP, RHO, parts=1))
@@ -173,7 +172,6 @@ def test_a_body_alone_is_stepped_as_its_system() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.numerical
 def test_in_parts_by_their_errors_a_step_is_that_of_the_run(boom: Scene, system: System) -> None:
     """With values and rates of extensions and loads at its ends: the run's parts follow the signals between."""
     excitation = Excitation.from_scene(boom).with_stepping(TimeStepping(END, STEP, RHO))
@@ -202,7 +200,6 @@ def test_in_parts_by_their_errors_a_step_is_that_of_the_run(boom: Scene, system:
 
 
 @pytest.mark.slow
-@pytest.mark.numerical
 def test_pads_that_push_and_rub_are_stepped_as_in_the_run(boom: Scene, system: System) -> None:
     """Along cubics between steps, as the stepper takes them: nothing but round-off is left of either.
 
