@@ -1,12 +1,13 @@
 """Cards of an input deck of Abaqus or CalculiX, with the lines of the files that it includes in their place.
 
 A card is a line with a star, a keyword and options, followed by lines of data.  A keyword line that ends with a comma
-goes on in the next line; lines that begin with two stars are comments.  Axes of coordinates in a deck of Abaqus are
-those of `*SYSTEM`, cylindrical ones, and places of instances.
+goes on in the next line unless this begins with a number; lines that begin with two stars are comments.  Axes of
+coordinates in a deck of Abaqus are those of `*SYSTEM`, cylindrical and spherical ones, and places of instances.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,8 @@ from pmr.files.arrays import Array
 
 #: Largest depth to which files include others, as in Abaqus, and largest number of inclusions in a deck.
 DEEPEST, MOST_INCLUSIONS = 5, 1000
+#: Keywords of cards whose data may be in a file of their own; that of other cards is not read.
+WITH_FILES = ("NODE", "ELEMENT", "NSET", "ELSET")
 
 
 @dataclass(frozen=True)
@@ -61,8 +64,8 @@ class Card:
 def read_cards(path: Path) -> Iterator[Card]:
     """Yield the cards of a deck; lines before the first card are ignored.
 
-    The option ``INPUT`` of a card names a file whose lines follow the card as its data.  Raises InputError, with file
-    and line, for a file that is not there or that includes itself.
+    The option ``INPUT`` of a card of nodes, elements or sets names a file whose lines follow the card as its data.
+    Raises InputError, with file and line, for a file that is not there or that includes itself.
     """
     files, head = _Files(path.parent), None
     data = list[DataLine]()
@@ -73,7 +76,7 @@ def read_cards(path: Path) -> Iterator[Card]:
         if head:
             yield _with_data(head, data)
         head, data = _head(place, text), []
-        if "INPUT" in head.options and head.keyword != "INCLUDE":
+        if "INPUT" in head.options and head.keyword in WITH_FILES:
             listed = files.include(head, (path,))
             data = [DataLine(at, tuple(part.strip() for part in line.split(","))) for at, line in listed]
     if head:
@@ -98,7 +101,7 @@ class _Files:
             if line.startswith("**") or not line:
                 continue
             place, text = (Place(str(path), number), line) if pending is None else (pending[0], pending[1] + line)
-            if pending is not None and line.startswith("*"):  # nothing went on
+            if pending is not None and re.match(r"[*\d.+-]", line):  # nothing went on
                 yield from self._expand(*pending, (*within, path))
                 place, text = Place(str(path), number), line
             pending = (place, text) if text.startswith("*") and text.endswith(",") else None

@@ -200,7 +200,7 @@ def _read_elements(deck: Deck, card: Card) -> None:
     for line in card.lines:
         begun = begun if parts else line.place
         parts.extend(whole_number(line, field, "a whole number") for field in line.fields if field)
-        if len(parts) < 1 + count if count else not line.fields[-1]:
+        if len(parts) < 1 + count if count else not line.fields[-1] and line is not card.lines[-1]:
             continue  # the element goes on in the next line
         if parts[0] in deck.element_numbers:
             raise begun.error(f"element {parts[0]} is there a second time; each number once is allowed")
@@ -209,7 +209,7 @@ def _read_elements(deck: Deck, card: Card) -> None:
             raise begun.error(f"the number of an element and {count} nodes are allowed for {block.type}")
         block.numbers.append(parts[0])
         block.lines.append(begun)
-        block.nodes.append(parts[1:])
+        block.nodes.append([node for node in parts[1:] if node or block.kind])  # a network of fluids may end at node 0
         parts = []
     if parts:
         raise begun.error(f"element {parts[0]} of type {block.type} has too few nodes")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -22,6 +23,8 @@ QUADRATIC: Mapping[str, str] = {
     **dict.fromkeys(("C3D10", "C3D10H", "C3D10M", "C3D10MH"), "tetra"),
     **dict.fromkeys(("C3D20", "C3D20H", "C3D20R", "C3D20RH"), "hexahedron"),
 }
+#: Types of elements whose name has the number of their nodes.
+COUNTED = re.compile(r"(?:[A-Z]*3D|CPS|CPE|CPEG|CAX|CGAX|SC|S)([1-9]\d?)[A-Z]*")
 #: Number of corners of each kind, and the corners that its edges join, in the order of the nodes amid them.
 CORNERS: Mapping[str, int] = {"line": 2, "triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8}
 EDGES: Mapping[str, tuple[tuple[int, int], ...]] = {
@@ -59,8 +62,11 @@ class Elements:
 
     @property
     def node_count(self) -> int:
-        """Number of nodes of an element, 0 for a type that is not known."""
-        return CORNERS.get(self.kind, 0) + (len(EDGES[self.kind]) if self.type in QUADRATIC else 0)
+        """Number of nodes of an element; for a type without a kind the number in its name, as of C3D15, or else 0."""
+        if not self.kind:
+            named = COUNTED.fullmatch(self.type)
+            return int(named[1]) if named else 0
+        return CORNERS[self.kind] + (len(EDGES[self.kind]) if self.type in QUADRATIC else 0)
 
     def renumber(self, nodes: Mapping[int, int], elements: Mapping[int, int]) -> Elements:
         """Return these elements with the numbers that `nodes` and `elements` have for theirs."""
@@ -76,7 +82,7 @@ class Elements:
         if self.kind in _SOLID_FACES:
             faces = _SOLID_FACES[self.kind]
             return faces[number] if letter == "S" and 0 <= number < len(faces) else ()
-        if not self.type.startswith("S"):
+        if not self.type.startswith("S") or not self.kind:
             return ()
         if face in ("SPOS", "SNEG", "S1", "S2"):
             return tuple(range(CORNERS[self.kind]))

@@ -232,6 +232,42 @@ def test_nodes_in_other_axes_are_those_of_the_whole(tmp_path: Path) -> None:
     assert places == expected
 
 
+def test_decks_as_programs_and_people_write_them_are_read(tmp_path: Path) -> None:
+    """A comma that ends a keyword line or an element, a card with a file that is not there, a network that ends."""
+    text = """*NODE, NSET=all,
+1, 0., 0., 0.
+2, 1., 0., 0.
+3, 0., 1., 0.
+4, 0., 0., 1.
+5, 1., 0., 1.
+6, 0., 1., 1.
+*ELEMENT, TYPE=C3D6, ELSET=wedges
+1, 1, 2, 3, 4, 5, 6,
+2, 4, 5, 6,
+1, 2, 3,
+*ELEMENT, TYPE=D
+3, 0, 4, 5,
+*ELEMENT, TYPE=U1
+4, 1, 2,
+*ELEMENT, TYPE=DASHPOTA
+5, 1, 2
+*ELSET, ELSET=last
+2,
+*SURFACE, NAME=of wedges
+1, S3
+*SURFACE, NAME=of a dashpot
+5, S1
+*DLOAD, INPUT=loads.dlo
+*NSET,
+ NSET=few
+1
+"""
+    read = deck(tmp_path, text)
+    assert (read.node_sets["all"], read.node_sets["few"]) == ({1, 2, 3, 4, 5, 6}, {1})
+    assert (read.element_sets, read.surfaces) == ({"wedges": {1, 2}, "last": {2}}, {})
+    assert [block.nodes for block in read.elements][:2] == [[[1, 2, 3, 4, 5, 6], [4, 5, 6, 1, 2, 3]], [[4, 5]]]
+
+
 def test_sets_that_name_themselves_stay_as_large_as_their_nodes(tmp_path: Path) -> None:
     """Each line once doubled the set's list: forty of them filled any memory."""
     doubled = "both, both, both, both\n" * 40
