@@ -12,7 +12,7 @@ from pmr.files.cards import Place
 KINDS: Mapping[str, str] = {
     **dict.fromkeys(("T2D2", "T2D2H", "T3D2", "T3D2H", "B21", "B21H", "B31", "B31H", "B31R", "B33"), "line"),
     **dict.fromkeys(("CPS3", "CPE3", "STRI3", "S3", "S3R", "S3RS", "R3D3", "M3D3"), "triangle"),
-    **dict.fromkeys(("CPS4", "CPS4R", "CPE4", "S4", "S4R", "S4RS", "S4RSW", "S4R5", "R3D4", "M3D4"), "quad"),
+    **dict.fromkeys(("CPS4", "CPS4R", "CPE4", "CPE4R", "S4", "S4R", "S4RS", "S4RSW", "S4R5", "R3D4", "M3D4"), "quad"),
     **dict.fromkeys(("C3D4", "C3D4H"), "tetra"),
     **dict.fromkeys(("C3D8", "C3D8H", "C3D8I", "C3D8IH", "C3D8R", "C3D8RH"), "hexahedron"),
 }

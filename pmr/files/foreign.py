@@ -29,6 +29,7 @@ from pmr.files.deck_content import dependent_displacements, is_label_number
 from pmr.files.decks import TURNED, read_deck
 from pmr.files.labelled import UnreadableError
 from pmr.files.matrices import MODAL, GivenMatrices
+from pmr.files.nastran import read_bulk
 from pmr.files.rigid import DIRECTIONS
 
 #: Errors that readers of SciPy and NumPy raise for damaged files; for a bad Fortran format this is a SyntaxError.
@@ -401,10 +402,10 @@ def _read_market(path: Path) -> sp.csr_matrix:
 
 def _read_bulk_nodes(path: Path) -> _Nodes:
     """Read grid points, their sets and own axes, and cards that constrain coordinates from Nastran's bulk data."""
-    bulk = labelled.read_bulk(path)
+    bulk = read_bulk(path)
     groups = {name: nodes.tolist() for name, nodes in bulk.groups.items()}
     ties = [(Place(str(path), line), name) for line, name in bulk.constraints]
-    dependent = {Place(str(path), line): members for line, members in bulk.dependent.items() if members}
+    dependent = {Place(str(path), line): members for line, members in bulk.dependent.items()}
     nodes = _make_nodes(bulk.numbers.tolist(), bulk.points.tolist(), groups)
     return replace(nodes, axes=bulk.axes, constraints=ties, dependent=dependent)
 
@@ -414,7 +415,7 @@ def _nastran_readers(letter: str, name: str) -> dict[str, Callable[[Path], objec
 
     If `name` is empty, its name begins with `letter`.
     """
-    entries = {s: lambda path: labelled.only_matrix(labelled.read_bulk(path).matrices, letter, name) for s in _DMIG}
+    entries = {s: lambda path: labelled.only_matrix(read_bulk(path).matrices, letter, name) for s in _DMIG}
     return {
         **entries,
         ".op4": lambda path: _complete_symmetric(labelled.only_matrix(labelled.read_output4(path), letter, name)),
@@ -434,7 +435,7 @@ _DOFS: dict[str, Callable[[Path], object]] = {
     ".csv": lambda path: _read_coordinates(path, ",", 1),
     ".mapping": read_mapping,
     ".mtx": lambda path: labelled.read_entries(path).pairs,
-    **{suffix: lambda path: labelled.read_bulk(path).pairs for suffix in _DMIG},
+    **{suffix: lambda path: read_bulk(path).pairs for suffix in _DMIG},
 }
 _NODES: dict[str, Callable[[Path], object]] = {
     ".inp": _read_deck_nodes,

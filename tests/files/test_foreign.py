@@ -17,8 +17,8 @@ from processes import called
 
 from pmr.errors import InputError
 from pmr.files.foreign import ForeignFiles, foreign_files, read_foreign
-from pmr.files.labelled import read_bulk
 from pmr.files.matrices import GivenMatrices
+from pmr.files.nastran import read_bulk
 
 NUMBERS = [7, 3, 12, 5]  # of the nodes, as another program counts them
 

@@ -13,8 +13,9 @@ from superelements import bar, boundary, superelement
 
 from pmr.errors import InputError
 from pmr.files.foreign import foreign_files, read_foreign
-from pmr.files.labelled import UnreadableError, only_matrix, read_bulk, read_output4
+from pmr.files.labelled import UnreadableError, only_matrix, read_output4
 from pmr.files.matrices import GivenMatrices
+from pmr.files.nastran import read_bulk
 
 pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed")
 
@@ -185,3 +186,32 @@ def test_rows_of_output4_are_those_of_extrn(tmp_path: Path) -> None:
     (tmp_path / "part.pch").write_text(text.replace("90001   0", "90001"))
     with pytest.raises(UnreadableError, match="EXTRN with pairs"):
         read_bulk(tmp_path / "part.pch")
+
+
+def test_files_that_bulk_data_include_are_read_for_sets_and_ties_too(tmp_path: Path) -> None:
+    job = lattice(tmp_path, "INCLUDE 'more.inc'")
+    (tmp_path / "more.inc").write_text("GRID,9,,0.,0.,2.\nSET1,7,1,9\nRBE2,9,1,123,9\n")
+    assert read_bulk(job).groups["set7"].tolist() == [1, 9]
+    assert read_foreign(foreign_files(job, None, None, None)).points.tolist() == [list(point) for point in GRIDS]
+    (tmp_path / "more.inc").write_text("RBE2,9,1,12,9\nGRID,9,,0.,0.,2.\nGRID,10,,0.,0.,3.\nRBE2,8,1,123,10\n")
+    with pytest.raises(InputError, match=r"job\.bdf: line 5: a model is allowed in which RBE2 ties no"):
+        read_foreign(foreign_files(job, None, None, None))
+    (tmp_path / "more.inc").write_text("INCLUDE 'job.bdf'\n")
+    with pytest.raises(
+        UnreadableError, match="a file beside the deck is allowed that does not include itself"
+    ) as error:
+        read_bulk(job)
+    assert error.value.line == 5
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("GRID,9,,0.,x,2.\n", "this line can't be read"),
+        ("GRID,9,,0.,0.,2.,-1\n", "points of a structure are allowed: 9 is one of a fluid"),
+        ("INCLUDE 'none.inc'\n", "INCLUDE none.inc: a file beside the deck is allowed"),
+    ],
+)
+def test_bulk_data_that_can_not_be_read_is_refused_with_its_line(text: str, says: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=rf"job\.bdf: line 5: .*{says}"):
+        read_foreign(foreign_files(lattice(tmp_path, text), None, None, None))
