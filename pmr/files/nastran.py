@@ -46,6 +46,10 @@ CARDS = frozenset(
 )
 
 
+#: What pyNastran need not look up for the places of grid points.
+NOT_NEEDED = tuple(
+    f"xref_{of}" for of in ("elements", "properties", "materials", "loads", "constraints", "aero", "sets")
+)
 #: What is left out where a line is compared with a reason that quotes it.
 NOT_IN_WORDS = re.compile(r"None|[^A-Za-z0-9.+-]")
 #: Sine of the angle from the polar axis up to which a grid point is at a pole.
@@ -85,7 +89,7 @@ def _read_bulk(path: Path, lines: Lines) -> Bulk:
             first = parts[0][0] + 1 if is_super else 0  # pyNastran reads superelements only beside a residual structure
             whole.write_text("\n".join(text for _, text in lines[first:]), encoding="utf-8")
             deck.read_bdf(str(whole), xref=False, punch=is_super or not parts)
-            deck.cross_reference()
+            deck.cross_reference(**dict.fromkeys(NOT_NEEDED, False))
     except (Exception, SystemExit) as error:  # pyNastran raises many kinds of errors
         raise _unreadable_bulk(lines, str(error)) from None
     entries = dict[str, Entries]()
