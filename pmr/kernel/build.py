@@ -12,7 +12,7 @@ from cffi import FFI
 
 SOURCES = Path("pmr", "kernel", "src")
 #: Files that are compiled by themselves; all other files are included by avx2.c and baseline.c (variant.c).
-FILES = ("block.c", "system.c", "signals.c", "frame.c", "bank.c", "dispatch.c", "avx2.c", "baseline.c")
+FILES = ("block.c", "system.c", "signals.c", "frame.c", "ground.c", "bank.c", "dispatch.c", "avx2.c", "baseline.c")
 FLAGS = ["-std=gnu11", "-O2", "-ffp-contract=fast", "-fvisibility=hidden", "-Wall", "-Wextra"]
 BEGIN, END = "/* ---- from here on cffi reads this file: declarations only ---- */", "/* ---- up to here ---- */"
 

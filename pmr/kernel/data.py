@@ -24,6 +24,7 @@ from pmr.kernel.further import (
     supports_of,
     with_reactions,
 )
+from pmr.kernel.ground import ground_arrays, ground_outputs
 from pmr.kernel.rows import LANES, Arrangement, Part, arrange, round_up
 from pmr.scene.mechanism import CYLINDER
 from pmr.system.from_scene import CombinedRings, combine_rings
@@ -63,8 +64,11 @@ def system_data(
     scene = None if frame is None else frame.scene
     of_frame, further = frame_output_arrays(scene, system, rows.paths, reactions, motions)
     arrays |= of_frame
+    of_ground = {} if frame is None else ground_arrays(frame, system, rows.paths, reactions)
+    arrays |= of_ground
+    ground = {} if frame is None or not of_ground else ground_outputs(frame.scene)
     luffing = None if frame is None else frame.luffing
-    behind = dict(system.hoist.outputs) | ({} if luffing is None else dict(luffing.outputs))
+    behind = ground | dict(system.hoist.outputs) | ({} if luffing is None else dict(luffing.outputs))
     arrays |= {} if luffing is None else dict(luffing.arrays)
     shares = np.eye(len(system.contacts)) if reduced.shares is None else reduced.shares
     arrays |= {

@@ -233,13 +233,17 @@ def frame_output_arrays(
         place = np.array(scene.frame.tail_position) + [scene.sections[-1].length, 0.0, 0.0]
         arrays |= {"tip_numbers": np.array([*tip, len(scene.sections) - 1]), "tip_place": place}
         names += [f"tip in space {axis}" for axis in "XYZ"]
-        numbers = {force_name(name): outputs + len(reactions) + k for k, name in enumerate(system.contact_names)}
-        numbers |= {name: k for k, name in enumerate([*system.output_names, *reactions])}
-        if cylinder := cylinder_arrays(scene, paths, numbers, outputs):
+        if cylinder := cylinder_arrays(scene, paths, numbers_of_forces(system, reactions), outputs):
             arrays, sources = arrays | cylinder, len(cylinder["cylinder_sources"])
             names.append(CYLINDER)
     arrays["further"] = np.array([len(reactions), int(bool(names)), sources])
     return arrays, [*reactions, *names]
+
+
+def numbers_of_forces(system: System, reactions: Sequence[str]) -> dict[str, int]:
+    """Numbers of outputs, then of reactions of rigid supports, then of contact forces, by their names."""
+    named = [*system.output_names, *reactions, *map(force_name, system.contact_names)]
+    return {name: k for k, name in reversed([*enumerate(named)])}
 
 
 #: Kinds of quantities, in the order of their numbers in src/internal.h.

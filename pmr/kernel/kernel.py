@@ -62,6 +62,7 @@ class Kernel:
     further: int
     hoist: int
     luffing: int
+    ground: int
 
     def __init__(self, block: bytes | bytearray) -> None:
         """Copy and open a block; an InputError is raised if the bytes are no block of this kernel, or damaged."""

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from pmr.errors import SimulationError
-from pmr.files.arrays import Array, Mask
+from pmr.files.arrays import Array, Indices, Mask
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.block_file import LINE
+from pmr.kernel.ground import mass_numbers
 from pmr.kernel.kernel import integer_pointer, pointer
+from pmr.scene.ground import Ground, MachineMass, edge_rows
 
 
 class ContactError(SimulationError):
@@ -210,3 +213,86 @@ def slide_pads(
     joint = ffi.new("pmr_cylinder *", cylinder._asdict())
     lib.pmr_friction(len(old), *map(pointer, arrays), displacement, speed, joint, *map(pointer, (limits, new)))
     return PadFriction(new, limits)
+
+
+@dataclass(frozen=True)
+class Stand:
+    """Outriggers on which a machine stands: n places, of which e are the corners of the support polygon."""
+
+    places: Array  # (n, 2) m: X, Y from the pivot, along the axes of the machine
+    stiffness: Array  # (n,) N/m
+    corners: Indices  # (e,): numbers of the outriggers at the corners, anticlockwise
+    height: float  # m: of the pivot above the ground
+
+    @classmethod
+    def of_ground(cls, ground: Ground) -> Stand:
+        """Return the outriggers of a scene's ground."""
+        return cls(
+            np.array([outrigger.at for outrigger in ground.outriggers]),
+            np.array([outrigger.stiffness for outrigger in ground.outriggers]),
+            np.array(ground.corner_numbers),
+            ground.height,
+        )
+
+    @property
+    def polygon(self) -> Array:
+        """Corners (e, 2) of the support polygon in m, anticlockwise."""
+        return np.asarray(self.places[self.corners])
+
+    @property
+    def edges(self) -> Array:
+        """Rows (e, 6) of the edges: a wrench's moment about each that tips the machine (`edge_rows`)."""
+        return edge_rows(self.polygon, self.height)
+
+    def columns(self, wrench: Array) -> Array:
+        """Return force and moment on the ground, forces of outriggers, margins over edges and use of the polygon.
+
+        They are side by side, (T, 6 + n + e + 1), under the force and the moment about the pivot `wrench` (T, 6), along
+        the axes of the machine, by which boom and machine press on the ground.  A SimulationError is raised if the
+        search for the outriggers that lift off does not end.
+        """
+        return self._under(lib.pmr_stand_columns, wrench, 7 + len(self.places) + len(self.corners))
+
+    def forces(self, loads: Array) -> Array:
+        """Return the forces (T, n) in N whose sums, and sums with x and y, are `loads` (T, 3) in N and N m.
+
+        The loads act within the support polygon.  Errors as `columns`.
+        """
+        return self._under(lib.pmr_stand_forces, loads, len(self.places))
+
+    def _under(self, law: Any, loads: Array, width: int) -> Array:
+        """Columns (T, width) of a law of the kernel under loads (T, any)."""
+        places, stiffness, edges = (np.ascontiguousarray(of, float) for of in (self.places, self.stiffness, self.edges))
+        corners = np.ascontiguousarray(self.corners, np.int32)
+        stand = ffi.new(
+            "pmr_stand *",
+            {
+                "outriggers": len(places),
+                "corners": len(corners),
+                "height": self.height,
+                "places": pointer(places),
+                "stiffness": pointer(stiffness),
+                "at_corners": integer_pointer(corners),
+                "edges": pointer(edges),
+            },
+        )
+        loads = np.ascontiguousarray(loads, float)
+        columns = np.zeros((len(loads), width))
+        if law(stand, len(loads), pointer(loads), pointer(columns)):
+            raise SimulationError("which outriggers lift off was not found")
+        return columns
+
+
+def masses_wrench(masses: Sequence[MachineMass], angles: Array, falling: Array) -> Array:
+    """Force and moment about the pivot (T, 6) by weight and inertia of masses, along the axes of the machine.
+
+    `angles` (T, 3, 4) in rad are slewing, roll, pitch and yaw, with rates and second rates.  `falling` (T, 3) in m/s^2
+    is the gravity and the acceleration of the pivot, upwards along axes of the ground.
+    """
+    numbers = mass_numbers(masses)
+    wrenches, (angles, falling) = (
+        np.zeros((len(falling), 6)),
+        (np.ascontiguousarray(of, float) for of in (angles, falling)),
+    )
+    lib.pmr_masses_wrench(len(numbers), pointer(numbers), len(falling), *map(pointer, (angles, falling, wrenches)))
+    return wrenches

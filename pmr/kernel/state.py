@@ -282,6 +282,12 @@ class State:
         return self.further()[last - self.kernel.hoist : last]
 
     @property
+    def ground(self) -> Array:
+        """Outputs of outriggers at the end of the last step (`pmr.kernel.ground.ground_outputs`); empty without any."""
+        last = self.kernel.further - self.kernel.luffing - self.kernel.hoist
+        return self.further()[last - self.kernel.ground : last]
+
+    @property
     def luffing(self) -> Array:
         """Outputs of a free luffing angle at the end of the last step (`LuffingData.outputs`); empty without one."""
         return self.further()[self.kernel.further - self.kernel.luffing :]

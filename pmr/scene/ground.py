@@ -34,6 +34,8 @@ from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
 
 Corner = tuple[Place, Place]
 Slope = Annotated[float, Field(strict=True), Quantity("frame.unit", -90.0, 90.0), Usual(0.0, 0.3, "rad", "rad")]
+#: As many as the kernel takes (`PMR_MOST_OUTRIGGERS` in src/pmr_kernel.h).
+MOST_OUTRIGGERS = 32
 #: Outriggers are on one line if the area of their polygon is below this share of the square of its length.
 FLAT = 1e-9
 
@@ -91,6 +93,8 @@ class Ground(SceneTable):
         corners = [outrigger.at for outrigger in self.outriggers]
         if len(corners) < 3:
             raise key_error("outriggers", len(corners), "three or more are allowed")
+        if len(corners) > MOST_OUTRIGGERS:
+            raise key_error("outriggers", len(corners), f"at most {MOST_OUTRIGGERS} are allowed")
         extent = float(np.ptp(np.array(corners), axis=0).max())
         if abs(polygon_area(convex_hull(corners))) <= FLAT * extent**2:
             raise key_error("outriggers", None, "places that are not on one line are allowed")
@@ -104,6 +108,12 @@ class Ground(SceneTable):
         """The outriggers at the corners of the support polygon, anticlockwise."""
         at_place = {outrigger.at: outrigger for outrigger in self.outriggers}
         return tuple(at_place[corner] for corner in convex_hull(list(at_place)))
+
+    @property
+    def corner_numbers(self) -> list[int]:
+        """Numbers of the outriggers at the corners of the support polygon, anticlockwise."""
+        names = [outrigger.name for outrigger in self.outriggers]
+        return [names.index(corner.name) for corner in self.corners]
 
     @cached_property
     def polygon(self) -> tuple[Corner, ...]:

@@ -122,7 +122,7 @@ def _share_of_ground(limit: Limit, at: PostureMatrices, k: int, amounts: Sequenc
     ``at.loads`` act by `amounts` (w,).
     """
     at_rest = limit.stand_in(at)
-    outputs = at_rest.stand.outputs("")
+    outputs = at_rest.outputs
     names, kinds, units, bodies = (
         tuple(getattr(output, key) for output in outputs) for key in ("name", "kind", "unit", "body")
     )

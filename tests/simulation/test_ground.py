@@ -12,13 +12,14 @@ from random_stands import masses_on_ground, random_stand, rigid_boom, unbalanced
 
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.moving_frame import ground_part
+from pmr.kernel.laws import Stand
 from pmr.reduction.bodies import join_bodies, reduce_bodies
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.ground import Ground, convex_hull, polygon_area
 from pmr.simulation import Excitation
-from pmr.simulation.ground import Stand
+from pmr.simulation.ground import outputs_of_ground
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.reactions import with_forces_on_machine
@@ -187,12 +188,13 @@ def test_forces_on_a_random_machine_sum_to_zero_with_weight_and_inertia(seed: in
 
 
 def test_beyond_an_edge_the_machine_tips_and_the_last_forces_are_at_the_edge() -> None:
-    stand = Stand.of_ground(Ground.model_validate(ground()))
+    scene = rigid(0.3, 0.0)
+    stand = Stand.of_ground(scene.frame.ground)
     wrench = np.array([[0.0, 0.0, -1e5, 0.0, 2.5e5, 0.0], [0.0, 0.0, -1e5, 0.0, 1e5, 0.0], [0.0] * 6])
     columns = stand.columns(wrench)
     forces, margins, use = columns[:, 6:10], columns[:, 10:14], columns[:, 14]
     assert forces[0] == pytest.approx([5e4, 0.0, 0.0, 5e4], abs=1e-3)
-    assert dict(zip([of.name for of in stand.outputs("")[10:14]], margins[0], strict=True))[
+    assert dict(zip([of.name for of in outputs_of_ground(scene)[10:14]], margins[0], strict=True))[
         "tipping margin over d to a"
     ] == pytest.approx(-0.5e5)
     assert use == pytest.approx([1.25, 0.5, 0.0])
@@ -208,13 +210,13 @@ def test_the_summary_says_which_outriggers_lift_off_and_when_the_machine_tips() 
     wrench[:, 2], wrench[:, 4] = -1e5, np.linspace(0.0, 1.95e5, 11)
     wrench[:, 3] = -0.2e5
     empty = Response(t, np.empty(0), np.empty((11, 0)), None, np.empty((11, 0)), t, t, 0.0)  # type: ignore[arg-type]
-    part = ground_part(scene, empty.with_others(stand.columns(wrench), stand.outputs("boom")))
+    part = ground_part(scene, empty.with_others(stand.columns(wrench), outputs_of_ground(scene)))
     assert part.figures["ground"]["tips"] is None
     lifted = {of["name"]: of.get("lifted") for of in part.figures["ground"]["outriggers"]}
     assert lifted["c"]["t"] == pytest.approx(0.9) and lifted["a"] is None
     assert part.warnings and part.warnings[0].startswith("outriggers lift off: ")
     wrench[5:, 4] = 2.1e5
-    part = ground_part(scene, empty.with_others(stand.columns(wrench), stand.outputs("boom")))
+    part = ground_part(scene, empty.with_others(stand.columns(wrench), outputs_of_ground(scene)))
     assert part.figures["ground"]["tips"] == pytest.approx(0.5)
     assert "the machine tips at 0.5 s over d to a" in part.grave[0]
 

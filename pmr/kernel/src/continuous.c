@@ -160,7 +160,7 @@ static int evaluate_along(pmr_state *st, const double *at, const double *seed_at
             accelerate(st, st->u + y->paths, st->acceleration);
             copy_values(st, to, st->values, st->acceleration);
             if (to->further && y->motions) pmr_frame_outputs(y, at, NULL, st->values, NULL, to->further, NULL);
-            if (to->further) show_behind(st, to->further + y->reactions + 3 * y->has_tip + (y->sources > 0));
+            if (to->further) show_behind(st, to->further + y->reactions + 3 * y->has_tip + (y->sources > 0) + y->ground);
         }
     }
     return return_to(st, &progress, failed);

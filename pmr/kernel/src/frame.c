@@ -10,33 +10,11 @@
    from its roll, pitch and yaw.  Numbers carry a derivative along a seed of the motions with them. */
 #include "internal.h"
 
-#include <math.h>
 #include <string.h>
 
-/* A number, and how it changes along a seed. */
-typedef struct {
-    double at, along;
-} number;
+#include "numbers.h"
 
-static number constant(double at) { return (number){at, 0.0}; }
-static number plus(number a, number b) { return (number){a.at + b.at, a.along + b.along}; }
-static number minus(number a, number b) { return (number){a.at - b.at, a.along - b.along}; }
-static number times(number a, number b) { return (number){a.at * b.at, a.along * b.at + a.at * b.along}; }
-static number negative(number a) { return (number){-a.at, -a.along}; }
-static number sine(number a) { return (number){sin(a.at), cos(a.at) * a.along}; }
-static number cosine(number a) { return (number){cos(a.at), -sin(a.at) * a.along}; }
-static number inverse(number a) { return (number){1.0 / a.at, -a.along / (a.at * a.at)}; }
 static number product(number a, number b, number c) { return times(times(a, b), c); }
-
-/* An angle with its rate and second rate. */
-typedef struct {
-    number at, rate, second;
-} angle;
-
-/* R, omega and alpha of one frame in another. */
-typedef struct {
-    number R[3][3], velocity[3], acceleration[3];
-} turning;
 
 /* Motions (3, n), and a seed of them or NULL. */
 typedef struct {
@@ -57,48 +35,10 @@ static angle angle_of(const course *c, int which)
     return (angle){motion(c, n, 0), motion(c, n, 1), motion(c, n, 2)};
 }
 
-/* Turned by an angle about axis k. */
-static turning about(int k, angle by)
-{
-    const number c = cosine(by.at), s = sine(by.at);
-    const int i = (k + 1) % 3, j = (k + 2) % 3;
-    turning turned = {0};
-    turned.R[k][k].at = 1.0;
-    turned.R[i][i] = turned.R[j][j] = c;
-    turned.R[i][j] = negative(s);
-    turned.R[j][i] = s;
-    turned.velocity[k] = by.rate;
-    turned.acceleration[k] = by.second;
-    return turned;
-}
-
-/* Turned as `on`, within a frame that is turned as `base`. */
-static turning turn_on(const turning *base, const turning *on)
-{
-    turning turned = {0};
-    int i, j, k;
-    for (i = 0; i < 3; i++)
-        for (k = 0; k < 3; k++) {
-            for (j = 0; j < 3; j++) turned.R[i][k] = plus(turned.R[i][k], times(base->R[i][j], on->R[j][k]));
-            turned.velocity[k] = plus(turned.velocity[k], times(on->R[i][k], base->velocity[i]));
-            turned.acceleration[k] = plus(turned.acceleration[k], times(on->R[i][k], base->acceleration[i]));
-        }
-    for (k = 0; k < 3; k++) {
-        const int a = (k + 1) % 3, b = (k + 2) % 3;
-        const number crossed =
-            minus(times(turned.velocity[a], on->velocity[b]), times(turned.velocity[b], on->velocity[a]));
-        turned.acceleration[k] = plus(plus(turned.acceleration[k], crossed), on->acceleration[k]);
-    }
-    for (k = 0; k < 3; k++) turned.velocity[k] = plus(turned.velocity[k], on->velocity[k]);
-    return turned;
-}
-
-/* A base that yaws, pitches and rolls, R_Z R_Y R_X. */
 static turning rock(const course *c)
 {
-    const turning roll = about(0, angle_of(c, 2)), pitch = about(1, angle_of(c, 3)), yaw = about(2, angle_of(c, 4)),
-                  bent = turn_on(&yaw, &pitch);
-    return turn_on(&bent, &roll);
+    const angle by[3] = {angle_of(c, 2), angle_of(c, 3), angle_of(c, 4)};
+    return rock_by(by);
 }
 
 /* A boom that is raised by phi, then slewed by psi, R_Z(psi) R_Y(-phi), on its base. */
@@ -136,18 +76,6 @@ void pmr_frame_turning(const pmr_system *y, const double *motions, pmr_turning *
     const turning of_base = rock(&c), slewed = slew(&c), of_boom = turn_on(&of_base, &slewed);
     read_turning(&of_boom, boom);
     read_turning(&of_base, base);
-}
-
-/* Entry i, j of alpha x . + omega x (omega x .). */
-static number gradient(const turning *turned, int i, int j)
-{
-    static const double sign[3][3] = {{0.0, -1.0, 1.0}, {1.0, 0.0, -1.0}, {-1.0, 1.0, 0.0}};
-    const number *w = turned->velocity;
-    number entry = times(w[i], w[j]);
-    int k;
-    if (i != j) return plus(entry, times(constant(sign[i][j]), turned->acceleration[3 - i - j]));
-    for (k = 0; k < 3; k++) entry = minus(entry, times(w[k], w[k]));
-    return entry;
 }
 
 static number quantity(const course *c, const turning *turned, const int32_t *of)
@@ -225,30 +153,78 @@ static number value_of(const pmr_system *y, const double *values, const double *
     return (number){values[n], changes ? changes[n] : 0.0};
 }
 
-/* Force of the cylinder that raises the boom, positive where it presses: the moment about the pivot over what its
-   length grows by for each radian.  Its direction from foot to lug, x and z in axes of the boom. */
-static number cylinder_force(const course *c, const double *values, const double *changes, number direction[2])
+/* Direction from foot to lug (hinges, x and z of each) of the cylinder that raises the boom, x and z in axes of the boom;
+   returned is what its length grows by for each radian. */
+static number cylinder_direction(const course *c, const double *hinges, number direction[2])
 {
-    const pmr_system *y = c->system;
-    const double *foot = y->cylinder_hinges, *lug = foot + 2;
+    const double *foot = hinges, *lug = hinges + 2;
     const number phi = angle_of(c, 0).at, s = sine(phi), co = cosine(phi);
     const number at[2] = {minus(times(constant(lug[0]), co), times(constant(lug[1]), s)),
                           plus(times(constant(lug[0]), s), times(constant(lug[1]), co))};
     const number x = minus(at[0], constant(foot[0])), z = minus(at[1], constant(foot[1]));
     const number square = plus(times(x, x), times(z, z)),
                  length = {sqrt(square.at), 0.5 * square.along / sqrt(square.at)};
-    const number arm = times(minus(times(z, at[0]), times(x, at[1])), inverse(length));
-    number moment = constant(0.0);
-    int k, p;
     direction[0] = times(inverse(length), plus(times(x, co), times(z, s)));
     direction[1] = times(inverse(length), minus(times(z, co), times(x, s)));
+    return times(minus(times(z, at[0]), times(x, at[1])), inverse(length));
+}
+
+/* The part of a wrench by a unit of a source, m or 1, and by each path, where the paths stand. */
+static number lever_of(const course *c, const double *of)
+{
+    number lever = constant(of[0]);
+    int p;
+    for (p = 0; p < c->system->paths; p++)
+        lever = plus(lever, times(constant(of[1 + p]), motion(c, c->system->frame_paths[p], 0)));
+    return lever;
+}
+
+/* Force of the cylinder, positive where it presses: the moment about the pivot over what its length grows by for each
+   radian. */
+static number cylinder_force(const course *c, const double *values, const double *changes, number direction[2])
+{
+    const pmr_system *y = c->system;
+    const number arm = cylinder_direction(c, y->cylinder_hinges, direction);
+    number moment = constant(0.0);
+    int k;
     for (k = 0; k < y->sources; k++) {
-        const double *of = y->cylinder_moments + (size_t)k * (1 + y->paths);
-        number lever = constant(of[0]);
-        for (p = 0; p < y->paths; p++) lever = plus(lever, times(constant(of[1 + p]), motion(c, y->frame_paths[p], 0)));
+        const number lever = lever_of(c, y->cylinder_moments + (size_t)k * (1 + y->paths));
         moment = plus(moment, times(value_of(y, values, changes, y->cylinder_sources[k]), lever));
     }
     return times(moment, inverse(arm));
+}
+
+/* Outriggers under forces of boom, rope and machine; values end with the wrench of a rope on a winch on the machine. */
+int pmr_ground_outputs(const pmr_system *y, const double *motions, const double *seed, const double *values,
+                       const double *changes, double *columns, double *along)
+{
+    const course c = {y, motions, seed};
+    const turning slewed = slew(&c);
+    const angle rocking[3] = {angle_of(&c, 2), angle_of(&c, 3), angle_of(&c, 4)};
+    const int32_t *of = y->ground_numbers;
+    number boom[6], wrench[6] = {{0.0, 0.0}}, falling[3], direction[2];
+    int i, j, k;
+    for (j = 0; j < 6; j++) boom[j] = constant(values[y->op + y->hp + y->forces + j]); /* no derivatives with a hoist */
+    for (k = 0; k < y->ground_sources; k++)
+        for (j = 0; j < 6; j++) {
+            const number lever = lever_of(&c, y->ground_wrenches + (size_t)(6 * k + j) * (1 + y->paths));
+            boom[j] = plus(boom[j], times(value_of(y, values, changes, y->ground_source_list[k]), lever));
+        }
+    if (of[4] >= 0) { /* a cylinder that gives way pushes the ground from lug to foot */
+        const double *lug = y->ground_hinges + 2;
+        const number force = negative(value_of(y, values, changes, of[4]));
+        (void)cylinder_direction(&c, y->ground_hinges, direction);
+        for (k = 0; k < 2; k++) direction[k] = times(force, direction[k]);
+        boom[0] = plus(boom[0], direction[0]);
+        boom[2] = plus(boom[2], direction[1]);
+        boom[4] = plus(boom[4], minus(times(constant(lug[1]), direction[0]), times(constant(lug[0]), direction[1])));
+    }
+    for (i = 0; i < 6; i++)
+        for (j = 0; j < 3; j++) wrench[i] = plus(wrench[i], times(slewed.R[i % 3][j], boom[i - i % 3 + j]));
+    for (k = 0; k < 3; k++) falling[k] = of[k] < 0 ? constant(0.0) : motion(&c, of[k], 0);
+    if (of[3] >= 0) falling[2] = plus(falling[2], motion(&c, of[3], 0));
+    pmr_add_masses(y->ground_mass_count, y->ground_masses, angle_of(&c, 1), rocking, falling, wrench);
+    return pmr_stand_along(&y->stand, wrench, columns, along);
 }
 
 void pmr_frame_outputs(const pmr_system *y, const double *motions, const double *seed, const double *values,
@@ -281,5 +257,8 @@ void pmr_frame_outputs(const pmr_system *y, const double *motions, const double 
             further[y->cylinder_pin[k]] += more.at;
             if (along) along[y->cylinder_pin[k]] += more.along;
         }
+        n++;
     }
+    if (y->ground && pmr_ground_outputs(y, motions, seed, values, changes, further + n, along ? along + n : NULL))
+        for (k = 0; k < y->ground; k++) further[n + k] = NAN;
 }

@@ -435,6 +435,21 @@ static void add_rope_wrench(const pmr_state *st, double *force, double *moment)
     moment[2] += head[0] * pulled[1] - head[1] * pulled[0];
 }
 
+/* Force and moment about the pivot (6,) by which the rope pulls a winch on the machine, along axes of the boom. */
+static void show_winch_wrench(const pmr_state *st, double *wrench)
+{
+    const double *pull = st->hoist + AT_WINCH, on_machine = st->system->hoist_numbers[HOIST_LEVEL];
+    double winch[3], slots[SLOT_COUNT];
+    int n;
+    read_slots(st->system, st->u, slots);
+    place_winch(st->system, slots, winch);
+    for (n = 0; n < 3; n++) {
+        const int a = (n + 1) % 3, b = (n + 2) % 3;
+        wrench[n] = on_machine * pull[n];
+        wrench[3 + n] = on_machine * (winch[a] * pull[b] - winch[b] * pull[a]);
+    }
+}
+
 /* ---- start ---- */
 
 /* Direction from head to payload at the start, along axes of the ground: by the angles of a swing, else as it hangs. */

@@ -110,6 +110,14 @@ struct pmr_system {
     const double
         *cylinder_moments;       /* (sources, 1 + P): moment about the pivot of a unit of each, m, and by each path */
     const int32_t *cylinder_pin; /* (3): reactions of a pin along x and z, less than 0: none; source at the lug */
+    /* outriggers (ground.c): their outputs, 0 without any; forces that press on the ground and masses of the machine */
+    int32_t ground, ground_sources, ground_mass_count;
+    const int32_t *ground_numbers;     /* (5): motions that accelerate the base, gravity, source that is a cylinder which gives
+                                          way; less than 0: none */
+    const int32_t *ground_source_list; /* (sources): as those of the cylinder */
+    const double *ground_wrenches;     /* (sources, 6, 1 + P): about the pivot by a unit of each, and by each path */
+    const double *ground_hinges, *ground_masses; /* (4), (masses, 8) */
+    pmr_stand stand;
     /* a hoist (hoist.c) */
     int32_t hoist;               /* k: inputs by which its rope pulls the bodies; 0 without one */
     const int32_t *hoist_inputs; /* (k) */
@@ -203,7 +211,8 @@ struct pmr_state {
     pmr_iteration iteration;
     double *u_next, *u_begun;                        /* (N) */
     double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */
-    double *values, *changes, *shown; /* (op + hp + forces): outputs, reactions, forces; along a seed; (further) */
+    /* (op + hp + forces + 6): outputs, reactions, forces, a rope's wrench on a winch on the machine; along a seed; (further) */
+    double *values, *changes, *shown;
     /* hoist: before a part, slots, forces; R (k, k) and what it is made of, (k, r') and (k, mp); places of inputs */
     double *hoist_before, *slots, *new_pulls, *receptance, *hoist_units, *hoist_rows, *hoist_held;
     double *hoist_free, *hoist_moved, *hoist_slope;
@@ -301,6 +310,9 @@ int pmr_frame_derivatives(const pmr_system *system, const double *motions, doubl
    values alone. */
 void pmr_frame_outputs(const pmr_system *system, const double *motions, const double *seed, const double *values,
                        const double *changes, double *further, double *along);
+/* Of these those of outriggers alone. */
+int pmr_ground_outputs(const pmr_system *system, const double *motions, const double *seed, const double *values,
+                       const double *changes, double *columns, double *along);
 /* How a frame, or the base that carries it, is turned: its rotation (3, 3) into axes of the ground, its angular velocity
    and acceleration in its own axes. */
 typedef struct {

@@ -90,7 +90,7 @@ static void add_supports(const pmr_system *y, const double *v, const double *amp
         }
 }
 
-/* Outputs, reactions and forces one after the other, as frame.c reads them. */
+/* Outputs, reactions, forces and a rope's wrench on its winch one after the other, as frame.c reads them. */
 static void find_all(pmr_state *st, double *values)
 {
     const pmr_system *y = st->system;
@@ -99,6 +99,8 @@ static void find_all(pmr_state *st, double *values)
     find_outputs(st, y->observed + 1, 0, y->hp, st->z, f, NULL, NULL, values + y->op);
     add_supports(y, st->v, f + y->inputs, st->z, st->v, values + y->op);
     forces_of(st, st->lambda, st->friction, values + y->op + y->hp);
+    memset(values + y->op + y->hp + y->forces, 0, 6 * sizeof(double));
+    if (y->hoist) show_winch_wrench(st, values + y->op + y->hp + y->forces);
 }
 
 /* Outputs of a hoist, and behind them those of a free luffing angle. */
@@ -114,19 +116,21 @@ static void further_outputs(pmr_state *st, double *further)
     find_all(st, st->values);
     copy(further, st->values + y->op, y->reactions);
     if (y->motions) pmr_frame_outputs(y, st->motions, NULL, st->values, NULL, further, NULL);
-    show_behind(st, further + y->reactions + 3 * y->has_tip + (y->sources > 0));
+    show_behind(st, further + y->reactions + 3 * y->has_tip + (y->sources > 0) + y->ground);
 }
 
-/* Some outputs and forces, by their numbers among all outputs and, behind these, all forces and outputs of a hoist and
-   of a free luffing angle. */
+/* Some outputs and forces, by their numbers among all outputs and, behind these, all forces and outputs of a hoist, of a
+   free luffing angle and of outriggers. */
 static void observe(pmr_state *st, int count, const int32_t *numbers, double *values)
 {
     const pmr_system *y = st->system;
     const int outputs = y->outputs, to_forces = y->op - outputs;
-    int first = outputs, last = -1, forces = 0, k;
+    const int ground = outputs + y->forces + (y->hoist ? PMR_HOIST_OUTPUTS : 0) + y->luffing;
+    int first = outputs, last = -1, forces = 0, stands = 0, k;
     for (k = 0; k < count; k++) {
         const int n = numbers[k];
         forces |= n >= outputs;
+        stands |= n >= ground;
         first = n < first ? n : first;
         last = n < outputs && n > last ? n : last;
     }
@@ -135,5 +139,11 @@ static void observe(pmr_state *st, int count, const int32_t *numbers, double *va
                      NULL, st->values);
     if (forces) forces_of(st, st->lambda, st->friction, st->values + y->op);
     if (forces) show_behind(st, st->values + y->op + y->forces);
-    for (k = 0; k < count; k++) values[k] = st->values[numbers[k] + (numbers[k] < outputs ? 0 : to_forces)];
+    for (k = 0; k < count; k++)
+        if (numbers[k] < ground) values[k] = st->values[numbers[k] + (numbers[k] < outputs ? 0 : to_forces)];
+    if (!stands) return;
+    find_all(st, st->values);
+    stands = pmr_ground_outputs(y, st->motions, NULL, st->values, NULL, st->shown, NULL);
+    for (k = 0; k < count; k++)
+        if (numbers[k] >= ground) values[k] = stands ? NAN : st->shown[numbers[k] - ground];
 }

@@ -74,6 +74,7 @@ typedef struct {
                           hoist, those of `hoist` */
     int32_t hoist;     /* outputs of a hoist, 0 without one */
     int32_t luffing;   /* outputs of a free luffing angle, behind those of a hoist; 0 without one */
+    int32_t ground;    /* outputs of outriggers, before those of a hoist; 0 without any */
 } pmr_sizes;
 
 /* ---- systems ---- */
@@ -367,6 +368,28 @@ int pmr_check_start(pmr_state *state, const double *at, const double *rates, con
                     char *why);
 
 /* ---- laws alone, for statics, charts and other simulators ---- */
+
+/* ---- a machine on outriggers (ground.c), along its axes: X, Y, and Z at a right angle to the ground ---- */
+
+enum { PMR_MOST_OUTRIGGERS = 32 };
+/* n outriggers, of which e are corners of the support polygon; the pivot is `height` m above the ground. */
+typedef struct {
+    int32_t outriggers, corners;
+    double height;
+    const double *places, *stiffness; /* (n, 2) m from the pivot, (n) N/m */
+    const double *edges;              /* (e, 6): a wrench's moment about the edge from each corner on that tips the machine */
+    const int32_t *at_corners;        /* (e): numbers of outriggers, anticlockwise */
+} pmr_stand;
+/* Forces (count, n) in N whose sums, and sums with x and y, are loads (count, 3) that act within the polygon. */
+int pmr_stand_forces(const pmr_stand *stand, int64_t count, const double *loads, double *forces);
+/* Columns (count, 6 + n + e + 1): force and moment about the pivot, which are given as wrenches (count, 6); forces of
+   outriggers; margins over the edges that begin at the corners, N m; use of the polygon. */
+int pmr_stand_columns(const pmr_stand *stand, int64_t count, const double *wrenches, double *columns);
+/* Force and moment about the pivot (count, 6) by weight and inertia of m masses (m, 8): mass, place from the pivot,
+   moments of inertia, whether it slews.  Angles (count, 3, 4) are slewing, roll, pitch and yaw, their rates and second
+   rates; falling (count, 3) is gravity and the pivot's acceleration, upwards along axes of the ground. */
+void pmr_masses_wrench(int32_t m, const double *masses, int64_t count, const double *angles, const double *falling,
+                       double *wrenches);
 
 /* Doubles of work that `pmr_contact` takes for m contacts. */
 size_t pmr_contact_work(int m);

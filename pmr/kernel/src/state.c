@@ -182,7 +182,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(quantities, 2 * y->quantities);
     NUMBERS(values, y->op + y->hp + y->forces + PMR_HOIST_OUTPUTS + y->luffing);
     NUMBERS(changes, y->op + y->hp + y->forces);
-    NUMBERS(shown, y->reactions + 4);
+    NUMBERS(shown, y->reactions + 4 + y->ground);
     NUMBERS(hoist_before, PMR_HOIST_STATE);
     NUMBERS(slots, PMR_HOIST_SLOTS);
     NUMBERS(new_pulls, y->hoist);

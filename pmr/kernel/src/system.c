@@ -180,6 +180,37 @@ static int read_further(pmr_system *y, char *why)
     return 0;
 }
 
+/* Outriggers, and what presses on them. */
+static int read_ground(pmr_system *y, char *why)
+{
+    const int64_t count = pmr_block_count(y, "ground_stand"), forces = (int64_t)y->outputs + y->reactions + y->forces;
+    pmr_stand *s = &y->stand;
+    const double *numbers;
+    if (!count || count > 1 << 20) return count ? (pmr_say(why, "damaged: outriggers"), 1) : 0;
+    s->corners = (int32_t)pmr_block_count(y, "ground_corners");
+    s->outriggers = (int32_t)((count - 5 - 6 * (int64_t)s->corners) / 3);
+    y->ground_sources = (int32_t)pmr_block_count(y, "ground_sources");
+    y->ground_mass_count = (int32_t)(pmr_block_count(y, "ground_masses") / 8);
+    TAKE(ground_numbers, PMR_INTEGERS, 5);
+    TAKE(ground_wrenches, PMR_NUMBERS, 6 * (int64_t)y->ground_sources * (1 + y->paths));
+    TAKE(ground_masses, PMR_NUMBERS, 8 * (int64_t)y->ground_mass_count);
+    y->ground_source_list = pmr_block_take(y, "ground_sources", PMR_INTEGERS, y->ground_sources, why);
+    s->at_corners = pmr_block_take(y, "ground_corners", PMR_INTEGERS, s->corners, why);
+    numbers = pmr_block_take(y, "ground_stand", PMR_NUMBERS,
+                             5 + 3 * (int64_t)s->outriggers + 6 * (int64_t)s->corners, why);
+    if (!y->ground_source_list || !s->at_corners || !numbers) return 1;
+    if (!y->motions || s->outriggers < 3 || s->outriggers > PMR_MOST_OUTRIGGERS || s->corners < 3 ||
+        s->corners > s->outriggers || !within(s->at_corners, s->corners, 0, s->outriggers) ||
+        !within(y->ground_numbers, 4, -1, y->motions) || !within(y->ground_numbers + 4, 1, -1, (int32_t)forces) ||
+        !within(y->ground_source_list, y->ground_sources, 0, (int32_t)forces))
+        return pmr_say(why, "damaged: outriggers"), 1;
+    s->height = numbers[0], y->ground_hinges = numbers + 1;
+    s->places = numbers + 5, s->stiffness = s->places + 2 * s->outriggers;
+    s->edges = s->stiffness + s->outriggers;
+    y->ground = 7 + s->outriggers + s->corners;
+    return 0;
+}
+
 /* A hoist and what it is driven by, behind the amplitudes of terms. */
 static int read_hoist(pmr_system *y, char *why)
 {
@@ -329,7 +360,7 @@ static int read_arrays(pmr_system *y, char *why)
     TAKE(products, PMR_INTEGERS, 3 * (int64_t)y->product_count);
     TAKE(factors, PMR_NUMBERS, y->product_count);
     TAKE(first_product, PMR_INTEGERS, y->motions ? y->drivers - y->paths + 1 : 0);
-    return read_further(y, why) || read_hoist(y, why) || read_luffing(y, why) || read_blocks(y, why);
+    return read_further(y, why) || read_ground(y, why) || read_hoist(y, why) || read_luffing(y, why) || read_blocks(y, why);
 }
 #undef TAKE
 
@@ -442,10 +473,11 @@ void pmr_system_sizes(const pmr_system *y, pmr_sizes *sizes)
                              .drivers = y->drivers,
                              .motions = y->motions,
                              .pushing = y->pushing,
-                             .further = y->reactions + 3 * y->has_tip + (y->sources > 0) +
+                             .further = y->reactions + 3 * y->has_tip + (y->sources > 0) + y->ground +
                                         (y->hoist ? PMR_HOIST_OUTPUTS : 0) + y->luffing,
                              .hoist = y->hoist ? PMR_HOIST_OUTPUTS : 0,
-                             .luffing = y->luffing};
+                             .luffing = y->luffing,
+                             .ground = y->ground};
     *sizes = found;
 }
 

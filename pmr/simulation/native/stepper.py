@@ -25,6 +25,7 @@ import numpy as np
 
 from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array
+from pmr.kernel.ground import ground_outputs
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import BoundStep, Settings, State, StepError
 from pmr.scene.built import force_name
@@ -127,18 +128,19 @@ class Stepper:
             self._ranges = dict.fromkeys(system.paths or (SLIDER,), body.domain)
         moving = stepped_frame(system, "stepper")
         self._luffing = () if moving is None or moving.luffing is None else tuple(moving.luffing.outputs)
-        #: Names of all that `outputs` chooses from: outputs of the bodies, forces of the contacts, outputs of a hoist,
-        #: and of a free luffing angle.
-        behind = (*system.hoist.outputs, *self._luffing)
-        self.output_names = (*system.output_names, *map(force_name, system.contact_names), *behind)
-        every = range(len(system.output_names))
-        chosen = [number_of(k, self.output_names, "outputs") for k in (every if outputs is None else outputs)]
         if moving is None:
             system.ensure_without_terms("stepper")
         elif set(moving.paths) != set(self._ranges) - {LUFFING}:
             allowed = f"{', '.join(moving.paths)} are allowed"
             raise InputError("stepper", "paths", ", ".join(self._ranges), allowed)
         kernel = form.kernel if moving is None else Kernel.of(system, form.forms, moving)
+        self._ground = tuple(ground_outputs(moving.scene)) if moving is not None and kernel.ground else ()
+        #: Names of all that `outputs` chooses from: outputs of the bodies, forces of the contacts, outputs of a hoist,
+        #: of a free luffing angle, and of outriggers.
+        behind = (*system.hoist.outputs, *self._luffing, *self._ground)
+        self.output_names = (*system.output_names, *map(force_name, system.contact_names), *behind)
+        every = range(len(system.output_names))
+        chosen = [number_of(k, self.output_names, "outputs") for k in (every if outputs is None else outputs)]
         settings = Settings(step, rho_inf, *self._levels(parts, scene), energy=False)
         self._state = State(kernel, settings)
         beyond = kernel.outputs - len(every)  # forces come after all outputs of the kernel
@@ -231,9 +233,8 @@ class Stepper:
     def outputs(self) -> Array:
         """Values (o,) of all `output_names` at present."""
         values, forces = self._state.outputs()
-        return np.concatenate(
-            [values[: len(self._system.output_names)], forces, self._state.hoist, self._state.luffing]
-        )
+        behind = (self._state.hoist, self._state.luffing, self._state.ground)
+        return np.concatenate([values[: len(self._system.output_names)], forces, *behind])
 
     @property
     def hoist(self) -> dict[str, float]:
@@ -244,6 +245,11 @@ class Stepper:
     def luffing(self) -> dict[str, float]:
         """Free luffing angle in rad and its rate, and what the luffing cylinder does, by name; else empty."""
         return dict(zip(self._luffing, self._state.luffing.tolist(), strict=True))
+
+    @property
+    def ground(self) -> dict[str, float]:
+        """Force and moment on the ground, forces of outriggers, margins against tipping by name; else empty."""
+        return dict(zip(self._ground, self._state.ground.tolist(), strict=True))
 
     @property
     def time(self) -> float:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from pmr.files.arrays import Array, Indices, Mask
+from pmr.kernel.laws import Stand
 from pmr.results.quantities import Columns
 from pmr.results.response import Output
 from pmr.scene import Scene
@@ -31,7 +32,7 @@ from pmr.simulation.at_rest import (
 )
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.frame_motion import FrameRotation
-from pmr.simulation.ground import Stand, machine_wrench
+from pmr.simulation.ground import machine_wrench, outputs_of_ground
 from pmr.simulation.statics.loaded import Equations
 from pmr.system.assembly import Assembly
 from pmr.system.body import kinds_of
@@ -178,6 +179,7 @@ class StandAtRest:
     """Outriggers, and the weight of the machine's masses in P postures."""
 
     stand: Stand
+    outputs: tuple[Output, ...]  # meaning of the stand's columns
     weight: Array  # (P, 6) N and N m: force and moment about the pivot, along the axes of the machine
 
     @classmethod
@@ -186,7 +188,7 @@ class StandAtRest:
         if still.frame is None or still.frame.ground is None:
             return None
         numbers = np.arange(postures.count, dtype=float)
-        return cls(Stand.of_ground(still.frame.ground), machine_wrench(still, numbers))
+        return cls(Stand.of_ground(still.frame.ground), outputs_of_ground(still), machine_wrench(still, numbers))
 
 
 @dataclass(frozen=True)
