@@ -175,10 +175,13 @@ def boom_on_machine(scene: Scene, response: Response) -> Array:
     return np.hstack([np.einsum("tij,tj->ti", turned, part) for part in (wrench[:, :3], wrench[:, 3:])])
 
 
-def unbalanced(scene: Scene, response: Response) -> tuple[Array, Array]:
-    """Sum of forces and moments on the machine (T, 6), over the largest of each kind, and the polygon's use (T,)."""
+def unbalanced(scene: Scene, response: Response, rope: Array | float = 0.0) -> tuple[Array, Array]:
+    """Sum of forces and moments on the machine (T, 6), over the largest of each kind, and the polygon's use (T,).
+
+    `rope` (T, 6) is the force and the moment of a rope on the machine.
+    """
     ground = scene.frame.ground
-    total = boom_on_machine(scene, response) + masses_on_ground(scene, response.t)
+    total = boom_on_machine(scene, response) + masses_on_ground(scene, response.t) + rope
     scale = np.repeat([np.abs(part).max() for part in (total[:, :3], total[:, 3:])], 3)
     for leg in ground.outriggers:
         force = np.outer(response.other(f"force of outrigger {leg.name}"), [0.0, 0.0, 1.0])

@@ -60,12 +60,15 @@ static void restore_boom(pmr_machine_run *ms)
     ms->state->progress = ms->progress;
 }
 
-/* Tell the boom's state the frame's motions, of which further outputs are. */
+/* Tell the boom's state the frame's motions, of which further outputs are; second rates of directions that are not free
+   are as they are given. */
 static void tell_motions(const pmr_machine_run *ms, int64_t k, const double *b)
 {
     const int count = ms->state->system->motions;
+    double second[6];
     int n;
-    copy(ms->state->motions, motions_at(ms, k, b, b + 12), 3 * count);
+    for (n = 0; n < 6; n++) second[n] = ms->machine->free[n] ? b[12 + n] : ms->machine->base_motion[18 * (size_t)k + 12 + n];
+    copy(ms->state->motions, motions_at(ms, k, b, second), 3 * count);
     for (n = 0; n < count; n++) ms->state->motions[3 * count + n] = 3.0;
 }
 
