@@ -27,8 +27,9 @@ CRANE = (
     "frame.base.rx={kind='sine',amplitude=2.0,frequency=1.5}",
     "frame.base.rz={kind='sine',amplitude=3.0,frequency=0.7}",
     f"time.step={STEP}",
-    "frame.ground={height=1.5, masses=[{name='m', mass=9e3, at=[-0.5, 0.1, -0.6], inertia=[9e3, 8e3, 9e3]}], outriggers=["
-    "{name='a', at=[3.0, 2.0]}, {name='b', at=[-3.0, 2.0]}, {name='c', at=[-3.0, -2.0]}, {name='d', at=[3.0, -2.0]}]}",
+    "frame.ground={height=1.5, masses=[{name='m', mass=9e3, at=[-0.5, 0.1, -0.6], inertia=[9e3, 8e3, 9e3]}], "
+    "outriggers=[{name='a', at=[3.0, 2.0]}, {name='b', at=[-3.0, 2.0]}, {name='c', at=[-3.0, -2.0]}, "
+    "{name='d', at=[3.0, -2.0]}]}",
 )
 
 
