@@ -149,9 +149,8 @@ Unit *unit_open(const char *token, const char *folder, int model_exchange, char 
     if (!is_sound(unit))
         snprintf(why, 400, "resources/system.pmr: variables of a unit are missing or damaged");
     else if (model_exchange && !unit->exchange[0])
-        snprintf(why, 400,
-                 "rigid rows, friction, a hoist or a free luffing angle leave no differential equation: Co-Simulation "
-                 "is allowed");
+        snprintf(why, 400, "%s leave no differential equation: Co-Simulation is allowed",
+                 unit->sizes.hoist || unit->sizes.luffing ? "a hoist and a free luffing angle" : "rigid rows or friction");
     else if (!open_memory(unit) && !open_state(unit, why, 400)) {
         unit_reset(unit);
         return unit;
