@@ -1,6 +1,7 @@
 r"""Error of a structural model against a richer one of the same bodies, pads and loads, for the error budget.
 
-Both models are reduced in the same way and simulated under the scene's paths and loads.  With the histories
+Both models are simulated under the scene's paths and loads, the richer one reduced, the other one as the run's full
+model or reduced in the same way.  With the histories
 :math:`y_o(t_j)` of the outputs o of a kind (displacements, forces of pads) at the steps j, and of the richer model with
 the mark "richer", the error is
 
@@ -20,6 +21,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from pmr.compare.errors import ForceHistories, force_errors, force_histories
 from pmr.compare.moving_frame import with_choice_of_terms
@@ -56,6 +58,7 @@ class Motion:
     frequencies: Array  # (P, f) Hz
     mode_motions: Array  # (P, 3, f): sums of the squared displacements of all outputs along x, y, z in each mode
     response: Response
+    frequency_error: float = 0.0  # known relative error of the two lowest frequencies
 
     @classmethod
     def compute(cls, scene: Scene, system: System, response: Response | None = None) -> Motion:
@@ -111,23 +114,26 @@ class Motion:
     def displacements_at(self, other: Motion) -> dict[str, Array]:
         """Displacements (T,) of this motion at positions of another motion's outputs, by the names of these outputs.
 
-        They are interpolated linearly between this motion's own positions on the same body, in the same direction.
-        Outputs beyond these positions are left out.
+        They are interpolated by cubic splines between this motion's own positions on the same body, in the same
+        direction.  Outputs beyond these positions are left out.
         """
-        places, displacements = dict[tuple[str, str], list[tuple[float, Array]]](), dict[str, Array]()
+        places, displacements = dict[tuple[str, str], dict[float, Array]](), dict[str, Array]()
         for k, output in enumerate(self.response.outputs):
             if output.kind == "beam" and output.place is not None:
-                places.setdefault((output.body, output.direction), []).append((output.place, self.response.column(k)))
+                places.setdefault((output.body, output.direction), {})[output.place] = self.response.column(k)
+        splines = {
+            key: make_interp_spline(x := sorted(at), np.array([at[place] for place in x]), k=3 if len(x) > 3 else 1)
+            for key, at in places.items()
+            if len(at) > 1
+        }
         for output in other.response.outputs:
-            mine = sorted(places.get((output.body, output.direction), ()), key=lambda at: at[0])
-            if output.kind != "beam" or output.place is None or not mine:
+            key = output.body, output.direction
+            if output.kind != "beam" or output.place is None or key not in places:
                 continue
-            if mine[0][0] <= output.place <= mine[-1][0]:
-                x = np.array([at for at, _ in mine])
-                k = int(np.clip(np.searchsorted(x, output.place), 1, max(1, len(x) - 1)))
-                before, after = mine[k - 1], mine[min(k, len(x) - 1)]
-                share = (output.place - before[0]) / (after[0] - before[0]) if after[0] > before[0] else 0.0
-                displacements[output.name] = (1.0 - share) * before[1] + share * after[1]
+            if output.place in places[key]:
+                displacements[output.name] = places[key][output.place]
+            elif key in splines and min(places[key]) <= output.place <= max(places[key]):
+                displacements[output.name] = splines[key](output.place)
         return displacements
 
 
@@ -147,7 +153,7 @@ def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str)
     Kinds of displacements and ``largest`` are None if the richer model does not move.  Kinds of outputs that the two
     models do not have in common are missing.
     """
-    shares: dict[str, float | None] = {}
+    shares, moved = dict[str, float | None](), list[Array]()
     for kind in ("beam", "tip"):
         histories = motion.histories(kind), richer.histories(kind)
         if kind == "beam":
@@ -156,17 +162,19 @@ def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str)
         if names:
             y, reference = (np.array([of[name] for name in names]) for of in histories)
             shares[kind] = _relative_difference(y, reference)
+            moved.append(y)
     shares |= force_errors(motion.forces, richer.forces)
     probes = _probe_errors(motion, richer)
     directions = motion.mode_motions.any(axis=(0, 2))
     f = {"own": motion.lowest_frequencies(directions), "richer": richer.lowest_frequencies(directions)}
+    apart = frequency_error(f["own"], f["richer"])
     pushing = any(ring.unilateral for part in scene.sections for ring in part.rings)
     return {
         "beside": richer_name,
         **shares,
         **({"probe": max(probes.values()), "probes": probes} if probes else {}),
-        "largest": _relative_difference(np.array(_largest(motion)), np.array(_largest(richer))),
-        "frequency": frequency_error(f["own"], f["richer"]),
+        "largest": _relative_difference(_largest(*moved), _largest(richer.response.displacement)),
+        "frequency": None if apart is None else apart + motion.frequency_error,
         "frequencies": {name: values.tolist() for name, values in f.items()},
         "not_covered": [STRESS, *[IMPACTS] * pushing],
     }
@@ -195,9 +203,9 @@ def largest_model_error(part: Summary) -> float:
     return float(max(part[kind] for kind in (*COMPARED, "largest") if part.get(kind) is not None))
 
 
-def _largest(motion: Motion) -> float:
-    """Largest absolute displacement of a motion in m."""
-    return float(np.abs(motion.response.displacement).max())
+def _largest(*values: Array) -> Array:
+    """Largest absolute value in all `values`, an array without axes; 0 if there are none."""
+    return np.array(max((float(np.abs(of).max()) for of in values), default=0.0))
 
 
 def _relative_difference(y: Array, reference: Array) -> float | None:

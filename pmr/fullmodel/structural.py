@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import cKDTree
 
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import columns, free_objects, sparse, times
@@ -30,13 +29,12 @@ from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.structure import Action, Coupling, PadForce, Structure, couple
 from pmr.models import StructuralModel
 from pmr.models.matrices import Matrices
-from pmr.models.mesh_nodes import Nodes
+from pmr.models.mesh_nodes import Nodes, mirrors_of
 from pmr.system.body_matrices import CARRIED, ROTATING
 from pmr.system.rows import Rows
 
-#: Nodes and their images may be apart by this share of the body's length, K and its image by this share of K x: meshes
-#: that are read have some 11 digits.
-NODES, OPERATORS = 1e-8, 1e-10
+#: K and its image may be apart by this share of K x: meshes that are read have some 11 digits.
+OPERATORS = 1e-10
 #: Loads on carriers and their images may be apart by this share of their largest entry.
 SAME = 1e-9
 
@@ -62,35 +60,11 @@ def mirror_images(model: StructuralModel, T: sp.csr_matrix, M: PETSc.Mat, K: PET
     if not isinstance(nodes, Nodes) or T.nnz != T.shape[1]:  # with rigid couplings, some coordinates belong to no node
         return ()
     T_transposed = T.T.tocsr()
-    on_free = [sp.csr_matrix(T_transposed @ P @ T) for P in _images(nodes)]
+    on_free = [sp.csr_matrix(T_transposed @ mirror.P @ T) for mirror in mirrors_of(nodes)]
     mirrors = [P for P in on_free if P.nnz == len(P.indptr) - 1]
     for A in (M, K):
         mirrors = _commuting_images(mirrors, A)
     return tuple(mirrors)
-
-
-def _images(nodes: Nodes) -> Iterator[sp.csr_matrix]:
-    """Yield mirror images P in the middle planes across y and z, for each plane in which every node has an image.
-
-    P (n, n) is a signed permutation of the nodes' coordinates.
-    """
-    first = np.flatnonzero(nodes.component == 0)  # of each node; its other coordinates follow
-    node, places, number = np.cumsum(nodes.component == 0) - 1, nodes.points[first], np.arange(nodes.size)
-    low, high = places.min(axis=0), places.max(axis=0)
-    tree, counts = cKDTree(places, compact_nodes=False, balanced_tree=False), np.bincount(node)
-    for axis in (1, 2):
-        mirrored = places.copy()
-        mirrored[:, axis] = low[axis] + high[axis] - places[:, axis]
-        apart, image = tree.query(mirrored, distance_upper_bound=NODES * (high - low).max())
-        if np.isinf(apart).any() or not np.array_equal(counts[image], counts):
-            continue
-        columns = first[image[node]] + number - first[node]
-        once = np.all(np.bincount(columns) == 1)
-        if once and np.array_equal(nodes.component[columns], nodes.component):
-            sign = np.ones(6)  # rotations are axial vectors: those about the axis keep their sign
-            sign[[axis, *(3 + other for other in range(3) if other != axis)]] = -1.0
-            ends = np.arange(nodes.size + 1)
-            yield sp.csr_matrix((sign[nodes.component], columns, ends), (nodes.size, nodes.size))
 
 
 def _commuting_images(mirrors: Sequence[sp.csr_matrix], A: PETSc.Mat) -> list[sp.csr_matrix]:

@@ -31,7 +31,7 @@ from pmr.fem.factor import BLOCK, factor_for_columns
 from pmr.files import npz
 from pmr.files.arrays import Array
 from pmr.files.whole import NotWrittenError, user_cache_folder
-from pmr.fullmodel.pads import Pad, pad_means
+from pmr.fullmodel.pads import Pad, PadMeans
 from pmr.fullmodel.structural import MirroredLoads, images_of, structural_model
 from pmr.fullmodel.structure import Clamp, Structure, couple
 from pmr.fullmodel.walls import Sliding, Standing, Walls
@@ -144,7 +144,7 @@ class _HeldModel:
 
     def __init__(self, model: StructuralModel, body: PlateBody, sigma: float) -> None:
         structure = Structure(model, clamps=body.clamps, masses=body.masses)
-        self._model, self._T = model, couple(structure).T
+        self._model, self._means, self._T = model, PadMeans(model), couple(structure).T
         self._full = full = structural_model(structure, MPI.COMM_SELF)
         M, rigid = gather(full.M), full.rigid
         assert M is not None and rigid is not None  # as structures have, on the only rank
@@ -163,7 +163,7 @@ class _HeldModel:
         The k rows of one distance follow each other.
         """
         means = [sp.csr_matrix((0, self._T.shape[1]))]
-        means += [pad_means(pad, self._model, pad.at + u) @ self._T for pad in pads]
+        means += [self._means.under_pad(pad, pad.at + u) @ self._T for pad in pads]
         order = np.arange(len(pads) * len(u)).reshape(len(pads), len(u)).T.ravel()
         return sp.vstack(means, "csr")[order]
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pmr.compare.accuracy import mesh
-from pmr.compare.model_part import Motion, largest_model_error, model_budget
+from pmr.compare.model_part import FREQUENCIES, Motion, frequency_error, largest_model_error, model_budget
 from pmr.compare.moving_frame import decide_second_order as with_order
 from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, call_on_first_rank
 from pmr.errors.environment import Clock
@@ -18,7 +19,7 @@ from pmr.fullmodel.build import build_bodies, log_warnings
 from pmr.reduction.bodies import Reduction, reduce_bodies, with_stress_flags
 from pmr.reduction.cache import Cache, cache_in
 from pmr.reduction.from_scene import Vectors
-from pmr.results import Response
+from pmr.results import Frequencies, Response
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.choice import model_of
@@ -79,14 +80,46 @@ def decide_models(scene: Scene, comm: MPI.Comm, clock: Clock, cache: Path | None
         return _choose_model(options, comm, cached)
 
 
-def measure_model(scene: Scene, comm: MPI.Comm, cache: Cache | None) -> Mapping[str, Any]:
-    """Return ``budget.model`` of summary.json: differences to a richer model, or ``reason`` for none; collective."""
+@dataclass(frozen=True)
+class RunMotion:
+    """Responses of a run's reduced `system` and of its full model, on rank 0 alone, and the frequencies of both."""
+
+    system: System
+    reduced: Response | None
+    full: Response | None
+    frequencies: Frequencies
+
+    def motion(self, scene: Scene) -> Motion:
+        """Displacements and contact forces of the full model, reactions and frequencies of the reduced one.
+
+        The error of the frequencies is known; a full model lacks reactions of single coordinates that a support holds.
+        To be called on rank 0 alone.
+        """
+        assert self.reduced is not None and self.full is not None
+        of_full = {key: getattr(self.full, key) for key in ("displacement", "slider_force", "force_peaks")}
+        f, exact = (self.frequencies.models[name][:, :FREQUENCIES] for name in ("reduced", "full"))
+        error = frequency_error(f[:, : exact.shape[1]], exact) or 0.0
+        return replace(Motion.compute(scene, self.system, replace(self.reduced, **of_full)), frequency_error=error)
+
+
+def measure_model(
+    scene: Scene, comm: MPI.Comm, cache: Cache | None, of_run: RunMotion | None = None
+) -> Mapping[str, Any]:
+    """Return ``budget.model`` of summary.json: differences to a richer model, or ``reason`` for none; collective.
+
+    The motion of the scene is that of a run's full model, `of_run`; without it the scene is reduced anew and simulated.
+    """
     if scene.frame is not None and scene.frame.computed_key is not None:
         return {"beside": None, "reason": ON_MACHINE}
     label = "richer model"
     try:
         of_scene, other, label = model_comparison(scene)
-        return _model_budget(of_scene, _motion_on_first(other, comm, cache), label, comm, cache)
+        richer = _motion_on_first(other, comm, cache)
+        if of_run is None:
+            motion = _motion_on_first(of_scene, comm, cache)
+        else:
+            motion = call_on_first_rank(comm, partial(of_run.motion, scene))
+        return _model_budget(scene, motion, richer, label, comm)
     except UNNEEDED as error:
         return _unknown_model_error(error, label)
 
@@ -111,9 +144,7 @@ def measure_mesh(
             other_motion = _motion_on_first(make(), comm, cache)
         except UNNEEDED as error:
             return _unknown_model_error(error, label)
-        part = None if motion is None or other_motion is None else model_budget(scene, other_motion, motion, label)
-        errors: dict[str, Any] = comm.bcast(part)
-        return errors
+        return _model_budget(scene, other_motion, motion, label, comm)
 
     return mesh.mesh_budget(scene, compare_scene)
 
@@ -142,7 +173,8 @@ def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None) -> 
     try:
         best = _motion_on_first(comparable_scene(shell), comm, cache)
         for beam in beams:
-            part = _model_budget(comparable_scene(beam), best, "shell", comm, cache)
+            motion = _motion_on_first(comparable_scene(beam), comm, cache)
+            part = _model_budget(beam, motion, best, "shell", comm)
             tried.append(_chosen_model(beam) | {"error": largest_model_error(part)})
             if comm.rank == 0:
                 _log.info("%(name)s, walls %(walls)s: the error is %(error).2g of a shell's result", tried[-1])
@@ -156,13 +188,12 @@ def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None) -> 
 
 
 def _model_budget(
-    scene: Scene, other: Motion | None, label: str, comm: MPI.Comm, cache: Cache | None
+    scene: Scene, motion: Motion | None, other: Motion | None, label: str, comm: MPI.Comm
 ) -> dict[str, Any]:
-    """Return, on every rank, the difference of a scene's motion to the motion `other`, which only rank 0 has.
+    """Return, on every rank, the difference of a scene's `motion` to the motion `other`, which only rank 0 has.
 
     `label` is the name of the other scene.
     """
-    motion = _motion_on_first(scene, comm, cache)
     part = None if motion is None or other is None else model_budget(scene, motion, other, label)
     errors: dict[str, Any] = comm.bcast(part)
     return errors

@@ -24,7 +24,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.probes import probe_summary
 from pmr.fullmodel.walls import summary as summary_of_walls
 from pmr.pipeline.bodies import Bodies, Motions, Precomputed
-from pmr.pipeline.model_errors import decide_models, measure_mesh, measure_model, reduce_scene
+from pmr.pipeline.model_errors import RunMotion, decide_models, measure_mesh, measure_model, reduce_scene
 from pmr.reduction.bodies import Reduction
 from pmr.reduction.cache import cache_in
 from pmr.reduction.from_scene import Vectors, with_array_basis
@@ -127,7 +127,7 @@ def run(
         if keep is not None:
             call_on_first_rank(comm, lambda: outcome and keep(outcome))
         budget = {} if chosen.budget_part is None else {"model": chosen.budget_part}
-        budget |= _measure(bodies, motions, budget, measures)
+        budget |= _measure(bodies, motions, frequencies, budget, measures)
         if outcome is not None and budget:
             result, written = outcome.result, bodies.written_scene
             complete: dict[str, Any] = budget | result.summary.get("budget", {})
@@ -192,7 +192,9 @@ def _outcome(
     )
 
 
-def _measure(bodies: Bodies, motions: Motions, budget: Summary, measures: Path | None) -> Summary:
+def _measure(
+    bodies: Bodies, motions: Motions, frequencies: Frequencies, budget: Summary, measures: Path | None
+) -> Summary:
     """Measure the errors of a run's model and mesh, for ``budget`` of summary.json; collective.
 
     The model's is measured if the scene asks for it, or if `budget` lacks it and there is a folder `measures`; the
@@ -207,7 +209,10 @@ def _measure(bodies: Bodies, motions: Motions, budget: Summary, measures: Path |
     cache = next(iter(bodies.caches.values()), None) if measures is None else cache_in(measures, model)
     with clock.stage("mesh and model"):
         if is_wanted or "model" not in budget:
-            parts["model"] = measure_model(scene, comm, cache)
+            with_full = "full" in scene.compare.against and "full" not in motions.references.missing
+            responses = {} if motions.reduced is None else motions.responses
+            of_run = RunMotion(bodies.system, responses.get("reduced"), responses.get("full"), frequencies)
+            parts["model"] = measure_model(scene, comm, cache, of_run if with_full else None)
         if measures is not None and scene.goal is None:
             response = None if motions.reduced is None else motions.reduced.first.response
             parts |= measure_mesh(scene, bodies.system, response, comm, cache)

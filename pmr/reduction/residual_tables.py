@@ -253,13 +253,16 @@ class LoadValues:
     def __init__(self, model: FullModel, carriers: sp.csr_matrix, pattern: Pattern) -> None:
         self._rows, self._outputs = carrier_loads(model, carriers).T.tocsr(), SparseProduct(local_csr(model.outputs).T)
         self._comm, self._carriers, loads = model.comm, carriers.shape[0], self._rows.shape[0]
+        self._all_rows = SparseProduct(self._rows)
         self._pairs = AllPairs(loads) if pattern is None else PatternPairs(pattern)
         self._output_values = np.empty((model.outputs.getSize()[1], loads))
 
     def store(self, numbers: Indices, answers: Array) -> None:
         """Store the values of the responses `answers` (n_local, k), this rank's part, to loads with these `numbers`."""
         partners = self._pairs.partners(numbers)
-        self._pairs.store(partners, numbers, SparseProduct(self._rows[partners]).multiply(answers))
+        is_all = len(partners) == self._rows.shape[0]
+        rows = self._all_rows if is_all else SparseProduct(self._rows[partners])
+        self._pairs.store(partners, numbers, rows.multiply(answers))
         self._output_values[:, numbers] = self._outputs.multiply(answers)
 
     def result(self) -> LoadFlexibility:

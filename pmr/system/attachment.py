@@ -293,15 +293,17 @@ def simulated_model(model: ReducedModel, stressed: bool) -> ReducedModel:
 
     If the model is `stressed` by terms that vary in time, modes without inertia are added too.
     """
-    return with_cylinder_modes(with_quasi_static_modes(model) if stressed else model)
+    has_cylinder = model.carriers is not None and model.carriers.answers is not None  # its modes take new tables
+    return with_cylinder_modes(with_quasi_static_modes(model, tabulated=not has_cylinder) if stressed else model)
 
 
-def with_quasi_static_modes(model: ReducedModel, count: int = QUASI_STATIC) -> ReducedModel:
+def with_quasi_static_modes(model: ReducedModel, count: int = QUASI_STATIC, tabulated: bool = True) -> ReducedModel:
     """Return the model with up to `count` of its first enrichment modes as last coordinates, marked as without inertia.
 
-    A model without enrichment modes, or without residual flexibility, is returned unchanged.
+    Unless it is to be `tabulated`, its tables still have to be computed (`pmr.system.truncation.with_tables`).  A model
+    without enrichment modes, or without residual flexibility, is returned unchanged.
     """
     if model.enrichment is None or model.flexibility is None:
         return model
-    with_modes = extend(model, min(count, model.enrichment.count))
+    with_modes = extend(model, min(count, model.enrichment.count), tabulated)
     return replace(with_modes, quasi_static=np.arange(model.size, with_modes.size))
