@@ -11,11 +11,7 @@ from terms import axial
 
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.rows import round_up
-from pmr.kernel.signals import Signals
-from pmr.scene.keys import input_name
-from pmr.simulation.frame import base_accelerations
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.simulation.moving import AXES, GRAVITY, OF_BASE, OF_FRAME, MovingFrame
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 from pmr.system.terms import Term
@@ -66,18 +62,3 @@ def rubbing(system: System, stiffness: float, at_rest: float = 0.0) -> System:
     how = {"friction": 0.3, "arm": 0.18, "shear_stiffness": stiffness, "static_friction": at_rest}
     rough = [replace(one, **how, stribeck_speed=0.3) for one in system.contacts]
     return replace(system, contacts=tuple(rough))
-
-
-def frame_signals(frame: MovingFrame) -> Signals:
-    """Signals of the drivers of a scene's frame, in their order."""
-    scene = frame.scene
-    assert scene.frame is not None
-    angles = dict(zip((*OF_FRAME, *OF_BASE), (*scene.frame.angles, *scene.frame.base_angles), strict=False))
-    loads = {
-        input_name(name, load.name): load.signal
-        for name, section in zip(scene.names, scene.sections, strict=True)
-        for load in section.loads
-    }
-    loads |= {} if scene.gravity is None else {GRAVITY: scene.gravity.signal}
-    every = dict(scene.paths) | loads | angles | dict(zip(AXES, base_accelerations(scene), strict=False))
-    return Signals([every[name] for name in frame.drivers])

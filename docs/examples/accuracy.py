@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 
 import pmr
 
-tolerances = [0.05, 0.01, 0.002]
+tolerances = [0.05, 0.02, 0.01]
 found = {}
 for tolerance in tolerances:
     changes = [f"accuracy.tolerance={tolerance}", "accuracy.mesh=false", "mesh.elements=24"]

@@ -1,50 +1,32 @@
-"""A frame that is raised, slewed and shaken: loads and terms as `pmr.simulation.moving` finds them, steps as a run."""
+"""A frame that is raised, slewed and shaken: loads and terms as `pmr.simulation.moving` finds them."""
 
 from __future__ import annotations
 
 import driven_frame
 import numpy as np
 import pytest
-from kernels import frame_signals, kernel_of
+from kernels import kernel_of
 from nested import Nested, reduced
+from shaken_crane import RHO, STEP, shaken_crane
 
-import pmr
 from pmr.errors import InputError
 from pmr.kernel.kernel import Kernel
-from pmr.kernel.state import Record, Settings, State
+from pmr.kernel.state import Settings, State
 from pmr.simulation import TimeStepping
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
 from pmr.simulation.moving import MovingFrame
-from pmr.simulation.native import systems
 from pmr.system.system import System
-
-STEP, RHO = 2e-3, 0.9
-#: Raised, slewed and telescoped by some metres within a tenth of the time that the workflow takes, on a truck.
-FAST = (
-    "compare.against=[]",
-    "section.mesh.elements=6",
-    "frame.second_order=true",
-    "frame.luffing.times=[0.0,1.4]",
-    "frame.slewing.times=[-0.2,1.6]",
-    "frame.base.x={kind='sine',amplitude=0.02,frequency=2.0}",
-    "frame.base.rx={kind='sine',amplitude=2.0,frequency=1.5}",
-    "section.joint.extension={kind='smooth_ramp',times=[0.0,0.9],values=[0.6,2.5]}",
-    "time.end=0.1",
-    f"time.step={STEP}",
-)
 
 
 @pytest.fixture(scope="module")
 def system() -> System:
-    return pmr.reduce(pmr.load_scene("crane", [*FAST])).system
+    return shaken_crane()[0]
 
 
 @pytest.fixture(scope="module")
-def frame(system: System) -> MovingFrame:
-    found = MovingFrame.from_system(system)
-    assert found is not None
-    return found
+def frame() -> MovingFrame:
+    return shaken_crane()[1]
 
 
 @pytest.fixture(scope="module")
@@ -72,30 +54,6 @@ def test_loads_and_terms_follow_from_any_motion(frame: MovingFrame, kernel: Kern
         expected = (ends[0] - ends[1]) / (2.0 * d)
         found = np.tensordot(derivatives, seed, 2)[kernel.paths :]
         np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
-
-
-@pytest.mark.slow
-def test_steps_are_those_of_a_run(system: System, frame: MovingFrame, kernel: Kernel) -> None:
-    """Given one by one, and by the signals of the scene: outputs and forces to round-off."""
-    excitation = Excitation.from_scene(frame.scene).with_stepping(
-        TimeStepping(frame.scene.time.end, STEP, RHO, parts=1)
-    )
-    expected = systems.simulate(system, excitation, systems.static_start(system, excitation))
-    moved, force = np.hstack(list(systems.displacements(system, expected).values())), np.abs(expected.forces).max()
-    state, steps = State(kernel, Settings(STEP, RHO)), excitation.stepping.steps
-    state.start_in_frame("equilibrium", frame.motions(excitation, 0.0))
-    outputs = [state.outputs()]
-    for t in excitation.times[1:].tolist():
-        state.step_in_frame(frame.motions(excitation, t))
-        outputs.append(state.outputs())
-    y, forces = (np.array(one) for one in zip(*outputs, strict=True))
-    np.testing.assert_allclose(y, moved, rtol=0.0, atol=1e-9 * np.abs(moved).max())
-    np.testing.assert_allclose(forces, expected.forces, rtol=0.0, atol=1e-7 * force)
-    assert np.ptp(moved, axis=0).max() > 1e-3
-    again, record = State(kernel, Settings(STEP, RHO)), Record(kernel, steps, ("outputs",))
-    again.start_in_frame("equilibrium", frame.motions(excitation, 0.0))
-    again.advance(frame_signals(frame), steps, record)
-    np.testing.assert_allclose(record["outputs"], y[1:], rtol=0.0, atol=1e-11 * np.abs(y).max())
 
 
 @pytest.mark.slow

@@ -121,14 +121,12 @@ def _apart(own: Response, fine: Response) -> float:
 
 @pytest.mark.slow
 def test_budgets_of_time_as_of_one_body(few_steps: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    """More time a step allows more modes; a multiple of real time limits the steps."""
+    """A multiple of real time limits the steps, and less time than the smallest model takes is refused."""
     monkeypatch.setattr(trials, "TIMES", 1)  # that many times each is timed: none of these budgets is a close one
     common = ("compare.against=[]", "budget.mesh=false", "section.mesh.elements=9")
-    rich = summary("budget.microseconds_per_step=1e6", *common)
-    slow = summary("budget.real_time=1e-6", *common)
-    for found in (rich, slow):
-        assert found["accuracy"]["tolerance"] is None and found["budget"]["mesh_reason"] == "the scene leaves it out"
-        assert found["coordinates"]["reduced"] > 20 and "us here" in found["accuracy"]["reasons"][-1]
+    found = summary("budget.real_time=1e-6", *common)
+    assert found["accuracy"]["tolerance"] is None and found["budget"]["mesh_reason"] == "the scene leaves it out"
+    assert found["coordinates"]["reduced"] > 20 and "us here" in found["accuracy"]["reasons"][-1]
     with pytest.raises(InputError, match="the smallest model takes"):
         summary("budget.microseconds_per_step=1e-9", *common)
 
@@ -147,21 +145,11 @@ def test_velocities_and_cylinders_are_kinds_of_their_own() -> None:
 
 
 @pytest.mark.slow
-def test_what_is_not_held_is_told(few_steps: None) -> None:
-    found = summary("accuracy.tolerance=1e-12", "section.mesh.elements=3", "compare.against=[]")
-    assert not found["accuracy"]["holds"]
-    assert any("tolerance of 1e-10 % isn't held" in line for line in found["warnings"])
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        (("accuracy.tolerance=0.01", "budget.coordinates=9"), "accuracy or budget is allowed, not both"),
         (("accuracy.tolerance=0.01", "section.reduction.estimate=false"), "estimate = true are allowed"),
         (("budget.coordinates=3",), "at least 7 are needed"),
-        (("accuracy.tolerance=0.01", "accuracy.outputs=['probe']"), "no probe, or a scene with probes"),
-        (("accuracy.tolerance=0.01", "accuracy.outputs=['tip','tip']"), "each kind once"),
         (
             ("accuracy.tolerance=0.01", "section.mesh.elements=2", "section.reduction.coordinates=5"),
             "the mesh has more modes",

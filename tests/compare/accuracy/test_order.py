@@ -148,14 +148,6 @@ def test_what_is_beyond_a_tolerance_is_not_rounded_to_it(load_scene, share: floa
     assert f"it is off by {said} in displacements; shorter cells help" in lines[1]
 
 
-@pytest.mark.slow
-def test_where_the_part_of_the_mesh_is_not_known_it_says_why(load_scene) -> None:
-    outcome = run(load_scene("evolved_tolerance", [*SHORT, "accuracy.mesh=false"]))
-    assert outcome is not None
-    budget = outcome.result.summary["budget"]
-    assert budget["mesh"] is None and budget["mesh_reason"] == "the scene leaves it out"
-
-
 @pytest.mark.parametrize(
     ("override", "said"),
     [

@@ -11,10 +11,10 @@ import numpy as np
 import one_body
 import pytest
 from driving import driven, named
-from exudyn.itemInterface import SensorNode
 from numpy.typing import NDArray
 from one_body import Simulate, displacement
 from oracle import CASES, flexible, full_body, generalized_alpha, project
+from own_mbs import OwnSystem
 from springs import CompliantRows
 
 from pmr.errors import InputError, SimulationError
@@ -119,25 +119,10 @@ def test_a_free_body_without_constraint_has_no_connector(rich: FullBody) -> None
 def test_two_flexible_bodies_share_a_users_system(rich: FullBody, formulation: Formulation) -> None:
     add = partial(simulator.add_sliding_body, formulation=formulation)
     model, other = flexible(rich, 8), flexible(full_body(elements=4), 5)
-    container = exu.SystemContainer()
-    mbs = container.AddSystem()
-    items = add(mbs, model, PATH, named(LOADS)), add(mbs, other, Constant(amount=1.1), {"F": Constant(amount=20.0)})
-    sensors = [
-        mbs.AddSensor(
-            SensorNode(nodeNumber=i.nBody, outputVariableType=exu.OutputVariableType.Coordinates, storeInternal=True)
-        )
-        for i in items
-    ]
-    mbs.Assemble()
-    settings = exu.SimulationSettings()
-    settings.solution.file.write = False
-    settings.solution.sensors.writePeriod = STEPPING.step
-    settings.timeIntegration.endTime = STEPPING.end
-    settings.timeIntegration.numberOfSteps = STEPPING.steps
-    settings.timeIntegration.generalizedAlpha.spectralRadius = STEPPING.rho_inf
-    settings.timeIntegration.newton.useModifiedNewton = False
-    mbs.SolveDynamic(settings)
-    q, q_other = (mbs.GetSensorStoredData(sensor)[:, 1:] for sensor in sensors)
+    own = OwnSystem(STEPPING)
+    first = add(own.mbs, model, PATH, named(LOADS))
+    second = add(own.mbs, other, Constant(amount=1.1), {"F": Constant(amount=20.0)})
+    q, q_other = own.solve(own.coordinates(first.nBody), own.coordinates(second.nBody))
     alone = one_body.in_exudyn(model, driven(PATH, LOADS, STEPPING)).q
     alone_other = one_body.in_exudyn(other, driven(Constant(amount=1.1), [Constant(amount=20.0)], STEPPING)).q
     np.testing.assert_allclose(q, alone, rtol=0.0, atol=1e-7 * np.abs(alone).max())

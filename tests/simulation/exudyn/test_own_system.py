@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import exudyn as exu
 import numpy as np
 import pytest
 from exudyn.itemInterface import (
@@ -13,10 +12,10 @@ from exudyn.itemInterface import (
     NodeGenericODE2,
     ObjectConnectorCoordinateVector,
     ObjectGenericODE2,
-    SensorNode,
 )
 from nested import Nested, reduced
 from numpy.typing import NDArray
+from own_mbs import OwnSystem
 
 from pmr.errors import InputError
 from pmr.scene.signals import Chirp, Constant, SmoothRamp
@@ -50,32 +49,6 @@ def marched(system: System, excitation: Excitation, start: Any = None) -> System
     return systems.simulate(system, excitation, start)
 
 
-class Own:
-    """An mbs of a user's own, with solver settings of their own."""
-
-    def __init__(self) -> None:
-        self._container = exu.SystemContainer()
-        self.mbs = self._container.AddSystem()
-
-    def coordinates(self, node: Any) -> Any:
-        """A sensor of a node's."""
-        kind = exu.OutputVariableType.Coordinates
-        return self.mbs.AddSensor(SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True))
-
-    def solve(self, *sensors: Any) -> list[Array]:
-        """What they stored, (T, n)."""
-        self.mbs.Assemble()
-        settings = exu.SimulationSettings()
-        settings.solution.file.write = False
-        settings.solution.sensors.writePeriod = STEPPING.step
-        settings.timeIntegration.endTime = STEPPING.end
-        settings.timeIntegration.numberOfSteps = STEPPING.steps
-        settings.timeIntegration.generalizedAlpha.spectralRadius = STEPPING.rho_inf
-        settings.timeIntegration.newton.useModifiedNewton = False
-        self.mbs.SolveDynamic(settings)
-        return [self.mbs.GetSensorStoredData(sensor)[:, 1:] for sensor in sensors]
-
-
 def assert_close(found: Array, expected: Array) -> None:
     assert np.abs(expected).max() > 0.0
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=TOLERANCE * np.abs(expected).max())
@@ -85,7 +58,7 @@ def assert_close(found: Array, expected: Array) -> None:
 @pytest.mark.parametrize("formulation", ["springs", "multipliers"])
 def test_a_boom_in_a_users_own_system(system: System, excitation: Excitation, formulation: Formulation) -> None:
     """Coordinates, and sensors of outputs and contact forces, from equilibrium."""
-    start, own = systems.static_start(system, excitation), Own()
+    start, own = systems.static_start(system, excitation), OwnSystem(STEPPING)
     items = add_system(own.mbs, system, excitation.paths, excitation.loads, start, formulation)
     sensors = add_sensors(own.mbs, items)
     nodes = [own.coordinates(node) for node in items.nBodies.values()]
@@ -100,7 +73,7 @@ def test_a_boom_in_a_users_own_system(system: System, excitation: Excitation, fo
 
 
 def test_extensions_and_loads_are_functions_of_the_users_variables(system: System, excitation: Excitation) -> None:
-    own, paths, loads = Own(), excitation.paths, excitation.loads
+    own, paths, loads = OwnSystem(STEPPING), excitation.paths, excitation.loads
 
     def control(mbs: Any, t: float) -> bool:
         mbs.variables["extension"] = float(paths["1"].value(t))
@@ -124,7 +97,7 @@ def test_a_mass_that_hangs_on_a_port_of_a_section(system: System, excitation: Ex
     tip = system.bodies["1"].outputs[-1]
     inner: Any = replace(system.bodies["1"], ports={"tip z": tip})
     system = System({**system.bodies, "1": inner}, system.contacts)
-    own = Own()
+    own = OwnSystem(STEPPING)
     items = add_system(own.mbs, system, excitation.paths, excitation.loads)
     zero: dict[str, Any] = dict.fromkeys(("referenceCoordinates", "initialCoordinates", "initialCoordinates_t"), [0.0])
     node = own.mbs.AddNode(NodeGenericODE2(numberOfODE2Coordinates=1, **zero))
@@ -147,7 +120,7 @@ def test_pads_that_only_push_lift_off_there_too() -> None:
     chirp = Chirp(amplitude=4e4, times=(0.0, 0.1), frequencies=(5.0, 30.0), phase=1.0)
     loads = {name: chirp if name.endswith("F") else Constant(amount=9.81) for name in system.input_names}
     excitation = Excitation({"1": SmoothRamp(times=(0.0, 0.1), values=(1.2, 1.35))}, loads, replace(STEPPING, parts=1))
-    own, start = Own(), systems.static_start(system, excitation)
+    own, start = OwnSystem(STEPPING), systems.static_start(system, excitation)
     items = add_system(own.mbs, system, excitation.paths, loads, start)
     sensors = add_sensors(own.mbs, items)
     q, forces = own.solve(own.coordinates(items.nBodies["1"]), sensors.sForces)
@@ -165,6 +138,6 @@ def test_what_is_refused(system: System, excitation: Excitation) -> None:
         ({"1": Constant(amount=99.0)}, loads, "place = 99"),
     ):
         with pytest.raises(InputError, match=says):
-            add_system(Own().mbs, system, given, driving)
+            add_system(OwnSystem(STEPPING).mbs, system, given, driving)
     with pytest.raises(InputError, match="knows no rows that give way"):
-        add_system(Own().mbs, system, paths, loads, formulation="callbacks")
+        add_system(OwnSystem(STEPPING).mbs, system, paths, loads, formulation="callbacks")

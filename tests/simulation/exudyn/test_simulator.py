@@ -10,10 +10,10 @@ import numpy as np
 import one_body
 import pytest
 from driving import driven, named
-from exudyn.itemInterface import SensorNode
 from numpy.typing import NDArray
 from one_body import Simulate
 from oracle import flexible, full_body, generalized_alpha, project, started
+from own_mbs import OwnSystem
 
 from pmr.errors import InputError, SimulationError
 from pmr.scene.run_settings import Simulation
@@ -75,26 +75,17 @@ def test_same_as_an_integrator_written_for_the_test(body: SlidingBody, simulate:
     assert found.seconds > 0.0
 
 
-def test_a_single_load_needs_no_list(case: Any, reduced: ReducedModel, simulate: Simulate) -> None:
-    alone, listed = (
-        simulate(reduced, driven(case.path, loads, TimeStepping(0.02, 1e-3))) for loads in (case.load, [case.load])
-    )
-    np.testing.assert_array_equal(alone.q, listed.q)
-    assert np.abs(alone.q).max() > 0.0
-
-
 def test_rows_hold_at_every_step(body: SlidingBody) -> None:
     found = one_body.in_exudyn(body, driven(PATH, LOADS, STEPPING))
     assert np.abs(body.apply_rows(found.s, found.q)).max() < 1e-14
     assert np.abs(found.q).max() > 1e-4
 
 
-@pytest.mark.parametrize("formulation", ["callbacks", "callbacks-modified-newton"])
-def test_callbacks_find_the_same_beam(case: Any, reduced: ReducedModel, formulation: Formulation) -> None:
+def test_modified_newton_finds_the_same_beam(case: Any, reduced: ReducedModel) -> None:
     stepping, path = TimeStepping(0.3, 1e-3), Ramp(times=(0.0, 0.3), values=(1.25, 2.0))
     once, called = (
         one_body.in_exudyn(reduced, driven(path, [case.load], stepping), formulation=way)
-        for way in ("springs", formulation)
+        for way in ("springs", "callbacks-modified-newton")
     )
     w = once.q @ reduced.outputs.T
     assert np.abs(w - called.q @ reduced.outputs.T).max() < 1e-9
@@ -136,7 +127,8 @@ def test_progress_is_told_about_a_hundred_times_and_ends_at_one(rich: FullBody) 
     assert shares == pytest.approx(np.arange(1, 101) / 100)
 
 
-def test_wrong_input_is_refused_before_anything_runs(rich: FullBody, simulate: Simulate) -> None:
+def test_wrong_input_is_refused_before_anything_runs(rich: FullBody) -> None:
+    simulate = one_body.in_exudyn
     with pytest.raises(InputError, match="0 to 4.2 m is allowed; left at t = 0.051 s"):
         simulate(rich, driven(Ramp(times=(0.0, 0.1), values=(4.0, 4.4 + 1e-6)), LOADS, STEPPING))
     with pytest.raises(InputError, match="loads: F given, one for each input is allowed: F, T"):
@@ -191,36 +183,6 @@ def test_nothing_is_printed_or_written(
     assert capfd.readouterr() == ("", "")
 
 
-class OwnSystem:
-    """An Exudyn user's own mbs with solver settings of their own."""
-
-    def __init__(self) -> None:
-        self.container = exu.SystemContainer()
-        self.mbs = self.container.AddSystem()
-        self.nodes: list[Any] = []
-
-    def solve(self, *items: Any) -> list[Array]:
-        """Coordinates (T, n) of each body."""
-        coordinates = exu.OutputVariableType.Coordinates
-        sensors = [
-            self.mbs.AddSensor(SensorNode(nodeNumber=i.nBody, outputVariableType=coordinates, storeInternal=True))
-            for i in items
-        ]
-        self.mbs.Assemble()
-        return self.solve_again(sensors)
-
-    def solve_again(self, sensors: list[Any], solver: Any = None) -> list[Array]:
-        settings = exu.SimulationSettings()
-        settings.solution.file.write = False
-        settings.solution.sensors.writePeriod = STEPPING.step
-        settings.timeIntegration.endTime = STEPPING.end
-        settings.timeIntegration.numberOfSteps = STEPPING.steps
-        settings.timeIntegration.generalizedAlpha.spectralRadius = STEPPING.rho_inf
-        settings.timeIntegration.newton.useModifiedNewton = False
-        self.mbs.SolveDynamic(settings, solverType=solver)
-        return [self.mbs.GetSensorStoredData(sensor)[:, 1:] for sensor in sensors]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("formulation", ["springs", "callbacks"])
 def test_several_bodies_share_a_users_system(body: SlidingBody, formulation: Formulation) -> None:
@@ -228,12 +190,12 @@ def test_several_bodies_share_a_users_system(body: SlidingBody, formulation: For
     other = project(full_body(elements=4), np.eye(15)[:, 2:])
     other_path, other_load = Constant(amount=1.0), Constant(amount=20.0)
     before, after = [], []
-    own = OwnSystem()
+    own = OwnSystem(STEPPING)
     own.mbs.SetPreStepUserFunction(lambda mbs, t: not before.append(t))
     first = add(own.mbs, body, PATH, named(LOADS, body.input_names))
     second = add(own.mbs, other, other_path, {"F": other_load})
     items.add_pre_step_function(own.mbs, lambda mbs, t: not after.append(t))
-    q, q_other = own.solve(first, second)
+    q, q_other = own.solve(own.coordinates(first.nBody), own.coordinates(second.nBody))
     np.testing.assert_allclose(before, STEPPING.times[1:])
     assert after == before
     alone = one_body.in_exudyn(body, driven(PATH, LOADS, STEPPING)).q
@@ -244,9 +206,10 @@ def test_several_bodies_share_a_users_system(body: SlidingBody, formulation: For
 
 
 def test_any_pre_step_function_stops_the_simulation(rich: FullBody) -> None:
-    own = OwnSystem()
+    own = OwnSystem(STEPPING)
     own.mbs.SetPreStepUserFunction(lambda mbs, t: t < 0.05)
-    (q,) = own.solve(simulator.add_sliding_body(own.mbs, rich, PATH, named(LOADS)))
+    body = simulator.add_sliding_body(own.mbs, rich, PATH, named(LOADS))
+    (q,) = own.solve(own.coordinates(body.nBody))
     assert len(q) == 51
 
 
@@ -256,12 +219,12 @@ def test_a_users_own_pre_step_function_never_replaces_the_bodys_in_silence(
 ) -> None:
     """The slider would stay where it is, and the loads as they are."""
     for body in (rich, flexible(rich, 6)):
-        own = OwnSystem()
+        own = OwnSystem(STEPPING)
         simulator.add_sliding_body(own.mbs, body, PATH, named(LOADS, body.input_names), formulation=formulation)
         own.mbs.SetPreStepUserFunction(lambda mbs, t: True)
         own.mbs.Assemble()
         with pytest.raises(ValueError, match=r"SetPreStepUserFunction: .* add_pre_step_function\(mbs, function\)"):
-            own.solve_again([])
+            own.solve_again()
 
 
 def test_solvers_that_a_body_cannot_follow_are_refused(rich: FullBody) -> None:
@@ -269,36 +232,36 @@ def test_solvers_that_a_body_cannot_follow_are_refused(rich: FullBody) -> None:
     explicit = exu.DynamicSolverType.DOPRI5, flexible(rich, 6), "solverType = 'explicit': an implicit one"
     index_2 = exu.DynamicSolverType.TrapezoidalIndex2, rich, r"useIndex2Constraints = True: false \(GeneralizedAlpha\)"
     for solver, body, says in (explicit, index_2):
-        own = OwnSystem()
+        own = OwnSystem(STEPPING)
         simulator.add_sliding_body(own.mbs, body, PATH, named(LOADS, body.input_names))
         own.mbs.Assemble()
         with pytest.raises(ValueError, match=says):
-            own.solve_again([], solver)
-    still = OwnSystem()
+            own.solve_again(solver=solver)
+    still = OwnSystem(STEPPING)
     simulator.add_sliding_body(still.mbs, rich, PATH, named(LOADS))
     still.mbs.Assemble()
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
     with pytest.raises(ValueError, match="SolveStatic: SolveDynamic is allowed"):
         still.mbs.SolveStatic(settings)
-    without_rows = OwnSystem()
+    without_rows = OwnSystem(STEPPING)
     simulator.add_sliding_body(without_rows.mbs, explicit[1], PATH, named(LOADS, explicit[1].input_names))
     without_rows.mbs.Assemble()
-    without_rows.solve_again([], index_2[0])
+    without_rows.solve_again(solver=index_2[0])
 
 
 @pytest.mark.slow
 def test_update_rewinds_for_a_second_solve(rich: FullBody) -> None:
-    own = OwnSystem()
+    own = OwnSystem(STEPPING)
     items = simulator.add_sliding_body(own.mbs, rich, PATH, named(LOADS))
-    (once,) = own.solve(items)
+    (once,) = own.solve(own.coordinates(items.nBody))
     items.update(own.mbs, 0.0)
-    (again,) = own.solve_again([0])
+    (again,) = own.solve_again(0)
     np.testing.assert_array_equal(again, once)
 
 
 def test_items_are_what_their_names_say(rich: FullBody) -> None:
-    own = OwnSystem()
+    own = OwnSystem(STEPPING)
     items = simulator.add_sliding_body(own.mbs, rich, PATH, named(LOADS))
     assert own.mbs.GetNode(items.nBody)["nodeType"] == "GenericODE2"
     assert own.mbs.GetObject(items.oBody)["objectType"] == "GenericODE2"

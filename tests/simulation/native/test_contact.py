@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import gc
-import tracemalloc
 from dataclasses import replace
 from itertools import product
 
@@ -295,23 +293,6 @@ def test_steps_and_observations_are_those_of_the_simulation(body: ReducedModel) 
         forces.append(stepper.multipliers)
     np.testing.assert_allclose(forces, found.multipliers[1:], rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(y, seen.y[-1], atol=1e-13)
-
-
-def test_steps_take_no_memory(few: ReducedModel) -> None:
-    t = STEPPING.times
-    inputs = list(zip(PATH.value(t).tolist(), np.stack([f.value(t) for f in LOADS], axis=1), strict=True))
-    stepper = Stepper(few, step=1e-3, s=inputs[0][0])
-    tracemalloc.start()
-    for at in inputs[1:50]:
-        stepper.step(*at)
-    gc.collect()
-    before = tracemalloc.get_traced_memory()[0]
-    for at in inputs[50:]:
-        stepper.step(*at)
-    gc.collect()
-    grown = tracemalloc.get_traced_memory()[0] - before
-    tracemalloc.stop()
-    assert grown < len(inputs[50:])  # less than a byte a step: what is kept of each takes more
 
 
 def test_what_is_not_settled_is_named(few: ReducedModel) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from shaken_crane import CHANGES, RHO, STEP, shaken_crane
 
 import pmr
 from pmr.errors import InputError
@@ -18,32 +19,16 @@ from pmr.simulation.native.stepper import Stepper
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
-STEP, RHO = 2e-3, 0.9
-#: Raised, slewed and telescoped by some metres within a tenth of the time that the workflow takes, on a truck.
-FAST = (
-    "compare.against=[]",
-    "section.mesh.elements=6",
-    "frame.second_order=true",
-    "frame.luffing.times=[0.0,1.4]",
-    "frame.slewing.times=[-0.2,1.6]",
-    "frame.base.x={kind='sine',amplitude=0.02,frequency=2.0}",
-    "frame.base.rx={kind='sine',amplitude=2.0,frequency=1.5}",
-    "section.joint.extension={kind='smooth_ramp',times=[0.0,0.9],values=[0.6,2.5]}",
-    "time.end=0.1",
-    f"time.step={STEP}",
-)
 
 
 @pytest.fixture(scope="module")
 def system() -> System:
-    return pmr.reduce(pmr.load_scene("crane", [*FAST])).system
+    return shaken_crane()[0]
 
 
 @pytest.fixture(scope="module")
-def frame(system: System) -> MovingFrame:
-    found = MovingFrame.from_system(system)
-    assert found is not None
-    return found
+def frame() -> MovingFrame:
+    return shaken_crane()[1]
 
 
 def given(frame: MovingFrame, excitation: Excitation, t: float) -> dict[str, Any]:
@@ -114,7 +99,7 @@ def test_bad_motions_are_refused(system: System, change: dict[str, Any], says: s
 @pytest.mark.slow
 def test_a_motion_without_second_rates_is_told_once(system: System, frame: MovingFrame, caplog: Any) -> None:
     """As the run has it nothing is said; and a boom that slews goes on beyond a turn."""
-    excitation = Excitation.from_scene(pmr.load_scene("crane", [*FAST]))
+    excitation = Excitation.from_scene(pmr.load_scene("crane", [*CHANGES]))
     for left_out in (False, True):
         stepper = Stepper(system, STEP, **given(frame, excitation, 0.0))
         for k in range(1, 20):

@@ -187,12 +187,6 @@ def test_pages_of_governing_points_say_what_the_boom_does_there(small: StudyResu
     assert found >= 3
 
 
-def test_made_twice_it_is_the_same_to_the_byte(small: StudyResults, folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "scene.toml").write_text(SCENE)
-    finished(tmp_path, STUDY)
-    assert (tmp_path / "chart.csv").read_bytes() == (folder / "chart.csv").read_bytes()
-
-
 def test_cut_off_and_called_again_it_is_the_same_to_the_byte(folder: Path, tmp_path: Path) -> None:
     """By workers: what was there stays, what was not is computed, and the table is that of a chart made at once."""
     (folder / "resumed.toml").write_text(

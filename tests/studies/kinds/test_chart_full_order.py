@@ -32,7 +32,11 @@ LIMITS = [
 
 
 def test_a_planar_telescope_of_soft_sections() -> None:
-    """At 20 places in at least 19, of what all limits allow; the bars are no more than 2 % of the loads."""
+    """At 95 % of the places, of what all limits allow; the bars are no more than 2 % of the loads.
+
+    The last five of 20 places that were drawn beforehand, among which pads govern too; all of them in a full sweep.
+    """
+    count = 20 if os.environ.get("PMR_SWEEP") == "full" else 5
     limits = [
         Limit(name="pads", of="pad", most=40e3),
         Limit(name="tip", of="deflection", most=0.6),
@@ -42,10 +46,10 @@ def test_a_planar_telescope_of_soft_sections() -> None:
     rng = np.random.default_rng(20)
     along = [rng.uniform(0.7, 4.5, 20) for _ in range(2)]
     scene = load_any(TELESCOPE, ["frame.second_order=true"])
-    found = beside(scene, np.column_stack([*along, rng.uniform(0.0, 1.3, 20)]), limits, 1e5)
+    found = beside(scene, np.column_stack([*along, rng.uniform(0.0, 1.3, 20)])[-count:], limits, 1e5)
     governs = np.nanargmin(found.load, axis=1)
-    least, bars = (one[np.arange(20), governs] for one in (found.load, found.error))
-    assert found.agreed.sum() >= 19 and (bars <= 0.02 * least).all() and len(set(governs.tolist())) > 1
+    least, bars = (one[np.arange(count), governs] for one in (found.load, found.error))
+    assert found.agreed.sum() >= 0.95 * count and (bars <= 0.02 * least).all() and len(set(governs.tolist())) > 1
     assert found.inside[found.known].mean() >= 0.95
 
 
