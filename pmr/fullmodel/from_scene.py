@@ -263,7 +263,7 @@ def _matrices(member: Member, comm: MPI.Comm) -> StructuralModel:
 def _mover(member: Member, comm: MPI.Comm) -> StructuralModel:
     """Structural model of a mass that crosses another section."""
     assert member.part.body.mover is not None  # the scene's check
-    return Mover(member.part.body.mover)
+    return Mover(member.part.body.mover, motion_directions(member))
 
 
 _MODELS: dict[str, Callable[[Member, MPI.Comm], StructuralModel]] = {

@@ -368,7 +368,7 @@ def _point_row(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
     """
     if isinstance(model, Mover):
         weights = np.array([0.0, 1.0]).reshape(2, 1, 1)  # linear with a slope of 0, as a row that travels
-        wheel = [[model.size - 1]]
+        wheel = [[model.wheel]]
         return row_on_coordinates(slider.name, model.node_stations - slider.offset, wheel, weights, model.size)
     from pmr.models.beam2d import Beam2D  # its forms need FEniCSx, which given matrices do without
 

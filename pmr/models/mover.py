@@ -1,4 +1,4 @@
-r"""Mass that crosses another section on a wheel: one or two vertical displacements.
+r"""Mass that crosses another section on a wheel: one or two vertical displacements, and one along the section.
 
 .. math::
     m\, \ddot z + d\, (\dot z - \dot u) + k\, (z - u) = f, \qquad
@@ -6,7 +6,8 @@ r"""Mass that crosses another section on a wheel: one or two vertical displaceme
 
 z is the displacement of the mass m, on which loads f act; u is that of the wheel :math:`m_w`, which presses on the
 section under it with the force :math:`-\lambda`; k and d are the spring and the damper between them.  Without a
-stiffness there is one displacement, of mass and wheel together.  L. Fryba: Vibration of Solids and Structures under
+stiffness there is one displacement, of mass and wheel together.  Along a section that has displacements along its axis
+mass and wheel have one together, which the drive holds.  L. Fryba: Vibration of Solids and Structures under
 Moving Loads, 3rd ed., 1999, chapters 1, 2 and 8.
 """
 
@@ -26,28 +27,35 @@ from pmr.scene.structures import MoverBody
 
 @dataclass(frozen=True)
 class Mover:
-    """Structural model of a mover, whose coordinates are [z, u], or z alone without a stiffness."""
+    """Structural model of a mover with the coordinates [z, u], or z alone without a stiffness, and x if it has it."""
 
     body: MoverBody
-    directions: tuple[str, ...] = ("z",)
+    directions: tuple[str, ...] = ("z",)  # or x, z
+
+    @property
+    def wheel(self) -> int:
+        """Number of the wheel's coordinate along z."""
+        return 0 if self.body.stiffness == "rigid" else 1
 
     @property
     def size(self) -> int:
-        """Number of coordinates, 1 or 2."""
-        return 1 if self.body.stiffness == "rigid" else 2
+        """Number of coordinates, 1 to 3."""
+        return self.wheel + len(self.directions)
 
     @property
     def M(self) -> sp.csr_matrix:
         """Mass (n, n) in kg."""
         mass, wheel = self.body.mass, self.body.wheel_mass
-        return sp.csr_matrix(np.diag([mass, wheel] if self.size == 2 else [mass + wheel]))
+        along = [mass + wheel] * (len(self.directions) - 1)
+        return sp.csr_matrix(np.diag([*([mass, wheel] if self.wheel else [mass + wheel]), *along]))
 
     @property
     def K(self) -> sp.csr_matrix:
         """Stiffness (n, n) in N/m."""
-        if self.body.stiffness == "rigid":
-            return sp.csr_matrix((1, 1))
-        return sp.csr_matrix(self.body.stiffness * np.array([[1.0, -1.0], [-1.0, 1.0]]))
+        K = np.zeros((self.size, self.size))
+        if self.body.stiffness != "rigid":
+            K[:2, :2] = self.body.stiffness * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        return sp.csr_matrix(K)
 
     @property
     def reference_frequency(self) -> float:
@@ -60,11 +68,16 @@ class Mover:
         return np.array([0.0, self.body.length])
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:
-        """Rows (p, n) of the displacement z, which is that of all places."""
-        return sp.csr_matrix(np.tile(np.eye(1, self.size), (len(places), 1)))
+        """Rows (p t, n) of the displacements of the mass, which are those of all p places, along its t `directions`."""
+        return sp.csr_matrix(np.tile(np.eye(self.size)[self._of_mass], (len(places), 1)))
+
+    @property
+    def _of_mass(self) -> list[int]:
+        """Numbers of the coordinates of the mass along its `directions`."""
+        return [0 if axis == "z" else self.size - 1 for axis in self.directions]
 
     def motion(self, place: str | float, about: Array | None = None) -> sp.csr_matrix:
-        """Row (1, n) of the displacement z, the same for every `place`; `about` is not used."""
+        """Rows (t, n) of the displacements, the same for every `place`; `about` is not used."""
         return self.displacement(place)
 
     def centroid(self, place: str | float) -> Array:
@@ -79,9 +92,10 @@ class Mover:
         raise InputError("scene", "pads.on", face, "a point, without faces, is allowed on a mover")
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Number of the coordinate z if `directions` have z, else no number; the same for every `place`."""
-        return np.arange(int("z" in directions))
+        """Numbers of the mass's coordinates along those of the `directions` that it has, the same for every `place`."""
+        return np.array([k for k, axis in zip(self._of_mass, self.directions, strict=True) if axis in directions], int)
 
     def rigid_motions(self) -> Array:
-        """Coordinates (n, 1) under a unit translation along z."""
-        return np.ones((self.size, 1))
+        """Coordinates (n, t) under unit translations along the t `directions`."""
+        along = np.arange(self.size) > self.wheel
+        return np.stack([along if axis == "x" else ~along for axis in self.directions], axis=1).astype(float)

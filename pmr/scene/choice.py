@@ -84,8 +84,9 @@ def has_walls_that_could_give(member: Member) -> bool:
 
 def motion_directions(member: Member) -> tuple[Direction, ...]:
     """Return those of x, y, z, rx, ry, rz along or about which points of a body can move in its model."""
-    if model_of(member) == "mover":
-        return ("z",)
+    if model_of(member) == "mover":  # along the boom it moves with the section that carries it
+        carrier = motion_directions(Member(member.scene, member.number - 1)) if member.number else ()
+        return ("x", "z") if "x" in carrier else ("z",)
     if not is_planar(member):
         return ("x", "y", "z", "rx", "ry", "rz")
     profile = member.part.body.profile

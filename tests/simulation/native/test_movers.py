@@ -21,6 +21,7 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 
+ENDS = ("tail", "tip")
 LENGTH, EI, MASS, FORCE = 20.0, 1e9, 1000.0, 1e4  # m, N m^2, kg/m, N
 #: Lowest circular frequency in rad/s, and the speed in m/s at which half its period takes as long as the crossing.
 FIRST = (np.pi / LENGTH) ** 2 * np.sqrt(EI / MASS)
@@ -30,8 +31,10 @@ STATIC = FORCE * LENGTH**3 / (48.0 * EI)  # m: of the force at midspan
 
 def crossing(inner: Mapping[str, Any], path: Mapping[str, Any] | float, end: float, **more: Any) -> Scene:
     """Scene of a body that crosses a beam on two supports."""
-    supports = [{"on": on, "kind": "roller"} for on in more.pop("held", ("tail", "tip"))]
+    axial = {"axial": True, "axial_stiffness": 1e9} if more.pop("axial", False) else {}
+    supports = [{"on": on, "kind": "pinned" if axial and on == "tail" else "roller"} for on in more.pop("held", ENDS)]
     profile = {"length": LENGTH, "bending_stiffness": EI, "mass_per_length": MASS, "tension": more.pop("tension", 0.0)}
+    profile |= axial
     beam = {"name": "beam", "body": {"profile": profile}, "mesh": {"elements": 40}, "supports": supports}
     beam |= {"observe": {"start": 10.0, "end": 20.0, "count": 2}, "reduction": {"coordinates": 12}}
     joint = {"extension": path} | inner.pop("joint")  # type: ignore[attr-defined]
@@ -210,6 +213,23 @@ def test_a_wheel_that_only_pushes_lifts_off_and_lands() -> None:
 def test_a_wheel_with_play_runs_in_a_rail() -> None:
     held = [reduced_motion(mover(5.0, 0.01, {"mass": 1.0}, steps=2, pushes=True, clearance=x)) for x in (0.0, 0.01)]
     assert [of.forces.shape[1] for of in held] == [1, 2]
+
+
+@pytest.mark.parametrize("stiffness", [2e6, "rigid"])
+def test_a_vehicle_on_a_slope_passes_its_weight_on_to_the_bridge(stiffness: float | str) -> None:
+    """The drive has the weight along the slope and what accelerates the vehicle, the wheel has the weight across."""
+    times = np.linspace(0.0, 2.0, 5)
+    go = {"kind": "table", "times": times.tolist(), "values": (5.0 + times**2).tolist()}
+    body = {"mass": 4000.0, "wheel_mass": 500.0, "stiffness": stiffness}
+    wheel = {"tail": [{"at": 0.0, "stiffness": 1e9}]}
+    weight = {"acceleration": 10.0, "inclination": 30.0, "rise": 0.0}
+    inner = {"body": {"mover": body}, "joint": wheel}
+    scene = crossing(inner, go, 1.0, steps=100, start="equilibrium", gravity=weight, axial=True)
+    system, excitation = pmr.reduce(scene).system, Excitation.from_scene(scene)
+    forces = systems.simulate(system, excitation, start(scene, system, excitation)).forces
+    driven = forces[:, [contact.name for contact in system.contacts].index("cylinder of mover")]
+    assert driven == pytest.approx(4500.0 * (5.0 + 2.0) * np.ones(101), rel=1e-9)
+    assert forces[0].max() == pytest.approx(4500.0 * 10.0 * np.sqrt(0.75), rel=1e-9)
 
 
 def carriage(*wheels: float, x: float, stiffness: float | str = "rigid", **more: Any) -> Scene:
