@@ -237,7 +237,7 @@ def _check_mover(member: Member) -> None:
     if part.body.walls == "give":
         raise scene_error("body.walls", "give", "'rigid' is allowed on a mover, which has no walls")
     if member.frame is not None:
-        raise scene_error("frame", None, "none is allowed beside a mover, which has no axial motion")
+        raise scene_error("frame", None, "none is allowed beside a mover, whose motion in a frame is not computed")
     if member.scene.recovery is not None:
         raise scene_error("recovery", None, "none is allowed beside a mover, which has no cells to draw")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -15,8 +15,10 @@ import pmr
 from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
+from pmr.scene.signals import Constant
 from pmr.simulation import Excitation, exudyn
 from pmr.simulation.native import systems
+from pmr.system.contacts import Contact, Place
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -315,3 +317,60 @@ def test_a_mover_that_can_not_be_is_refused(change: dict[str, Any], said: str) -
 def test_a_wheel_that_leaves_the_beam_is_refused() -> None:
     with pytest.raises(InputError, match="all of a pad has to be on it"):
         mover(path(1.0, 0.0, 21.0), 1.0, {"mass": 1.0})
+
+
+def on_rail(rail: Mapping[str, Any], body: Mapping[str, Any], faces: Mapping[str, Any], **more: Any) -> Scene:
+    """Scene of a carriage of 4 m with short pads 0.5 m from its ends that is 6 m from the tail of a rail."""
+    pad = {"length": 0.01, "width": 0.01, "unilateral": False, "stiffness": 2e3, "faces": faces}
+    tail = [{"name": name, "at": at} | pad for name, at in (("rear", 0.5), ("front", 3.5))]
+    go = {"kind": "ramp", "times": [0.0, 0.002], "values": [6.0, 6.002]}
+    joint = {"extension": go, "tail": tail}
+    carriage = {"name": "carriage", "joint": joint, "observe": {"start": 0.5, "end": 3.5}} | body | more
+    sections = [{"name": "rail", "observe": {"start": 1.0, "end": 19.0}} | rail, carriage]
+    time = {"end": 0.002, "step": 1e-3}
+    return Scene.model_validate({"title": "Rail", "time": time, "start": "rest", "sections": sections})
+
+
+@pytest.mark.slow
+def test_four_wheels_on_two_rails_in_space_bear_what_statics_say() -> None:
+    """Two planar beams that bend by themselves, under a rigid carriage with a load off its middle and a moment."""
+    EI, k = 100.0, 2e3
+    profile = {"bending_stiffness": EI, "mass_per_length": 10.0}
+    box = {"width": 1.4, "height": 0.5, "wall": 0.05}
+    ends = [{"kind": "roller"}, {"on": "tip", "kind": "roller"}]
+    beam = {"body": {"profile": {"length": LENGTH} | profile}, "mesh": {"elements": 40}, "supports": ends}
+    car = {"body": {"profile": {"length": 4.0} | profile}, "reduction": {"coordinates": 3}}
+    rail = pmr.reduce(on_rail(beam, car, {"bottom": [0.0]})).system.bodies["rail"]
+    boxes = [
+        {"body": {"box": box | {"length": x}, "material": {"young": 2e12}, "model": "beam3d"}} for x in (LENGTH, 4.0)
+    ]
+    held = [{"directions": ["x", "y", "z", "rx"]}, {"on": "tip", "directions": ["y", "z"]}]
+    loads = [
+        {"name": "force", "on": 3.0, "signal": -1000.0},
+        {"name": "moment", "on": 3.0, "direction": "rx", "signal": 200.0},
+    ]
+    faces = {"bottom": [-0.6, 0.6], "left": [0.0]}
+    scene = on_rail(boxes[0] | {"supports": held}, boxes[1], faces, loads=loads, reduction={"coordinates": 8})
+    bodies = {"right": rail, "left": rail, "carriage": pmr.reduce(scene).system.bodies["carriage"]}
+    wheels = [(side, at) for side in ("right", "left") for at in (0.5, 3.5)]
+    contacts = [
+        Contact(
+            f"{side} {at}",
+            Place("carriage", f"pads 1 bottom {side}", at),
+            Place(side, "pads 1 bottom", at, path="carriage"),
+            compliance=1.0 / k,
+        )
+        for side, at in wheels
+    ]
+    guides = [Contact(f"guide {at}", Place("carriage", "pads 1 left", at), compliance=1.0 / k) for at in (0.5, 3.5)]
+    system = System(bodies, (*contacts, *guides, Contact("drive", Place("carriage", "tail x", 0.5))))
+    excitation = Excitation.from_scene(scene)
+    still = dict.fromkeys(system.input_names, Constant(amount=0.0))
+    excitation = replace(excitation, loads={name: excitation.loads.get(name, still[name]) for name in still})
+    forces = systems.simulate(system, excitation, systems.static_start(system, excitation)).forces[0]
+    x = np.array([6.5, 9.5])
+    A = np.kron(np.eye(2), compliance(x) * 1e9 / EI + np.eye(2) / k)
+    rigid = np.array([[1.0, at, -0.6 if side == "right" else 0.6] for side, at in wheels])
+    full = np.block([[A, rigid], [rigid.T, np.zeros((3, 3))]])
+    expected = np.linalg.solve(full, [0.0, 0.0, 0.0, 0.0, 1000.0, 3000.0, -200.0])[:4]
+    assert forces[:4] == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
