@@ -199,8 +199,8 @@ def slide_pads(
     ----------
     stiffness : (n,) array, N/m
         Stiffness of each pad along the boom while it sticks.
-    laws : (n, 3) array
-        Constants of the pads' laws of friction (`pmr.system.contacts.friction_law`).
+    laws : (n, l) array
+        Constants of the pads' laws of friction (`pmr.system.contacts.friction_law`), as many as the kernel takes.
     forces, old : (n,) arrays, N
         Forces of the pads, and their friction at the end of the last step (`pmr.system.contacts`).
     displacement, speed : float
@@ -208,6 +208,8 @@ def slide_pads(
     cylinder : JointCylinder
         The joint's cylinder, which gives way to the friction.
     """
+    if np.shape(laws) != (len(old), lib.PMR_LAW):
+        raise ValueError(f"{lib.PMR_LAW} constants of each of {len(old)} pads are allowed, not {np.shape(laws)}")
     arrays = [np.ascontiguousarray(array, float) for array in (stiffness, laws, forces, old)]
     limits, new = np.zeros((2, len(old)))
     joint = ffi.new("pmr_cylinder *", cylinder._asdict())

@@ -45,6 +45,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import ufl
 
+from pmr.errors import InputError
 from pmr.fem.compat import cellwise, constant, rule_points, shell_space
 from pmr.files.arrays import Array
 from pmr.models import Forms, UnitState
@@ -254,7 +255,8 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
         if body.box.frames:
             regions["frames"] = Plate(material=body.material, thickness=body.box.frame_plate_thickness)
     else:
-        assert body.thickness is not None  # the scene's check
+        if body.thickness is None:
+            raise InputError("scene", "body.thickness", None, "a thickness in m is needed for a shell that is read")
         plate, regions = Plate(material=body.material, thickness=body.thickness), {}
     for name, region in body.regions.items():
         thickness = region.thickness or regions.get(name, plate).thickness

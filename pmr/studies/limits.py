@@ -404,7 +404,8 @@ class Limit(SceneTable):
 
     def _unknown_name(self, names: Sequence[str]) -> InputError:
         """Return the error for a name in ``which`` that `names` lack; empty `names`: the scene has nothing to limit."""
-        allowed = f"names among {', '.join(names)} are allowed" if names else f"the scene has no {self.of} to look at"
+        no_such = f"the scene has no {self.of}{' of this name' if self.which else ''}"
+        allowed = f"names among {', '.join(names)} are allowed" if names else no_such
         return InputError("study", f"limits.{self.name}.which", ", ".join(self.which), allowed)
 
 

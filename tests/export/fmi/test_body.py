@@ -295,7 +295,7 @@ def test_a_state_returns_bit_for_bit(made: Made) -> None:
 def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
     """Rows as springs, K + C^T F^-1 C; of those that push, where they are pressed on."""
     if made.model.flexibility is None:
-        with pytest.raises(CallError, match="rigid rows or friction leave no differential equation"):
+        with pytest.raises(CallError, match="leave no differential equation"):
             Instance(made.library, model_exchange=True)
         return
     body, values = modal_form(made.model).body, made.names()[0]

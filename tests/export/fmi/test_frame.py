@@ -214,7 +214,7 @@ def test_the_tip_is_where_it_is_in_space(made: Made) -> None:
 def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
     """M q'' = B f - D q' - K q - sum c (V q' + G q) - C^T lambda, lambda of springs, in NumPy."""
     if not made.drivers.is_differential:
-        with pytest.raises(CallError, match="rigid rows or friction leave no differential equation"):
+        with pytest.raises(CallError, match="leave no differential equation"):
             Instance(made.library, model_exchange=True)
         return
     rng, system, assembly = np.random.default_rng(5), made.system, Assembly(made.system)

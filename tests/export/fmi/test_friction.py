@@ -179,5 +179,5 @@ def test_derivatives_leave_friction_as_it_is(made: Made) -> None:
 def test_model_exchange_refuses_friction(made: Made) -> None:
     """Its state is no integral of a rate."""
     assert Friction.from_contacts(made.system.contacts) is not None
-    with pytest.raises(CallError, match="friction leave no differential equation: Co-Simulation is allowed"):
+    with pytest.raises(CallError, match="leave no differential equation: Co-Simulation is allowed"):
         Instance(made.library, model_exchange=True)

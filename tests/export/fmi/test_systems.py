@@ -191,7 +191,7 @@ def test_a_contact_that_gives_way_by_round_off_leaves_no_differential_equation(n
 def test_model_exchange_has_the_equations_of_motion(made: Made) -> None:
     """Contacts as springs, K + C^T F^-1 C, at places where a section slides on two others."""
     if not Drivers.of(made.system).is_differential:
-        with pytest.raises(CallError, match="rigid rows or friction leave no differential equation"):
+        with pytest.raises(CallError, match="leave no differential equation"):
             Instance(made.library, model_exchange=True)
         return
     rng, system, assembly = np.random.default_rng(5), made.system, Assembly(made.system)
