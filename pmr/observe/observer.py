@@ -87,6 +87,8 @@ class Parameter:
     sensitivity: Array  # (T, q): what the change makes of the outputs (`output_sensitivity`)
     deviation: float = 1.0  # standard deviation, in units of the change
     estimated: bool = True  # False: it widens bands alone, as the sensors would not tell its true value
+    mean: float = 0.0  # its expected value, such as that of a friction, which is never negative
+    per_kilogram: Array | None = None  # (T, q): growth of the sensitivity with 1 kg of the estimated payload
 
 
 @dataclass(frozen=True)
@@ -187,9 +189,10 @@ class Observer:
                 allowed = "0 is allowed with a specific force, which includes it"
                 raise InputError("observe", "payload.gravity", self.payload.gravity, allowed)
         for parameter in self.parameters:
-            if parameter.sensitivity.shape != self.model.reference.shape:
-                allowed = f"a sensitivity {self.model.reference.shape} is allowed"
-                raise InputError("observe", f"parameters.{parameter.name}", parameter.sensitivity.shape, allowed)
+            for values in (parameter.sensitivity, parameter.per_kilogram):
+                if values is not None and values.shape != self.model.reference.shape:
+                    allowed = f"an array {self.model.reference.shape} of sensitivities is allowed"
+                    raise InputError("observe", f"parameters.{parameter.name}", values.shape, allowed)
 
     @property
     def unknowns(self) -> tuple[str, ...]:
@@ -290,6 +293,7 @@ class _Filter:
         deviations += [parameter.deviation for parameter in observer.parameters]
         deviations += [sensors[k].bias for k in self.biased] + [sensors[k].gain for k in self.scaled]
         self.x, self.P = np.zeros(N), np.zeros((N, N))
+        self.x[self.of_parameters] = [parameter.mean for parameter in observer.parameters]
         self.P[range(n, N), range(n, N)] = np.array([*deviations, *[1.0] * len(self.off)]) ** 2
         equilibrium = np.eye(N)  # the boom stands in equilibrium with what is not known
         equilibrium[:n, self.of_loads] = model.start[:, self.load_columns]
@@ -351,6 +355,8 @@ class _Filter:
         rows[:, n : self.of_payload.stop] = self._load_rows(model.D[k])
         for j, parameter in enumerate(observer.parameters):
             rows[:, self.of_parameters.start + j] = parameter.sensitivity[k]
+            if parameter.per_kilogram is not None:
+                rows[:, self.of_parameters.start + j] += self.x[self.of_payload].sum() * parameter.per_kilogram[k]
         if payload is not None:
             self.lift = self._lift_at(k)
             rows[:, n : self.of_payload.stop] = self._load_rows(model.D[k])

@@ -110,6 +110,21 @@ def test_a_payload_is_told_by_specific_force_as_by_acceleration() -> None:
         Observer(feeling, [force], payload=Payload("push", felt, 20.0))
 
 
+def test_a_parameter_with_a_mean_grows_with_the_estimated_payload() -> None:
+    """It changes the tip alone, which is not measured: mean and variance of the tip are those without it and its own."""
+    model, rng = oscillator(60), np.random.default_rng(2)
+    data = measured(model, weight(model, 12.0, rng), np.array([0.02, 0.0, 20.0]), rng, (OUTPUTS[0], OUTPUTS[2]))
+    sensors, payload = [Sensor(OUTPUTS[0], 0.02), Sensor(OUTPUTS[2], 20.0)], Payload("push", OUTPUTS[0], 20.0)
+    change, growth = np.zeros((2, 60, 3))
+    change[:, 1], growth[:, 1] = 1e-3 * rng.standard_normal((2, 60))
+    softer = Parameter("friction", change, 0.3, estimated=False, mean=0.5, per_kilogram=growth)
+    plain, ours = (Observer(model, sensors, (), payload, of).run(data) for of in ((), [softer]))
+    change_of_tip = change[1:, 1] + plain.of("payload")[0][:-1] * growth[1:, 1]  # by the payload before the step
+    (mean, deviation), (plain_mean, plain_deviation) = (each.of("tip") for each in (ours, plain))
+    np.testing.assert_allclose((mean - plain_mean)[1:], 0.5 * change_of_tip, rtol=1e-8, atol=1e-15)
+    np.testing.assert_allclose(deviation[1:] ** 2, plain_deviation[1:] ** 2 + (0.3 * change_of_tip) ** 2, rtol=1e-8)
+
+
 @pytest.mark.slow
 def test_a_payload_has_no_bias_where_innovations_are_not_white() -> None:
     """An accelerometer whose noise is overstated 50 times tells next to nothing, and does not move the payload."""
