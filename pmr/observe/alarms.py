@@ -11,6 +11,11 @@ from pmr.files.arrays import Array
 
 #: Seconds over which innovations are averaged for alarms, and mean square of normalised ones that raises an alarm.
 WINDOW, ALARM = 0.4, 6.0
+#: Seconds before an alarm from which measurements are filtered again without each sensor, and last seconds of them in
+#: which innovations are averaged then.
+REPLAYED, JUDGED = 0.8, 0.2
+#: Mean square of innovations below which sensors agree, and ratio by which it is larger without a sensor that is right.
+AGREED, APART = 3.0, 2.0
 #: Seconds in which a sensor that vibrates does not have one and the same value.
 STUCK = 0.25
 #: Seconds without a measurement, and multiple of the sensor's median interval, beyond which a sensor is silent.

@@ -22,6 +22,7 @@ identification*, 2012.)
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -31,7 +32,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.observe.alarms import ALARM, InnovationTest, find_silent, find_stuck
+from pmr.observe.alarms import AGREED, ALARM, APART, JUDGED, REPLAYED, InnovationTest, find_silent, find_stuck
 from pmr.observe.linear import SPECIFIC_FORCE, LinearMotion
 
 #: Innovation over its standard deviation from which a measurement counts less: its variance is enlarged to this bound.
@@ -341,13 +342,18 @@ class _Filter:
         return of_loads[:, model.input_number(payload.input)] * -acceleration * float(self.x[self.of_payload][0])
 
     def update(
-        self, k: int, measured: Array, present: NDArray[np.bool_], doubted: NDArray[np.bool_] | bool = False
+        self,
+        k: int,
+        measured: Array,
+        present: NDArray[np.bool_],
+        doubted: NDArray[np.bool_] | bool = False,
+        excluded: NDArray[np.bool_] | bool = False,
     ) -> Array:
         """Correct the state by measurements (p,) at step k; return innovations (p,) over their standard deviations.
 
         Only measurements in the mask `present` (p,) are used; the innovations of others are NaN.  One whose innovation
         is beyond `GATE` counts with a larger variance, or not at all if the sensor is `doubted` (p,) or the innovation
-        beyond `REFUSED`.
+        beyond `REFUSED`.  Those of sensors that are `excluded` (p,) have innovations, but are not used.
         """
         observer, model = self.observer, self.observer.model
         n, rows, payload = self.n, self.rows, observer.payload
@@ -372,7 +378,7 @@ class _Filter:
         variances = np.sum((H @ self.P) * H, axis=1) + self.noise**2
         gaps = np.where(np.isfinite(measured), measured, expected) - expected
         innovations[present] = (gaps / np.sqrt(variances))[present]
-        used = np.nonzero(np.abs(innovations) <= np.where(doubted, GATE, REFUSED))[0]
+        used = np.nonzero((np.abs(innovations) <= np.where(doubted, GATE, REFUSED)) & ~np.asarray(excluded))[0]
         if len(used):
             H, gap = H[used], gaps[used]
             PH = self.P @ H.T
@@ -406,11 +412,39 @@ class _Filter:
         rough = model.B[k][:, self.load_columns] * self.rough
         self.P[:n, :n] += rough @ rough.T
 
+    def isolate(self, k: int, values: Array, earlier: tuple[Array, Array], excluded: NDArray[np.bool_]) -> int | None:
+        """Number of the sensor without which all others agree with the model, and the state without it; or None.
+
+        The measurements (t, p) of the steps up to k are filtered again from the `earlier` state, once without each
+        sensor that is not `excluded`.  A sensor is at fault if the largest mean square of the others' innovations is
+        below `AGREED` without it, and at least `APART` times as large without any other one.  If none is, the state
+        stays.
+        """
+        trials, present = list[tuple[float, int, Array, Array]](), (self.x, self.P)
+        judged = max(1, round(JUDGED / self.h))
+        for j in np.nonzero(~excluded)[0]:
+            without, squares = excluded | (np.arange(len(excluded)) == j), np.zeros(values.shape)
+            self.x, self.P = earlier[0], earlier[1].copy()
+            for i, measured in enumerate(values, k + 1 - len(values)):
+                innovations = self.update(i, measured, np.isfinite(measured), False, without)
+                squares[i - k - 1] = np.minimum(np.nan_to_num(innovations) ** 2, 1e3)
+                if i < k:
+                    self.predict(i)
+            level = squares[-judged:].mean(axis=0)[~without].max(initial=np.inf if without.all() else 0.0)
+            trials.append((float(level), int(j), self.x, self.P))
+        trials.sort(key=lambda trial: trial[0])
+        self.x, self.P = present
+        if trials[0][0] > AGREED or (len(trials) > 1 and trials[1][0] < APART * trials[0][0]):
+            return None
+        _, sensor, self.x, self.P = trials[0]
+        return sensor
+
     def run(self, values: Array) -> Estimates:
         """Estimates from measurements (T, p) at the steps of the model, NaN where there is none.
 
         Measurements of a sensor that is stuck are not used.  A sensor has an alarm where it is stuck or silent.  It has
-        one, and is doubted, where the mean square of its innovations is large (`pmr.observe.alarms`).
+        one, and is doubted, where the mean square of its innovations is large (`pmr.observe.alarms`).  A sensor that is
+        found at fault then (`isolate`) is excluded, and has an alarm, until the end.
         """
         observer, model = self.observer, self.observer.model
         T, q = model.reference.shape
@@ -418,11 +452,19 @@ class _Filter:
         unknown, unknown_deviation = np.zeros((2, T, self.unknown.stop - self.unknown.start))
         innovations, alarms = np.full(values.shape, np.nan), np.zeros(values.shape, bool)
         stuck, silent = find_stuck(values, self.h), find_silent(values, self.h)
-        test = InnovationTest(np.ones(values.shape[1]), self.h)
+        test, values = InnovationTest(np.ones(values.shape[1]), self.h), np.where(stuck, np.nan, values)
+        excluded, due, wait = np.zeros(values.shape[1], bool), 0, JUDGED / 4.0
+        past = deque[tuple[Array, Array]](maxlen=max(1, round(REPLAYED / self.h)))
         for k in range(T):
-            usable = np.isfinite(values[k]) & ~stuck[k]
-            innovations[k] = self.update(k, values[k], usable, test.level > ALARM)
-            alarms[k] = test.update(innovations[k]) | stuck[k] | silent[k]
+            past.append((self.x, self.P.copy()))
+            innovations[k] = self.update(k, values[k], np.isfinite(values[k]), test.level > ALARM, excluded)
+            alarms[k] = test.update(innovations[k]) | stuck[k] | silent[k] | excluded
+            if k >= due and (test.level > ALARM)[~excluded].any():
+                at_fault = self.isolate(k, values[k + 1 - len(past) : k + 1], past[0], excluded)
+                due, wait = k + max(1, round(wait / self.h)), min(2.0 * wait, REPLAYED)
+                if at_fault is not None:
+                    excluded[at_fault] = alarms[k, at_fault] = True
+                    test.level[~excluded], wait = 1.0, JUDGED / 4.0
             mean[k], variance = self.outputs(k)
             deviation[k] = np.sqrt(variance)
             unknown[k] = self.x[self.unknown]

@@ -111,7 +111,7 @@ def test_a_payload_is_told_by_specific_force_as_by_acceleration() -> None:
 
 
 def test_a_parameter_with_a_mean_grows_with_the_estimated_payload() -> None:
-    """It changes the tip alone, which is not measured: mean and variance of the tip are those without it and its own."""
+    """It changes the tip alone, which is not measured: mean and variance are those without it, and its own."""
     model, rng = oscillator(60), np.random.default_rng(2)
     data = measured(model, weight(model, 12.0, rng), np.array([0.02, 0.0, 20.0]), rng, (OUTPUTS[0], OUTPUTS[2]))
     sensors, payload = [Sensor(OUTPUTS[0], 0.02), Sensor(OUTPUTS[2], 20.0)], Payload("push", OUTPUTS[0], 20.0)
@@ -213,6 +213,29 @@ def test_a_wrong_unit_does_not_move_the_payload() -> None:
     without, estimates = (observer.run({**data, OUTPUTS[2]: (t, values)}) for values in (gone, wrong))
     assert estimates.alarms[at + 5 :, 1].all()
     np.testing.assert_allclose(estimates.of("payload")[0], without.of("payload")[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["bias", "gain", "noise"])
+def test_a_faulty_accelerometer_drags_nothing(kind: str) -> None:
+    """From the alarm on, estimates are those without its last 0.8 s, which began before the fault."""
+    model, rng, at = oscillator(330), np.random.default_rng(3), 200
+    noise, sensors = (
+        np.array([0.05, 1e-3, 3.0]),
+        [Sensor(OUTPUTS[0], 0.05), Sensor(OUTPUTS[1], 1e-3), Sensor(OUTPUTS[2], 3.0)],
+    )
+    data = measured(model, history(model, 60.0 * rng.standard_normal(330)), noise, rng)
+    observer, (t, good) = Observer(model, sensors, [UnknownLoad("push", 60.0, 1e-3)]), data[OUTPUTS[0]]
+    gone, wrong = good.copy(), good.copy()
+    size = 5.0 * np.std(good)
+    wrong[at:] = {"bias": good + 0.3 * size, "gain": 6.0 * good, "noise": good + size * rng.standard_normal(330)}[kind][
+        at:
+    ]
+    estimates = observer.run({**data, OUTPUTS[0]: (t, wrong)})
+    told = at + int(np.argmax(estimates.alarms[at:, 0]))
+    gone[told + 1 - round(0.8 / H) :] = np.nan
+    without = observer.run({**data, OUTPUTS[0]: (t, gone)})
+    assert told < at + 20 and estimates.alarms[told:, 0].all() and not estimates.alarms[told + 1 :, 1:].any()
+    np.testing.assert_allclose(estimates.of("tip")[0][told:], without.of("tip")[0][told:], rtol=1e-8, atol=1e-12)
 
 
 def test_sensors_have_rates_of_their_own() -> None:
