@@ -20,14 +20,18 @@ from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import check_scene
 from pmr.scene.frame import Frame
+from pmr.scene.hoist import WINCH_PULLS, Hoist
 from pmr.scene.mechanism import CYLINDER, pin_and_cylinder
 
 Array = NDArray[np.float64]
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
-def random_stand(seed: int) -> Scene:
-    """Scene of a short run of a random crane on a machine with three to six outriggers, on a slope or a shaken base."""
+def random_stand(seed: int, hoists: bool = False) -> Scene:
+    """Scene of a short run of a random crane on a machine with three to six outriggers, on a slope or a shaken base.
+
+    One that `hoists` stands level and at rest, with the winch on the machine.
+    """
     rng, scene = np.random.default_rng([seed, 512]), random_crane(seed)
     planar = scene.sections[0].body.model == "beam2d"
     frame = {"unit": "degrees", "second_order": bool(rng.random() < 0.5), "pivot": [0.0, 0.0, 0.0]}
@@ -45,7 +49,7 @@ def random_stand(seed: int) -> Scene:
     else:
         frame["pivot"] = [float(rng.uniform(-0.4, 0.8)), 0.0, float(rng.uniform(-0.3, 0.3))]
     sway = {"kind": "sine", "amplitude": float(rng.uniform(0.2, 1.0)), "frequency": float(rng.uniform(0.3, 1.5))}
-    if rng.random() < 0.5:
+    if rng.random() < 0.5 and not hoists:
         frame["base"] = {"ry": sway, "x": sway | {"amplitude": 0.01}, "z": sway | {"amplitude": 0.004}}
         frame["base"] |= {} if planar else {"rx": sway, "rz": sway, "y": sway | {"amplitude": 0.01}}
     angle = 2.0 * np.pi * (np.arange(n := int(rng.integers(3, 7))) + rng.uniform(-0.3, 0.3, n)) / n
@@ -53,7 +57,7 @@ def random_stand(seed: int) -> Scene:
     mass = 1.5e3 * reach * float(rng.uniform(0.5, 1.5))
     frame["ground"] = {
         "height": float(rng.uniform(0.5, 2.5)),
-        "slope": [0.0, 0.0] if "base" in frame else [float(rng.uniform(-3.0, 3.0)), 0.0 if planar else 1.5],
+        "slope": [0.0, 0.0] if hoists or "base" in frame else [float(rng.uniform(-3.0, 3.0)), 0.0 if planar else 1.5],
         "masses": [
             {"name": "carrier", "mass": mass, "at": [0.1, 0.1, -1.0], "inertia": [mass, 2.0 * mass, 2.2 * mass]},
             {"name": "weight", "mass": 0.4 * mass, "at": [-1.2, 0.2, 0.1], "slews": True, "inertia": [mass] * 3},
@@ -68,11 +72,32 @@ def random_stand(seed: int) -> Scene:
             "frame": Frame.model_validate(frame),
             "time": scene.time.model_copy(update={"end": 0.5, "step": 2e-3}),
             "gravity": Gravity(rise=0.0),
+            "hoist": _random_hoist(seed, planar) if hoists else None,
             "start": "equilibrium",
         }
     )
     check_scene(stand)
     return stand
+
+
+def _random_hoist(seed: int, planar: bool) -> Hoist:
+    """Hoist with the winch on the machine, by one to three falls."""
+    rng = np.random.default_rng([seed, 77])
+    speed = {"kind": "smooth_ramp", "times": [0.1, 0.3], "values": [0.0, 0.4]}
+    keys = {"payload": rng.uniform(50.0, 400.0), "EA": 10.0 ** rng.uniform(6.0, 7.0), "hanging": rng.uniform(2.0, 4.0)}
+    winch = {"at": [-0.5, 0.0 if planar else 0.2, 0.4]}
+    return Hoist.model_validate(
+        keys | {"falls": int(rng.integers(1, 4)), "damping": 3e4, "winch": winch, "speed": speed}
+    )
+
+
+def rope_on_machine(scene: Scene, response: Response) -> Array:
+    """Force and moment about the pivot (T, 6) by which the rope of a hoist pulls its winch on the machine."""
+    slewing, t = scene.frame.slewing, response.t
+    psi = np.zeros(len(t)) if slewing is None else radian(scene) * slewing.value(t)
+    pull = np.stack([response.other(name) for name in WINCH_PULLS], axis=1)
+    winch = Rotation.from_rotvec(psi[:, None] * np.eye(3)[2]).apply(scene.hoist.winch.at)
+    return np.hstack([pull, np.cross(winch, pull)])
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from newton_euler import needed
-from random_stands import masses_on_ground, random_stand, rigid_boom, unbalanced
+from random_stands import masses_on_ground, random_stand, rigid_boom, rope_on_machine, unbalanced
 
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.moving_frame import ground_part
@@ -185,6 +185,18 @@ def test_forces_on_a_random_machine_sum_to_zero_with_weight_and_inertia(seed: in
     sums, use = unbalanced(scene, simulated(scene))
     assert (use < 1.0).any() == (seed != 33)
     assert np.abs(sums[use < 1.0]).max(initial=0.0) < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+@pytest.mark.parametrize("seed", range(COUNT) if os.environ.get("PMR_SWEEP") == "full" else SAMPLED[:2])
+def test_forces_on_a_random_machine_that_hoists_sum_to_zero(seed: int) -> None:
+    """The rope's pull on the winch among them; some ropes get slack, and some machines tip as these snatch."""
+    scene = random_stand(seed, hoists=True)
+    shown = simulated(scene)
+    sums, use = unbalanced(scene, shown, rope_on_machine(scene, shown))
+    assert np.abs(sums[use < 1.0]).max(initial=0.0) < 1e-9
+    assert shown.of("hoist_force").max() > 0.0
 
 
 def test_beyond_an_edge_the_machine_tips_and_the_last_forces_are_at_the_edge() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from export.fmi.libraries import Instance, loaded
 from oil_boom import UP_AND_DOWN, oil
-from random_stands import unbalanced
+from random_stands import rope_on_machine, unbalanced
 
 import pmr
 from pmr.compare.evaluation import evaluate_motion
@@ -24,7 +24,7 @@ from pmr.files.arrays import Array
 from pmr.kernel.ground import ground_outputs
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.scene.hoist import OUTPUTS, ROPE_FORCE, WINCH_PULLS
+from pmr.scene.hoist import OUTPUTS, ROPE_FORCE
 from pmr.scene.keys import LUFFING
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.free_base import with_all_inertia
@@ -185,21 +185,20 @@ def scene_of(names: tuple[str, ...]) -> Scene:
 
 
 def rope_on_winch(pair: Pair) -> Array | float:
-    """Force and moment about the pivot (T, 6) of the rope on the winch, whose place is found here."""
+    """Force and moment about the pivot (T, 6) of the rope on the winch, which pulls it towards the head."""
     scene, shown = pair.scene, pair.shown
     if scene.hoist is None:
         return 0.0
-    psi, (x, y, z) = scene.frame.slewing.value(shown.t), scene.hoist.winch.at
+    rope, psi, (x, y, z) = rope_on_machine(scene, shown), scene.frame.slewing.value(shown.t), scene.hoist.winch.at
     winch = np.stack([x * np.cos(psi) - y * np.sin(psi), x * np.sin(psi) + y * np.cos(psi), z + 0.0 * psi], axis=1)
-    pull = np.stack([shown.other(name) for name in WINCH_PULLS], axis=1)
     head = np.array(scene.frame.tail_position) + [scene.sections[-1].length, 0.0, 0.0] + np.zeros((len(psi), 3))
     head[:, 0] += scene.extension(1).value(shown.t)
     for axis in (1, 2):
         head[:, axis] += shown.displacement[:, shown.output_names.index(f"fly: tip {'xyz'[axis]}")]
     way = np.einsum("tij,tj->ti", pair.computed.frame.rotation(shown.t), head) - winch
     expected = shown.other(ROPE_FORCE)[:, None] * way / np.linalg.norm(way, axis=1)[:, None]
-    assert pull == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())  # the boom is a little shorter
-    return np.hstack([pull, np.cross(winch, pull)])
+    assert rope[:, :3] == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())  # the boom is a little shorter
+    return rope
 
 
 def assert_close(values: Array, expected: Array, share: float) -> None:
