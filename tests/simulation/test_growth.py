@@ -146,7 +146,7 @@ def test_what_is_refused_is_beyond_doubt(found: list[Found]) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(0, 40, 1 if os.environ.get("PMR_SWEEP") == "full" else 4))
 def test_a_coarse_step_alone_is_no_growth(seed: int) -> None:
     """A stable scheme stays bounded at any step: that is inaccurate, which others say, but no error."""
     rng = np.random.default_rng(seed)

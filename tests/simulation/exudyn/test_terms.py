@@ -50,6 +50,7 @@ def quasi_static(system: System) -> System:
     return replace(system, bodies=bodies, terms=tuple(terms))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("made", [lambda system: system, quasi_static], ids=["inertia", "quasi-static"])
 @pytest.mark.parametrize("formulation", ["springs", "multipliers"])
 def test_exudyn_follows_terms_as_march_does(formulation: exudyn.Formulation, made: Callable[[System], System]) -> None:

@@ -78,7 +78,7 @@ def test_what_no_load_presses_sideways_lies_on_the_pad_without_play() -> None:
         assert state.forces == pytest.approx([0.0, 0.0])
 
 
-@pytest.mark.parametrize("n", [20, 320])
+@pytest.mark.parametrize("n", [20, pytest.param(320, marks=pytest.mark.slow)])
 def test_a_rigid_stop_holds_what_a_term_tips_until_that_buckles_between_its_ends(n: int) -> None:
     """Small and large matrices are factored in different ways."""
     system, free, fixed = chain_on_a_stop(n)
