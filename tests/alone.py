@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from pmr.compare import estimate as estimates
 from pmr.compare import step_error as steps
-from pmr.compare.accuracy.trials import Trials
 from pmr.compare.outputs import Outputs, outputs_of_run, run_from_start
+from pmr.compare.trials import Trials
 from pmr.scene.keys import ALONE, SLIDER
 from pmr.simulation import Excitation
 from pmr.system.assembly import Assembly

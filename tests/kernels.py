@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from terms import axial
 
+from pmr.kernel.blocks import round_up
 from pmr.kernel.kernel import Kernel
-from pmr.kernel.rows import round_up
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.system.assembly import Assembly
 from pmr.system.system import System

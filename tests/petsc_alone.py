@@ -41,7 +41,7 @@ def observe(
     *more: Any,
     **named: Any,
 ) -> Alone:
-    """Simulate as `pmr.simulation.petsc.observe` does."""
+    """Simulate as `pmr.simulation.petsc.simulator` does."""
     system = FullSystem.of(model)
     found = petsc.observe(system, excitation, recording, {} if initial is None else {"": initial}, *more, **named)
     names = [contact.name for contact in system.with_supports().contacts]

@@ -206,12 +206,7 @@ def _held_motions_text(count: int) -> str:
     return f"supports and springs in its stiffness hold {count} of 6 rigid motions"
 
 
-def simulate(
-    model: Model,
-    scene: MotionScene,
-    out_dir: Folder = None,
-    overrides: Overrides = None,
-) -> None:
+def simulate(model: Model, scene: MotionScene, out_dir: Folder = None, overrides: Overrides = None) -> None:
     """Simulate a saved body or boom; FEniCSx is not needed.
 
     The scene may differ from that of the file in paths, signals of loads (with the same names), time and simulators.
@@ -224,7 +219,7 @@ def simulate(
         pmr simulate reports/boom_three/system.npz --scene boom_three --set "sections.fly.loads.tip force.signal=0.0"
     """
     from pmr import scene as scenes
-    from pmr.compare.saved_model import simulate_saved
+    from pmr.compare.summary import simulate_saved
     from pmr.report import errors
     from pmr.report.numbers import format_length, format_quantity
     from pmr.results import RESULT_FILES

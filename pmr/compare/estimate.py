@@ -165,7 +165,8 @@ def estimate_error(
     difference between the displacements of the second run and those of `run`.
 
     Raises ValueError if there is no estimate (`reason_without_estimate`); InputError or SimulationError as for
-    `pmr.simulation.Simulator`; SimulationError too if the two richer models disagree on the motion after an impact.
+    `pmr.simulation.SystemSimulator`; SimulationError too if the two richer models disagree on the motion after an
+    impact.
     """
     begin = time.perf_counter()
     if why := reason_without_estimate(models):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,10 +28,6 @@ from pmr.system.body import SlidingBody, Trajectory, clear_rates_without_inertia
 from pmr.system.contacts import Contact, Friction
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import BodySystem, System
-
-if TYPE_CHECKING:
-    pass
-
 
 #: Fields of a response that have a value for each step; energies are not among them.
 RESPONSE_HISTORIES = (

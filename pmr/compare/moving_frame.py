@@ -171,9 +171,7 @@ def ground_part(scene: Scene, response: Response) -> SummaryPart:
         fallen = [f"the machine tips at {tips:.4g} s over {over}: from then on no forces of outriggers hold it"]
     figures = {"outriggers": rows["outrigger"], "margins": rows["margin"], "use": rows["tipping"][0], "tips": tips}
     return SummaryPart(
-        {"ground": figures},
-        [f"outriggers lift off: {'; '.join(lifted)}"] * bool(lifted and tips is None),
-        fallen,
+        {"ground": figures}, [f"outriggers lift off: {'; '.join(lifted)}"] * bool(lifted and tips is None), fallen
     )
 
 

@@ -188,7 +188,7 @@ def step_error(
     Raises
     ------
     InputError
-        As for `pmr.simulation.Simulator`.
+        As for `pmr.simulation.SystemSimulator`.
     SimulationError
         If one of the first two runs fails, or the second would be too long.
     """

@@ -123,7 +123,7 @@ class SteppedSystem:
     def simulate(self, stepping: TimeStepping) -> SystemTrajectory:
         """Motion at all steps on a time grid; if the grid is that of the given run and this is known, it is returned.
 
-        Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
+        Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
         """
         if self._known is not None and stepping == self.given:
             return self._known
@@ -137,7 +137,7 @@ class SteppedSystem:
     def simulate_displacements(self, stepping: TimeStepping, numbers: list[int] | None = None) -> Array:
         """Displacements (T, o) in m on a time grid: all, or those with the given `numbers`; nothing else is recorded.
 
-        Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
+        Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
         """
         chosen = self.moved if numbers is None else self.moved[numbers]
         return systems.observe(self._form, self.excitation.on_grid(stepping), chosen.tolist()).y
@@ -146,7 +146,7 @@ class SteppedSystem:
         """Sample each `every`-th step of a run on a time grid; return the sample and the run (None if not recorded).
 
         Velocities are sampled if `rates` is true.  Displacements that are round-off are set to zero, and so are forces
-        near kinks of extensions.  Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
+        near kinks of extensions.  Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
         """
         excitation, run, of_all = self.excitation.on_grid(stepping), None, ForceHistories()
         if rates or fits_in_memory(self.system, stepping):
@@ -220,7 +220,7 @@ class Runs:
     def next(self) -> Sample:
         """Sample of the next run, which has half the step of the last run, at the times of comparison.
 
-        Raises InputError or SimulationError as for `pmr.simulation.Simulator`.
+        Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
         """
         self.halved += 1
         try:

@@ -1,4 +1,7 @@
-"""Parts of summary.json: each function returns values by their keys, and warnings (`pmr.results.run.SummaryPart`)."""
+"""Parts of summary.json (`pmr.results.run.SummaryPart`), and runs of saved systems, which lack those of full models.
+
+Each function returns values by their keys, and warnings.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from pmr.compare.drives import hoist_part, luffing_part
-from pmr.compare.error_parts import SimulatedSystem
+from pmr.compare.drives import energy_part, hoist_part, luffing_part
+from pmr.compare.error_parts import ReductionError, SimulatedSystem, reduction_error, step_part
 from pmr.compare.errors import (
     ResponseFunction,
     absolute_error,
@@ -20,30 +23,40 @@ from pmr.compare.errors import (
     with_common_forces,
 )
 from pmr.compare.forces import forces_part, ropes_part
-from pmr.compare.frequencies import published_part
-from pmr.compare.moving_frame import frame_part, ground_part
+from pmr.compare.frequencies import (
+    frequencies_on_way,
+    frequency_part,
+    published_part,
+    response_on_way,
+    result_paths,
+    way_points,
+)
+from pmr.compare.moving_frame import frame_part, ground_part, with_choice_of_terms
 from pmr.compare.outputs import has_impulsive_force, section_columns
-from pmr.compare.responses import Simulations
-from pmr.compare.space_energy import energy_part
+from pmr.compare.responses import Simulations, check_installed, simulate
+from pmr.compare.simulated import excitation_of_scene, with_models_of
 from pmr.compare.trust import (
     RingingReference,
     distrust_warnings,
     large_motion_warnings,
     missing_reference_warnings,
+    reduction_warnings,
     rigid_contacts,
     ringing_warnings,
 )
 from pmr.errors import environment
+from pmr.errors.environment import Clock
 from pmr.files.arrays import Summary
-from pmr.results import Frequencies, Response
-from pmr.results.fatigue import SNLine, rainflow_cycles
+from pmr.results import BodyResult, Frequencies, Loads, Response, RunResult, Shapes
 from pmr.results.run import SummaryPart, combine_parts
+from pmr.results.tables import SNLine, rainflow_cycles
 from pmr.scene import Scene
 from pmr.scene.hints import hints
 from pmr.scene.joints import BoomSection as Body
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, contact_step
 from pmr.simulation.stepping import describe_lost_features, describe_overshoots
+from pmr.system.from_scene import with_terms_of
 from pmr.system.system import System
 
 
@@ -133,7 +146,7 @@ def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
 
     for each stress component by itself, with the damage D, the lines l of the spectrum, which occur n_l times with the
     factor f_l on the stresses, and the damage D_i by each of the run's rainflow cycles i, whose stress range is
-    :math:`\Delta\sigma_i` (`pmr.results.fatigue`).  ``life`` is the number of times that the whole spectrum may occur
+    :math:`\Delta\sigma_i` (`pmr.results.tables`).  ``life`` is the number of times that the whole spectrum may occur
     until D is 1; None if D is 0. A warning names the worst stress if its D is above 1.
     """
     settings = scene.fatigue
@@ -248,10 +261,7 @@ def parts_of_motion(
 
 
 def sections_part(
-    boom: Scene,
-    responses: Mapping[str, Response],
-    sizes: Mapping[str, Mapping[str, int]],
-    more: Mapping[str, Summary],
+    boom: Scene, responses: Mapping[str, Response], sizes: Mapping[str, Mapping[str, int]], more: Mapping[str, Summary]
 ) -> SummaryPart:
     """``sections`` of summary.json: name, coordinates, error along each section against the full model, and `more`.
 
@@ -275,3 +285,77 @@ def sections_part(
         highest[model] = max(({"section": n, **peak[model]} for n, peak in peaks), key=lambda row: float(row["value"]))
     most = {model: peak["value"] for model, peak in highest.items()}
     return SummaryPart({"sections": rows, "max_von_mises": most, "stress_peak": highest})
+
+
+#: Reason why there is no estimate for a boom from a file of version 1 or 2.
+EARLIER = "the file is of an earlier version, without the modes that the estimate needs"
+
+
+def simulate_saved(system: System, scene: Scene) -> RunResult:
+    """Simulate a system under another scene's paths, loads and time stepping, by the simulators that it names.
+
+    The result has those errors that are estimated without the full model, and no singular values.
+
+    Raises
+    ------
+    InputError
+        If the scene describes other bodies or joints than those of the system, if its loads differ from the system's
+        inputs, if a path leaves that of the system, or if a simulator can't simulate the system.
+    SimulationError
+        If a step fails.
+    """
+    scene = with_choice_of_terms(scene, system.terms)
+    check_installed(scene)
+    scene = with_models_of(scene, system)
+    system = with_terms_of(scene, system)
+    clock, excitation, models = Clock(), excitation_of_scene(scene, system), system.reduced
+    results = simulate(scene, system, excitation, clock).with_least_seconds()
+    responses, response = {"reduced": results.first.response}, results.first.response
+    natural = frequencies_on_way(scene, system, excitation, way_points(scene, excitation, 0))
+    motion = SimulatedSystem.from_simulations(system, excitation, results)
+    by_frequency = response_on_way(scene, system, excitation)
+    error = _error(scene, motion, clock)
+    with clock.stage("step"):
+        step = step_part(scene, motion, natural.models["reduced"])
+    sizes = {name: {"reduced": model.size} for name, model in models.items()}
+    of_model = {
+        "model": {name: system.provenance.get(name) for name in ("scene_hash", "basis", "versions")},
+        "max_displacement": float(np.abs(response.displacement).max()),
+        "coordinates": {"reduced": sum(model.size for model in models.values())},
+        "simulators": {"reduced": scene.simulation.simulators[0]},
+    }
+    parts = [
+        origin_part(scene),
+        SummaryPart(of_model),
+        simulation_part(results.seconds, results.agreement, {}),
+        sections_part(scene, responses, sizes, {name: error.of_section(name) for name in models}),
+        error.part,
+        SummaryPart(warnings=reduction_warnings(error.part.figures)),
+        *parts_of_motion(scene, motion, results, natural, step),
+        frequency_part(by_frequency),
+        reliability_part({}, responses, system),
+        theory_part(scene, responses),
+    ]
+    alone = models.get(ALONE)
+    shapes = None if alone is None else Shapes(np.zeros(0), alone.output_positions, alone.outputs)
+    return RunResult(
+        scene,
+        combine_parts(parts),
+        responses,
+        result_paths(scene, excitation),
+        Loads(system.input_names, system.input_units, results.first.loads),
+        natural,
+        {name: BodyResult(shapes) for name in models},
+        None if alone is not None else scene.reach(excitation.times),
+        by_frequency,
+        error.band,
+    )
+
+
+def _error(scene: Scene, simulated: SimulatedSystem, clock: Clock) -> ReductionError:
+    """Estimated error of the reduction; it has no values if the file is of an earlier version (reason: `EARLIER`)."""
+    error = reduction_error(scene, simulated, clock)
+    bodies, estimated = simulated.system.reduced.items(), all(part.reduction.estimate for part in scene.sections)
+    if estimated and any(model.cylinder_modes and name not in simulated.system.on_modes for name, model in bodies):
+        return ReductionError(SummaryPart({"estimate": error.part.figures["estimate"] | {"reason": EARLIER}}))
+    return error

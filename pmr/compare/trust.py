@@ -255,7 +255,7 @@ def reduction_warnings(summary: Summary) -> list[str]:
 def budget_warnings(scene: Scene, budget: Summary) -> Iterator[str]:
     """A warning for each part of the error budget, ``model`` and ``mesh``, above `compare.model_tolerance`.
 
-    With `[accuracy]` or `[budget]`, warnings about the mesh come from `pmr.compare.accuracy.order.accuracy_warnings`.
+    With `[accuracy]` or `[budget]`, warnings about the mesh come from `pmr.compare.accuracy.accuracy_warnings`.
     """
     allowed = scene.compare.model_tolerance
     model, mesh = budget.get("model") or {}, budget.get("mesh")

@@ -157,11 +157,7 @@ LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS")
 #: Settings of Open MPI for a process that no launcher started: no daemon, no networks, no session folder.  All such
 #: processes of a user would share the session folder ompi.HOST.UID/jf.0/1/0, and the first process that ends would
 #: remove it while others start.
-UNLAUNCHED = {
-    "OMPI_MCA_ess_singleton_isolated": "1",
-    "OMPI_MCA_pml": "ob1",
-    "OMPI_MCA_orte_create_session_dirs": "0",
-}
+UNLAUNCHED = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_pml": "ob1", "OMPI_MCA_orte_create_session_dirs": "0"}
 
 _PACKAGES = ("numpy", "scipy", "exudyn", "meshio", "pydantic", "matplotlib", "weasyprint")
 _PMR = Path(__file__).parents[1]

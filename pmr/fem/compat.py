@@ -26,7 +26,7 @@ from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 from weakref import WeakKeyDictionary
 
 from pmr.errors.environment import check_current_folder, check_temporary, launched_process_count, mpi_without_launcher
@@ -232,21 +232,29 @@ def cell_topology(cell: str) -> list[list[list[int]]]:
     return [[list(entity) for entity in part] for part in basix.topology(getattr(basix.CellType, cell))]
 
 
-@lru_cache(maxsize=32)
-def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> tuple[Array, Array, Array]:
-    """Weights (q,) of q quadrature points, and a Lagrange element's functions (q, k) and their derivatives (d, q, k).
+class LagrangeRule(NamedTuple):
+    """Weights of q quadrature points, and an element's functions and their derivatives at these points."""
 
-    All are on the reference cell, which has d dimensions; the element has k functions.  `nodes` is the polynomial
+    weights: Array  # (q,)
+    functions: Array  # (q, k)
+    derivatives: Array  # (d, q, k)
+
+
+@lru_cache(maxsize=32)
+def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> LagrangeRule:
+    """Quadrature on the reference cell, which has d dimensions, with the k functions of a Lagrange element.
+
+     `nodes` is the polynomial
     degree of the element, and `degree` the one that the quadrature rule integrates exactly.  The rule is repeated in
     the `parts`^d equal pieces of the cell, for lines, triangles and quadrilaterals.
     """
     if cell == "point":
-        return np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1))
+        return LagrangeRule(np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1)))
     kind = getattr(basix.CellType, cell)
     points, weights = _repeat_rule(cell, parts, *_quadrature(kind, degree))
     element = basix.create_element(basix.ElementFamily.P, kind, nodes, basix.LagrangeVariant.gll_warped)
     table = np.asarray(element.tabulate(1, points))[..., 0]
-    return np.asarray(weights), table[0], table[1:]
+    return LagrangeRule(np.asarray(weights), table[0], table[1:])
 
 
 def rule_points(cell: str, degree: int) -> Array:

@@ -92,12 +92,7 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
             if support.points == "all"
         ),
         masses=member.part.masses,
-        loads=(
-            *(_load(member, load) for load in axis_loads(member)),
-            *weight,
-            *driven,
-            *inertia,
-        ),
+        loads=(*(_load(member, load) for load in axis_loads(member)), *weight, *driven, *inertia),
         outputs=(*line, *tip, *forces, *turned, *gauges(member.part, model)),
         damping=member.scene.damping if member.part.body.mover is None else member.part.body.mover.rayleigh,
         pads=replace(pads, supports=supports),

@@ -1,4 +1,4 @@
-r"""Static solves, and the matrices and loads that a moving frame and axial forces add to a structural model.
+r"""Static solves, and what a moving frame, its luffing cylinder and axial forces add to a structural model.
 
 u and v are the displacements of trial and test function, rho is the density.  S (3, 3) is one of the tensors in
 `pmr.system.body_matrices`, R_c are the model's coordinates under the unit rigid motion along or about direction c,
@@ -16,10 +16,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse as sp
+from scipy.interpolate import BPoly, PPoly
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc, compiled_form, constant
@@ -30,6 +32,8 @@ from pmr.fullmodel.assembly import Assembler, share
 from pmr.fullmodel.eigensolvers import DENSE_UP_TO, Elimination, EliminationOperator, eliminate, is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.models import StructuralModel, UnitState, is_assembled
+from pmr.scene.cylinder import LuffingCylinder
+from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.scene.structures import PointMass
 from pmr.system.body_matrices import CONSTANT, LINEAR, STATES
 from pmr.system.rows import Row, Rows
@@ -237,17 +241,112 @@ class FrameAssembler:
             del self._clamped_solver
 
 
-def acceleration_field(name: str, model: StructuralModel) -> tuple[Array, Array]:
+class AccelerationField(NamedTuple):
+    """Tensor S (3, 3) and rigid motion (k,) that give an acceleration field."""
+
+    tensor: Array
+    motion: Array
+
+
+def acceleration_field(name: str, model: StructuralModel) -> AccelerationField:
     """Tensor S (3, 3) and rigid motion (k,) of the acceleration field `name`, a key of `CONSTANT` or `LINEAR`.
 
     The field is S, which has a single entry of 1, applied at each node to the displacement vector of the rigid motion.
     The motion is 1 or -1 along or about one of the k directions of the model.  Both results are zero if the model lacks
     all directions whose rigid motion could give the field.
     """
-    nothing = np.zeros((3, 3)), np.zeros(len(model.directions))
-    fields = (
-        tensor_and_direction
-        for tensor_and_direction in (CONSTANT | LINEAR)[name]
-        if tensor_and_direction[1] in model.directions
+    for S, along in (CONSTANT | LINEAR)[name]:
+        if along in model.directions:
+            return AccelerationField(np.abs(S), S.sum() * (np.array(model.directions) == along))
+    return AccelerationField(np.zeros((3, 3)), np.zeros(len(model.directions)))
+
+
+#: Intervals of a turn to begin with; error of a direction between two breaks; shortest interval, in rad.
+INTERVALS, ACCURACY, SHORTEST = 16, 1e-9, 1e-3
+
+
+def cylinder_row(
+    cylinder: LuffingCylinder,
+    tail: tuple[float, float, float],
+    model: StructuralModel,
+    T: sp.csr_matrix,
+    travel: tuple[float, float],
+) -> Row:
+    r"""Constraint row of a luffing cylinder that holds a base: its elongation over the luffing angle, from -pi to pi.
+
+    The cylinder goes from the foot on the machine to the lug on the boom.  At the luffing angle :math:`\varphi` the
+    unit vector from foot to lug, in the boom's axes, is :math:`d(\varphi)`.  The section of the boom at the lug is
+    displaced by u and turns by :math:`\theta`, and the lug is the height z above the boom's axis.  The cylinder gets
+    longer by
+
+    .. math:: c(\varphi)\, q = d_x(\varphi)\, (u_x + z\, \theta_y) + d_z(\varphi)\, u_z
+
+    with the row c on the coordinates q of the boom.  Between two breaks d is the polynomial of fifth degree that has
+    the exact values and first two derivatives at both.
+
+    Parameters
+    ----------
+    tail : (3,) m
+        Position of the base's tail relative to the pivot.
+    model : StructuralModel
+        Model of the base, with n coordinates q.
+    T : (n, n') sparse matrix
+        Gives q = T z from the n' coordinates z on which the row acts.
+    travel : (2,) m
+        Range of the path coordinate on which the other rows of the body are defined.  The angles -pi to pi are mapped
+        linearly to this range, so that the breaks of the row are path coordinates in m.
+    """
+    place, z = cylinder.lug[0] - tail[0], cylinder.lug[1] - tail[2]
+    along = model.displacement(place)
+    turned = model.motion(place)[model.directions.index("ry")]
+    measured = [z * turned, along[model.directions.index("z")]]
+    if "x" in model.directions:
+        measured[0] = measured[0] + along[model.directions.index("x")]
+    directions = direction_polynomial(cylinder)
+    low, high = travel
+    breaks = low + (high - low) * (directions.x + np.pi) / (2.0 * np.pi)
+    scale = (2.0 * np.pi / (high - low)) ** np.arange(5, -1, -1)
+    return Row(
+        LUFFING_CYLINDER,
+        breaks,
+        sp.csr_matrix(sp.vstack(measured) @ T),
+        np.tile([0, 1], (len(breaks) - 1, 1)),
+        directions.c * scale[:, None, None],
+        0.0 if cylinder.stiffness is None else 1.0 / cylinder.stiffness,
     )
-    return next(((np.abs(S), S.sum() * (np.array(model.directions) == along)) for S, along in fields), nothing)
+
+
+def direction_polynomial(cylinder: LuffingCylinder) -> PPoly:
+    """Piecewise polynomial of the unit vector (2,) from foot to lug, its components along x and z in the boom's axes.
+
+    Its argument is the luffing angle in rad from -pi to pi.  Intervals are halved until the error is at most `ACCURACY`
+    or the length of the interval at most `SHORTEST`.
+    """
+    breaks = np.linspace(-np.pi, np.pi, INTERVALS + 1)
+    while True:
+        polynomial = BPoly.from_derivatives(breaks, _direction_derivatives(cylinder, breaks))
+        halves = (breaks[1:] + breaks[:-1]) / 2.0
+        quarters = (halves + breaks[:-1]) / 2.0
+        off = np.maximum(*(np.abs(polynomial(x) - cylinder.direction(x)).max(axis=1) for x in (halves, quarters)))
+        coarse = (off > ACCURACY) & (np.diff(breaks) > SHORTEST)
+        if not coarse.any():
+            return PPoly.from_bernstein_basis(polynomial)
+        breaks = np.sort(np.concatenate([breaks, halves[coarse]]))
+
+
+def _direction_derivatives(cylinder: LuffingCylinder, angle: Array) -> Array:
+    r"""Unit vector from foot to lug and its first two derivatives by the luffing angle, (n, 3, 2), at `angle` (n,) rad.
+
+    With the foot :math:`r_0` and the lug :math:`r_1` as complex numbers x + i z, and the luffing angle :math:`\varphi`,
+    the unit vector is :math:`e^{i \beta}` with :math:`\beta = \arg(r_1 - r_0 e^{-i \varphi})`.
+    """
+    foot, lug = complex(*cylinder.foot), complex(*cylinder.lug)
+    turned = foot * np.exp(-1j * angle)
+    reach = lug - turned
+    first = 1j * turned / reach
+    second = (turned / reach) + (turned / reach) ** 2
+    of_angle, of_second = first.imag, second.imag
+    direction = reach / np.abs(reach)
+    derivatives = [direction, 1j * of_angle * direction, (1j * of_second - of_angle**2) * direction]
+    complete = np.stack(derivatives, axis=1)
+    return np.stack([complete.real, complete.imag], axis=2)

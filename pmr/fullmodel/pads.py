@@ -44,7 +44,7 @@ from scipy.spatial import cKDTree
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices
-from pmr.fullmodel.luffing import cylinder_row
+from pmr.fullmodel.moving import cylinder_row
 from pmr.fullmodel.walls import Walls
 from pmr.models import StructuralModel
 from pmr.models.mesh_nodes import APART, Mirror, Nodes, mirrors_of
@@ -226,7 +226,7 @@ def moving_pad(pad: Pad, means: PadMeans, T: sp.csr_matrix, travel: tuple[float,
     its travel, or leaves its face.
     """
     low, high = travel
-    step, reach = _lattice(pad)
+    step, reach = _station_spacing(pad), 2 * STATIONS  # stations with a weight on either side of the pad's centre
     if high - low > MOST_STATIONS * step:
         least = (high - low) * (4 * STATIONS + 2) / MOST_STATIONS
         allowed = f"at least {least:.3g} m are allowed on a path of {high - low:.4g} m"
@@ -273,7 +273,7 @@ class PadMeans:
 
         Raises an `InputError` if the pad leaves its face at one of the positions.
         """
-        step, reach = _lattice(pad)
+        step, reach = _station_spacing(pad), 2 * STATIONS  # stations with a weight on either side
         offsets = step * np.arange(1 - reach, reach)
         weights = value_or_zero(cardinal_spline(3, STATIONS * step), offsets) / STATIONS
         places = (positions[:, None] + offsets).ravel()
@@ -378,9 +378,9 @@ def _point_row(slider: Slider, model: StructuralModel, T: sp.csr_matrix) -> Row:
     return replace(row, carriers=sp.csr_matrix(row.carriers @ T))
 
 
-def _lattice(pad: Pad) -> tuple[float, int]:
-    """Spacing of a pad's stations in m, and the number of stations with a weight on either side of its centre."""
-    return pad.length / (4 * STATIONS + 2), 2 * STATIONS
+def _station_spacing(pad: Pad) -> float:
+    """Spacing of a pad's stations in m."""
+    return pad.length / (4 * STATIONS + 2)
 
 
 def _station_means(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_matrix:
@@ -388,7 +388,7 @@ def _station_means(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_ma
 
     Raises an `InputError` if the pad leaves its face.
     """
-    step, knot = _lattice(pad)[0], pad.width / 4.0
+    step, knot = _station_spacing(pad), pad.width / 4.0
     window = Window(
         along=(places[0] - step, places[-1] + step),
         across=(pad.across - 2.0 * knot, pad.across + 2.0 * knot),
@@ -428,7 +428,7 @@ def _nearby_points(points: Array, places: Array, step: float) -> sp.csc_matrix:
 
 def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None:
     """Raise an `InputError` if a pad with stations between two `places` (m) reaches beyond the extent of its face."""
-    step, half = _lattice(pad)[0], pad.width / 2.0
+    step, half = _station_spacing(pad), pad.width / 2.0
     spans = [("along the axis", (places[0] - step, places[1] + step), step, extent.along)]
     if extent.across is not None:
         spans.append(("across", (pad.across - half, pad.across + half), 0.0, extent.across))

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.files.arrays import Array
-from pmr.kernel.block_file import lines
+from pmr.kernel.blocks import LANES, Arrangement, Part, arrange, lines, round_up
 from pmr.kernel.further import (
     NEGLIGIBLE,
     Arrays,
@@ -25,7 +25,6 @@ from pmr.kernel.further import (
     with_reactions,
 )
 from pmr.kernel.ground import ground_arrays, ground_outputs
-from pmr.kernel.rows import LANES, Arrangement, Part, arrange, round_up
 from pmr.scene.mechanism import CYLINDER
 from pmr.system.from_scene import CombinedRings, combine_rings
 from pmr.system.rows import Row

@@ -25,7 +25,7 @@ from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.kernel.block_file import lines
+from pmr.kernel.blocks import lines
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.mechanism import CYLINDER, ground_contact_wrenches, pin_and_cylinder
 from pmr.scene.scene import Scene

@@ -1,10 +1,11 @@
-"""Systems of the compiled kernel (src/pmr_kernel.h describes each function of the kernel)."""
+"""Systems, signals and banks of filters of the compiled kernel (src/pmr_kernel.h describes its functions)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.kernel._native import ffi, lib
-from pmr.kernel.block_file import LINE, pack, seal
+from pmr.kernel.blocks import LINE, pack, seal
 from pmr.kernel.data import Modal, system_data
 from pmr.kernel.further import Frame
 from pmr.system.from_scene import CombinedRings
@@ -147,3 +148,114 @@ def _aligned_bytes(block: bytes | bytearray) -> NDArray[np.uint8]:
     array[:] = np.frombuffer(block, np.uint8)
     array.flags.writeable = False
     return array
+
+
+class Signal(Protocol):
+    """Signal of a scene (`pmr.scene.signals`)."""
+
+    @property
+    def strands(self) -> tuple[Any, ...]:
+        """Pieces of polynomials and sines whose sum is the signal; a NotImplementedError if it is not such a sum."""
+
+
+class Signals:
+    """N signals, one for each driver and in the order of the drivers, as the kernel's `pmr_signals`.
+
+    A NotImplementedError is raised if a signal is not a sum of such pieces; then the drivers have to be sampled
+    (`State.advance_sampled`).
+    """
+
+    def __init__(self, signals: Sequence[Signal]) -> None:
+        strands = [signal.strands for signal in signals]
+        every = [strand for of_signal in strands for strand in of_signal]
+        powers = max([1, *(strand.polynomials.shape[1] for strand in every)])
+        pieces = [
+            np.column_stack(
+                [
+                    np.pad(strand.polynomials, ((0, 0), (powers - strand.polynomials.shape[1], 0))),
+                    np.full(len(strand.breaks), strand.amplitude),
+                    np.broadcast_to(strand.angles, (len(strand.breaks), 3)),
+                ]
+            )
+            for strand in every
+        ]
+        self.first_strand = np.cumsum([0, *map(len, strands)]).astype(np.int32)
+        self.first_piece = np.cumsum([0, *(len(strand.breaks) for strand in every)]).astype(np.int32)
+        self.spread = np.array([strand.spread for strand in every], float)
+        self.breaks = np.concatenate([np.zeros(0), *(strand.breaks for strand in every)])
+        self.pieces = np.concatenate([np.zeros((0, powers + 4)), *pieces])
+        self.pointer = ffi.new(
+            "pmr_signals *",
+            {
+                "drivers": len(signals),
+                "powers": powers,
+                "first_strand": ffi.cast("int32_t *", self.first_strand.ctypes.data),
+                "first_piece": ffi.cast("int32_t *", self.first_piece.ctypes.data),
+                "spread": ffi.cast("double *", self.spread.ctypes.data),
+                "breaks": ffi.cast("double *", self.breaks.ctypes.data),
+                "pieces": ffi.cast("double *", self.pieces.ctypes.data),
+            },
+        )
+
+    def at(self, t: float) -> tuple[Array, Array]:
+        """Values (N,) of the signals at t in s, and their first and second rates (2, N)."""
+        count = len(self.first_strand) - 1
+        u, rates = np.zeros(count), np.zeros((2, count))
+        lib.pmr_signals_at(
+            self.pointer, t, ffi.cast("double *", u.ctypes.data), ffi.cast("double *", rates.ctypes.data)
+        )
+        return u, rates
+
+
+class BankRecord(NamedTuple):
+    """Results of a bank at T steps: probabilities of S places, mean of n states, level of the innovations."""
+
+    probability: Array  # (T, S)
+    states: Array  # (T, n)
+    level: Array  # (T,)
+
+
+@dataclass(frozen=True)
+class Bank:
+    """S places, D speeds and n states; arrays and probabilities of a step, as `pmr_bank` (src/pmr_kernel.h).
+
+    `up` and `down` are, for each speed, the chances to move to the next place and to the one before.  `rest` and
+    `active` are the transition matrices between speeds where nothing moves, and in motion; `activity` in
+    `advance_bank` is the share of the second.  The other numbers are as in `pmr.observe.position.PositionSettings`.
+    """
+
+    F: Array  # (S, n, n)
+    H: Array  # (S, n)
+    gain: Array  # (S, n)
+    variance: Array  # (S,): of innovations, over the level
+    up: Array  # (D,)
+    down: Array  # (D,)
+    rest: Array  # (D, D)
+    active: Array  # (D, D)
+    temper: float
+    attack: float
+    decay: float
+    floor: float
+
+
+def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array) -> BankRecord:
+    """Take T steps from equally likely places, with measurements y (T,), NaN where there is none.
+
+    `activity` (T,), 0 to 1, is how much the slider is in motion.  The level of the innovations, a running mean of their
+    squares over their variance, scales all variances; it never falls below `least_level` (T,) and ``bank.floor``.
+    """
+    S, n = bank.H.shape
+    arrays = {
+        name: np.ascontiguousarray(getattr(bank, name), float)
+        for name in ("F", "H", "gain", "variance", "up", "down", "rest", "active")
+    }
+    numbers = {name: getattr(bank, name) for name in ("temper", "attack", "decay", "floor")}
+    sizes = {"places": S, "speeds": len(bank.up), "states": n}
+    data = ffi.new("pmr_bank *", sizes | numbers | {name: pointer(array) for name, array in arrays.items()})
+    memory = np.zeros(lib.pmr_bank_memory(data))
+    lib.pmr_bank_start(data, pointer(memory))
+    record = BankRecord(np.zeros((len(y), S)), np.zeros((len(y), n)), np.zeros(len(y)))
+    out = ffi.new("pmr_bank_record *", {name: pointer(array) for name, array in record._asdict().items()})
+    signals = [np.ascontiguousarray(x, float) for x in (y, activity, least_level)]
+    lib.pmr_bank_advance(data, pointer(memory), len(y), *map(pointer, signals), out)
+    return record

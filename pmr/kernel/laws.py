@@ -11,7 +11,7 @@ import numpy as np
 from pmr.errors import SimulationError
 from pmr.files.arrays import Array, Indices, Mask
 from pmr.kernel._native import ffi, lib
-from pmr.kernel.block_file import LINE
+from pmr.kernel.blocks import LINE
 from pmr.kernel.ground import mass_numbers
 from pmr.kernel.kernel import integer_pointer, pointer
 from pmr.scene.ground import Ground, MachineMass, edge_rows
@@ -185,13 +185,7 @@ class PadFriction(NamedTuple):
 
 
 def slide_pads(
-    stiffness: Array,
-    laws: Array,
-    forces: Array,
-    old: Array,
-    displacement: float,
-    speed: float,
-    cylinder: JointCylinder,
+    stiffness: Array, laws: Array, forces: Array, old: Array, displacement: float, speed: float, cylinder: JointCylinder
 ) -> PadFriction:
     """Friction of a joint's n pads at the end of a step.
 

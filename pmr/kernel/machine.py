@@ -65,11 +65,8 @@ class Cylinder:
 
 
 @dataclass(frozen=True)
-class Machine:
-    """A machine with the boom that it carries, and the excitation of both over T steps.
-
-    The fields are those of `pmr_machine` in src/pmr_kernel.h, with shapes and units.
-    """
+class Base:
+    """What a boom stands on: its free directions, mass and springs; the fields are those of `pmr_machine`."""
 
     axes: Integers
     free: Integers
@@ -79,25 +76,56 @@ class Machine:
     inertia: Array
     stiffness: Array
     damping: Array
+
+
+@dataclass(frozen=True)
+class CarriedBoom:
+    """Place and moments of inertia of the sections of a boom on a machine; the fields are those of `pmr_machine`."""
+
     boom_mass: float
-    largest_weight: float
     place: Array
     section_inertia: Array
     section_paths: Integers
-    fields: Integers
-    inertial: Integers
     masses: Array
     first_moments: Array
-    loads: Array
     rotating: Array
     second_moments: Array
+
+
+@dataclass(frozen=True)
+class BoomInputs:
+    """Inputs by which a machine's motion acts on its boom, and terms that shorten it; fields as in `pmr_machine`."""
+
+    fields: Integers
+    inertial: Integers
+    loads: Array
     of_shortened: Integers
     shortened: Array
+
+
+@dataclass(frozen=True)
+class MachineExcitation:
+    """Prescribed motions of a machine, forces on it and its weight over T steps; fields as in `pmr_machine`."""
+
     motions: Array
     rates: Array
     base_motion: Array
     external: Array
     weight: Array
+    largest_weight: float
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine with the boom that it carries, and the excitation of both over T steps.
+
+    src/pmr_kernel.h has shapes and units of the fields of each part, in `pmr_machine`.
+    """
+
+    base: Base
+    boom: CarriedBoom
+    inputs: BoomInputs
+    excitation: MachineExcitation
     cylinder: Cylinder = Cylinder()
 
 
@@ -113,7 +141,9 @@ class MachineSimulation:
         self.state, arrays, scalars = state, dict[str, Any](), dict[str, Any]()
         types = dict(ffi.typeof("pmr_machine").fields)
         cylinder = machine.cylinder
-        values = {of.name: getattr(machine, of.name) for of in fields(machine) if of.name != "cylinder"}
+        inputs, excitation = machine.inputs, machine.excitation
+        parts = machine.base, machine.boom, inputs, excitation
+        values = {of.name: getattr(part, of.name) for part in parts for of in fields(part)}
         for name, value in (values | {"drive": cylinder.drive}).items():
             kind = types[name].type
             if kind.kind == "pointer":
@@ -125,15 +155,15 @@ class MachineSimulation:
         apart = ("oil", "drive")
         scalars["cylinder"] = {of.name: getattr(cylinder, of.name) for of in fields(cylinder) if of.name not in apart}
         scalars["cylinder"] |= cylinder.oil
-        counts = {"sections": len(machine.masses), "shortened_count": len(machine.of_shortened)}
+        counts = {"sections": len(machine.boom.masses), "shortened_count": len(inputs.of_shortened)}
         self._arrays = arrays  # kept as long as the pointers to them
-        self._machine = ffi.new("pmr_machine *", scalars | counts | {"inertial_count": len(machine.inertial)})
+        self._machine = ffi.new("pmr_machine *", scalars | counts | {"inertial_count": len(inputs.inertial)})
         out = ffi.new("pmr_machine_run **")
         if lib.pmr_machine_run_open(state.pointer, self._machine, out):
             allowed = "a frame with a base that moves, contacts that hold both ways and steps without parts and energy"
             raise InputError("machine", "boom", None, f"{allowed} are allowed")
         self._run = ffi.gc(out[0], lib.pmr_machine_run_close)
-        steps, inertial = len(machine.motions), len(machine.inertial)
+        steps, inertial = len(excitation.motions), len(inputs.inertial)
         self.number = 0
         self.motion = np.zeros((steps, 3, 6))  # of each direction: value, rate, second rate
         self.held = np.zeros((steps, 6))  # N, N m: forces that hold the directions that are not free

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array
 from pmr.kernel._native import ffi, lib
-from pmr.kernel.kernel import Kernel, integer_pointer, pointer
-from pmr.kernel.signals import Signals
+from pmr.kernel.kernel import Kernel, Signals, integer_pointer, pointer
 
 Integers = NDArray[np.int32]
 _STARTS = {"rest": lib.PMR_AT_REST, "given": lib.PMR_GIVEN, "equilibrium": lib.PMR_IN_EQUILIBRIUM}

@@ -131,7 +131,7 @@ class Solid(MeshedModel):
         """
         mesh, degree, surface = self.mesh, DEGREE[self.mesh.cell], skin(self.mesh)
         at_points = cell_values(self, self.stress_components, rule_points(mesh.cell, degree))
-        continued = np.linalg.inv(lagrange_rule(mesh.cell, 1, degree)[1])  # from the points to the vertices
+        continued = np.linalg.inv(lagrange_rule(mesh.cell, 1, degree).functions)  # from the points to the vertices
         at_vertex = (surface.vertices[:, :, None] == mesh.cells[surface.cell][:, None, :]).any(axis=1)
         of_facet = (at_vertex / at_vertex.sum(axis=1, keepdims=True)) @ continued
         middle = np.einsum("q,cqvd->cvd", np.mean(continued, axis=0), at_points.entries)

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from pmr.errors import InputError
 from pmr.export.state_space import StateSpace
 from pmr.files.arrays import Array
-from pmr.kernel.bank import Bank, advance_bank
+from pmr.kernel.kernel import Bank, advance_bank
 
 #: w in rad/s: parts of a state have one size at 100 Hz.
 SCALE = 2.0 * np.pi * 100.0

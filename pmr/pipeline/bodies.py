@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pmr.compare.accuracy import order
+from pmr.compare.accuracy import Choice, Search, prepare_scene, scene_on_other_mesh
 from pmr.compare.error_parts import (
     ReductionError,
     SimulatedSystem,
@@ -105,7 +105,7 @@ class Bodies:
         self.built, self.clock, self.caches, self.shared = built, clock, caches, shared
         self._comm = next(iter(built.values())).model.comm
         if shared is None:
-            self.bodies = reduce_bodies(order.prepare_scene(scene), built, caches, clock)
+            self.bodies = reduce_bodies(prepare_scene(scene), built, caches, clock)
         else:
             self.bodies = {ALONE: reduce_with(scene, built[ALONE].model, shared.snapshots, clock)}
         models = {name: body.model for name, body in self.bodies.items()}
@@ -220,28 +220,26 @@ class Bodies:
             results[name] = BodyResult(shapes, *fields)
         return results
 
-    def _choose_models(self, scene: Scene) -> order.Choice | None:
+    def _choose_models(self, scene: Scene) -> Choice | None:
         """Return models and step that meet the scene's tolerance or budget, alike on all ranks; None without either."""
         if scene.goal is None:
             return None
         models = {name: body.modal for name, body in self.bodies.items()}
         why: str | None = "the scene leaves it out"
         with self.clock.stage("search"):
-            search = call_on_first_rank(self._comm, lambda: order.Search(scene, models))
+            search = call_on_first_rank(self._comm, lambda: Search(scene, models))
             trial = self._comm.bcast(None if search is None else search.trial)
         if scene.goal.mesh:
             with self.clock.stage("other mesh"):
                 try:
-                    other = order.scene_on_other_mesh(scene, trial)
+                    other = scene_on_other_mesh(scene, trial)
                     on_other = self._reduce_other_mesh(other.scene)
                     call_on_first_rank(self._comm, lambda: search and search.compare_meshes(other, on_other))
                     why = None
                 except (InputError, ConvergenceError) as error:  # mesh too coarse to be reduced: the run goes on
                     why = error.allowed if isinstance(error, InputError) else str(error)
         with self.clock.stage("search"):
-            choice: order.Choice = self._comm.bcast(
-                call_on_first_rank(self._comm, lambda: search and search.choose(why))
-            )
+            choice: Choice = self._comm.bcast(call_on_first_rank(self._comm, lambda: search and search.choose(why)))
         return choice
 
     def _reduce_other_mesh(self, scene: Scene) -> dict[str, Any]:

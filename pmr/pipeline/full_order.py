@@ -33,7 +33,7 @@ from pmr.simulation.excitation import side_positions
 from pmr.simulation.petsc import Checkpoint, History, Recording, observe, static_start
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.reactions import Supports, with_forces_on_machine, with_reactions
-from pmr.simulation.refusals import needs_of
+from pmr.simulation.start import needs_of
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Friction
 from pmr.system.from_scene import contacts_of

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pmr.compare.accuracy import mesh
+from pmr.compare import mesh_part
 from pmr.compare.model_part import FREQUENCIES, Motion, frequency_error, largest_model_error, model_budget
 from pmr.compare.moving_frame import decide_second_order as with_order
 from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, call_on_first_rank
@@ -146,7 +146,7 @@ def measure_mesh(
             return _unknown_model_error(error, label)
         return _model_budget(scene, other_motion, motion, label, comm)
 
-    return mesh.mesh_budget(scene, compare_scene)
+    return mesh_part.mesh_budget(scene, compare_scene)
 
 
 def _unknown_model_error(error: Exception, label: str) -> dict[str, Any]:

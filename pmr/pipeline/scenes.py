@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pmr.compare.accuracy import mesh, order
+from pmr.compare import mesh_part
+from pmr.compare.accuracy import accuracy_summary, accuracy_warnings
 from pmr.compare.frequencies import frequency_part, response_on_way, result_paths
 from pmr.compare.responses import check_installed, check_memory, memory_warnings
 from pmr.compare.summary import origin_part, reliability_part, simulation_part, theory_part
@@ -154,7 +155,7 @@ def _outcome(
     scene, built, clock, (size, outputs) = bodies.scene, bodies.built, bodies.clock, _total_sizes(bodies.built)
     choice, responses, by_frequency = bodies.choice, motions.responses, response_on_way(scene, system, excitation)
     stages = {name: clock.seconds[name] for name in STAGES if name in clock.seconds}
-    searched = [] if choice is None else [SummaryPart(order.accuracy_summary(choice), order.accuracy_warnings(choice))]
+    searched = [] if choice is None else [SummaryPart(accuracy_summary(choice), accuracy_warnings(choice))]
     structures = {id(body): body.structure for body in built.values()}.values()  # equal sections have one
     first = [
         origin_part(bodies.written_scene, fenicsx_versions()),
@@ -166,7 +167,7 @@ def _outcome(
         SummaryPart(warnings=memory_warnings(scene, size, outputs)),
         *(SummaryPart(warnings=build_warnings(structure)) for structure in structures),
         SummaryPart(warnings=free_motions),
-        SummaryPart(warnings=mesh.mesh_warnings(scene)),
+        SummaryPart(warnings=mesh_part.mesh_warnings(scene)),
         SummaryPart(probe_summary({name: body.structure.outputs for name, body in built.items()})),
         SummaryPart(summary_of_walls({name: body.structure.pads.walls for name, body in built.items()})),
         reliability_part(motions.references.missing, responses, system),

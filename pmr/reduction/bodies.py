@@ -247,11 +247,7 @@ def reduce_body(
 
 
 def reduce_with(
-    scene: Scene,
-    model: FullModel,
-    snapshots: Snapshots,
-    clock: Clock | None = None,
-    body: FreeBody | None = None,
+    scene: Scene, model: FullModel, snapshots: Snapshots, clock: Clock | None = None, body: FreeBody | None = None
 ) -> ReducedBody:
     """Reduce a model as the scene asks, on a basis made from `snapshots`; collective.
 

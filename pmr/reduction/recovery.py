@@ -78,13 +78,7 @@ class Recovery:
         This rank's part of the vectors that belong to all r coordinates of the reduced model.
     """
 
-    def __init__(
-        self,
-        model: FullModel,
-        V: Array,
-        reduced: ReducedModel,
-        solver: str = "auto",
-    ) -> None:
+    def __init__(self, model: FullModel, V: Array, reduced: ReducedModel, solver: str = "auto") -> None:
         self.reduced = reduced
         self._model, modes = model, reduced.size - reduced.cylinder_modes
         self.V = np.ascontiguousarray(V[:, :modes])

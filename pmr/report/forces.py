@@ -28,7 +28,7 @@ ROUND_OFF = 1e-9
 #: Sentences on the sign of forces, by the kind of output, for forces whose signs seem to contradict another table.
 SIGNS = {
     "support": " Positive along the axes: a support that is pressed down has a negative force, and so has one in place "
-    "of a luffing cylinder while the cylinder pushes.",
+    "of a luffing cylinder while the cylinder pushes."
 }
 #: Beginning of the names of those supports whose forces are the reactions at the pivot.
 PIVOT = "pivot "

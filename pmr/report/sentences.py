@@ -46,10 +46,7 @@ def sentence_points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]
 
     `table` are the rows of the error table.
     """
-    texts_by_topic = {
-        "Frame": [frame_sentences(result)],
-        "Published": [comparison_sentence(table)],
-    }
+    texts_by_topic = {"Frame": [frame_sentences(result)], "Published": [comparison_sentence(table)]}
     return [Point(topic, text) for topic, texts in texts_by_topic.items() if (text := " ".join(filter(None, texts)))]
 
 

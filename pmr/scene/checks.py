@@ -10,15 +10,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pmr.scene.choice import (
-    REFERENCE,
-    SimulatorNeeds,
-    fewest_rows,
-    is_pinned_beam,
-    refuse_unsupported,
-)
-from pmr.scene.frame_checks import check_exclusions, check_frame
-from pmr.scene.hoist_places import check_hoist
+from pmr.scene.choice import REFERENCE, SimulatorNeeds, fewest_rows, is_pinned_beam, refuse_unsupported
+from pmr.scene.frame_checks import check_exclusions, check_frame, check_hoist
 from pmr.scene.joint_checks import check_joints
 from pmr.scene.keys import check_bounds
 from pmr.scene.members import member_at

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -92,6 +92,13 @@ class Oil(SceneTable):
         return self
 
 
+class LengthAndArm(NamedTuple):
+    """Length L of a cylinder and its arm dL / dphi about the pivot, (...) in m each."""
+
+    length: NDArray[np.float64]
+    arm: NDArray[np.float64]
+
+
 class LuffingCylinder(SceneTable):
     r"""Hinges of the cylinder that raises the boom: x and z from the pivot, z upwards when the boom lies level.
 
@@ -171,7 +178,7 @@ class LuffingCylinder(SceneTable):
         sine, cosine, (x, z) = np.sin(angle), np.cos(angle), self.lug
         return np.stack([x * cosine - z * sine, x * sine + z * cosine], axis=-1)
 
-    def length_and_arm(self, angle: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def length_and_arm(self, angle: ArrayLike) -> LengthAndArm:
         """Return length L and arm dL / dphi about the pivot, both (...) in m, at the luffing angles `angle` (...).
 
         Angles phi are in rad.  The arm is 0 where the length is 0.
@@ -180,7 +187,7 @@ class LuffingCylinder(SceneTable):
         from_foot = lug - self.foot
         length = np.linalg.norm(from_foot, axis=-1)
         turned = from_foot[..., 1] * lug[..., 0] - from_foot[..., 0] * lug[..., 1]
-        return length, np.divide(turned, length, out=np.zeros_like(length), where=length > 0.0)
+        return LengthAndArm(length, np.divide(turned, length, out=np.zeros_like(length), where=length > 0.0))
 
     def direction(self, angle: ArrayLike) -> NDArray[np.float64]:
         """Return unit vectors (..., 2) from foot to lug, along x and z of the boom.

@@ -19,7 +19,7 @@ The machine below the pivot is a rigid body whose motion in free directions is c
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Generic, Literal, Self, TypeVar
+from typing import Annotated, Any, Generic, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -209,6 +209,13 @@ class BaseMotion(SceneTable):
         return {axis: signal for axis, signal in signals.items() if signal is not None}
 
 
+class FrameAngles(NamedTuple):
+    """Angles of a frame over time, in rad."""
+
+    luffing: SignalBase
+    slewing: SignalBase
+
+
 class Frame(SceneTable):
     """A frame that luffs and slews about a pivot: the whole boom moves with it, and gravity keeps pointing down."""
 
@@ -281,13 +288,13 @@ class Frame(SceneTable):
         )
 
     @property
-    def angles(self) -> tuple[SignalBase, SignalBase]:
-        """Luffing and slewing angle in rad over time; a constant 0 for an angle that the scene does not set.
+    def angles(self) -> FrameAngles:
+        """Luffing and slewing angle in rad; a constant 0 for an angle that the scene does not set.
 
         A free luffing angle is where it begins.
         """
         luffing = Constant(amount=self.luffing_start) if self.luffing == "free" else self.luffing_signal
-        return self._in_rad(luffing), self._in_rad(self.slewing)
+        return FrameAngles(self._in_rad(luffing), self._in_rad(self.slewing))
 
     @property
     def luffing_signal(self) -> SignalBase | None:

@@ -1,7 +1,8 @@
-"""Checks of a moving frame, and of what excludes it or a part of it, which raise InputError.
+"""Checks of a moving frame and a hoist, and of what excludes them or a part of them, which raise InputError.
 
 `EXCLUSIONS` lists parts of a scene that do not go together.  The other checks refuse angles that jump, a cylinder
-without an arm about the pivot, and whatever the frame's motion or its terms of second order do not cover.
+without an arm about the pivot, and whatever the motion of the frame or its terms of second order do not cover.  Places
+of head and winch of a hoist on the boom stand here too.
 """
 
 from __future__ import annotations
@@ -10,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pmr.files.arrays import Array
 from pmr.scene.built import Gravity
-from pmr.scene.choice import has_axial_motion, input_directions, model_of
+from pmr.scene.choice import has_axial_motion, input_directions, is_planar, model_of
 from pmr.scene.cylinder import OPEN
 from pmr.scene.frame import Frame, Machine
 from pmr.scene.joints import JointPads
@@ -137,7 +139,7 @@ def _check_luffing(scene: Scene, frame: Frame) -> None:
         if max(-least, most) > OPEN:
             allowed = "openings from -1 to 1 are allowed"
             raise scene_error("frame.cylinder.oil.valve.opening", least if -least > OPEN else most, allowed)
-    length = float(cylinder.length_and_arm(frame.angles[0].value(np.zeros(1)))[0][0])
+    length = float(cylinder.length_and_arm(frame.angles.luffing.value(np.zeros(1))).length[0])
     if cylinder.stroke is not None and not cylinder.stroke[0] <= length <= cylinder.stroke[1]:
         allowed = f"the length at luffing_start, {length:.4g} m, is needed within the stroke"
         raise scene_error("frame.cylinder.stroke", list(cylinder.stroke), allowed)
@@ -240,7 +242,7 @@ def _check_cylinder(scene: Scene, frame: Frame) -> None:
     if frame.cylinder.stiffness is not None:
         _check_holding_cylinder(scene, frame)
     t = np.linspace(0.0, scene.time.end, SAMPLES)
-    angle = frame.angles[0].value(t)
+    angle = frame.angles.luffing.value(t)
     length, arm = frame.cylinder.length_and_arm(angle)
     reach = float(np.hypot(*frame.cylinder.lug))
     k = int(np.argmin(np.abs(arm)))
@@ -287,3 +289,96 @@ def _has_jump(angle: SignalBase, t: float) -> bool:
     low, high = angle.bounds(0.0, t)
     before, after = angle.value(np.array([np.nextafter(t, -np.inf), t]))
     return bool(abs(after - before) > JUMP * (high - low))
+
+
+#: Number of times at which the length of the rope is checked.
+HOIST_SAMPLES = 1001
+
+
+def still_rotation(scene: Scene) -> Array:
+    """Rotation (3, 3) from axes of a boom without a frame into those of the ground, whose Z is against the weight."""
+    assert scene.gravity is not None  # as the checks say
+    up, ahead = -np.array(scene.gravity.direction), np.eye(3)[0]
+    ahead = ahead - (ahead @ up) * up
+    ahead = ahead / np.linalg.norm(ahead) if np.linalg.norm(ahead) > 1e-9 else np.eye(3)[2]
+    return np.array([ahead, np.cross(up, ahead), up])
+
+
+class PlaceOnBoom(NamedTuple):
+    """Place in m of head or winch where no section is extended, and the number of the section around it.
+
+    It is along axes of the boom, from the pivot of its frame or from the base's tail without one; on the machine along
+    axes that do not luff.
+    """
+
+    at: tuple[float, float, float]
+    number: int
+
+
+def rope_places(scene: Scene) -> tuple[PlaceOnBoom, PlaceOnBoom]:
+    """Places of the head and of the winch of a scene's hoist."""
+    assert scene.hoist is not None
+    tail = np.zeros(3) if scene.frame is None else np.array(scene.frame.tail_position)
+    places = {name: (m.number, place) for m in members(scene) for name, place in m.rope_places.items()}
+    on_boom = {name: PlaceOnBoom((*(tail + place.at).tolist(),), number) for name, (number, place) in places.items()}
+    return on_boom["head"], on_boom.get("winch", PlaceOnBoom(scene.hoist.winch.at, 0))
+
+
+def distance_along(scene: Scene, t: float) -> float:
+    """Distance in m from the winch to the head of a scene's undeformed boom at the time t in s."""
+    assert scene.hoist is not None
+    head, winch = (np.array(place.at) for place in rope_places(scene))
+    numbers = [place.number for place in rope_places(scene)]
+    for at, number in zip((head, winch), numbers, strict=True):
+        at[0] += sum(float(scene.extension(k).value(t)) for k in range(1, number + 1))
+    if not scene.hoist.winch.section:
+        up = still_rotation(scene)[2] if scene.frame is None else scene.frame.rotation_to_ground(t)[2]
+        winch = np.array([winch[0] * up[2] + winch[2] * up[0], winch[1], winch[2] * up[2] - winch[0] * up[0]])
+    return float(np.linalg.norm(head - winch))
+
+
+def check_hoist(scene: Scene) -> None:
+    """Refuse a hoist that the scene's boom does not fit, or whose rope gets too short; a scene without one passes."""
+    hoist, frame = scene.hoist, scene.frame
+    if hoist is None:
+        return
+    if scene.gravity is None:
+        raise scene_error("gravity", None, "a table [gravity] is needed with [hoist], whose payload has a weight")
+    if frame is not None and frame.ground is not None and hoist.pivot_height not in (0.0, frame.ground.height):
+        allowed = f"frame.ground.height, {frame.ground.height:g}, is the pivot's height, and none beside it is allowed"
+        raise scene_error("hoist.pivot_height", hoist.pivot_height, allowed)
+    for key, name in (("section", hoist.section), ("winch.section", hoist.winch.section)):
+        if name and name not in scene.names:
+            raise scene_error(f"hoist.{key}", name, f"{', '.join(scene.names)} are allowed")
+    if frame is not None and frame.base_angles and not hoist.winch.section:
+        raise scene_error("hoist.winch.section", None, "a section is allowed where the base rolls, pitches or yaws")
+    is_lifted = frame is not None and frame.base is not None and "z" in frame.base.motions
+    if hoist.pivot_height and is_lifted:
+        allowed = "0 is allowed where frame.base.z moves the pivot: the height of the hook is measured from it"
+        raise scene_error("hoist.pivot_height", hoist.pivot_height, allowed)
+    for member in members(scene):
+        if hoist.lateral_key and is_planar(member):
+            key = scene.section_key(member.number, "body.model")
+            allowed = (
+                f"a model in space is allowed beside hoist.{hoist.lateral_key}, which is not in the vertical plane"
+            )
+            raise scene_error(key, model_of(member), allowed)
+        if model_of(member) == "matrices":
+            key = scene.section_key(member.number, "body.model")
+            raise scene_error(key, "matrices", "models with a mesh are allowed with [hoist]")
+        for place, (on, (x, _, _)) in member.rope_places.items():
+            key = "hoist.on" if place == "head" else "hoist.winch.at"
+            if not 0.0 <= x <= member.part.length:
+                raise scene_error(key, x, f"0 to {member.part.length:g} m is allowed")
+            if frame is not None and frame.second_order and on != "tip" and x != member.part.length:
+                allowed = "a section's tip is allowed with frame.second_order, which takes forces along the boom there"
+                raise scene_error(key, on, allowed)
+    t = np.linspace(0.0, scene.time.end, HOIST_SAMPLES)
+    if frame is not None and frame.luffing == "free" and not hoist.winch.section:
+        t = t[:1]  # later the angle, and with it the distance from winch to head, is computed
+    along = np.array([distance_along(scene, float(at)) for at in t])
+    hanging = (hoist.free_length(t, along[0]) - along) / hoist.falls
+    if not hanging.min() > 0.0:
+        k = int(np.argmax(hanging <= 0.0))
+        allowed = f"a longer rope is allowed: without force its hook is at the head at {t[k]:.4g} s"
+        raise scene_error(f"hoist.{'speed' if hoist.is_wound else 'length'}", None, allowed)

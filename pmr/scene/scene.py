@@ -339,7 +339,7 @@ class Scene(SectionTables):
         """Signals of all `paths` by name, and the luffing angle in rad if a luffing cylinder holds the base."""
         if self.frame is None or self.holding_cylinder is None:
             return self.paths
-        return self.paths | {LUFFING: self.frame.angles[0]}
+        return self.paths | {LUFFING: self.frame.angles.luffing}
 
     def joint(self, number: int) -> Joint:
         """Return the joint in which section `number` (1 or more) slides."""

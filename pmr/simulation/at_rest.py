@@ -64,7 +64,7 @@ def critical_luffing(scene: Scene) -> float:
     Not to be called for a scene without luffing angles.
     """
     assert scene.frame is not None  # of a scene that has angles
-    angles = np.linspace(*scene.frame.angles[0].bounds(0.0, scene.time.end), ANGLES)
+    angles = np.linspace(*scene.frame.angles.luffing.bounds(0.0, scene.time.end), ANGLES)
     return float(angles[np.argmax(np.sin(angles))])
 
 

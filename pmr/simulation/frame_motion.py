@@ -151,10 +151,7 @@ class FrameRotation:
         sine, cosine = np.sin(phi), np.cos(phi)
         return cls(
             np.stack([turn * sine, -rise, turn * cosine], axis=-1),
-            np.stack(
-                [faster * sine + turn * rise * cosine, -second, faster * cosine - turn * rise * sine],
-                axis=-1,
-            ),
+            np.stack([faster * sine + turn * rise * cosine, -second, faster * cosine - turn * rise * sine], axis=-1),
             boom_rotation(phi, psi),
         )
 

@@ -174,7 +174,7 @@ def with_luffing_cylinder(scene: Scene, response: Response) -> Response:
     elif MOMENT not in response.other_names:
         return response
     else:
-        _, arm = scene.frame.cylinder.length_and_arm(scene.frame.angles[0].value(response.t))
+        arm = scene.frame.cylinder.length_and_arm(scene.frame.angles.luffing.value(response.t)).arm
         force = response.other(MOMENT) / arm
     return response.with_others(force[:, None], [Output(CYLINDER, "reaction", scene.names[0], unit="N")])
 
@@ -195,7 +195,7 @@ def with_force_of_pin(scene: Scene, response: Response) -> Response:
         return response
     assert scene.frame is not None and scene.frame.cylinder is not None and response.others is not None
     force = response.other(CYLINDER)
-    along, across = (force[:, None] * scene.frame.cylinder.direction(scene.frame.angles[0].value(response.t))).T
+    along, across = (force[:, None] * scene.frame.cylinder.direction(scene.frame.angles.luffing.value(response.t))).T
     other_outputs = response.others.copy()
     other_outputs[:, response.other_names.index(held.pin[0])] += along
     other_outputs[:, response.other_names.index(held.pin[1])] += across + _first_stored_force(response, held.across)

@@ -250,10 +250,7 @@ def large_rotation_changes(limits: Sequence[Limit], place: Place, loads: Array, 
     u_0)`.  For a limit on overturning, :math:`P / (1 - u_0)` is replaced by `TippingMoments.overturning_load`.  How
     large rotations change the load at which stability is lost is not known.
     """
-    changes, tip = (
-        np.zeros(len(loads)),
-        [n for n, kind in enumerate(place.postures.output_kinds) if kind == "tip"],
-    )
+    changes, tip = (np.zeros(len(loads)), [n for n, kind in enumerate(place.postures.output_kinds) if kind == "tip"])
     states, unloaded = place.equilibria.states(loads.tolist()), place.equilibria.states([0.0])
     for n, (limit, state) in enumerate(zip(limits, states.split([1] * len(loads)), strict=False)):
         load = float(state.load[0])

@@ -62,15 +62,15 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
 
     The task's warnings are those warnings of a run that hold for the scene in all postures.
     """
-    from pmr.compare.accuracy import mesh
-    from pmr.compare.accuracy.mesh import FINER, ORDER
+    from pmr.compare import mesh_part
     from pmr.compare.drives import turning_warnings
+    from pmr.compare.mesh_part import FINER, ORDER
     from pmr.fullmodel.build import warnings
 
     at = PostureSet.from_task(arguments["at"])
     scene = with_fields(shared.scene_of(arguments), arguments.get("fields", ()), at.count)
     if arguments["error"]:  # attachment modes of the richer model need what an estimate needs
-        scene = mesh.with_estimates(scene, True)
+        scene = mesh_part.with_estimates(scene, True)
     system = shared.reduced_system(scene)
     reduced = PostureMatrices.from_scene(scene, system, at)
     reach = at.boom_length(scene)
@@ -92,13 +92,13 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
         full = shared.full_system(scene)
         arrays["too_stiff"] = np.array(stiffness_excess(scene, better, full, at, arguments["up_to"]))
     of_structures = [line for body in shared.bodies_of(scene).values() for line in warnings(body.structure)]
-    lines = dict.fromkeys((*of_structures, *mesh.mesh_warnings(scene), *turning_warnings(scene, at.luffing)))
+    lines = dict.fromkeys((*of_structures, *mesh_part.mesh_warnings(scene), *turning_warnings(scene, at.luffing)))
     return TaskResult(arrays=arrays, warnings=tuple(lines))
 
 
 def finer_mesh_system(scene: Scene) -> System | None:
     """Return the reduced system of beams on elements half as long; None for other bodies, which would take too long."""
-    from pmr.compare.accuracy.mesh import finer_beams, has_rigid_beams, motion_only
+    from pmr.compare.mesh_part import finer_beams, has_rigid_beams, motion_only
 
     if not has_rigid_beams(scene) or any(part.mesh.file is not None for part in scene.sections):
         return None

@@ -144,7 +144,7 @@ def _response_at_equilibria(equilibria: Sequence[Equilibrium]) -> RestingRespons
     """Return a response with tip displacements and contact forces of one equilibrium at each time; all else is zero."""
     at, states = equilibria[0].place.postures, [at_rest.state for at_rest in equilibria]
     t, nothing = np.arange(len(equilibria), dtype=float), np.zeros(len(equilibria))
-    tip = _indices_of_kind(at, "tip")[0]
+    tip = _indices_of_kind(at.output_kinds, "tip")
     return RestingResponse(
         t=t,
         x=np.zeros(len(tip)),
@@ -184,16 +184,14 @@ def _relative_errors(
 
 def _values_of_kind(at: PostureMatrices, state: LoadedState, kind: str) -> list[float]:
     """Return the values of all outputs and contact forces of a kind in a state of the model `at`, sorted by name."""
-    outputs, forces = _indices_of_kind(at, kind)
-    named = [(at.columns.names[n], state.outputs[n]) for n in outputs]
-    named += [(at.force_names[n], state.forces[n]) for n in forces]
+    named = [(at.columns.names[n], state.outputs[n]) for n in _indices_of_kind(at.output_kinds, kind)]
+    named += [(at.force_names[n], state.forces[n]) for n in _indices_of_kind(at.force_kinds, kind)]
     return [float(value) for _, value in sorted(named)]
 
 
-def _indices_of_kind(at: PostureMatrices, kind: str) -> tuple[list[int], list[int]]:
-    """Return the indices of the outputs of a kind in the model `at`, and the indices of its contacts of that kind."""
-    outputs, forces = ([n for n, of in enumerate(kinds) if of == kind] for kinds in (at.output_kinds, at.force_kinds))
-    return outputs, forces
+def _indices_of_kind(kinds: Sequence[str], kind: str) -> list[int]:
+    """Return the indices of the outputs or contacts of a kind among all, which have the `kinds`."""
+    return [n for n, of in enumerate(kinds) if of == kind]
 
 
 class Stop(SceneTable):
@@ -323,11 +321,7 @@ def governing_details(
     names = {"forces": at.force_names, "stress": tuple(_stress_columns(at))}
     names |= {"direction": bent.direction, "section": bent.names}
     arrays |= {f"{of}.names": np.array(named, dtype=np.str_) for of, named in names.items()}
-    return arrays | {
-        "kinds": np.array(at.force_kinds, dtype=np.str_),
-        "bent.x": bent.x,
-        "bent.section": bent.section,
-    }
+    return arrays | {"kinds": np.array(at.force_kinds, dtype=np.str_), "bent.x": bent.x, "bent.section": bent.section}
 
 
 def _stress_columns(at: PostureMatrices) -> dict[str, dict[str, int]]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +79,7 @@ class Chart:
 
     def least_loads(self, loads: Array) -> Array:
         """Return for each limit the smallest of its `loads` (c, l) in kg over c cases, (l,); `up_to` if all are NaN."""
-        return np.asarray(np.nan_to_num(_least_case(loads)[1], nan=self.up_to))
+        return np.asarray(np.nan_to_num(_least_case(loads).load, nan=self.up_to))
 
     def reduction_errors(self, models: ChartModels, k: int, loads: Array) -> Array:
         """Return for each limit the error (l,) in kg that reduction causes in its smallest load over all cases.
@@ -242,14 +242,21 @@ def _hoist_factor(loaded: LoadedStructure, load: float, rope: Rope, gravity: flo
     return lift_off(loaded.state(load).form, load, rope, gravity)
 
 
-def _least_case(loads: Array) -> tuple[NDArray[np.int64], Array]:
+class LeastCase(NamedTuple):
+    """Number (l,) of the case with the smallest load for each limit, and the load (l,) in kg in this case."""
+
+    number: NDArray[np.int64]
+    load: Array
+
+
+def _least_case(loads: Array) -> LeastCase:
     """Return for each limit the number (l,) of the case with the smallest load, and the load (l,) in kg in this case.
 
     `loads` are (c, l) in kg; the returned load is NaN only if the loads of all cases are.
     """
     finite = np.where(np.isnan(loads), np.inf, loads)
     case = finite.argmin(axis=0)
-    return case, loads[case, np.arange(loads.shape[1])]
+    return LeastCase(case, loads[case, np.arange(loads.shape[1])])
 
 
 def _amount(case: Summary, part: str) -> float:

@@ -213,10 +213,7 @@ def amounts_of_states(
         """Return the limit function's values (p,) in all states."""
         outputs, forces = (
             [dict(zip(names, row, strict=True)) for row in of.tolist()]
-            for names, of in (
-                (at.output_names, states.outputs),
-                (at.force_names, states.forces),
-            )
+            for names, of in ((at.output_names, states.outputs), (at.force_names, states.forces))
         )
         return np.array(list(map(amount, states.load.tolist(), outputs, forces)))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -23,6 +23,13 @@ from pmr.system.terms import Term, add_terms
 
 #: Shift in (rad/s)^2: `Assembly.modes` adds this many times M to K, which is singular if nothing holds a body.
 SHIFT = 1.0
+
+
+class ClosedModes(NamedTuple):
+    """Modes of a system with closed contacts."""
+
+    omega: Array  # (f,) rad/s
+    phi: Array  # (n, f) 1/sqrt(kg)
 
 
 class Assembly:
@@ -325,8 +332,8 @@ class Assembly:
             hertz[k, : len(omega)] = omega / (2.0 * np.pi)
         return hertz
 
-    def modes(self, rows: ContactRows, count: int, c: Array | Sequence[float] = ()) -> tuple[Array, Array]:
-        """Lowest modes with every contact closed: omega (f,) in rad/s, ascending, and phi (n, f) in 1/sqrt(kg).
+    def modes(self, rows: ContactRows, count: int, c: Array | Sequence[float] = ()) -> ClosedModes:
+        """Lowest modes with every contact closed, omega ascending.
 
         They are normalised to phi^T M phi = 1.  `rows` are the contacts' rows at one time.  The number f is `count`, or
         less if there are fewer modes.  Of the stiffness of terms with amplitudes c (k,), the symmetric part counts; at
@@ -338,11 +345,11 @@ class Assembly:
             M, K = Z.T @ M @ Z, Z.T @ K @ Z
         if len(c) and scipy.linalg.eigvalsh(K, subset_by_index=(0, 0))[0] <= 0.0:  # buckled: K is not positive definite
             omega2, phi = scipy.linalg.eigh(K, M, subset_by_index=(0, min(count, len(K)) - 1))
-            return np.sqrt(np.maximum(omega2 - SHIFT, 0.0)), phi if Z is None else Z @ phi
+            return ClosedModes(np.sqrt(np.maximum(omega2 - SHIFT, 0.0)), phi if Z is None else Z @ phi)
         # the largest of the inverse: low modes to full relative accuracy
         inverse, z = scipy.linalg.eigh(M, K, subset_by_index=(max(len(K) - count, 0), len(K) - 1))
         phi = z[:, ::-1] / np.sqrt(inverse[::-1])
-        return np.sqrt(np.maximum(1.0 / inverse[::-1] - SHIFT, 0.0)), phi if Z is None else Z @ phi
+        return ClosedModes(np.sqrt(np.maximum(1.0 / inverse[::-1] - SHIFT, 0.0)), phi if Z is None else Z @ phi)
 
 
 def _count(slices: Mapping[str, slice]) -> int:

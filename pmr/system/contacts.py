@@ -46,6 +46,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -147,12 +148,20 @@ def contact_error(contact: str, key: str, value: object, allowed: str) -> InputE
 FRICTION = ("friction", "shear_stiffness", "static_friction", "stribeck_speed")
 
 
-def friction_law(contact: Contact) -> tuple[float, float, float]:
-    """Sliding coefficient, coefficient at rest and Stribeck speed (m/s) of a contact, ordered as in src/friction.c.
+class FrictionLaw(NamedTuple):
+    """Coefficients of friction and Stribeck speed in m/s, ordered as in src/friction.c."""
+
+    sliding: float
+    at_rest: float
+    stribeck_speed: float
+
+
+def friction_law(contact: Contact) -> FrictionLaw:
+    """Law of friction of a contact.
 
     A contact without a coefficient at rest has its sliding coefficient there too.
     """
-    return contact.friction, contact.static_friction or contact.friction, contact.stribeck_speed
+    return FrictionLaw(contact.friction, contact.static_friction or contact.friction, contact.stribeck_speed)
 
 
 @dataclass(frozen=True)

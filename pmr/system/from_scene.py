@@ -205,7 +205,7 @@ def _ground_contacts(name: str, body: Body, joined_rows: set[tuple[str, str]], p
 def _luffing_place(name: str, body: Body) -> Place:
     """Place of the luffing cylinder's row of the body `name`; its domain spans a turn of the angle.
 
-    See `pmr.fullmodel.luffing`.
+    See `pmr.fullmodel.moving`.
     """
     assert body.carriers is not None
     breaks = body.carriers.row(body.row_names.index(LUFFING_CYLINDER), LUFFING_CYLINDER).breaks

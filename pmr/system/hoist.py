@@ -17,8 +17,8 @@ from pmr.files.arrays import Array
 from pmr.scene.built import WEIGHT
 from pmr.scene.choice import rope_pulls
 from pmr.scene.files import stored_scene
+from pmr.scene.frame_checks import distance_along, rope_places, still_rotation
 from pmr.scene.hoist import HOIST, OUTPUTS, ROPE, WIND
-from pmr.scene.hoist_places import distance_along, rope_places, still_rotation
 from pmr.scene.keys import RECORDED, input_name
 from pmr.scene.members import members
 from pmr.scene.scene import Scene

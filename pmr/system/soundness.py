@@ -65,7 +65,7 @@ def describe_misshapen(field: str, matrices: Mapping[str, NDArray[np.float64]], 
 
 
 def describe_names(field: str, names: object) -> str | None:
-    """Description of the first entry of `names` that is no name (`pmr.errors.is_name`); None if there is none.
+    """Description of the first entry of `names` that is no name (`pmr.errors.text.is_name`); None if there is none.
 
     `field` is what holds them.  None is also returned if `names` is no tuple.
     """

@@ -16,14 +16,7 @@ import numpy as np
 
 from pmr.files.arrays import Array
 from pmr.system.carriers import CarrierRows, EnrichmentModes, Flexibility
-from pmr.system.polynomials import (
-    add_tables,
-    join_columns,
-    multiply_matrix,
-    multiply_tables,
-    select_columns,
-    transpose,
-)
+from pmr.system.polynomials import add_tables, join_columns, multiply_matrix, multiply_tables, select_columns, transpose
 from pmr.system.reduced_model import ReducedModel
 
 #: Largest entry that couples two modes, relative to their diagonal entries, in a modal form.

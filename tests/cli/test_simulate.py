@@ -13,8 +13,8 @@ from processes import FENICSX, PETSC, called, without
 
 from pmr import pipeline as whole
 from pmr import scene
-from pmr.compare.saved_model import simulate_saved
 from pmr.compare.simulated import check_same_scene, simulate
+from pmr.compare.summary import simulate_saved
 from pmr.errors import InputError
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System

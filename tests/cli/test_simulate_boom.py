@@ -12,8 +12,8 @@ import pytest
 from processes import FENICSX, PETSC, called, without
 
 import pmr
-from pmr.compare.saved_model import EARLIER, simulate_saved
 from pmr.compare.simulated import check_scene_fits
+from pmr.compare.summary import EARLIER, simulate_saved
 from pmr.errors import InputError
 from pmr.system.assembly import Assembly
 from pmr.system.system import System

@@ -11,7 +11,7 @@ from driving import driven
 from oracle import flexible, full_body
 
 from pmr.compare.errors import nrms
-from pmr.compare.saved_model import simulate_saved
+from pmr.compare.summary import simulate_saved
 from pmr.compare.trust import (
     RINGING_SHARE,
     RingingReference,

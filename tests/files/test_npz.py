@@ -24,7 +24,7 @@ from pmr.errors import InputError
 from pmr.files.foreign import ForeignFiles, read_foreign
 from pmr.files.npz import DamagedError, read, record_arrays, record_from_arrays
 from pmr.results.field_series import Fields
-from pmr.simulation.petsc.checkpoint import Checkpoint, load
+from pmr.simulation.petsc.simulator import Checkpoint, load
 from pmr.studies.study import Store
 from pmr.system.reduced_model import ReducedModel
 

@@ -14,10 +14,9 @@ from nested import Nested, reduced
 
 from pmr.errors import InputError, SimulationError
 from pmr.kernel._native import lib
-from pmr.kernel.block_file import LINE, pack, seal, unpack
+from pmr.kernel.blocks import LINE, pack, seal, unpack
 from pmr.kernel.data import SystemData, system_data
-from pmr.kernel.kernel import Kernel, checksum
-from pmr.kernel.signals import Signals
+from pmr.kernel.kernel import Kernel, Signals, checksum
 from pmr.kernel.state import Failure, Record, Settings, State
 from pmr.scene.signals import Constant, Ramp, SignalBase, SmoothRamp
 from pmr.simulation.modal import modal_form

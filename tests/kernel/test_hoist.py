@@ -12,7 +12,7 @@ from scipy.special import ellipk
 
 import pmr
 from pmr.errors import InputError, SimulationError
-from pmr.kernel.block_file import LINE, pack, seal, unpack
+from pmr.kernel.blocks import LINE, pack, seal, unpack
 from pmr.kernel.kernel import Kernel, checksum
 from pmr.kernel.state import Record, State
 from pmr.scene.hoist import ROPE, ROPE_FORCE

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.kernel.signals import Signals
+from pmr.kernel.kernel import Signals
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulation.frame_motion import Acceleration
 

@@ -15,7 +15,7 @@ import pmr
 from pmr import scene as scenes
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.frequencies import frequencies_on_way, frequency_map, way_points
-from pmr.compare.saved_model import simulate_saved
+from pmr.compare.summary import simulate_saved
 from pmr.errors import InputError
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.full_order import FullOrder

@@ -14,7 +14,7 @@ from pmr.compare.evaluation import hoist_outputs
 from pmr.errors import InputError
 from pmr.scene import load_any
 from pmr.scene.choice import axis_loads, choose_model
-from pmr.scene.hoist_places import distance_along
+from pmr.scene.frame_checks import distance_along
 from pmr.scene.members import members
 from pmr.simulation.excitation import Excitation
 from pmr.system.hoist import hoist_of

@@ -9,7 +9,7 @@ from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.signals import Constant, Ramp, Sine, SmoothRamp, Sum
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.excitation import clip_path
-from pmr.simulation.refusals import describe_divergence
+from pmr.simulation.start import describe_divergence
 from pmr.system.contacts import Contact, Place
 
 

@@ -11,7 +11,7 @@ from turning_cylinder import EXTENSION, LUG, Rigid, boom
 
 import pmr
 from pmr.errors import InputError
-from pmr.fullmodel.luffing import direction_polynomial
+from pmr.fullmodel.moving import direction_polynomial
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.mechanism import CYLINDER
 

@@ -15,8 +15,8 @@ from fuzz import toml
 from ways.kinds import RAISED, SPACE, boom, rings
 
 import pmr
+from pmr.report.studies import render_studies
 from pmr.report.studies.chart import covered_parts
-from pmr.report.studies.document import render_studies
 from pmr.scene import load_any
 from pmr.scene.model_ladder import model_comparison
 from pmr.simulation.statics.postures import PostureMatrices, PostureSet, with_hook

@@ -29,7 +29,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import pmr
-from pmr.compare.accuracy.order import trials_of
+from pmr.compare.accuracy import trials_of
 from pmr.compare.errors import relative_error
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.outputs import divide_steps, run_from_start
@@ -38,7 +38,7 @@ from pmr.reduction.bodies import reduce_bodies, reduce_body
 from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
 from pmr.report.figures.canvas import WIDE, curve_style, drawing, log_axis, log_x, make_sheet
 from pmr.report.numbers import format_input, format_percent, format_quantity
-from pmr.report.studies.document import study_chapter
+from pmr.report.studies import study_chapter
 from pmr.report.studies.finished import FinishedStudy
 from pmr.scene import Reduction, Scene
 from pmr.scene.keys import ALONE

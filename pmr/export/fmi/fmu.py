@@ -28,7 +28,7 @@ from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
 from pmr.export.fmi.variables import Drivers, variables
 from pmr.files.arrays import Array
 from pmr.files.whole import replacement_file
-from pmr.kernel.block_file import LINE, lines, pack, seal
+from pmr.kernel.blocks import LINE, lines, pack, seal
 from pmr.kernel.kernel import checksum
 from pmr.simulation import contact_step
 from pmr.simulation.moving import StoredScene, read_scene

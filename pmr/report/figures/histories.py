@@ -259,12 +259,7 @@ def model_words(simulator: str) -> str:
 
 
 def history_figure(
-    time: Timeline,
-    signals: Mapping[str, Array],
-    label: str,
-    base: str,
-    window: Span | None,
-    largest: float = 0.0,
+    time: Timeline, signals: Mapping[str, Array], label: str, base: str, window: Span | None, largest: float = 0.0
 ) -> Figure:
     """Draw signals (T,) over time, and below them their differences to the reference if these are visible.
 

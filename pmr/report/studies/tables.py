@@ -20,11 +20,7 @@ from pmr.studies.study import RunRecord
 from pmr.studies.tasks import Scalar, cell_number
 
 TIME = "simulate.reduced"  # name of the time in s that one simulation of the reduced model takes
-_PLACES = {
-    "tip": "at the tip",
-    "beam": "along the beam",
-    "pad_force": "of the forces",
-}
+_PLACES = {"tip": "at the tip", "beam": "along the beam", "pad_force": "of the forces"}
 #: Words for positions on the path, by the parts of values' names that stand for these positions.
 PLACES = {"s_min": "s least", "s_middle": "s midway", "s_max": "s largest"}
 _AGAINST = {"full": "", "ancf": " against ANCF"}

@@ -159,11 +159,7 @@ class CableMotion:
 
 
 def simulate(
-    cable: Cable,
-    places: Mapping[str, float],
-    excitation: Excitation,
-    x: Array,
-    progress: Progress | None = None,
+    cable: Cable, places: Mapping[str, float], excitation: Excitation, x: Array, progress: Progress | None = None
 ) -> CableMotion:
     """Simulate from the straight cable at rest, and return its motion at the material points x (o,) in m.
 

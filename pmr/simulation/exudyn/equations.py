@@ -30,8 +30,7 @@ from pmr.scene.signals import SignalBase
 from pmr.simulation.contact_step import StepParts
 from pmr.simulation.excitation import Excitation, side_positions, signals_in_order
 from pmr.simulation.floating import Extensions
-from pmr.simulation.refusals import needs_of
-from pmr.simulation.start import InitialState, consistent_start, dense
+from pmr.simulation.start import InitialState, consistent_start, dense, needs_of
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.contact_rows import ContactRows, check_determined, compliant_rows

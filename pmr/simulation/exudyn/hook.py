@@ -20,6 +20,7 @@ energy, the derivative of the constraint by s results in the force :math:`f^T E_
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import exudyn as exu
 import numpy as np
@@ -125,6 +126,22 @@ def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str
     return Hook(node, oHook, mHook, oJoint)
 
 
+class Coordinates(NamedTuple):
+    """Coordinates of a boom on its base."""
+
+    base: Array  # (k,)
+    boom: Array  # (n,)
+    s: Array  # (P,) m: of the paths
+
+
+class UnloadedPoint(NamedTuple):
+    """Position of a point in m along the boom's axes, and its derivatives by coordinates of the boom and paths."""
+
+    at: Array  # (3,)
+    by_boom: Array  # (3, n)
+    by_paths: Array  # (3, P)
+
+
 class _Joint:
     """Constraint between the hook and the point of the boom where three loads act.
 
@@ -146,7 +163,7 @@ class _Joint:
         if not (np.allclose(work[:3], np.eye(3)) and np.allclose(turned, expected, atol=1e-9)):
             allowed = "forces along x, y and z at one place are allowed"
             raise InputError("system", "loads", ", ".join(loads), allowed)
-        answers = base.answers(self._split(0.0, start)[2])
+        answers = base.answers(self._split(0.0, start).s)
         values, vectors = np.linalg.eigh(answers.E[np.ix_(self._on, self._on)])
         stiff = vectors[:, values <= ROUND_OFF * max(answers.E.max(), TINY)]
         self._firm = stiff @ stiff.T  # projection onto the directions without immediate flexibility
@@ -155,10 +172,10 @@ class _Joint:
         self.mass = np.zeros((6 + len(start),) * 2)  # kg: of w in directions without flexibility
         self.mass[:3, :3] = self._firm
 
-    def _split(self, t: float, z: Array) -> tuple[Array, Array, Array]:
-        """Coordinates of base (k,) and boom (n,), and path coordinates s (P,) in m, from z without w and hook."""
+    def _split(self, t: float, z: Array) -> Coordinates:
+        """Coordinates of base, boom and paths from z without w and hook."""
         k, n = self._base.count, self._base.boom.size
-        return z[:k], z[k : k + n], self._base.extensions(t, z[k + n :], z[k + n :]).value
+        return Coordinates(z[:k], z[k : k + n], self._base.extensions(t, z[k + n :], z[k + n :]).value)
 
     def _displacements(self, z: Array) -> Array:
         """Displacements (N - 6,): all coordinates z (N,) but the first six, less reference values of base and paths.
@@ -180,7 +197,7 @@ class _Joint:
 
         z (N,) are the coordinates, w first.  The node w is held in directions without flexibility.
         """
-        w, (_, _, s), along, e = z[:3], self._split(t, z[6:]), self._base.paths.along, self._scale
+        w, s, along, e = z[:3], self._split(t, z[6:]).s, self._base.paths.along, self._scale
         (E, E_slope), K = self._flexibility(s), np.zeros((len(z),) * 2)
         first = len(z) - along.shape[1]
         K[:3, :3] = (E / e + self._firm) / e
@@ -200,18 +217,16 @@ class _Joint:
                 by[k] -= q @ Gq / l**2 / 2.0
         return bent, by
 
-    def _unloaded_point(self, t: float, q: Array, s: Array, R: Array) -> tuple[Array, Array, Array]:
-        """Position (3,) in m of the point from O in the boom's axes, without the hook's force, and derivatives.
-
-        O is the pivot.  The derivatives are (3, n) by q and (3, P) by s; R (3, 3) are the boom's axes in space.
-        """
+    def _unloaded_point(self, t: float, q: Array, s: Array, R: Array) -> UnloadedPoint:
+        """Point of the hook without the hook's force, from the pivot O; R (3, 3) are the boom's axes in space."""
         answers, e = self._base.answers(s), np.array([1.0, 0.0, 0.0])
         rows, (bent, by) = answers.B[:, self._on].T, self._shortening(s, q)
         loads = self._base.boom.weight(self._base.weight(t) * R[2], len(answers.E)) + np.array(self._inputs.loads(t))
         carried = np.arange(len(s)) <= self._section
         at = self._base.boom.boom.place + e * (s @ carried - bent @ q / 2.0) + self._r + rows @ q
         sliding = (answers.B_slope[:, :, self._on].transpose(0, 2, 1) @ q + answers.E_slope[:, self._on] @ loads).T
-        return at + answers.E[self._on] @ loads, rows - np.outer(e, bent), sliding + np.outer(e, carried - by)
+        by_paths = sliding + np.outer(e, carried - by)
+        return UnloadedPoint(at + answers.E[self._on] @ loads, rows - np.outer(e, bent), by_paths)
 
     def start(self, z: Array, z_t: Array) -> tuple[Array, Array]:
         """Position and velocity (3,) of the point in space at t = 0, without the hook's force.
@@ -231,7 +246,7 @@ class _Joint:
         x, q, s = self._split(t, self._displacements(z))
         _, _, _, R = self._base.kinematics(x, 0.0 * x)
         at = R.T @ (z[3:6] - self._base.origin(x))
-        return np.asarray(at - self._unloaded_point(t, q, s, R)[0] - self._flexibility(s)[0] @ z[:3] / self._scale)
+        return np.asarray(at - self._unloaded_point(t, q, s, R).at - self._flexibility(s)[0] @ z[:3] / self._scale)
 
     def gap_derivative(self, t: float, z: Array) -> Array:
         """Derivative (3, N) of the gap by all coordinates z (N,)."""

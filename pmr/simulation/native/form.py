@@ -12,16 +12,21 @@ from scipy.linalg import block_diag
 
 from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array
+from pmr.kernel.blocks import round_up
 from pmr.kernel.data import system_in_modes
 from pmr.kernel.kernel import Kernel
-from pmr.kernel.rows import round_up
 from pmr.kernel.state import Failure, StepError
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.excitation import Excitation, side_positions, signals_in_order
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.moving import MovingFrame
-from pmr.simulation.refusals import describe_dependence, describe_divergence, describe_unsettled
-from pmr.simulation.start import InitialState, consistent_start
+from pmr.simulation.start import (
+    InitialState,
+    consistent_start,
+    describe_dependence,
+    describe_divergence,
+    describe_unsettled,
+)
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import ALONE, Friction

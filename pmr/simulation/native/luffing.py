@@ -14,7 +14,7 @@ For all further computations the computed angle is the prescribed luffing angle 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -77,7 +77,7 @@ class LuffingRun(MachineRun):
     def __init__(self, scene: Scene, system: System) -> None:
         frame = scene.frame
         assert frame is not None  # of a scene with a free luffing angle
-        begun = float(frame.angles[0].value(np.zeros(1))[0])
+        begun = float(frame.angles.luffing.value(np.zeros(1))[0])
         hangs = begun if np.cos(begun - HANGING) < 0.0 else HANGING  # above the pivot it falls to one side
         #: luffing angle in rad at which the machine does not pitch
         self.level = hangs if frame.cylinder is None else frame.cylinder.square_angle(begun)
@@ -161,19 +161,15 @@ def luffing_arrays(machine: KernelMachine, frame: MovingFrame) -> dict[str, Arra
     drive = next((k for k, name in enumerate(frame.loads) if name.startswith(DRIVE)), None)
     at = [len(frame.paths) + frame.loads.index(GRAVITY) if GRAVITY in frame.loads else -1]
     at.append(-1 if drive is None else len(frame.paths) + drive)
-    sizes = [len(machine.masses), len(machine.of_shortened), len(machine.inertial), *machine.axes, *at, cylinder.kind]
-    numbers: list[Any] = [
-        machine.level,
-        machine.boom_mass,
-        machine.place,
-        machine.section_inertia,
-        cylinder.foot,
-        cylinder.lug,
-    ]
+    boom, inputs = machine.boom, machine.inputs
+    sizes = [len(boom.masses), len(inputs.of_shortened), len(inputs.inertial), *machine.base.axes, *at, cylinder.kind]
+    numbers: list[Any] = [machine.base.level, boom.boom_mass, boom.place, boom.section_inertia]
+    numbers += [cylinder.foot, cylinder.lug]
     numbers += [cylinder.spring, cylinder.damping, np.minimum(cylinder.stroke, FAR), cylinder.stop_stiffness]
     numbers += [np.resize(oil[name], size) for name, size in OIL_SIZES.items()]
-    names = ("section_paths", "fields", "inertial", "masses", "first_moments", "loads", "rotating", "second_moments")
-    arrays = {name: np.ravel(getattr(machine, name)) for name in (*names, "of_shortened", "shortened")}
+    names = ("section_paths", "masses", "first_moments", "rotating", "second_moments")
+    arrays = {name: np.ravel(getattr(boom, name)) for name in names}
+    arrays |= {of.name: np.ravel(getattr(inputs, of.name)) for of in fields(inputs)}
     arrays |= {"integers": np.array(sizes), "numbers": np.concatenate([np.ravel(of) for of in numbers]).astype(float)}
     return {f"luffing_{name}": array for name, array in arrays.items()}
 

@@ -25,7 +25,16 @@ from pmr.errors import SimulationError
 from pmr.files.arrays import Array
 from pmr.kernel.further import AXES
 from pmr.kernel.kernel import Kernel
-from pmr.kernel.machine import REASONS, Cylinder, Machine, MachineSimulation
+from pmr.kernel.machine import (
+    REASONS,
+    Base,
+    BoomInputs,
+    CarriedBoom,
+    Cylinder,
+    Machine,
+    MachineExcitation,
+    MachineSimulation,
+)
 from pmr.kernel.state import Settings, State, StepError
 from pmr.scene import Scene
 from pmr.scene.choice import refuse_unsupported
@@ -37,8 +46,7 @@ from pmr.simulation.frame_motion import MachineMotion
 from pmr.simulation.free_base import FreeBase, with_all_inertia
 from pmr.simulation.moving import OF_BASE, MovingFrame
 from pmr.simulation.native.form import SystemForm, path_text, rest_states, start_modes, step_failure
-from pmr.simulation.refusals import needs_of
-from pmr.simulation.start import InitialState
+from pmr.simulation.start import InitialState, needs_of
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.system import System
@@ -60,13 +68,13 @@ def machine_of(
     boom, t = free_base.boom, excitation.times
     assert scene.frame is not None and scene.frame.machine is not None  # of a scene with a machine
     machine, count = scene.frame.machine, len(boom.sections)
-    inputs = np.full((count, 4, 3), -1, np.int32)
+    columns = np.full((count, 4, 3), -1, np.int32)
     for at, column in free_base.fields.items():
-        inputs[at] = column
+        columns[at] = column
     pushed = [getattr(of, axis) or Constant(amount=0.0) for of in (machine.force, machine.moment) for axis in "xyz"]
     weight = np.zeros(len(t)) if scene.gravity is None else scene.gravity.signal.value(t)
     shortened = [term.G for term in boom.shortened]
-    return Machine(
+    base = Base(
         axes=np.array([frame.drivers.index(axis) if frame.axes else -1 for axis in AXES], np.int32),
         free=np.isin(DIRECTIONS, machine.free).astype(np.int32),
         level=level,
@@ -75,29 +83,36 @@ def machine_of(
         inertia=np.array(machine.inertia),
         stiffness=np.array([getattr(machine.stiffness, direction) for direction in DIRECTIONS]),
         damping=np.array([getattr(machine.damping, direction) for direction in DIRECTIONS]),
+    )
+    carried = CarriedBoom(
         boom_mass=boom.mass,
-        largest_weight=float(np.abs(weight).max()),
         place=boom.place,
         section_inertia=boom.inertia,
         section_paths=np.array([frame.paths.index(n) if n in frame.paths else -1 for n in scene.names], np.int32),
-        fields=inputs,
-        inertial=np.array([k for k, name in enumerate(system.input_names) if INERTIA in name], np.int32),
         masses=boom.masses,
         first_moments=boom.first,
-        loads=boom.loads,
         rotating=modes.T @ boom.rotating.transpose(0, 2, 1) @ modes,
         second_moments=modes.T @ boom.carried @ modes,
-        of_shortened=np.array(
-            [(term.section, term.over, -1 if term.cylinder is None else term.cylinder) for term in boom.shortened],
-            np.int32,
-        ).reshape(-1, 3),
+    )
+    of_shortened = [
+        (term.section, term.over, -1 if term.cylinder is None else term.cylinder) for term in boom.shortened
+    ]
+    inputs = BoomInputs(
+        fields=columns,
+        inertial=np.array([k for k, name in enumerate(system.input_names) if INERTIA in name], np.int32),
+        loads=boom.loads,
+        of_shortened=np.array(of_shortened, np.int32).reshape(-1, 3),
         shortened=modes.T @ np.array(shortened).reshape(-1, boom.size, boom.size) @ modes,
+    )
+    driven = MachineExcitation(
         motions=np.ascontiguousarray(np.moveaxis(frame.motions(excitation, t), -1, 0)),
         rates=_path_rates(scene, frame, t),
         base_motion=base_motions(scene, t),
         external=np.stack([signal.value(t) for signal in pushed], axis=1),
         weight=weight,
+        largest_weight=float(np.abs(weight).max()),
     )
+    return Machine(base, carried, inputs, driven)
 
 
 def modes_in_bodies(form: SystemForm, size: int) -> Array:
@@ -198,11 +213,11 @@ class MachineRun:
         state = State(self._kernel, Settings(stepping.step, stepping.rho_inf, energy=False))
         machine = machine_of(scene, system, moving, self._excitation, modes, level)
         self.machine = machine = machine if cylinder is None else replace(machine, cylinder=cylinder)
-        self._given, self._first = base_motions(scene, np.zeros(1))[0], machine.motions[0].copy()
-        self._free, self._sprung = np.isin(DIRECTIONS, frame.machine.free), machine.stiffness > 0.0
+        self._given, self._first = base_motions(scene, np.zeros(1))[0], machine.excitation.motions[0].copy()
+        self._free, self._sprung = np.isin(DIRECTIONS, frame.machine.free), machine.base.stiffness > 0.0
         begun = [[getattr(of, axis) for axis in DIRECTIONS] for of in (frame.machine.start, frame.machine.rate)]
         self._fill_in_start = np.array(begun) * direction_units(scene)  # (2, 6): motions in free directions, rates
-        self._inertial = [system.input_names[k] for k in machine.inertial] if self._free.any() else []
+        self._inertial = [system.input_names[k] for k in machine.inputs.inertial] if self._free.any() else []
         self.simulation, self._in_balance = MachineSimulation(state, machine, reasons), scene.start == "equilibrium"
 
     def run(self) -> MachineMotion:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.files.arrays import Array
-from pmr.kernel.signals import Signals
+from pmr.kernel.kernel import Signals
 from pmr.kernel.state import Failure, Record, Settings, State, StepError
 from pmr.scene.choice import refuse_unsupported
 from pmr.simulation import balance, contact_step
@@ -24,8 +24,7 @@ from pmr.simulation.native.form import (
     start_modes,
     step_failure,
 )
-from pmr.simulation.refusals import needs_of
-from pmr.simulation.start import InitialState
+from pmr.simulation.start import InitialState, needs_of
 from pmr.simulation.stepping import Progress, SimulationEnd, advance_in_blocks
 from pmr.system.assembly import Assembly
 

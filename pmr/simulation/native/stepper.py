@@ -40,8 +40,7 @@ from pmr.simulation.moving import StoredScene, read_scene
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm, path_text, start_in_equilibrium, start_modes, step_failure
 from pmr.simulation.native.luffing import stepped_frame
-from pmr.simulation.refusals import needs_of
-from pmr.simulation.start import InitialState
+from pmr.simulation.start import InitialState, needs_of
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody

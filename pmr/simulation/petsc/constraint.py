@@ -29,7 +29,7 @@ from pmr.simulation.petsc.rows import (
     contact_rows,
 )
 from pmr.simulation.petsc.start import State
-from pmr.simulation.refusals import describe_dependence, describe_unsettled
+from pmr.simulation.start import describe_dependence, describe_unsettled
 
 
 @dataclass(frozen=True)

@@ -38,13 +38,13 @@ from pmr.kernel.laws import FixedPoint, solve_contact
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.petsc.rows import BlockFactor, PathRows, contact_rows
-from pmr.simulation.refusals import describe_divergence
 from pmr.simulation.start import (
     Grip,
     InitialState,
     check_impulse,
     check_position,
     check_state,
+    describe_divergence,
     slide,
     velocity_violation,
 )

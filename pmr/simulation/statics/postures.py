@@ -252,7 +252,7 @@ class PostureMatrices:
                 postures.luffing,
                 up=_vertical_directions(still, postures),
                 tip=np.array(scene.frame.tail_position) + length[:, None] * np.eye(3)[0],
-                arm=np.full(len(length), np.nan) if cylinder is None else cylinder.length_and_arm(postures.luffing)[1],
+                arm=np.full(len(length), np.nan) if cylinder is None else cylinder.length_and_arm(postures.luffing).arm,
             ),
             columns=Columns.of_outputs(scene, outputs),
             gravity=scene.gravity.acceleration,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pmr.compare.accuracy import trials
+from pmr.compare import trials
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from random_scenes import random_boom
 
 from pmr import scene as scenes
-from pmr.compare.accuracy import trials
+from pmr.compare import trials
 from pmr.compare.errors import relative_error
 from pmr.compare.estimate import MARGIN
 from pmr.errors import InputError

@@ -11,15 +11,15 @@ from alone import outputs, trials
 from oracle import enriched, flexible, full_body
 
 from pmr.compare import estimate as estimates
-from pmr.compare.accuracy.search import (
+from pmr.compare.accuracy_search import (
     explain_trial,
     find_best_affordable,
     find_sufficient_trial,
     is_within,
     reduce_cost,
 )
-from pmr.compare.accuracy.trials import FINER, Sizes, Trial, Trials
 from pmr.compare.outputs import Outputs, RoundOffBounds, differences
+from pmr.compare.trials import FINER, Sizes, Trial, Trials
 from pmr.errors import GrowthError, InputError
 from pmr.scene.run_settings import Budget
 from pmr.scene.signals import Chirp, Constant, Sine, SmoothRamp
@@ -197,7 +197,7 @@ def test_a_reason_names_the_step_where_fewer_coordinates_would_do_for_the_reduct
 def test_what_more_time_allows_is_no_worse(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a machine on which a step takes 10 ns a coordinate: the shortest steps are tried, too."""
     monkeypatch.setattr(Trials, "seconds_per_step", lambda self, sizes: 1e-8 * sizes[0])
-    monkeypatch.setattr("pmr.compare.accuracy.trials.LONGEST", 32_000)
+    monkeypatch.setattr("pmr.compare.trials.LONGEST", 32_000)
     tried, real_times = trials(MODEL, driven()), (30_000.0, 3000.0, 300.0)
     found = [find_best_affordable(tried, Budget(real_time=ratio), tried.fewest_steps()) for ratio in real_times]
     errors = [max(one.total.values()) for one in found]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from finished import compute, short_scene
 
-from pmr.report.studies import document, write_report
+from pmr.report.studies import render_studies, write_report
 from pmr.studies import call
 
 pytestmark = pytest.mark.slow  # studies are computed and drawn
@@ -49,7 +49,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def page(folder: Path) -> str:
-    return document.render_studies(folder)
+    return render_studies(folder)
 
 
 def test_every_study_is_in_the_index_and_on_the_page(page: str) -> None:
@@ -84,7 +84,7 @@ def test_published_figures_stand_beside_ours(page: str) -> None:
 
 
 def test_the_same_results_give_the_same_page(folder: Path, page: str) -> None:
-    assert document.render_studies(folder) == page
+    assert render_studies(folder) == page
 
 
 @pytest.mark.slow
@@ -101,6 +101,6 @@ def test_a_study_with_a_failed_run_says_so_and_shows_its_table(folder: Path, tmp
     summary = json.loads(file.read_text())
     summary["runs"][1] |= {"status": "failed", "reason": "the bearing broke", "figures": {}}
     file.write_text(json.dumps(summary | {"figures": {}}))
-    page = document.render_studies(tmp_path / "broken")
+    page = render_studies(tmp_path / "broken")
     assert "the bearing broke" in page
     assert f"{len(summary['runs']) - 1} of {len(summary['runs'])} runs are there" in page

@@ -26,7 +26,7 @@ from pmr.fullmodel.model import FullModel
 from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulation import TimeStepping
 from pmr.simulation.petsc import Checkpoint, Recording
-from pmr.simulation.petsc.checkpoint import StoredSimulation, load, save
+from pmr.simulation.petsc.simulator import StoredSimulation, load, save
 
 SCRIPT = Path(__file__).with_name("interrupted.py")
 PATH = Sine(amplitude=0.7, frequency=4.0, offset=2.0)
@@ -146,7 +146,7 @@ def test_a_damaged_file_is_refused(tmp_path: Path, damage) -> None:
 
 def test_another_format_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     checkpoint = Checkpoint(tmp_path / "c.npz")
-    monkeypatch.setattr("pmr.simulation.petsc.checkpoint.FORMAT_VERSION", 0)
+    monkeypatch.setattr("pmr.simulation.petsc.simulator.FORMAT_VERSION", 0)
     save(checkpoint, StoredSimulation(3, 1.5, {}, {}))
     monkeypatch.undo()
     with pytest.raises(InputError, match="another format"):

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.errors.environment import plugin_objects
-from pmr.report.studies.document import render_studies
+from pmr.report.studies import render_studies
 from pmr.scene import load_any
 from pmr.studies import call, shared
 from pmr.studies.call import Progress, compute_results, save

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from pmr.compare.accuracy import mesh
-from pmr.compare.accuracy.search import (
+from pmr.compare import mesh_part
+from pmr.compare.accuracy_search import (
     explain_trial,
     find_best_affordable,
     find_sufficient_trial,
@@ -19,8 +19,8 @@ from pmr.compare.accuracy.search import (
     reduce_cost,
     worst_ratio,
 )
-from pmr.compare.accuracy.trials import Trial, Trials
 from pmr.compare.attachment_loads import reason_without_estimate
+from pmr.compare.trials import Trial, Trials
 from pmr.compare.trust import LOAD_JUMPS, SLIDER_IMPACTS
 from pmr.errors import InputError
 from pmr.errors.text import percent, two_digits
@@ -140,22 +140,22 @@ class Search:
             taken = {}
         return {kind: tolerance - taken.get(kind, 0.0) for kind in self.trials.wanted}
 
-    def compare_meshes(self, other: mesh.OtherMesh, on_other: Mapping[str, ReducedModel]) -> Search:
+    def compare_meshes(self, other: mesh_part.OtherMesh, on_other: Mapping[str, ReducedModel]) -> Search:
         """Compute the error of the mesh, and return this search, which takes that error into account from then on.
 
         `on_other` are models, by name of the body, of the scene that `scene_on_other_mesh` returns.  Raises InputError
-        or SimulationError as for `pmr.simulation.Simulator`.
+        or SimulationError as for `pmr.simulation.SystemSimulator`.
         """
         trial = self.trial
         theirs = trials_of(_with_step(self.scene, trial.steps), on_other)
-        self.mesh = mesh.mesh_errors(self.trials, theirs, trial.sizes, trial.steps, other.share)
+        self.mesh = mesh_part.mesh_errors(self.trials, theirs, trial.sizes, trial.steps, other.share)
         return self
 
     def choose(self, mesh_reason: str | None) -> Choice:
         """Leave out superfluous coordinates and steps, and return the choice.
 
         `mesh_reason` says why the error of the mesh is unknown; None if it is known.  Raises InputError or
-        SimulationError as for `pmr.simulation.Simulator`.
+        SimulationError as for `pmr.simulation.SystemSimulator`.
         """
         begin, trials = time.perf_counter(), self.trials
         if self.scene.budget is None:
@@ -178,13 +178,13 @@ class Search:
         return Choice(chosen, trials.models(trial.sizes), trial, self.mesh, mesh_reason, why, seconds)
 
 
-def scene_on_other_mesh(scene: Scene, trial: Trial) -> mesh.OtherMesh:
+def scene_on_other_mesh(scene: Scene, trial: Trial) -> mesh_part.OtherMesh:
     """The scene with a trial's step, on the mesh by which the error of the scene's own mesh is estimated.
 
     A single body has `COORDINATES` coordinates, doubled until it has as many as the trial, so that most choices share
     one scene.  Raises an `InputError` with the reason if there is no other mesh.
     """
-    other = mesh.other_mesh(_with_step(scene, trial.steps))
+    other = mesh_part.other_mesh(_with_step(scene, trial.steps))
     if len(scene.bodies) > 1:
         return other
     coordinates = COORDINATES

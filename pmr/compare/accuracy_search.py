@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from pmr.compare.accuracy.trials import Sizes, Trial, Trials
 from pmr.compare.step_error import ROUGH
+from pmr.compare.trials import Sizes, Trial, Trials
 from pmr.errors import InputError
 from pmr.errors.text import percent, two_digits
 from pmr.scene.run_settings import Budget

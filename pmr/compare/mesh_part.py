@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from pmr.compare.accuracy.trials import Sizes, Trials
 from pmr.compare.outputs import differences
+from pmr.compare.trials import Sizes, Trials
 from pmr.errors import InputError
 from pmr.files.arrays import Summary
 from pmr.results.quantities import COMPARED
@@ -173,7 +173,7 @@ def mesh_errors(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share
 
     `of_scene` and `other` are the trials on the two meshes, both with models of these `sizes` and this number of
     `steps`.  Numerical damping is small in both runs, as in `pmr.compare.step_error`.  Raises InputError or
-    SimulationError as for `pmr.simulation.Simulator`.
+    SimulationError as for `pmr.simulation.SystemSimulator`.
     """
     (mine, floors), (theirs, _) = of_scene.run_undamped(sizes, steps), other.run_undamped(sizes, steps)
     numbers, other_numbers = _common_displacements(of_scene.output_positions, other.output_positions)
