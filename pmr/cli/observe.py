@@ -86,8 +86,9 @@ def identify(
 ) -> None:
     """Fit keys of a scene to measured frequencies.
 
-    The measurements have columns by paths, or s for the only path, in m, then f1, f2 ... in Hz.  A place with 1 in the
-    column held_out judges the fit.  DIR then has fitted.toml, the scene with fitted values, and identify.json.
+    The measurements have columns by paths, or s for the only path, in m, then f1, f2 ... in Hz, and damping ratios d1,
+    d2 ... if you have them.  A place with 1 in the column held_out judges the fit.  DIR then has fitted.toml, the scene
+    with fitted values, and identify.json.
 
     For example:
 
@@ -121,7 +122,21 @@ def identify(
     }
     rms = {"start": result.start, "fitted": result.fitted, "held_out": result.held_out}
     by_mode = {name: _rms_by_mode(values) for name, values in rms.items()}
-    content = {"parameters": parameters, "correlation": result.correlation.tolist(), "rms": by_mode}
+    columns = [f"f{k + 1}" for k in range(len(table.measured[0].frequencies))]
+    columns += [f"d{k + 1}" for k in range(len(table.measured[0].damping))]
+    places, errors = list[dict[str, object]](), {True: result.held_out.tolist(), False: result.fitted.tolist()}
+    for place, each in zip(table.places.tolist(), table.measured, strict=True):
+        beside = {
+            name: {"measured": value, "model": value * (1.0 + error)}
+            for name, value, error in zip(
+                columns, (*each.frequencies, *each.damping), errors[each.held_out].pop(0), strict=True
+            )
+            if math.isfinite(value)
+        }
+        places.append({**dict(zip(table.paths, place, strict=True)), "held_out": each.held_out, **beside})
+    content = {
+        "parameters": parameters, "correlation": result.correlation.tolist(), "rms": by_mode, "places": places,
+    }  # fmt: skip
     with replacement_file(figures) as part:
         part.write_text(json.dumps(content, indent=2), encoding="utf-8")
     printed = Table("key", "start", "fitted", "standard error", title_justify="left")
@@ -130,12 +145,13 @@ def identify(
         printed.add_row(escape_controls(name), f"{start[name]:.6g}", f"{value:.6g}", text)
     out.print(printed)
     for name, shares in by_mode.items():
-        listed = ", ".join(f"f{k + 1} {100.0 * share:.2g} %" for k, share in enumerate(shares) if share is not None)
+        by_column = zip(columns, shares, strict=bool(shares))
+        listed = ", ".join(f"{column} {100.0 * share:.2g} %" for column, share in by_column if share is not None)
         if listed:
             print_text(out, f"RMS error, {name.replace('_', ' ')}: {listed}")
     for name, value, error in zip(result.names, result.values, result.errors, strict=True):
         if error > 0.5 * abs(value):
-            print_sentences(out, f"warning: these frequencies hardly determine {name}")
+            print_sentences(out, f"warning: these measurements hardly determine {name}")
     for path in (fitted, figures):
         print_text(out, str(path))
 

@@ -1,11 +1,12 @@
-r"""Parameters of a scene from measured frequencies, by least squares on its reduced model.
+r"""Parameters of a scene from measured frequencies and damping ratios, by least squares on its reduced model.
 
 .. math::
     \min_p \sum_k \Big( \frac{f_k(p) / \hat f_k - 1}{\sigma_k} \Big)^2, \qquad
     \mathrm{cov}(p) = \max(1, \chi^2 / \nu)\, (J^T J)^{-1}
 
-with measured frequencies :math:`\hat f_k`, their relative standard deviations :math:`\sigma_k`, the Jacobian J of the
-residuals and :math:`\nu` degrees of freedom (Seber and Wild, *Nonlinear Regression*, 1989, section 2.1).
+with measured frequencies or damping ratios :math:`\hat f_k`, their relative standard deviations
+:math:`\sigma_k`, the Jacobian J of the residuals and :math:`\nu` degrees of freedom (Seber and Wild,
+*Nonlinear Regression*, 1989, section 2.1).
 """
 
 from __future__ import annotations
@@ -29,21 +30,37 @@ from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
 HELD_OUT, DEVIATION, PLACE = "held_out", "deviation", "s"
+#: Relative standard deviation of measured damping ratios.
+DAMPING_DEVIATION = 0.1
 
 
 @dataclass(frozen=True)
 class MeasuredFrequencies:
-    """Frequencies (m,) in Hz, lowest first, measured with a path at a place; NaN where a mode was not measured."""
+    """Frequencies (m,) in Hz, lowest first, measured with a path at a place; NaN where a mode was not measured.
+
+    Raises InputError for frequencies that do not grow, and for damping ratios that are not between 0 and 1.
+    """
 
     place: float  # m, or the number of the place in a `FrequencyTable`
     frequencies: tuple[float, ...]  # (m,) Hz
     held_out: bool = False  # whether the fit is judged by it, not made
     deviation: float = 0.002  # relative standard deviation
+    damping: tuple[float, ...] = ()  # (d,): damping ratios of the lowest modes; NaN where one was not measured
+
+    def __post_init__(self) -> None:
+        measured = [frequency for frequency in self.frequencies if np.isfinite(frequency)]
+        if sorted(set(measured)) != measured:
+            raise InputError("identify", "frequencies", measured, "frequencies that grow from f1 on are allowed")
+        if any(ratio <= 0.0 or ratio >= 1.0 for ratio in self.damping):
+            raise InputError("identify", "damping", self.damping, "damping ratios between 0 and 1 are allowed")
 
 
 @dataclass(frozen=True)
 class Identification:
-    """Fitted parameters with standard errors, and relative errors of frequencies that were fitted and held out."""
+    """Fitted parameters with standard errors, and relative errors of frequencies that were fitted and held out.
+
+    Behind the columns of m frequencies are those of d damping ratios, if some were measured.
+    """
 
     names: tuple[str, ...]
     values: Array  # (p,)
@@ -69,6 +86,7 @@ def identify(
     ----------
     frequencies : callable
         Function from values of all parameters, by name, and places (S,) in m to frequencies (S, r) in Hz, lowest first.
+        Where damping was measured, it returns (S, m + d): frequencies, then damping ratios.
     start : mapping of str to float
         Values of the parameters at the start, not zero: they are changed in proportion.
     measured : sequence of MeasuredFrequencies
@@ -82,22 +100,25 @@ def identify(
     names, first = tuple(start), np.array([*start.values()], float)
     if not np.all(np.isfinite(first) & (first != 0.0)):
         raise InputError("identify", "start", dict(start), "finite numbers beside zero are allowed")
-    m = max((len(each.frequencies) for each in measured), default=0)
-    targets = np.full((len(measured), m), np.nan)
+    m, d = (max((len(row) for row in rows), default=0) for rows in (
+        [each.frequencies for each in measured], [each.damping for each in measured],
+    ))  # fmt: skip
+    targets = np.full((len(measured), m + d), np.nan)
     for row, each in zip(targets, measured, strict=True):
         row[: len(each.frequencies)] = each.frequencies
+        row[m : m + len(each.damping)] = each.damping
     held = np.array([each.held_out for each in measured], bool)
     used = np.isfinite(targets) & ~held[:, None]
     if used.sum() < len(names) or not np.all(targets[np.isfinite(targets)] > 0.0):
         allowed = f"frequencies above zero, {len(names)} or more that are not held out, are needed"
         raise InputError("identify", "frequencies", int(used.sum()), allowed)
-    deviation = np.array([[each.deviation] for each in measured])
+    deviation = np.array([[each.deviation] * m + [DAMPING_DEVIATION] * d for each in measured]).reshape(targets.shape)
     places = [each.place for each in measured]
 
     def relative(shares: Array) -> Array:
-        """Relative errors (k, m) of the model's frequencies."""
+        """Relative errors (k, m + d) of the model's frequencies and damping ratios."""
         values = dict(zip(names, (first * shares).tolist(), strict=True))
-        return np.asarray(frequencies(values, places)[:, :m] / targets - 1.0)
+        return np.asarray(frequencies(values, places)[:, : m + d] / targets - 1.0)
 
     at_start = relative(np.ones(len(names)))
     if not np.all(np.isfinite(at_start[np.isfinite(targets)])):
@@ -185,17 +206,18 @@ class FrequencyTable:
     def read(cls, file: Path) -> FrequencyTable:
         """Read a CSV table with columns by paths, or ``s``, then ``f1``, ``f2`` ... in Hz, lowest first.
 
+        Damping ratios of the lowest modes may follow, ``d1``, ``d2`` ...
         It may have ``held_out``, 1 where the fit is judged, and ``deviation``, relative standard deviations.  Where
         these are missing, frequencies are used for the fit and have the deviation of `MeasuredFrequencies`.  Raises
         InputError for another table.
         """
         names, values = read_table(file)
-        modes = [name for name in names if re.fullmatch(r"f[1-9][0-9]*", name)]
-        paths = [name for name in names if name not in (*modes, HELD_OUT, DEVIATION)]
-        if not modes or modes != [f"f{k + 1}" for k in range(len(modes))] or len(set(names)) < len(names):
-            allowed = (
-                f"columns by paths or {PLACE}, then f1, f2, ..., {HELD_OUT} and {DEVIATION}, each once, are allowed"
-            )
+        modes, ratios = ([name for name in names if re.fullmatch(f"{kind}[1-9][0-9]*", name)] for kind in "fd")
+        paths = [name for name in names if name not in (*modes, *ratios, HELD_OUT, DEVIATION)]
+        counted = [f"{kind}{k + 1}" for kind, of in (("f", modes), ("d", ratios)) for k in range(len(of))]
+        if not modes or [*modes, *ratios] != counted or len(set(names)) < len(names):
+            further = f"d1, d2, ..., {HELD_OUT} and {DEVIATION}"
+            allowed = f"columns by paths or {PLACE}, then f1, f2, ..., {further}, each once, are allowed"
             raise InputError(str(file), "columns", list(names), allowed)
         of = dict(zip(names, values.T, strict=True))
         held_out, deviation = of.get(HELD_OUT, np.zeros(len(values))), of.get(DEVIATION, np.full(len(values), np.nan))
@@ -203,14 +225,17 @@ class FrequencyTable:
         if not np.all(np.isfinite(places)) or not np.all(np.isin(held_out, (0.0, 1.0))) or np.any(deviation <= 0.0):
             allowed = f"a number for each path, 0 or 1 for {HELD_OUT} and more than 0 for {DEVIATION} are allowed"
             raise InputError(str(file), "values", None, allowed)
-        measured = tuple(
-            MeasuredFrequencies(
-                k, tuple(row), bool(out), MeasuredFrequencies.deviation if np.isnan(off) else float(off)
-            )
-            for k, (row, out, off) in enumerate(
-                zip(np.column_stack([of[mode] for mode in modes]).tolist(), held_out, deviation, strict=True)
-            )
+        off = np.where(np.isnan(deviation), MeasuredFrequencies.deviation, deviation).tolist()
+        f, d = (
+            np.column_stack([np.empty((len(values), 0)), *(of[mode] for mode in columns)]).tolist()
+            for columns in (modes, ratios)
         )
+        try:
+            measured = tuple(
+                MeasuredFrequencies(k, tuple(f[k]), bool(held_out[k]), off[k], tuple(d[k])) for k in range(len(values))
+            )
+        except InputError as error:
+            raise InputError(str(file), error.key, error.value, error.allowed) from None
         return cls(tuple(paths), places, measured)
 
     def identify(self, reduced: Callable[[Sequence[str]], System], start: Mapping[str, float]) -> Identification:
@@ -219,7 +244,7 @@ class FrequencyTable:
         `reduced` returns the reduced system of the scene with changes as ``--set`` takes them.  All contacts count as
         closed.  Raises InputError as `identify`, and if the system has other paths.
         """
-        count = len(self.measured[0].frequencies) if self.measured else 0
+        count, damped = (len(self.measured[0].frequencies), len(self.measured[0].damping)) if self.measured else (0, 0)
 
         @cache
         def frequencies(values: tuple[float, ...]) -> Array:
@@ -234,7 +259,9 @@ class FrequencyTable:
                 raise InputError("identify", "paths", ", ".join(self.paths), allowed)
             x = system.side_coordinates(dict(zip(paths, self.places.T, strict=True)))
             x = np.ascontiguousarray(np.broadcast_to(x, (len(self.places), len(system.sides))))
-            return Assembly(system).frequencies(x, count)
+            assembly = Assembly(system)
+            ratios = assembly.damping_ratios(x, damped) if damped else np.empty((len(x), 0))
+            return np.hstack([assembly.frequencies(x, count), ratios])
 
         return identify(
             lambda values, places: frequencies(tuple(values.values()))[np.array(places, int)], start, self.measured

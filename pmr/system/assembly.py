@@ -351,6 +351,21 @@ class Assembly:
         phi = z[:, ::-1] / np.sqrt(inverse[::-1])
         return ClosedModes(np.sqrt(np.maximum(1.0 / inverse[::-1] - SHIFT, 0.0)), phi if Z is None else Z @ phi)
 
+    def damping_ratios(self, x: Array, count: int) -> Array:
+        r"""Damping ratios (S, count) of the lowest modes with every contact closed, at x (S, sides) in m.
+
+        .. math::
+            \zeta_k = \phi_k^T D \phi_k / (2 \omega_k), \qquad \phi_k^T M \phi_k = 1
+
+        They are NaN where there are fewer modes.  This is the ratio of a logarithmic decrement or a half-power width if
+        damping is small.
+        """
+        ratios, D = np.full((len(x), count), np.nan), self.damping()
+        for of_place, at in zip(ratios, x, strict=True):
+            omega, phi = self.modes(self.contact_rows(at), count)
+            of_place[: len(omega)] = np.sum(phi * (D @ phi), axis=0) / (2.0 * omega)
+        return ratios
+
 
 def _count(slices: Mapping[str, slice]) -> int:
     """Number of entries that the slices of all bodies cover."""

@@ -11,6 +11,7 @@ from processes import called
 
 import pmr
 from pmr.errors import InputError
+from pmr.export.state_space import state_space
 from pmr.observe.identify import FrequencyTable
 from pmr.system.assembly import Assembly
 
@@ -19,11 +20,16 @@ LENGTH, STIFFNESS, PLACES = "body.profile.length", "body.profile.bending_stiffne
 
 
 def write_frequencies(file: Path) -> None:
-    """Write the frequencies of the beam with another length and stiffness, the second place for judging the fit."""
+    """Write frequencies of the beam with another length and stiffness, and half its damping; one place is held out."""
     system = pmr.reduce(pmr.load_scene("dropbear", [*CHANGES, f"{LENGTH}=0.47", f"{STIFFNESS}=270.0"])).system
-    f = Assembly(system).frequencies(np.column_stack([PLACES] * len(system.sides)), 2)
-    rows = [f"{s!r},{a!r},{b!r},{k % 2}" for k, (s, (a, b)) in enumerate(zip(PLACES.tolist(), f.tolist(), strict=True))]
-    file.write_text("\n".join(["s [m],f1 [Hz],f2 [Hz],held_out", *rows]) + "\n")
+    x = np.column_stack([PLACES] * len(system.sides))
+    f, d = Assembly(system).frequencies(x, 2), Assembly(system).damping_ratios(x, 1)
+    poles = np.linalg.eigvals(state_space(system, {system.paths[0]: PLACES}, "beam").A)  # complex, in pairs
+    lowest = np.take_along_axis(poles, np.argmin(np.abs(poles), axis=1)[:, None], axis=1)
+    np.testing.assert_allclose(d, -lowest.real / np.abs(lowest), rtol=1e-3)
+    table = np.column_stack([PLACES, f, 0.5 * d, np.arange(3) % 2]).tolist()
+    rows = [",".join(map(repr, row)) for row in table]
+    file.write_text("\n".join(["s [m],f1 [Hz],f2 [Hz],d1,held_out", *rows]) + "\n")
 
 
 @pytest.mark.slow
@@ -33,13 +39,16 @@ def test_the_scene_is_written_with_the_values_that_its_frequencies_have(
     write_frequencies(file := tmp_path / "f.csv")
     words = ["identify", "dropbear", "--measured", str(file), "--out", str(tmp_path / "out")]
     words += [part for change in CHANGES for part in ("--set", change)]
-    done = called(monkeypatch, capsys, *words, "--fit", f"{LENGTH}=0.5", "--fit", f"{STIFFNESS}=250")
+    fit = [part for key in (f"{LENGTH}=0.5", f"{STIFFNESS}=250", "damping.ratio=0.01") for part in ("--fit", key)]
+    done = called(monkeypatch, capsys, *words, *fit)
     assert done.returncode == 0, done.stderr
     figures = json.loads((tmp_path / "out" / "identify.json").read_text())
-    for name, value in ((LENGTH, 0.47), (STIFFNESS, 270.0)):
+    for name, value in ((LENGTH, 0.47), (STIFFNESS, 270.0), ("damping.ratio", 0.005)):
         assert figures["parameters"][name]["value"] == pytest.approx(value, rel=1e-6)
         assert 0.0 < figures["parameters"][name]["error"] < 0.1 * value
     assert max(figures["rms"]["held_out"]) < 1e-7 < 0.01 < max(figures["rms"]["start"])
+    for place in figures["places"]:
+        assert place["d1"]["model"] == pytest.approx(place["d1"]["measured"], rel=1e-6)
     fitted = pmr.load_scene(tmp_path / "out" / "fitted.toml")
     assert fitted.body.profile is not None and fitted.body.profile.length == pytest.approx(0.47, rel=1e-6)
     assert fitted.mesh.elements == 10
@@ -67,6 +76,8 @@ def test_the_scene_is_written_with_the_values_that_its_frequencies_have(
         ("s,f1,deviation\n1,2,0\n", "values"),
         ("s,f1\n,2\n", "values"),
         ("s,f1\n1,x\n", "line 2, f1"),
+        ("s,f1,f2\n1,160.3,26.3\n", "frequencies"),
+        ("s,f1,d1\n1,26.3,7\n", "damping"),
     ],
 )
 def test_a_table_that_is_none_is_refused(tmp_path: Path, text: str, key: str) -> None:
