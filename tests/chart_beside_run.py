@@ -35,6 +35,7 @@ from pmr.studies.shared import scene_arguments
 from pmr.system.assembly import Assembly
 
 Array = NDArray[np.float64]
+Point = tuple[float, float, float]
 POLYGON = ((2.0, 1.6), (-2.2, 1.6), (-2.2, -1.6), (2.0, -1.6))
 MACHINE = {"name": "carrier", "mass": 9000.0, "at": (-0.6, 0.0, -0.8)}
 HEIGHT = 1.5
@@ -62,14 +63,19 @@ def scene_of(plain: Mapping[str, Any]) -> Scene:
 
 
 def chart(
-    plain: Mapping[str, Any], extensions: Mapping[str, float], angle: float, wind: float, at_load: float
+    plain: Mapping[str, Any],
+    extensions: Mapping[str, float],
+    angle: float,
+    wind: float,
+    at_load: float,
+    point: Point | None = None,
 ) -> Chart:
     """Load chart at one point with limits of all kinds, each chosen so that about `at_load` kg reaches it.
 
-    `angle` is the luffing angle in degrees, `wind` a force at the tip in N.
+    `angle` is the luffing angle in degrees, `wind` a force at the tip in N; the load hangs at `point`.
     """
     scene = scene_of(plain)
-    hooked = with_hook(scene)
+    hooked = with_hook(scene, point)
     at = {"extensions": {name: [x] for name, x in extensions.items()}, "luffing": [np.deg2rad(angle)], "slewing": [0.0]}
     common: dict[str, Any] = {"up_to": 4.0 * at_load, "error": True}
     made = compute_postures(scene_arguments(hooked) | common | {"at": at}, {})
@@ -125,6 +131,7 @@ class Run:
     system: Any
     response: Response
     mass: float
+    offset: Array  # (3,) m from the end of the axis
 
     def value(self, limit: Limit) -> float:
         """Value at the start of the run of the quantity that a limit is about."""
@@ -204,7 +211,7 @@ class Run:
             if one.kind == "tip" and one.body == self.scene.names[-1]:
                 tip["xyz".index(one.direction)] = response.displacement[0, k]
         along = sum(float(path.value(0.0)) for path in self.scene.paths.values()) + self.scene.sections[-1].length
-        place = turned @ (np.array(self.scene.frame.tail_position) + [along, 0.0, 0.0] + tip)
+        place = turned @ (np.array(self.scene.frame.tail_position) + [along, 0.0, 0.0] + self.offset + tip)
         corners = [np.array([*one, -limit.height]) for one in limit.polygon]
         corners = corners[::-1]
         if _area(limit.polygon) > 0.0:
@@ -237,37 +244,42 @@ def _about_x(angle: float) -> Array:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
-def run(plain: Mapping[str, Any], wind: float, mass: float) -> Run:
-    """Simulate the machine at rest with `mass` kg at its tip and a force of the wind in N."""
+def run(plain: Mapping[str, Any], wind: float, mass: float, point: Point | None = None) -> Run:
+    """Simulate the machine at rest with `mass` kg at its tip, or at `point`, and a force of the wind in N."""
     changed = copy.deepcopy(dict(plain))
     last = changed["sections"][-1]
-    last["masses"] = [*last.get("masses", ()), {"name": "payload", "on": "tip", "mass": mass}]
+    payload = {"name": "payload", "on": "tip", "mass": mass} | ({"at": point} if point else {})
+    last["masses"] = [*last.get("masses", ()), payload]
     last["loads"][0]["signal"]["amount"] = wind
     changed["gravity"] = {"rise": 0.0}
     scene = scene_of(changed)
     system = join_bodies(scene, reduce_bodies(scene, shared.bodies_of(scene)))
     excitation = Excitation.from_scene(scene)
     moved = systems.simulate(system, excitation, systems.start_of(system, excitation))
-    return Run(scene, system, with_forces_on_machine(scene, evaluate_motion(system, moved)), mass)
+    end = (scene.sections[-1].length, 0.0, 0.0)
+    response = with_forces_on_machine(scene, evaluate_motion(system, moved))
+    return Run(scene, system, response, mass, np.subtract(point or end, end))
 
 
-def beside(seed: int) -> list[tuple[str, float, float, float]]:
+def beside(seed: int, offset: Point | None = None) -> list[tuple[str, float, float, float]]:
     """Compare a random machine's load chart with runs: a row (kind, load in kg, use - 1, bar) for each limit.
 
     The use of a limit is that of the run under the load that the chart allows; the bar is the error bar as a share of
-    the limit.
+    the limit.  The load hangs at `offset` in m from the end of the axis.
     """
     plain, extensions, angle = random_machine(seed)
     rng = np.random.default_rng([seed, 47])
     wind = float(rng.choice([0.0, rng.uniform(-300.0, 300.0)]))
-    found = chart(plain, extensions, angle, wind, float(rng.uniform(200.0, 900.0)))
+    end = (scene_of(plain).sections[-1].length, 0.0, 0.0)
+    point = None if offset is None else tuple(np.add(end, offset).tolist())
+    found = chart(plain, extensions, angle, wind, float(rng.uniform(200.0, 900.0)), point)
     rows, runs = [], dict[float, Run]()
     for limit, load, bar in zip(found.limits, found.load, found.bar, strict=True):
         if not load > 0.0 or not np.isfinite(bar):
             continue
         key = float(load)
         near = next((one for one in runs if abs(one - key) < 1e-7 * key), None)
-        there = runs[near] if near is not None else runs.setdefault(key, run(plain, wind, key))
+        there = runs[near] if near is not None else runs.setdefault(key, run(plain, wind, key, point))
         if limit.of == "overturning":
             share = there.tipping(limit)
         elif limit.of in ("buckling", "frequency") and there.lifts:

@@ -149,6 +149,11 @@ class Pads:
     luffing: LuffingCylinder | None = None  # cylinder that holds a base; None: there is none
     tail: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: position of a base's tail relative to the luffing pivot
 
+    def wall_compliance(self, pad: str, s: float) -> float:
+        """Compliance in m/N of the wall under a pad, for its own force at the path coordinate s (m); 0 if rigid."""
+        centre = next((moving.at for moving in self.moving if moving.name == pad), 0.0)
+        return self.walls.compliance_under(pad, s + centre)
+
     def __post_init__(self) -> None:
         low, high = self.travel
         if not low < high:

@@ -98,6 +98,18 @@ class Walls:
         for sliding in self.sliding:
             yield from zip(sliding.pads, np.diagonal(sliding.compliance, axis1=1, axis2=2).mean(axis=0), strict=True)
 
+    def compliance_under(self, pad: str, x: float) -> float:
+        """Compliance in m/N of the wall under a pad centred at x (m) on the body, for its own force; 0 if rigid."""
+        if pad in self.standing.pads:
+            number = self.standing.pads.index(pad)
+            return float(self.standing.compliance[number, number])
+        for sliding in self.sliding:
+            if pad in sliding.pads:
+                i = sliding.pads.index(pad)
+                u = np.clip(x - sliding.first[i], sliding.u[0], sliding.u[-1])
+                return float(PchipInterpolator(sliding.u, sliding.compliance[:, i, i])(u))
+        return 0.0
+
     def stiffness(self, size: int) -> sp.csr_matrix:
         """Stiffness of the walls on the body's `size` coordinates, (size, size) N/m."""
         return self._last_diagonal(np.full(self.count, self.stiffness_scale if self.count else 0.0), size)

@@ -8,8 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pmr.compare import mesh_part
 from pmr.compare.accuracy import accuracy_summary, accuracy_warnings
+from pmr.compare.forces import pad_extremes
 from pmr.compare.frequencies import frequency_part, response_on_way, result_paths
 from pmr.compare.responses import check_installed, check_memory, memory_warnings
 from pmr.compare.summary import origin_part, reliability_part, simulation_part, theory_part
@@ -30,12 +33,13 @@ from pmr.reduction.bodies import Reduction
 from pmr.reduction.cache import cache_in
 from pmr.reduction.from_scene import Vectors, with_array_basis
 from pmr.reduction.recovery import RecoveredBody
-from pmr.results import Frequencies, Loads, RunResult
+from pmr.results import Frequencies, Loads, Response, RunResult
 from pmr.results.run import SummaryPart, combine_parts, grave_warnings
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.simulation.petsc import Checkpoint
 from pmr.system.body import FullBody
+from pmr.system.contacts import Place
 from pmr.system.system import System
 
 #: Stages of a run with seconds in summary.json, in addition to the simulators.
@@ -170,6 +174,7 @@ def _outcome(
         SummaryPart(warnings=mesh_part.mesh_warnings(scene)),
         SummaryPart(probe_summary({name: body.structure.outputs for name, body in built.items()})),
         SummaryPart(summary_of_walls({name: body.structure.pads.walls for name, body in built.items()})),
+        SummaryPart(_indentations(scene, system, built, responses)),
         reliability_part(motions.references.missing, responses, system),
         theory_part(scene, responses),
         frequency_part(by_frequency),
@@ -191,6 +196,28 @@ def _outcome(
     return Outcome(
         result, replace(system, provenance=made_from) if system.provenance else system, len(grave_warnings(parts))
     )
+
+
+def _indentations(
+    scene: Scene, system: System, bodies: Mapping[str, AssembledBody], responses: Mapping[str, Response]
+) -> dict[str, list[dict[str, float | str]]]:
+    """Entry ``indentations`` of summary.json: how far walls give way under the largest force of each pad, in m.
+
+    The walls are those of all sections that the pad touches, where it is when its force is largest; what other pads
+    add is left out.  `bodies` are the bodies by name.  Without walls that give way the result is empty.
+    """
+    contacts, rows = {contact.name: contact for contact in system.contacts}, list[dict[str, float | str]]()
+    for name, extremes in pad_extremes(scene, responses["reduced"]).items():
+        contact, force = contacts.get(name), extremes.largest
+        places = [Place(ALONE, name)] if contact is None else filter(None, (contact.inner, contact.outer))
+        paths = {key: signal.value(np.array(force.t)) for key, signal in scene.driven_paths.items()}
+        compliance = sum(
+            bodies[place.body].structure.pads.wall_compliance(place.row, float(place.coordinate(paths)))
+            for place in places if place.body in bodies
+        )  # fmt: skip
+        if compliance:
+            rows.append({"name": name, "value": abs(force.value) * compliance, "t": force.t, "s": force.s})
+    return {"indentations": rows} if rows else {}
 
 
 def _measure(

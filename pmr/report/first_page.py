@@ -32,13 +32,11 @@ from pmr.report.subject import (
 from pmr.report.subject import reach as reach_of
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
-from pmr.results.quantities import QUANTITIES
+from pmr.results.quantities import QUANTITIES, stress_remark
 from pmr.results.response import Extreme, Extremes
 from pmr.results.tables import FORCE_OF
-from pmr.scene.choice import model_of
 from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
-from pmr.scene.members import members
 
 Rows = Iterator[tuple[str, str]]
 
@@ -84,6 +82,7 @@ def capacity_rows(result: RunResult) -> Rows:
     yield from _frequency_rows(result)
     yield from _luffing_rows(result)
     yield from _pressure_rows(result)
+    yield from _indentation_rows(result)
     yield from _hoist_rows(result)
     yield from _force_rows(result)
     yield from _machine_rows(result)
@@ -101,9 +100,7 @@ def _stress_rows(result: RunResult) -> Rows:
         yield "stress", "not computed: a table [recovery] asks for it"
         return
     peak, used = (summary.get(name, {}).get("reduced") for name in ("stress_peak", "utilisation"))
-    stress_text = format_quantity(largest, "Pa")
-    if any(member.part.body.box and model_of(member).startswith("beam") for member in members(result.scene)):
-        stress_text += " without the bending of walls under pads"
+    stress_text = f"{format_quantity(largest, 'Pa')} {stress_remark(result.scene)}".strip()
     share = (
         f"{format_percent(used['value'])} of the yield stress of {format_quantity(used['yield'], 'Pa')}" if used else ""
     )
@@ -151,6 +148,14 @@ def _pressure_rows(result: RunResult) -> Rows:
         force = Extremes.from_summary(pad).largest
         pressure, when = format_quantity(pad["pressure"], "Pa"), _extreme_clause(result, force)
         yield QUANTITIES["pad_pressure"].reported, f"{pressure}, {pad['name']}, {when}"
+
+
+def _indentation_rows(result: RunResult) -> Rows:
+    """Yield a row with the largest indentation of walls under a pad's own force; nothing if all walls are rigid."""
+    if rows := result.summary.get("indentations"):
+        largest = max(rows, key=lambda row: float(row["value"]))
+        when = _extreme_clause(result, Extreme(largest["value"], largest["t"], largest["s"]))
+        yield QUANTITIES["indentation"].reported, f"{format_length(largest['value'])}, {largest['name']}, {when}"
 
 
 def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:

@@ -20,8 +20,10 @@ import numpy as np
 from pmr.files.arrays import Array, Summary
 from pmr.results.response import Extreme, Extremes, Output, Response
 from pmr.scene.built import force_name, reaction_name
+from pmr.scene.choice import model_of
 from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import AT_GROUND, AT_PIVOT, CYLINDER, drive_rows, rope_shares
+from pmr.scene.members import members
 from pmr.scene.scene import Scene
 
 #: Function from the values (T, c) of all c columns at T times to one quantity (T,).
@@ -322,6 +324,16 @@ def _least_measure(kind: str) -> Callable[[Columns, Callable[[str], bool]], Meas
 #: Meaning of a positive force of a part that moves a section or raises the boom.
 PUSHES, PRESSES = "pushes", "presses on the ground"
 
+#: What the stress of a beam leaves out, to be read behind the figure.
+UNBENT_WALLS = "without the bending of walls under pads"
+
+
+def stress_remark(scene: Scene) -> str:
+    """Return `UNBENT_WALLS` if a section of the scene is a beam of a box, else an empty text."""
+    beams = (member for member in members(scene) if model_of(member).startswith("beam"))
+    return UNBENT_WALLS if any(member.part.body.box for member in beams) else ""
+
+
 #: All quantities, by their keys.
 QUANTITIES: Mapping[str, Quantity] = {
     quantity.key: quantity
@@ -344,6 +356,7 @@ QUANTITIES: Mapping[str, Quantity] = {
             sign="pushes the sections apart, or the body inwards", limit="pad", measure=_force_measure("pad"),
         ),
         Quantity("pad_pressure", "mean pressures of pads", "Pa", "pad", (), "largest mean pressure of a pad"),
+        Quantity("indentation", "indentations of walls", "m", "pad", (), "largest indentation of walls under a pad"),
         Quantity(
             "cylinder_force", "cylinder forces", "N", "cylinder", ("cylinder",),
             "largest force of a cylinder that extends", sign=PUSHES, limit="cylinder", measure=_cylinder_measure,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,8 @@ from pmr.errors import ConvergenceError, InputError, SimulationError
 from pmr.files import npz
 from pmr.files.arrays import Array
 from pmr.scene import Scene
+from pmr.scene.choice import model_of
+from pmr.scene.members import members
 from pmr.scene.model_ladder import model_comparison
 from pmr.scene.structures import PointMass
 from pmr.simulation.statics.equilibrium import buckling_factors
@@ -37,7 +40,7 @@ from pmr.system.system import System
 #: Converter of a system's contacts to JSON and back.
 CONTACTS = TypeAdapter(tuple[Contact, ...])
 #: Why the error of the mesh is not known: a clause for the report.
-NO_FINER_MESH = "a finer one is made of beams with rigid walls alone; a run at such a point tells this error"
+NO_OTHER_MESH = "only beams are compared on another mesh; a run at such a point tells this error"
 #: Number of luffing angles at each extension for whose contact forces there are attachment modes.
 ANGLES_WITH_MODES = 3
 #: Number of postures in which the richer model's buckling factor is compared with that of full order.
@@ -54,8 +57,9 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     The arrays of the result, by the beginning of their names:
 
     - ``reduced.``: the reduced model.  With ``error`` also ``richer.``: the model of `richer_system`; ``mass.``: the
-      postures of `postures_with_tip_mass`; and for beams ``finer.``: the model on a finer mesh.
-    - ``mended``: the share of the mesh's error that the finer mesh removes; ``too_stiff``: `stiffness_excess`.
+      postures of `postures_with_tip_mass`; and for beams ``mesh.``: the model on another mesh, as in a run, with
+      ``mesh_share``: the error of the scene's mesh over the difference to this model.
+    - ``too_stiff``: `stiffness_excess`.
     - ``reach`` (P,): length of the boom in m; ``tip`` (P, 3): the undeformed tip in m in the axes of the ground.
     - ``bent.``: outputs of `DeflectionOutputs`; ``turned.<angle>``: loads of `acceleration_loads`; ``contacts``: the
       system's contacts as JSON.
@@ -64,7 +68,6 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
     """
     from pmr.compare import mesh_part
     from pmr.compare.drives import turning_warnings
-    from pmr.compare.mesh_part import FINER, ORDER
     from pmr.fullmodel.build import warnings
 
     at = PostureSet.from_task(arguments["at"])
@@ -86,24 +89,17 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
         better = richer_system(scene, system, at, arguments["up_to"])
         arrays |= npz.record_arrays(PostureMatrices.from_scene(scene, better, at), "richer.")
         arrays |= npz.record_arrays(postures_with_tip_mass(scene, at, arguments["up_to"]), "mass.")
-        if (finer := finer_mesh_system(scene)) is not None:
-            arrays |= npz.record_arrays(PostureMatrices.from_scene(scene, finer, at), "finer.")
-            arrays["mended"] = np.array(1.0 - FINER**-ORDER)
+        if all(model_of(member) in ("beam2d", "beam3d", "mover") for member in members(scene)):
+            with suppress(InputError):  # a mesh that is read from a file has no other one
+                other = mesh_part.other_mesh(scene)
+                on_mesh = shared.reduced_system(mesh_part.motion_only(other.scene))
+                arrays |= npz.record_arrays(PostureMatrices.from_scene(scene, on_mesh, at), "mesh.")
+                arrays["mesh_share"] = np.array(other.share)
         full = shared.full_system(scene)
         arrays["too_stiff"] = np.array(stiffness_excess(scene, better, full, at, arguments["up_to"]))
     of_structures = [line for body in shared.bodies_of(scene).values() for line in warnings(body.structure)]
     lines = dict.fromkeys((*of_structures, *mesh_part.mesh_warnings(scene), *turning_warnings(scene, at.luffing)))
     return TaskResult(arrays=arrays, warnings=tuple(lines))
-
-
-def finer_mesh_system(scene: Scene) -> System | None:
-    """Return the reduced system of beams on elements half as long; None for other bodies, which would take too long."""
-    from pmr.compare.mesh_part import finer_beams, has_rigid_beams, motion_only
-
-    if not has_rigid_beams(scene) or any(part.mesh.file is not None for part in scene.sections):
-        return None
-    finer = motion_only(finer_beams(scene))
-    return shared.reduced_system(finer)
 
 
 def richer_system(scene: Scene, system: System, positions: PostureSet, up_to: float) -> System:
@@ -138,7 +134,8 @@ def postures_with_tip_mass(scene: Scene, positions: PostureSet, mass: float) -> 
     since the load of the chart, `HOOK`, acts in its place; the mass matrix still contains the mass.
     """
     last = scene.sections[-1]
-    masses = (*last.masses, PointMass(name=HOOK, on="tip", mass=mass))
+    point = next(load.point for load in last.loads if load.name == HOOK)
+    masses = (*last.masses, PointMass(name=HOOK, on="tip", mass=mass, at=point))
     with_mass = scene.with_keys(sections=(*scene.sections[:-1], last.with_keys(masses=masses)))
     postures = PostureMatrices.from_scene(with_mass, shared.reduced_system(with_mass), positions)
     loads, machine = postures.loads, postures.machine
@@ -220,16 +217,16 @@ class ChartModels:
     """Postures of the reduced model (`reduced`) and of the models with which it is compared; None for a missing model.
 
     `enriched` is the reduced model with attachment modes.  `with_tip_mass` is the reduced model of a run with a mass at
-    the tip.  `finer_mesh` is a reduced model on a finer mesh, and `structural` a richer structural model.
+    the tip.  `other_mesh` is a reduced model on a finer or coarser mesh, `structural` a richer structural model.
     """
 
     reduced: PostureMatrices
     enriched: PostureMatrices | None
     with_tip_mass: PostureMatrices | None
-    finer_mesh: PostureMatrices | None
+    other_mesh: PostureMatrices | None
     structural: PostureMatrices | None
     structural_label: str  # name of the richer structural model, or the reason why there is none
-    removed_mesh_error: float  # share of the mesh's error that the finer mesh removes
+    mesh_share: float  # error of the mesh over the difference to the model on the other mesh
     stiffness_excess: float  # share by which the richer model's buckling factor is above that of full order
     reach: Array  # (P,) m
 
@@ -238,11 +235,11 @@ class ChartModels:
         """Collect the models from the results of `compute_postures` and, if there is one, `compute_richer_postures`."""
         arrays, model_arrays = needs["postures"].arrays, needs["model"].arrays if "model" in needs else {}
         reduced = npz.record_from_arrays(PostureMatrices, arrays, "reduced.")
-        enriched, with_tip_mass, finer = (_read_postures(arrays, name) for name in ("richer", "mass", "finer"))
-        mended, above = (float(arrays.get(name, np.nan)) for name in ("mended", "too_stiff"))
+        enriched, with_tip_mass, other_mesh = (_read_postures(arrays, name) for name in ("richer", "mass", "mesh"))
+        share, above = (float(arrays.get(name, np.nan)) for name in ("mesh_share", "too_stiff"))
         structural = _read_postures(model_arrays, "model")
         label = str(model_arrays.get("called", model_arrays.get("reason", "")))
-        return cls(reduced, enriched, with_tip_mass, finer, structural, label, mended, above, arrays["reach"])
+        return cls(reduced, enriched, with_tip_mass, other_mesh, structural, label, share, above, arrays["reach"])
 
     @property
     def comparisons(self) -> dict[str, ComparedModel]:
@@ -250,8 +247,8 @@ class ChartModels:
         by_part = dict[str, ComparedModel]()
         if self.structural is not None:
             by_part["model"] = ComparedModel(self.structural, self.structural_label, 1.0)
-        if self.finer_mesh is not None:
-            by_part["mesh"] = ComparedModel(self.finer_mesh, "finer mesh", 1.0 / self.removed_mesh_error)
+        if self.other_mesh is not None:
+            by_part["mesh"] = ComparedModel(self.other_mesh, "other mesh", self.mesh_share)
         return by_part
 
     def not_covered(self, limits: Sequence[Limit]) -> list[str]:
@@ -262,7 +259,7 @@ class ChartModels:
         model = f"the structural model: {self.structural_label}" if self.structural is None else ""
         if not model and of:
             model = f"the structural model in limits of {' and '.join(of)}: {WHY_NOT_STRESS}"
-        mesh = "" if self.finer_mesh is not None else f"the mesh: {NO_FINER_MESH}"
+        mesh = "" if self.other_mesh is not None else f"the mesh: {NO_OTHER_MESH}"
         return [*filter(None, (model, mesh)), f"large rotations in {STABILITY}"]
 
 

@@ -125,17 +125,23 @@ def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
                 yield f"load {load.name!r} acts in runs of this scene, but the chart lacks it: no load case names it"
 
 
-def replaced_mass_warnings(original: Scene, scene: Scene) -> list[str]:
-    """Return a line for each mass of `original` that `scene` lacks and that is beside or beyond the tip's axis."""
+def replaced_mass_warnings(original: Scene, scene: Scene, point: tuple[float, float, float] | None = None) -> list[str]:
+    """Return a line for each mass of `original` that `scene` lacks, unless it is at the tip or where the load hangs.
+
+    The load acts at `point` in m in the axes of the last section, or at the tip, the end of the axis.
+    """
     last, remaining = original.sections[-1], {mass.name for mass in scene.sections[-1].masses}
     lines = list[str]()
     for mass in last.masses:
-        offset = np.subtract(mass.at or (last.length, 0.0, 0.0), (last.length, 0.0, 0.0))
-        if mass.name not in remaining and np.any(offset):
+        end = (last.length, 0.0, 0.0)
+        if mass.name in remaining or mass.at is None or not np.any(np.subtract(mass.at, end)):
+            continue
+        if np.any(offset := np.subtract(mass.at, point or end)):
             place = ", ".join(f"{value:.4g}" for value in offset)
             lines.append(
-                f"mass {mass.name!r} is at ({place}) m from the end of the axis; the chart's load in its place acts "
-                "on the axis: the chart lacks the moments of this offset and may allow too much"
+                f"mass {mass.name!r}, in whose place the chart's load acts, is ({place}) m from that load: the chart "
+                "lacks the moments of this offset and may allow too much; "
+                f"point = [{', '.join(f'{value:.6g}' for value in mass.at)}] in the study takes them along"
             )
     return lines
 
@@ -261,7 +267,7 @@ class StopMotion:
         at, k = place.postures, place.k
         f = self.acceleration_loads[k].copy()
         if self.angle == "luffing":  # the load hangs: only a lift of its rope accelerates it, nothing sideways
-            x, _, z = at.place.tip[k]
+            x, _, z = at.place.hook[k]
             lifted = float(at.place.up[k] @ [-z, 0.0, x])  # m by a rotation of one radian
             f += load * lifted / place.gravity * at.loads.f[at.loads.names.index(HOOK), k]
         return DecelerationLoads(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pmr.files import npz
 from pmr.files.arrays import Array, Summary
+from pmr.results.quantities import stress_remark
 from pmr.scene import Scene
 from pmr.simulation.statics.loaded import LoadedStructure
 from pmr.simulation.statics.postures import HOOK, WEIGHT, DeflectionOutputs, PostureMatrices
@@ -161,6 +162,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     - ``passed`` (p, c, l): whether the limit is exceeded without a load in a case out of service.
     - ``at.<name>``: arrays of `pmr.studies.chart_points.governing_details` at the points ``at.place`` (l,), where each
       limit governs the largest load of the row; ``at.place`` is -1 for a limit that governs at none.
+      ``at.remarks`` (l,): what the quantity of each limit leaves out, in words.
 
     Record: ``load.least`` and ``load.most``, the extremes over the points of the smallest load over all limits, in kg.
     """
@@ -189,7 +191,9 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     best, case = largest_governed_rows(arrays["load"]), arrays["case"]
     at_best = [chart.places(at, first + k)[case[k, n]] if k >= 0 else None for n, k in enumerate(best.tolist())]
     pages = governing_details(chart.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
-    arrays |= {f"at.{name}": values for name, values in (pages | {"place": best}).items()}
+    remarks = [stress_remark(scene) if limit.of == "stress" else "" for limit in chart.limits]
+    pages |= {"place": best, "remarks": np.array([*remarks, ""])}
+    arrays |= {f"at.{name}": values for name, values in pages.items()}
     arrays["not_covered"] = np.array(["; ".join(models.not_covered(chart.limits))] * len(rows))
     contacts = CONTACTS.validate_json(str(needs["postures"].arrays["contacts"]))
     loads, cases_of_loads = np.nan_to_num(arrays["load"], nan=chart.up_to), arrays["case"]

@@ -257,7 +257,7 @@ class TippingMoments:
         return cls(
             machine=edges @ resting,
             boom=about @ pivot_rows(at),
-            tip_moment=about[:, :3] @ pull + moment @ at.place.tip[k],
+            tip_moment=about[:, :3] @ pull + moment @ at.place.hook[k],
             tip_derivative=moment @ _tip_rows(at.output_names, at.output_kinds),
         )
 

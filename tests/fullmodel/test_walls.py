@@ -178,6 +178,19 @@ def test_a_summary_says_how_far_each_wall_gives_way() -> None:
     assert summary({"": Walls()}) == {}
 
 
+def test_the_wall_under_a_sliding_pad_gives_way_as_it_does_at_this_place() -> None:
+    """A ring that is 0.2 m ahead of the path coordinate; beyond its way the compliance stays that of the end."""
+    ring = sliding(1)
+    walls = Walls(Standing(("tail",), (), np.array([[3e-8]]), np.ones(1)), (ring,))
+    moving = tuple(Pad(name, name, at=0.2) for name in NAMES)
+    pads = Pads(fixed=(Pad("tail", "top"),), moving=moving, travel=TRAVEL, walls=walls)
+    for i, name in enumerate(NAMES):
+        for u, compliance_there in zip(ring.u, ring.compliance[:, i, i], strict=True):
+            assert pads.wall_compliance(name, 0.7 + u) == pytest.approx(compliance_there, rel=1e-12)
+        assert pads.wall_compliance(name, 9.0) == ring.compliance[-1, i, i]
+    assert pads.wall_compliance("tail", 9.0) == 3e-8 and Pads().wall_compliance("tail", 0.0) == 0.0
+
+
 PRESSED = tuple(
     Pad(f"{face} {across}", face, across=across, width=0.06, length=0.2, at=1.0)
     for face, across in [("top", -0.1), ("top", 0.1), ("bottom", 0.0), ("left", 0.0), ("right", 0.0)]

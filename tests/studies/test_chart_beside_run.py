@@ -39,6 +39,13 @@ def test_the_allowed_load_in_a_run_has_the_limits_value(seed: int) -> None:
     assert [(kind, off, bar) for kind, _, off, bar in rows if not abs(off) <= bar + 1e-6] == []
 
 
+def test_a_load_beside_the_axis_has_its_moments_in_a_chart_as_in_a_run() -> None:
+    """Every kind of limit within its bar, beside a run with a mass at this place."""
+    rows = beside(3, (0.2, 0.5, -0.3))
+    assert len(rows) >= 5
+    assert [(kind, off, bar) for kind, _, off, bar in rows if not abs(off) <= bar + 1e-6] == []
+
+
 def test_the_bar_of_the_reduction_covers_a_run_whose_modes_move_the_load() -> None:
     """A run with the load as a mass has other modes, so an error of its own: more of it than the chart."""
     plain, extensions, angle = random_machine(11)

@@ -159,8 +159,10 @@ def test_a_chart_says_that_its_load_is_not_beside_the_axis_as_the_mass_in_its_pl
     (folder / "beside.toml").write_text(toml.written(described))
     original = load_any(folder / "beside.toml")
     (line,) = replaced_mass_warnings(original, load_any(folder / "scene.toml"))
-    assert f"mass 'hook' is at {offset} m from the end of the axis" in line and "lacks the moments" in line
+    assert f"mass 'hook', in whose place the chart's load acts, is {offset} m from that load" in line
+    assert line.endswith(f"point = [{', '.join(f'{x:g}' for x in at)}] in the study takes them along")
     assert replaced_mass_warnings(original, original) == []
+    assert replaced_mass_warnings(original, load_any(folder / "scene.toml"), tuple(at)) == []
     keys = {"scene": str(folder / "beside.toml"), "change": {"sections": {"fly": {"masses": []}}}}
     (row, *_) = Study.model_validate(STUDY | keys).plan().runs
     assert row.arguments["replaced"] == [line]
@@ -171,3 +173,17 @@ def test_without_a_richer_model_the_reason_is_said(folder: Path) -> None:
     at = {"extensions": {"fly": [EXTENSION]}, "luffing": [ANGLE], "slewing": [0.0]}
     arrays = compute_richer_postures(scene_arguments(with_hook(scene)) | {"at": at}, {}).arrays
     assert "a shell is the richest model there is" in str(arrays["reason"]) and "model.structure.K" not in arrays
+
+
+def test_the_bar_has_the_mesh_where_walls_give(folder: Path, tmp_path: Path) -> None:
+    """On cells half as long the chart allows loads within the mesh's part of its bar."""
+    (tmp_path / "scene.toml").write_text((folder / "scene.toml").read_text())
+    results = []
+    for size, bars in ((0.16, True), (0.08, False)):
+        section = {"body": {"walls": "give"}, "mesh": {"size": size, "along": 2.0 * size, "elements": int(1.6 / size)}}
+        asked = STUDY | {"change": {"section": section}, "error_bars": bars}
+        results.append(finished(tmp_path, toml.written(asked)).arrays("row1"))
+    wide, fine = results
+    assert "the mesh" not in str(wide["not_covered"][0])
+    off, bar = np.abs(fine["load"][0] - wide["load"][0])[:2], wide["error.mesh"][0][:2]
+    assert np.all(off > 0.0) and np.all(off <= bar)

@@ -45,7 +45,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     least = np.where(which >= 0, load.min(axis=2), np.nan)
     if not np.isfinite(least).any():  # the picture and the table of loads would be empty
         limits, cases = (
-            Block("Limits", grids=(_limit_grid(study, names),)),
+            Block("Limits", grids=(_limit_grid(study, names, parts),)),
             Block("Load cases", grids=(_case_grid(study),)),
         )
         return Chapter(anchor=prefix, title=study.title, headline=_headline(study, least), blocks=[limits, cases])
@@ -74,7 +74,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
         paragraphs=_paragraphs(study, parts),
         blocks=[
             Block("Load chart", (picture, lines), grids=tuple(_duty_grids(study, duty, not_covered))),
-            Block("Limits", grids=(_limit_grid(study, names), *_error_bar_grids(study, names, parts))),
+            Block("Limits", grids=(_limit_grid(study, names, parts), *_error_bar_grids(study, names, parts))),
             Block("Load cases", grids=(_case_grid(study),)),
             *governing_pages(study, names, parts, prefix),
         ],
@@ -154,8 +154,9 @@ def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
     """Paragraphs on the equilibrium, the error bars and hoisting."""
     bars = (
         "Error bars are the sum of four parts: the reduction, from a richer reduced model; the mesh, from elements "
-        "half as long; the structural model, from shells in place of beams; and what second order neglects where "
-        "the boom bends far. The lower bound in chart.csv is what all limits allow at least, less their error bars. "
+        "half as long or, where walls give way, cells twice as long; the structural model, from shells in place of "
+        "beams; and what second order neglects where the boom bends far. The lower bound in chart.csv is what all "
+        "limits allow at least, less their error bars. "
         f"Neither error bars nor lower bounds contain: {parts[0]['not_covered'][0]}."
         if study.study_file["error_bars"]
         else "Error bars were not asked for."
@@ -191,18 +192,27 @@ def _hoisting_sentences(study: FinishedStudy) -> list[str]:
     return [f"{sentence}. No load in the chart has this factor unless a case says so."]
 
 
-def _limit_grid(study: FinishedStudy, names: list[str]) -> Grid:
+def _limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
     """Build the table of the limits `names`: amount, factor, and numbers of points.
 
-    Points are counted at which the limit governs, is not reached, or is passed without a load.
+    Behind the quantity stands what it leaves out.  Points are counted at which the limit governs, is not reached, or is
+    passed without a load.
     """
     limits = {str(limit["name"]): limit for limit in study.study_file["limits"]}
     rows = []
-    for name in names:
+    for name, remark in zip(names, parts[0]["at.remarks"], strict=True):
         limit = limits.get(name, {"of": "equilibrium", "factor": 1.0})
         amount = limit.get("most") or limit.get("least")
         counts = (str(study.figures[f"{what}.{name}"]) for what in ("governs", "never", "at_no_load"))
-        rows.append((name, str(limit["of"]), _format_amount(limit, amount), f"{limit['factor']:g}", *counts))
+        rows.append(
+            (
+                name,
+                ", ".join(filter(None, (str(limit["of"]), str(remark)))),
+                _format_amount(limit, amount),
+                f"{limit['factor']:g}",
+                *counts,
+            )
+        )
     heads = ("limit", "of", "amount", "factor", "governs", "not reached", "at no load")
     return Grid(
         "Limits, the number of points at which they govern, are not reached up to the largest load that is looked for, "
@@ -367,10 +377,11 @@ def _governing_page(
     stands = ", ".join(f"{name} out {value:.3g}{SPACE}m" for name, value in out.items())
     bar = f"{SPACE}±{SPACE}{format_input(float(f'{error:.2g}'))}" if np.isfinite(error) else ""
     member = f" ({arrays['member'][k]})" if arrays["member"][k] else ""
+    remark = f", {arrays['at.remarks'][n]}" if arrays["at.remarks"][n] else ""
     text = (
         f"Raised by {np.rad2deg(angle):.3g}°{', ' if stands else ''}{stands}: radius {radius:.4g}{SPACE}m, height "
-        f"{height:.4g}{SPACE}m. It carries {load:.5g}{bar}{SPACE}kg, by {names[n]}{member}, the largest load that this "
-        "limit governs."
+        f"{height:.4g}{SPACE}m. It carries {load:.5g}{bar}{SPACE}kg, by {names[n]}{member}{remark}, the largest "
+        "load that this limit governs."
     )
     text += "".join(f" {name}" for name in _stop_sentences(study, names[n], arrays["at.stops"][n]))
     drawn = drawing(anchor, bent_boom, caption, boom)

@@ -84,21 +84,29 @@ class PostureSet:
         return np.einsum("pij,pj->pi", boom_rotation(self.luffing, self.slewing), place)
 
 
-def with_hook(scene: Scene) -> Scene:
-    """Scene with the load of a chart, `HOOK`, added at the tip: the weight of 1 kg, downwards in ground axes.
+def with_hook(scene: Scene, point: tuple[float, float, float] | None = None) -> Scene:
+    """Scene with the load of a chart, `HOOK`, added: the weight of 1 kg, downwards in ground axes.
 
+    It acts at `point` in m in the axes of the last section, which moves with the tip; by default at the tip itself.
     If the last section can bend sideways, `SIDEWAYS`, a load that is always zero, is added too.  The base keeps only
     its constant inclination, and the scene's `recovery` is removed.
     """
     assert scene.frame is not None and scene.gravity is not None  # the caller has checked both
     pull = Constant(amount=-scene.gravity.acceleration)
-    hook = Load(name=HOOK, on="tip", direction="z", axes="ground", signal=pull)
+    hook = Load(name=HOOK, on="tip", point=point, direction="z", axes="ground", signal=pull)
     last, loads = scene.sections[-1], [hook]
     if "y" in motion_directions(members(scene)[-1]):
-        loads.append(Load(name=SIDEWAYS, on="tip", direction="y", signal=Constant(amount=0.0)))
+        loads.append(Load(name=SIDEWAYS, on="tip", point=point, direction="y", signal=Constant(amount=0.0)))
     parts = (*scene.sections[:-1], last.model_copy(update={"loads": (*last.loads, *loads)}))
     frame = scene.frame.model_copy(update={"base": constant_inclination(scene.frame.base)})
     return scene.model_copy(update={"sections": parts, "frame": frame, "recovery": None})
+
+
+def hook_offset(scene: Scene) -> Array:
+    """Place (3,) in m of `HOOK` from the end of the last section's axis, in a scene made by `with_hook`."""
+    last = scene.sections[-1]
+    points = (load.point for load in last.loads if load.name == HOOK and load.point is not None)
+    return np.asarray(next(points, (last.length, 0.0, 0.0)), float) - (last.length, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -123,7 +131,8 @@ class PosturePlaces:
     slewing: Array  # (P,) rad
     luffing: Array  # (P,) rad
     up: Array  # (P, 3): the vertical in the axes of the boom
-    tip: Array  # (P, 3) m: the undeformed tip from the pivot, in the axes of the boom
+    # (P, 3) m: the undeformed place of `HOOK`, the tip unless it has a point, from the pivot in the axes of the boom
+    hook: Array
     arm: Array  # (P,) m: lever arm about the pivot of the luffing cylinder; NaN where the scene has none
 
 
@@ -251,7 +260,7 @@ class PostureMatrices:
                 postures.slewing,
                 postures.luffing,
                 up=_vertical_directions(still, postures),
-                tip=np.array(scene.frame.tail_position) + length[:, None] * np.eye(3)[0],
+                hook=np.array(scene.frame.tail_position) + hook_offset(scene) + length[:, None] * np.eye(3)[0],
                 arm=np.full(len(length), np.nan) if cylinder is None else cylinder.length_and_arm(postures.luffing).arm,
             ),
             columns=Columns.of_outputs(scene, outputs),

@@ -16,8 +16,10 @@ from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.errors.environment import check_installed
 from pmr.scene import Scene
+from pmr.scene.choice import is_planar
 from pmr.scene.hints import table_hints
 from pmr.scene.keys import SceneTable, Usual, key_error
+from pmr.scene.members import members
 from pmr.scene.signals import Constant
 from pmr.scene.tomlfiles import Change
 from pmr.simulation.statics.postures import HOOK, with_hook
@@ -103,6 +105,10 @@ class Study(StudyBase):
     up_to: Annotated[float, Field(gt=0.0), Usual(0.02, 1e4, "boom", "kg")] = Field(
         description="Largest load that is looked for, kg"
     )
+    point: tuple[float, float, float] | None = Field(
+        default=None,
+        description="Place of the load in the axes of the last section, m, moving with the tip; by default the tip",
+    )
     extensions: Range | tuple[float | dict[str, float], ...] = Field(
         default=(), description="Extensions in m: the same for all sections, or by name; none for a single body"
     )
@@ -170,7 +176,7 @@ class Study(StudyBase):
         fields = sorted({name for limit in self.limits if limit.of == "field" for name in limit.which})
         common |= {"fields": fields} if fields else {}
         turned = {"turned": sorted({stop.of for stop in self.stops})} if self.stops else {}
-        boom = shared.scene_arguments(with_hook(scene))
+        boom = shared.scene_arguments(with_hook(scene, self.point))
         common_tasks = {"postures": Task("postures", compute_postures, boom | common | turned | {"at": at}, cost=10.0)}
         if self.error_bars:
             common_tasks["model"] = Task("model", compute_richer_postures, boom | {"at": at}, cost=20.0)
@@ -354,6 +360,8 @@ class Study(StudyBase):
         if scene.gravity is None:
             raise InputError("study", "scene", str(self.scene), "a scene with [gravity] is allowed")
         _check_at_rest(scene)
+        if self.point is not None and is_planar(members(scene)[-1]):
+            raise InputError("study", "point", list(self.point), "a model in space is allowed with a point")
         loads = [load for part in scene.sections for load in part.loads if load.name != HOOK]
         forces = {load.name: load.acts == "force" for load in loads}
         for k, case in enumerate(self.cases):
@@ -367,7 +375,7 @@ class Study(StudyBase):
     def _replaced_masses(self) -> list[str]:
         """Lines of `replaced_mass_warnings` on what `change` removes; none if the scene is not valid without it."""
         with suppress(InputError):
-            return replaced_mass_warnings(scenes.load_any(self.scene), self._scene)
+            return replaced_mass_warnings(scenes.load_any(self.scene), self._scene, self.point)
         return []
 
     @cached_property
