@@ -22,6 +22,8 @@ from pmr.system.reduced_model import ReducedModel
 
 Array = NDArray[np.float64]
 WORKFLOWS = Path(__file__).resolve().parents[1] / "workflows"
+#: Crane with rigid walls and pads that hold both ways, as the workflow `crane` was when it was first measured.
+CRANE = WORKFLOWS.parent / "tests" / "machines" / "crane.toml"
 STRETCHES = 8
 CASES = {"simple": "paper_simple.toml", "evolved": "paper_evolved.toml"}
 

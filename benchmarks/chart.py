@@ -7,14 +7,14 @@ import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.beams import WORKFLOWS
+from benchmarks.beams import CRANE
 from benchmarks.waited_for import taken_by
 
 #: A boom of three sections as beams in space, at 40 extensions and 20 angles, with a limit of each kind that it has.
 STUDY = f"""
 kind = "chart"
 title = "What the crane carries"
-scene = "{WORKFLOWS / "crane.toml"}"
+scene = "{CRANE}"
 up_to = 100e3
 extensions = {{ least = 0.6, most = 4.5, count = 40 }}
 luffing = {{ least = 0.0, most = 76.0, count = 20 }}

@@ -76,8 +76,8 @@ def _quantiles(ns: Array) -> dict[str, float]:
 #: Models, which both checkouts load.
 _MODELS = """
 import sys, pmr
-for name in ("boom_three", "crane"):
-    pmr.reduce(pmr.load_scene(name, ["compare.against=[]"])).system.save(f"{sys.argv[1]}/{name}.npz")
+for name, scene in (("boom_three", "boom_three"), ("crane", sys.argv[2])):
+    pmr.reduce(pmr.load_scene(scene, ["compare.against=[]"])).system.save(f"{sys.argv[1]}/{name}.npz")
 """
 #: The least of some hundred steps in microseconds, by public names that an earlier checkout has too.
 _STEPS = """
@@ -123,7 +123,7 @@ truck = [
     "frame.machine.free=['x', 'z', 'rx', 'ry']", "frame.machine.stiffness={x=1e6, z=4e6, rx=8e6, ry=8e6}",
     "frame.second_order=true",
 ]
-run = MachineRun(pmr.load_scene("crane", [*truck, "time.end=1"]), system)
+run = MachineRun(pmr.load_scene(sys.argv[2], [*truck, "time.end=1"]), system)
 run.run()
 machine = run.simulation if hasattr(run, "simulation") else run.carried  # its name in earlier checkouts
 nothing, steps = 0.0 * machine.state.z, len(machine.motion) - 1
@@ -140,10 +140,12 @@ print(json.dumps(times))
 def booms(earlier: Path | None = None) -> dict[str, list[float]]:
     """Least processor time of a step in microseconds by case: in this checkout, then in the earlier one if given."""
     with TemporaryDirectory() as folder:
-        subprocess.run([sys.executable, "-c", _MODELS, folder], check=True)
+        subprocess.run([sys.executable, "-c", _MODELS, folder, str(beams.CRANE)], check=True)
         pythons = [sys.executable, *([] if earlier is None else [str(earlier / ".venv" / "bin" / "python")])]
         runs = [
-            subprocess.run([python, "-c", _STEPS, folder], check=True, capture_output=True, text=True, cwd=folder)
+            subprocess.run(
+                [python, "-c", _STEPS, folder, str(beams.CRANE)], check=True, capture_output=True, text=True, cwd=folder
+            )
             for python in pythons
         ]
     times = [json.loads(run.stdout) for run in runs]

@@ -9,11 +9,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pmr
+from benchmarks.beams import CRANE as CRANE_SCENE
+from benchmarks.beams import WORKFLOWS
 from pmr import scene as scenes
 from pmr.compare.simulated import excitation_of_scene
 from pmr.simulation.native import systems
 
-WORKFLOWS = Path(__file__).parents[1] / "workflows"
 CRANE = ("section.mesh.elements=12", "section.reduction.estimate=false", "compare.against=[]")
 ALONE = ("reduction.estimate=false", "compare.against=[]")
 LUFFING = (
@@ -40,14 +41,14 @@ def main() -> None:
     more = tuple(f"sections.{k}.reduction.coordinates=10" for k in (1, 2))
     alone = {f"{order} order": LUFFING.format(on) for order, on in (("first", "false"), ("second", "true"))}
     cases = {
-        "crane, 6 a section": ("crane", CRANE, orders),
-        "crane, 6 + 10 + 10 coordinates": ("crane", (*CRANE, *more), orders),
-        "a body alone": ("boom_beam", ALONE, {"no frame": "title=A body alone"} | alone),
+        "crane, 6 a section": (CRANE_SCENE, CRANE, orders),
+        "crane, 6 + 10 + 10 coordinates": (CRANE_SCENE, (*CRANE, *more), orders),
+        "a body alone": (WORKFLOWS / "boom_beam.toml", ALONE, {"no frame": "title=A body alone"} | alone),
     }
-    for name, (workflow, changes, ways) in cases.items():
+    for name, (file, changes, ways) in cases.items():
         first = 0.0
         for way, change in ways.items():
-            step, faster = measure(WORKFLOWS / f"{workflow}.toml", [*changes, change])
+            step, faster = measure(file, [*changes, change])
             first = first or step
             ratio = step / first
             print(f"{name}, {way}: {1e6 * step:.2f} us a step ({ratio:.1f} times), {faster:.0f} times real time")

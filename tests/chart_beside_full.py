@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import plain_machines
 from numpy.typing import NDArray
 
 from pmr.files import npz
@@ -112,4 +113,4 @@ def random_places(seed: int, count: int = 20, least: float = 0.7, most: float = 
 
 def crane(*more: str) -> Scene:
     """Scene of the crane as a load chart takes it, with further settings."""
-    return load_any("crane", [*CRANE, *more])
+    return load_any(plain_machines.CRANE, [*CRANE, *more])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
+import plain_machines
+
 import pmr
 from pmr.simulation.moving import MovingFrame
 from pmr.system.system import System
@@ -26,7 +28,7 @@ CHANGES = (
 @cache
 def shaken_crane() -> tuple[System, MovingFrame]:
     """Reduced crane with terms of second order, and its frame."""
-    system = pmr.reduce(pmr.load_scene("crane", [*CHANGES])).system
+    system = pmr.reduce(pmr.load_scene(plain_machines.CRANE, [*CHANGES])).system
     frame = MovingFrame.from_system(system)
     assert frame is not None
     return system, frame

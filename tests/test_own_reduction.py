@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import plain_machines
 import pytest
 import scipy.linalg
 import scipy.sparse.linalg
@@ -87,7 +88,9 @@ def test_full_coordinates_say_what_the_simulation_says(full, modes) -> None:
 @pytest.mark.slow
 def test_full_coordinates_of_a_boom_have_its_modes_of_second_order() -> None:
     """Its sections have modes without inertia for axial forces, which full coordinates have, too."""
-    scene = pmr.load_scene("crane", ["frame.second_order=true", "section.mesh.elements=10", "time.end=0.2"])
+    scene = pmr.load_scene(
+        plain_machines.CRANE, ["frame.second_order=true", "section.mesh.elements=10", "time.end=0.2"]
+    )
     operators, reduction, steps = pmr.full_model(scene), pmr.reduce(scene), [0, 40, 100]
     simulated = pmr.simulate_with_states(scene, reduction.system, steps)
     q = reduction.reconstruct(simulated.states)

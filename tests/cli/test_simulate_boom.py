@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import plain_machines
 import pytest
 from processes import FENICSX, PETSC, called, without
 
@@ -82,7 +83,7 @@ def test_errors_with_second_order_are_estimated_too() -> None:
     quick = ["section.mesh.elements=4", "compare.against=[]", "time.end=0.02", "time.step=1e-3", "simulation.repeats=1"]
     # long pads have few stations on their paths, and so few loads to answer
     quick += [f"section.joint.{ring}.0.{key}" for ring in ("tail", "mouth") for key in ("length=0.9", "at=0.45")]
-    scene = pmr.load_scene("crane", quick)
+    scene = pmr.load_scene(plain_machines.CRANE, quick)
     outcome = pmr.run(scene)
     assert outcome is not None
     found = simulate_saved(replace(outcome.system, terms_of=None), scene)
@@ -140,11 +141,11 @@ def test_what_is_baked_into_a_saved_boom_is_refused_where_a_scene_says_something
 
 def test_a_system_without_second_order_is_refused_to_a_scene_that_asks_for_it() -> None:
     quick = ["section.mesh.elements=8", "compare.against=[]", "time.end=0.01", "time.step=1e-3"]
-    scene = pmr.load_scene("crane", [*quick, "frame.second_order=false"])
+    scene = pmr.load_scene(plain_machines.CRANE, [*quick, "frame.second_order=false"])
     system = pmr.reduce(scene).system
     check_scene_fits(scene, system)
     with pytest.raises(InputError, match="frame.second_order") as refused:
-        check_scene_fits(pmr.load_scene("crane", [*quick, "frame.second_order=true"]), system)
+        check_scene_fits(pmr.load_scene(plain_machines.CRANE, [*quick, "frame.second_order=true"]), system)
     assert refused.value.allowed == "false is allowed: the system was reduced so"
 
 

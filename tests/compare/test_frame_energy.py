@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import plain_machines
 import pytest
 from newton_euler import needed
 
@@ -23,7 +24,7 @@ from pmr.system.system import System
 pytestmark = pytest.mark.slow  # seconds each
 TESTS = Path(__file__).parents[1]
 LUFFING, CANTILEVER = (TESTS / "pipeline" / f"{name}.toml" for name in ("luffing", "cantilever"))
-CRANE = TESTS.parent / "workflows" / "crane.toml"
+CRANE = plain_machines.CRANE
 
 THREE = (
     "section.mesh.elements=8",

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+import plain_machines
 import pytest
 
 import pmr
@@ -134,9 +134,7 @@ def test_a_force_beside_the_axis_is_a_force_on_it_and_its_moments() -> None:
 )
 def test_keys_of_loads_that_contradict_each_other_are_refused_in_one_line(load: str, told: str) -> None:
     with pytest.raises(InputError, match=told) as refused:
-        load_any(
-            Path(__file__).parents[2] / "workflows" / "crane.toml", [f"sections.fly.loads=[{{name='sun',{load}}}]"]
-        )
+        load_any(plain_machines.CRANE, [f"sections.fly.loads=[{{name='sun',{load}}}]"])
     assert "\n" not in str(refused.value)
 
 

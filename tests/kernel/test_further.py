@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import plain_machines
 import pytest
 from compare.test_luffing_cylinder import FOOT, LENGTH, LUG, MASS, G, raised
 from numpy.typing import NDArray
@@ -37,7 +38,7 @@ class Moved:
     """A crane on a ship, and its state after some steps of motions that no scene has."""
 
     def __init__(self) -> None:
-        self.system: System = pmr.reduce(pmr.load_scene("crane", [*CRANE])).system
+        self.system: System = pmr.reduce(pmr.load_scene(plain_machines.CRANE, [*CRANE])).system
         frame = MovingFrame.from_system(self.system)
         assert frame is not None
         self.frame: MovingFrame = frame

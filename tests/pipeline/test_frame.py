@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import plain_machines
 import pytest
 from newton_euler import needed, of_masses
 
@@ -60,7 +61,7 @@ def test_a_force_along_the_ground_is_its_parts_along_a_boom_at_rest() -> None:
         "frame.second_order=true",
         *LONG_PADS,
     )
-    frame = scenes.load_any(WORKFLOWS / "crane.toml", quick).frame
+    frame = scenes.load_any(plain_machines.CRANE, quick).frame
     assert frame is not None
     towards = frame.rotation(0.0)[0, 0]
 
@@ -70,7 +71,7 @@ def test_a_force_along_the_ground_is_its_parts_along_a_boom_at_rest() -> None:
 
     parts = [pushed(f"f {axis}", axis, 900.0 * float(part)) for axis, part in zip("xyz", towards, strict=True)]
     loads = [pushed("f", "x", 900.0, "ground")], parts
-    one, three = (moved("crane", *quick, f"sections.fly.loads=[{','.join(some)}]") for some in loads)
+    one, three = (moved(plain_machines.CRANE, *quick, f"sections.fly.loads=[{','.join(some)}]") for some in loads)
     assert one.displacement == pytest.approx(three.displacement, abs=1e-10 * np.abs(three.displacement).max())
     assert one.slider_force == pytest.approx(three.slider_force, abs=1e-9 * np.abs(three.slider_force).max())
 
@@ -126,7 +127,7 @@ def test_rigid_sections_in_space_press_and_push_as_newton_and_euler_say() -> Non
     stiff = [key for key in RIGID if not key.startswith(("time.end", "section.reduction.coo", "section.joint"))]
     pads = [f"section.joint.{end}.0.stiffness=1e12" for end in ("tail", "mouth")]
     changes = ["sections.base.supports.1.stiffness=1e13", "section.reduction.coordinates=8", "damping.ratio=0.0"]
-    scene = scenes.load_any(WORKFLOWS / "crane.toml", [*stiff, *pads, *changes, *SMOOTH, "time.end=16.0"])
+    scene = scenes.load_any(plain_machines.CRANE, [*stiff, *pads, *changes, *SMOOTH, "time.end=16.0"])
     found = pmr.simulate(scene, pmr.reduce(scene).reduced)
     each = [needed(scene, number, found.t) for number in range(3)]
     force, moment = sum(one.force for one in each), sum(one.moment for one in each)
@@ -182,7 +183,7 @@ def test_what_the_pivot_bears_is_what_the_frame_s_momentum_says() -> None:
 
 def test_the_crane_moves_as_its_full_model_does() -> None:
     short = ["section.mesh.elements=6", "time.end=6.0", "time.step=8e-3", *LONG_PADS]
-    summary = pmr.run(scenes.load_any(WORKFLOWS / "crane.toml", short)).result.summary
+    summary = pmr.run(scenes.load_any(plain_machines.CRANE, short)).result.summary
     errors = summary["errors"]["reduced_vs_full"]
     assert errors["tip"] < 1e-3 and errors["support_force"] < 1e-3
     assert errors["tip"] <= summary["estimate"]["tip"] <= 5.0 * errors["tip"]
@@ -225,7 +226,7 @@ MOVED = (
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize(("file", "moved"), [(LUFFING, ()), (WORKFLOWS / "crane.toml", MOVED)], ids=["planar", "crane"])
+@pytest.mark.parametrize(("file", "moved"), [(LUFFING, ()), (plain_machines.CRANE, MOVED)], ids=["planar", "crane"])
 def test_full_order_of_second_order_is_the_same_by_both_simulators(file: Path, moved: tuple[str, ...]) -> None:
     """Terms of a frame and of axial forces in PETSc, beside the compiled loop: the same scheme, so to round-off."""
     changes = ["frame.second_order=true", "section.mesh.elements=6", "time.end=0.2", "time.step=4e-3", *moved]

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import plain_machines
 import pytest
 from newton_euler import needed
 from numpy.typing import ArrayLike
@@ -29,7 +30,7 @@ from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
 CANTILEVER, LUFFING = (Path(__file__).parent / name for name in ("cantilever.toml", "luffing.toml"))
-CRANE = Path(__file__).parents[2] / "workflows" / "crane.toml"
+CRANE = plain_machines.CRANE
 LENGTH, EI, RHO_A = 5.0, 5.0e4, 78.0
 #: Three times as long as in the scene, with a third of the stations on their paths: few loads to answer.
 LONG_PADS = tuple(f"section.joint.{ring}.0.{key}" for ring in ("tail", "mouth") for key in ("length=0.9", "at=0.45"))
@@ -107,7 +108,7 @@ def test_a_cantilever_that_turns_in_its_plane(eta: int) -> None:
     assert found["reduced"][:, 0] == pytest.approx(expected, rel=1e-3)
 
 
-CRANE = Path(__file__).parents[2] / "workflows" / "crane.toml"
+CRANE = plain_machines.CRANE
 SMALL = ("frame.second_order=true", "section.mesh.elements=6", "section.reduction.estimate=false")
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import plain_machines
 import pytest
 
 import pmr
@@ -16,8 +19,8 @@ SPACE = "\u00a0"
 SHORT = ("section.mesh.elements=8", "section.reduction.coordinates=6", "time.end=0.2")
 
 
-def short_run(name: str, *changes: str) -> RunResult:
-    """Result of a workflow without its full model and without a richer one."""
+def short_run(name: str | Path, *changes: str) -> RunResult:
+    """Result of a workflow, or of a scene file, without its full model and without a richer one."""
     outcome = pmr.run(pmr.load_scene(name, ["compare.against=[]", "compare.richer='none'", *changes]))
     assert outcome is not None
     return outcome.result
@@ -46,7 +49,7 @@ def test_a_vehicle_is_told_by_its_place_on_the_bridge_and_counts_with_its_mass()
 
 
 def test_what_hangs_on_the_hoist_stands_on_the_first_page() -> None:
-    result = short_run("hoist", *SHORT)
+    result = short_run(plain_machines.HOIST, *SHORT)
     asked, carries = rows(result, "What was asked"), rows(result, "What it carries")
     assert asked["hoist"] == f"payload of 400{SPACE}kg with a hook of 50{SPACE}kg on 2 falls, in wind along y"
     assert carries["lowest natural frequency"].endswith(", without the payload of the hoist")
@@ -78,7 +81,7 @@ def test_oil_has_its_pressure_and_flow_on_the_first_page() -> None:
 
 def test_a_machine_on_outriggers_says_on_what_it_stands() -> None:
     """A gust that comes after the end of the run is 0 at all times, and has no figure."""
-    result = short_run("crane_outriggers", *SHORT)
+    result = short_run(plain_machines.OUTRIGGERS, *SHORT)
     asked = rows(result, "What was asked")
     masses = f"4 outriggers, with machine masses of 7500{SPACE}kg"
     assert asked["stands on"] == f"{masses}, on ground that rises by 0.5° along X and 1° along Y"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import plain_machines
 import pytest
 
 from pmr.report.columns import forces_by_group, tip_displacements
@@ -13,13 +14,12 @@ from pmr.report.subject import field_times, reach, slider_offsets
 from pmr.scene import load_any
 from pmr.scene.built import Load
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 SPACE = "\u00a0"
 
 
-def rows(name: str, *changes: str, title: str = "Body, pads and loads") -> dict[str, str]:
-    """Rows of the table called `title` of a workflow with these changes."""
-    tables = input_tables(load_any(WORKFLOWS / f"{name}.toml", changes))
+def rows(scene: str | Path, *changes: str, title: str = "Body, pads and loads") -> dict[str, str]:
+    """Rows of the table called `title` of a workflow, or of a scene file, with these changes."""
+    tables = input_tables(load_any(scene, changes))
     return dict(next(table.rows for table in tables if table.title == title))
 
 
@@ -41,7 +41,7 @@ def test_angles_are_in_degrees_and_rotations_have_their_units() -> None:
     assert radians["frame luffing"].endswith("amount 40.10705°")
     machine = "{mass=12e3,free=['z','ry'],stiffness={z=4e6,ry=9e6},damping={},start={ry=2.0},rate={z=1.5}}"
     changes = (f"frame.machine={machine}", "frame.second_order=false")
-    shown = rows("crane", *changes, title=settings)["frame machine"]
+    shown = rows(plain_machines.CRANE, *changes, title=settings)["frame machine"]
     for text in ("mass 12\u202f000\u00a0kg", "z 4\u00a0kN/mm", "ry 9\u00a0MN\u00a0m/rad", "ry 2°", "z 1.5\u00a0m/s"):
         assert text in shown
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
+from plain_machines import CRANE
 from pydantic import BaseModel
 
 from pmr import scene as scenes
@@ -59,14 +60,14 @@ WRONG = [
     ("platform", ["sections.fly.joint.rope.EA=2.8e4"], "sections[3].joint.rope.EA", "kN"),
     ("platform", ["sections.fly.joint.rope.length=9000.0"], "sections[3].joint.rope.length", "mm"),
     ("platform", ["sections.first.joint.cylinder.stiffness=5e4"], "sections[1].joint.cylinder.stiffness", "N/mm"),
-    ("crane", ["frame.luffing={kind='smooth_ramp',times=[1.0,7.0],values=[0.1,1.0]}"], "frame.luffing", "rad"),
-    ("crane", ["frame.slewing={kind='smooth_ramp',times=[1.0,7.0],values=[0.0,1.57]}"], "frame.slewing", "rad"),
-    ("crane", ["frame.unit=rad", "frame.slewing=0.0", "frame.luffing=40.0"], "frame.luffing", "degrees"),
-    ("crane", [CYLINDER.replace("0.9,-1.1", "900.0,-1100.0")], "frame.cylinder.foot", "mm"),
-    ("crane", [STILL, MACHINE.replace("24e3", "24.0").replace("e4", "e1")], "frame.machine.mass", "t"),
-    ("crane", [STILL, MACHINE.replace("-1.0]", "-1000.0]")], "frame.machine.center", "mm"),
-    ("crane", [STILL, MACHINE.replace("z=1e7", "z=100.0")], "frame.machine.stiffness.z", "N/mm"),
-    ("crane", ["frame.base={acceleration={x=300.0}}"], "frame.base.acceleration.x", "cm/s^2"),
+    (CRANE, ["frame.luffing={kind='smooth_ramp',times=[1.0,7.0],values=[0.1,1.0]}"], "frame.luffing", "rad"),
+    (CRANE, ["frame.slewing={kind='smooth_ramp',times=[1.0,7.0],values=[0.0,1.57]}"], "frame.slewing", "rad"),
+    (CRANE, ["frame.unit=rad", "frame.slewing=0.0", "frame.luffing=40.0"], "frame.luffing", "degrees"),
+    (CRANE, [CYLINDER.replace("0.9,-1.1", "900.0,-1100.0")], "frame.cylinder.foot", "mm"),
+    (CRANE, [STILL, MACHINE.replace("24e3", "24.0").replace("e4", "e1")], "frame.machine.mass", "t"),
+    (CRANE, [STILL, MACHINE.replace("-1.0]", "-1000.0]")], "frame.machine.center", "mm"),
+    (CRANE, [STILL, MACHINE.replace("z=1e7", "z=100.0")], "frame.machine.stiffness.z", "N/mm"),
+    (CRANE, ["frame.base={acceleration={x=300.0}}"], "frame.base.acceleration.x", "cm/s^2"),
 ]  # fmt: skip
 
 
@@ -76,7 +77,7 @@ def test_no_scene_that_comes_with_the_package_has_one(file: Path) -> None:
 
 
 @pytest.mark.parametrize(("scene", "changes", "key", "unit"), WRONG, ids=[f"{case[2]} in {case[3]}" for case in WRONG])
-def test_a_number_in_another_unit_is_hinted_at_once(scene: str, changes: list[str], key: str, unit: str) -> None:
+def test_a_number_in_another_unit_is_hinted_at_once(scene: str | Path, changes: list[str], key: str, unit: str) -> None:
     (hint,) = hints(scenes.load_any(scene, changes))
     named, _, rest = hint.partition(" = ")
     assert key in named and " is usual here; is it in " in rest and f" {unit} (" in rest
@@ -104,12 +105,12 @@ def test_nothing_is_said_of_what_is_zero_or_of_a_scale_that_only_a_mesh_knows() 
 def test_an_inertia_that_no_body_can_have_is_refused(key: str, inertia: list[float]) -> None:
     says = r"inertia = \[.*\]: three moments are allowed of which none is larger than the sum of the two others"
     with pytest.raises(InputError, match=says):
-        scenes.load_any("crane", [key.replace("INERTIA", str(inertia))])
+        scenes.load_any(CRANE, [key.replace("INERTIA", str(inertia))])
 
 
 @pytest.mark.parametrize("inertia", [[0.0, 0.0, 0.0], [0.0, 3.0, 3.0], [1.0, 2.0, 3.0], [0.333, 0.667, 1.0]])
 def test_rods_plates_and_rounded_figures_are_bodies(inertia: list[float]) -> None:
-    assert scenes.load_any("crane", [f"sections.fly.masses=[{{name='m',on='tip',mass=90.0,inertia={inertia}}}]"])
+    assert scenes.load_any(CRANE, [f"sections.fly.masses=[{{name='m',on='tip',mass=90.0,inertia={inertia}}}]"])
 
 
 def test_a_planar_body_turns_about_one_axis_alone() -> None:
@@ -156,10 +157,10 @@ machine = [{name = "truck", mass = 24e3, at = [0.0, 0.0, -1.0]}]
     ],
 )
 def test_so_it_is_in_a_chart(usual: str, wrong: str, key: str, unit: str, tmp_path: Path) -> None:
-    load = scenes.load_any("crane").sections[-1].loads[0].name
+    load = scenes.load_any(CRANE).sections[-1].loads[0].name
     file = tmp_path / "chart.toml"
     for text, count in ((CHART, 0), (CHART.replace(usual, wrong, 1), 1)):
-        file.write_text(text.replace("LOAD", load).replace("CRANE", str(ROOT / "workflows" / "crane.toml")))
+        file.write_text(text.replace("LOAD", load).replace("CRANE", str(CRANE)))
         (part,) = call.load(file).parts
         assert len(found := part.study.hints()) == count
     assert found[0].startswith(f"{key} = ") and f" {unit} (" in found[0]

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import plain_machines
 import pytest
 from processes import called
 
@@ -41,7 +42,7 @@ from pmr.system.hoist import hoist_of
 )
 def test_what_does_not_fit_is_refused_with_its_key(change: str, key: str) -> None:
     with pytest.raises(InputError) as refused:
-        pmr.load_scene("hoist", [change])
+        pmr.load_scene(plain_machines.HOIST, [change])
     assert refused.value.key == key, refused.value
 
 
@@ -53,25 +54,25 @@ STANDS = [
 
 
 def test_the_hook_of_a_machine_on_outriggers_is_measured_from_their_ground() -> None:
-    scene = pmr.load_scene("hoist", [*STANDS, "hoist.pivot_height=0.0"])
+    scene = pmr.load_scene(plain_machines.HOIST, [*STANDS, "hoist.pivot_height=0.0"])
     assert hoist_of(scene).numbers[-1] == 1.6
     with pytest.raises(InputError, match=r"hoist\.pivot_height = 2\.0: frame\.ground\.height, 1\.6, is"):
-        pmr.load_scene("hoist", [*STANDS, "hoist.pivot_height=2.0"])
+        pmr.load_scene(plain_machines.HOIST, [*STANDS, "hoist.pivot_height=2.0"])
 
 
 def test_a_head_that_is_not_at_the_tip_is_refused_in_second_order() -> None:
     with pytest.raises(InputError, match=r"hoist\.on"):
-        pmr.load_scene("hoist", ["frame.second_order=true", "hoist.on=5.0"])
+        pmr.load_scene(plain_machines.HOIST, ["frame.second_order=true", "hoist.on=5.0"])
 
 
 def test_its_outputs_belong_to_the_section_with_its_head() -> None:
-    hoist = hoist_of(pmr.load_scene("hoist", ["hoist.section=middle"]))
+    hoist = hoist_of(pmr.load_scene(plain_machines.HOIST, ["hoist.section=middle"]))
     bodies = dict.fromkeys(("base", "middle", "fly"))
     assert {output.body for output in hoist_outputs(SimpleNamespace(bodies=bodies, hoist=hoist))} == {"middle"}
 
 
 def test_a_head_off_the_axis_turns_its_section() -> None:
-    *_, fly = members(pmr.load_scene("hoist", ["hoist.offset=[0.1, 0.2]"]))
+    *_, fly = members(pmr.load_scene(plain_machines.HOIST, ["hoist.offset=[0.1, 0.2]"]))
     assert [load.name for load in axis_loads(fly)] == [f"hoist {d}" for d in ("x", "y", "z", "rx", "ry", "rz")]
 
 
@@ -79,7 +80,7 @@ def test_a_head_off_the_axis_turns_its_section() -> None:
     "key", ["hoist.offset=[0.1, 0.0]", "hoist.swing=[0.0, 0.1]", "hoist.winch.at=[-0.5, 0.1, 0.4]", "hoist.wind.y=1.0"]
 )
 def test_a_payload_beside_the_vertical_plane_needs_sections_in_space(key: str, tmp_path: Path) -> None:
-    lines = Path("workflows/hoist.toml").read_text().splitlines()
+    lines = plain_machines.HOIST.read_text().splitlines()
     file = tmp_path / "planar.toml"
     file.write_text("\n".join(line for line in lines if not line.startswith(("slewing", "wind.y", "#:"))))
     rings = "[{at=0.15, faces={bottom=[-0.06], top=[-0.06]}, unilateral=false}]"
@@ -91,7 +92,7 @@ def test_a_payload_beside_the_vertical_plane_needs_sections_in_space(key: str, t
 
 
 def test_a_payload_at_rest_weighs_and_its_rope_presses() -> None:
-    scene = pmr.load_scene("hoist")
+    scene = pmr.load_scene(plain_machines.HOIST)
     loads = Excitation.from_scene(scene).loads
     weight, up = 450.0 * 9.80665, np.sqrt(0.5)
     assert [float(loads[f"fly.hoist {d}"].value(0.0)) for d in "xyz"] == pytest.approx(

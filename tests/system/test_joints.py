@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from pathlib import Path
 
 import numpy as np
+import plain_machines
 import pytest
 
 import pmr
@@ -42,7 +42,7 @@ def test_a_contact_has_all_that_its_pad_has() -> None:
         assert getattr(contact, name) == getattr(pad, name), name
 
 
-CRANE = Path(__file__).parents[2] / "workflows" / "crane.toml"
+CRANE = plain_machines.CRANE
 #: With kinds of pads that differ in stiffness within a ring, and between its rings.
 CHANGES = (
     "section.mesh.elements=6",

@@ -10,6 +10,7 @@ from typing import Any
 
 import driven_frame
 import numpy as np
+import plain_machines
 import pytest
 from export.fmi.libraries import CallError, Instance, Library, loaded
 from numpy.typing import NDArray
@@ -99,7 +100,7 @@ class Made:
 @pytest.fixture(scope="module", params=GIVEN)
 def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Made:
     changes, version = KINDS[request.param]
-    scene = load_any(WORKFLOWS / "crane.toml", changes)
+    scene = load_any(plain_machines.CRANE, changes)
     found = pmr.reduce(scene)
     system = System.load(found.system.save(tmp_path_factory.mktemp("system") / "system.npz"))
     texts = fmu_contents(system, read_scene(system, "system.npz"), "crane", version)

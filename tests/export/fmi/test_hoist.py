@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import plain_machines
 import pytest
 from export.fmi.libraries import Instance, loaded
 from hoists import cantilever
@@ -42,7 +43,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module", params=["crane", "cantilever"])
 def system(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> System:
     soft = {"body.material.young": 2.1e10, "time.rho_inf": 0.9}
-    scene = pmr.load_scene("hoist", CRANE) if request.param == "crane" else cantilever(WOUND | soft)
+    scene = pmr.load_scene(plain_machines.HOIST, CRANE) if request.param == "crane" else cantilever(WOUND | soft)
     return System.load(pmr.reduce(scene).system.save(tmp_path_factory.mktemp("system") / "system.npz"))
 
 

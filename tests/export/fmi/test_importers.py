@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import one_body
+import plain_machines
 import pytest
 from export.fmi import loop, valve
 from numpy.typing import ArrayLike, NDArray
@@ -136,7 +137,7 @@ def test_a_crane_in_a_loop_under_fmpy_is_that_with_a_stepper(fmpy: Path, tmp_pat
     They are Python, or a unit of their own.
     """
     changes = ["compare.against=[]", "section.mesh.elements=6", "frame.second_order=true", *AT_ONCE]
-    system = reduce(scene.load_any(ROOT / "workflows" / "crane.toml", changes)).system
+    system = reduce(scene.load_any(plain_machines.CRANE, changes)).system
     file = fmu.write_fmu(system.save(tmp_path / "system.npz"), tmp_path / "crane.fmu", "3", PLATFORMS[:1])
     looped = [under(fmpy, "loop", str(file))]
     looped.append(under(fmpy, "loop_of_two", str(file), str(valve.written(tmp_path / "valve.fmu"))))

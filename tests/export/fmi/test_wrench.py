@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import plain_machines
 import pytest
 from export.fmi.libraries import Instance, loaded
 
@@ -31,7 +32,7 @@ def test_a_wrench_at_the_tip_reaches_the_pin(tmp_path: Path) -> None:
     (wrench,) = re.findall(
         r"```toml\n(\[\[sections\.loads\]\]\nname = \"Fx\".*?)```", (ROOT / "docs/fmu.md").read_text(), re.S
     )
-    text = (ROOT / "workflows/crane.toml").read_text()
+    text = plain_machines.CRANE.read_text()
     (tmp_path / "crane.toml").write_text(text.replace("\n[damping]", f"\n{wrench}\n[damping]"))
     found = pmr.reduce(load_any(tmp_path / "crane.toml", QUICK))
     system = System.load(found.system.save(tmp_path / "system.npz"))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
+import plain_machines
 import pytest
 from numpy.typing import NDArray
 from turret import Turret
@@ -25,7 +25,7 @@ from pmr.system.system import System
 
 Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # ten seconds each
-CRANE = Path(__file__).parents[3] / "workflows" / "crane.toml"
+CRANE = plain_machines.CRANE
 #: Raised, slewed and drawn out at once, under its weight.
 SHORT = (
     "section.mesh.elements=8",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import plain_machines
 import pytest
 
 import pmr
@@ -34,7 +35,7 @@ KINDS = {
 
 
 def run_of(changes: list[str]) -> pmr.SystemTrajectory:
-    scene = pmr.load_scene("hoist", [*QUICK, *changes])
+    scene = pmr.load_scene(plain_machines.HOIST, [*QUICK, *changes])
     return systems.simulate_form(SystemForm.of(pmr.reduce(scene).system), Excitation.from_scene(scene))
 
 
@@ -51,7 +52,7 @@ def test_a_boom_begins_at_rest_and_its_energy_closes(kind: str) -> None:
 
 @pytest.mark.slow
 def test_a_hook_that_reaches_its_head_ends_the_run() -> None:
-    scene = pmr.load_scene("hoist", [*QUICK, "hoist.EA=2e5", "hoist.hanging=1.0", "hoist.speed=0.0"])
+    scene = pmr.load_scene(plain_machines.HOIST, [*QUICK, "hoist.EA=2e5", "hoist.hanging=1.0", "hoist.speed=0.0"])
     scene = scene.model_copy(update={"hoist": scene.hoist.model_copy(update={"speed": Constant(amount=2.0)})})
     with pytest.raises(SimulationError, match="the hook is at its head sheaves: its rope is too short"):
         systems.simulate_form(SystemForm.of(pmr.reduce(scene).system), Excitation.from_scene(scene))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import plain_machines
 import pytest
 from numpy.typing import NDArray
 from shaken_crane import CHANGES, RHO, STEP, shaken_crane
@@ -99,7 +100,7 @@ def test_bad_motions_are_refused(system: System, change: dict[str, Any], says: s
 @pytest.mark.slow
 def test_a_motion_without_second_rates_is_told_once(system: System, frame: MovingFrame, caplog: Any) -> None:
     """As the run has it nothing is said; and a boom that slews goes on beyond a turn."""
-    excitation = Excitation.from_scene(pmr.load_scene("crane", [*CHANGES]))
+    excitation = Excitation.from_scene(pmr.load_scene(plain_machines.CRANE, [*CHANGES]))
     for left_out in (False, True):
         stepper = Stepper(system, STEP, **given(frame, excitation, 0.0))
         for k in range(1, 20):

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import plain_machines
 import pytest
 from finished import WORKFLOWS, finished
 from numpy.typing import NDArray
@@ -385,7 +386,7 @@ def test_a_limit_of_what_is_not_there_is_refused_before_anything_is_computed(
 
 def test_names_that_limits_may_choose_are_those_of_the_models() -> None:
     """Of the crane, whose pads lie on faces, and of a planar telescope that has none there."""
-    crane = load_any(Path(__file__).parents[3] / "workflows" / "crane.toml", ["compare.against=[]"])
+    crane = load_any(plain_machines.CRANE, ["compare.against=[]"])
     planar = load_any("boom_two", ["section.body.model='beam2d'", "compare.against=[]"])
     for scene in (crane, planar):
         scene = scene.model_copy(update={"frame": crane.frame, "gravity": crane.gravity})

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import numpy as np
+import plain_machines
 import pytest
 from chart_beside_full import beside, crane, random_places
 
@@ -87,6 +88,6 @@ def test_a_boom_with_a_shell() -> None:
     along = [rng.uniform(0.7, 4.5, 10) for _ in range(2)]
     places = np.column_stack([*along, rng.uniform(0.0, 1.3, 10)])
     some = places if os.environ.get("PMR_SWEEP") == "full" else places[:2]
-    found = beside(load_any("crane_shell", changes), some, limits, 3e4)
+    found = beside(load_any(plain_machines.CRANE_SHELL, changes), some, limits, 3e4)
     assert found.known[:, :4].all() and found.inside[:, :4].all()
     assert (found.error[:, :2] <= 1e-3 * found.load[:, :2]).all()  # stresses are local, their bars larger
