@@ -18,6 +18,8 @@ from pmr.results.response import outputs_of
 from pmr.results.tables import FORCE_OF
 from pmr.scene.built import PadRing
 from pmr.scene.frame import boom_rotation
+from pmr.scene.hoist import PLACES as HOOK_PLACES
+from pmr.scene.hoist import Hoist
 from pmr.scene.keys import qualified_name
 from pmr.scene.members import body_ring
 
@@ -369,20 +371,74 @@ def body_axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
 
     Deflections are enlarged by the factor `scale`.
     """
+    t = result.responses["reduced"].t[np.asarray(steps)]
+    return [_axis_in_space(result, line.body, line.x, places, t) for line, places in _boom_places(result, steps, scale)]
+
+
+def rope_axis(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale: float = 1.0) -> Axis | None:
+    """Rope of the hoist from its head sheaves to its hook, as an axis with these two points; None without a hoist.
+
+    The rope has its true length and direction, and hangs from where the head is with deflections enlarged by `scale`.
+    """
+    if (places := rope_places(result, steps, scale)) is None:
+        return None
+    x = np.array([0.0, float(np.linalg.norm(places[:, 1] - places[:, 0], axis=1).max())])
+    return _axis_in_space(result, "hoist", x, places, result.responses["reduced"].t[np.asarray(steps)])
+
+
+def rope_places(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale: float = 1.0) -> Array | None:
+    """Positions (S, 2, 3) in m of the hoist's head sheaves and hook in the boom's axes, from the pivot.
+
+    The head is drawn with deflections enlarged by `scale`, and the hook is below it as it is below the true head.  The
+    result is None without a hoist, or if the response has no places of a hook.
+    """
+    response, hoist = result.responses["reduced"], result.scene.hoist
+    if hoist is None or not set(HOOK_PLACES) <= set(response.other_names):
+        return None
+    true, drawn = (_head_places(result, hoist, steps, factor) for factor in (1.0, scale))
+    chosen = np.asarray(steps)
+    hook = np.stack([response.other(name)[chosen] for name in HOOK_PLACES], axis=1)
+    in_boom = np.einsum("sji,sj->si", frame_rotations(result, response.t[chosen]), hook)
+    return np.stack([drawn, drawn + in_boom - true], axis=1)
+
+
+def _head_places(result: RunResult, hoist: Hoist, steps: Sequence[int] | NDArray[np.intp], scale: float) -> Array:
+    """Positions (S, 3) in m of the head sheaves in the boom's axes, with deflections enlarged by `scale`."""
+    head = hoist.section or result.scene.names[-1]
+    line, places = next(of for of in _boom_places(result, steps, scale) if of[0].body == head)
+    x = float(line.x[-1]) if hoist.on == "tip" else float(hoist.on)
+    at = np.array([[np.interp(x, line.x, along) for along in moment.T] for moment in places])
+    return np.asarray(at + [0.0, *hoist.offset])
+
+
+def _boom_places(
+    result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale: float
+) -> list[tuple[AxisPoints, Array]]:
+    """Points of all bodies' axes with their positions (S, n, 3) in m from the pivot, in the boom's axes.
+
+    Deflections are enlarged by `scale`.
+    """
     response, frame = result.responses["reduced"], result.frame
     chosen, aside = np.asarray(steps), {line.body: line for line in axis_points(result, response, "y")}
-    turned, positions = frame_rotations(result, response.t[chosen]), []
-    sine, cosine = turned[:, 2, 0, None], turned[:, 2, 2, None]  # of the luffing angle
-    for line in axis_points(result, response):
-        places_in_boom = np.zeros((len(chosen), len(line.x), 3)) + (0.0 if frame is None else frame.tail_position)
-        places_in_boom[:, :, 0] += line.tail[chosen, None] + line.x
+    lines = axis_points(result, response)
+    every = list[tuple[AxisPoints, Array]]()
+    for line in lines:
+        places = np.zeros((len(chosen), len(line.x), 3)) + (0.0 if frame is None else frame.tail_position)
+        places[:, :, 0] += line.tail[chosen, None] + line.x
         for direction, of in ((1, aside.get(line.body)), (2, line)):
             if of is not None:
-                places_in_boom[:, :, direction] += scale * response.displacement[np.ix_(chosen, of.columns)]
-        places = np.einsum("sij,snj->sni", turned, places_in_boom)
-        side = np.stack([cosine * places_in_boom[:, :, 0] - sine * places_in_boom[:, :, 2], places[:, :, 2]], axis=-1)
-        positions.append(Axis(line.body, line.x, side, places[:, :, :2]))
-    return positions
+                places[:, :, direction] += scale * response.displacement[np.ix_(chosen, of.columns)]
+        every.append((line, places))
+    return every
+
+
+def _axis_in_space(result: RunResult, name: str, x: Array, places: Array, t: Array) -> Axis:
+    """Axis called `name` through the `places` (S, n, 3) in m in the boom's axes, at the times t (S,) in s."""
+    turned = frame_rotations(result, t)
+    sine, cosine = turned[:, 2, 0, None], turned[:, 2, 2, None]  # of the luffing angle
+    in_space = np.einsum("sij,snj->sni", turned, places)
+    side = np.stack([cosine * places[:, :, 0] - sine * places[:, :, 2], in_space[:, :, 2]], axis=-1)
+    return Axis(name, x, side, in_space[:, :, :2])
 
 
 def frame_rotations(result: RunResult, t: Array) -> Array:

@@ -45,7 +45,7 @@ def system_rows(result: RunResult) -> Rows:
         yield qualified_name(load.body, load.name), _load_text(load)
     scene, gravity = result.scene, result.scene.gravity
     if scene.hoist is not None:
-        yield "hoist", _describe_hoist(scene.hoist)
+        yield "hoist", _describe_hoist(scene.hoist, scene.time.end)
     weight = "left out" if gravity is None else f"included, {significant(gravity.acceleration)}{SPACE}m/s²"
     yield "weight of the boom", weight
     if scene.frame is not None and result.frame is not None:
@@ -73,11 +73,12 @@ def system_rows(result: RunResult) -> Rows:
     yield "time", format_input(scene.time.end, "s")
 
 
-def _describe_hoist(hoist: Hoist) -> str:
-    """Describe what hangs on a hoist, on how many falls, and the wind on it."""
+def _describe_hoist(hoist: Hoist, end: float) -> str:
+    """Describe what hangs on a hoist, on how many falls, and the wind that blows on it until the time `end` in s."""
     hook = f" with a hook of {format_input(hoist.hook, 'kg')}" if hoist.hook else ""
     falls = "one fall" if hoist.falls == 1 else f"{hoist.falls} falls"
-    wind = f", in wind along {', '.join(hoist.wind.signals)}" if hoist.wind.signals else ""
+    axes = [axis for axis, signal in hoist.wind.signals.items() if any(signal.bounds(0.0, end))]
+    wind = f", in wind along {', '.join(axes)}" if axes else ""
     return f"payload of {format_input(hoist.payload, 'kg')}{hook} on {falls}{wind}"
 
 

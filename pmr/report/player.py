@@ -40,6 +40,8 @@ from pmr.report.columns import (
     interpolate,
     playback_speeds,
     ring_forces,
+    rope_axis,
+    rope_places,
     spread_indices,
 )
 from pmr.report.figures import shapes
@@ -67,6 +69,7 @@ def axis_motion(result: RunResult) -> dict[str, Any]:
       the largest of all pad forces;
     - `loads`: forces (frames, 3) or moments (frames,), each divided by its largest value;
     - the slider's positions `s` (frames,) in m, the `offsets` in m of sliders or pads from s, and the `supports`;
+    - the head sheaves and the hook of a `hoist` (frames, 2, 3) in m in the boom's axes, None without one;
     - `largest`, the largest displacement in m, and `scale`, the factor by which displacements are drawn;
     - `views`: for the ``side`` the least and the largest coordinate in m to the right, then upwards, of all that is
       drawn, and for the ``plan`` from above if a frame slews; `label` is the text below the side view;
@@ -95,18 +98,23 @@ def axis_motion(result: RunResult) -> dict[str, Any]:
         "loads": _load_data(result, axis, frames),
         "speeds": playback_speeds(float(t[-1] - t[0])),
         "s": encode_array(result.abscissa[frames]),
+        "hoist": _hoist_data(result, frames, scale),
     }
     if frame is None:
         reached = [scale * of(0.0, *(float(extent(w)) for w in every)) for of, extent in ((min, np.min), (max, np.max))]
+        hung = rope_places(result, frames, scale)
+        ends = [] if hung is None else [hung[:, 1, [0, 2]].min(axis=0), hung[:, 1, [0, 2]].max(axis=0)]
+        low, high = (of([[0.0, reached[0]], [end, reached[1]], *ends], axis=0).tolist() for of in (np.min, np.max))
         return data | {
             "label": "x in m" if alone else "along the boom in m",
-            "views": {"side": [0.0, end, *reached]},
+            "views": {"side": [low[0], high[0], low[1], high[1]]},
             "offsets": slider_offsets(result),
             "supports": [{"at": fixture.position, "kind": fixture.kind} for fixture in fixtures(result)],
             "pivot": [0.0, 0.0, 0.0],
             "angles": [],
         }
-    drawn_axes = body_axes(result, spread_indices(len(t), 300), scale)
+    few = spread_indices(len(t), 300)
+    drawn_axes = [*body_axes(result, few, scale), *filter(None, (rope_axis(result, few, scale),))]
     plan = {"plan": _view_extent([drawn_axis.plan for drawn_axis in drawn_axes])} if slews(result) else {}
     return data | {
         "label": "distance and height in m",
@@ -116,6 +124,12 @@ def axis_motion(result: RunResult) -> dict[str, Any]:
         "pivot": list(frame.tail_position),
         "angles": [encode_array(angle.value(t[frames])) for angle in frame.angles],
     }
+
+
+def _hoist_data(result: RunResult, frames: NDArray[np.int64], scale: float) -> dict[str, Any] | None:
+    """Data of a hoist: its head sheaves and its hook (frames, 2, 3) in m in the boom's axes; None without a hoist."""
+    places = rope_places(result, frames, scale)
+    return None if places is None else encode_array(places.ravel())
 
 
 def _load_data(result: RunResult, axis: list[AxisPoints], frames: NDArray[np.int64]) -> list[dict[str, Any]]:

@@ -115,8 +115,9 @@ def draw_sketch(result: RunResult) -> Figure:
 
 
 def _is_boom(result: RunResult) -> bool:
-    """Whether the sketch shows the system in true position, as for a boom of sections or a body alone in a frame."""
-    return not is_alone(result) or (result.frame is not None and bool(axis_points(result, result.responses["reduced"])))
+    """Whether the sketch shows the system in true position: a boom of sections, a body in a frame or with a hoist."""
+    raised = result.frame is not None or result.scene.hoist is not None
+    return not is_alone(result) or (raised and bool(axis_points(result, result.responses["reduced"])))
 
 
 def sketch_caption(result: RunResult) -> str:

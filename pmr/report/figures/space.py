@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pmr.files.arrays import Array
 from pmr.report.blocks import Block, Drawing
-from pmr.report.columns import Axis, axis_points, body_axes, frame_rotations, spread_indices
+from pmr.report.columns import Axis, axis_points, body_axes, frame_rotations, rope_axis, spread_indices
 from pmr.report.figures.canvas import (
     HALF,
     INK,
@@ -44,6 +44,7 @@ TALLEST, FLATTEST = 3.4, 1.0  # in, height of axes of one scale
 LEFT, RIGHT, TOP, BOTTOM = 0.6, 0.16, 0.28, 0.42  # in
 GROUND = "#9aa5b1"
 RAISING: Mapping[str, Any] = {"color": MUTED, "linewidth": 1.6}  # style of a luffing cylinder
+ROPE: Mapping[str, Any] = {"color": INK, "linewidth": 0.8, "marker": "s", "markersize": 4.0, "markevery": [-1]}
 FAINT = 0.3  # share of a section's colour in the mixture with white, at moments without the largest stress
 CLEAR = 0.06  # in, between a label and what is drawn
 
@@ -94,14 +95,19 @@ def buckling_figure(result: RunResult, abscissa: str) -> Figure:
 
 
 def view_caption(result: RunResult, view: str) -> str:
-    """Caption of a view of the boom; `view` names the direction from which the boom is seen."""
-    steps, t, scale = drawn_steps(result), result.responses["reduced"].t, format_input(exaggeration(result))
+    """Caption of a view of the boom; `view` names the direction from which the boom is seen, from the side or above."""
+    steps, t, scale = (
+        drawn_steps(result, "side" if view.endswith("side") else "plan"),
+        result.responses["reduced"].t,
+        format_input(exaggeration(result)),
+    )
     when = f"at {len(steps)} moments" if len(steps) > 1 else f"at {float(t[steps[0]]):.3g}{SPACE}s"
     worst = largest_stress(result)
     mark = "; the ring is the place of the largest stress" if worst is not None else ""
     if worst is not None and len(steps) > 1:
         mark += f", at {float(t[worst.step]):.3g}{SPACE}s; other moments are paler"
     way = "; dashed: the path of its tip" if float(np.ptp(result.abscissa)) > 0.0 or len(steps) > 1 else ""
+    way += "; square: the payload on its rope" if rope_axis(result, steps) is not None else ""
     return f"The boom {view} {when}{way}; deflection is drawn {scale} times its size{mark}."
 
 
@@ -110,14 +116,16 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, ground: bool 
 
     `across` and `up` are the labels of the axes.  If `ground`, the ground and the luffing cylinder are drawn too.
     """
-    steps, t, scale = drawn_steps(result), result.responses["reduced"].t, exaggeration(result)
+    steps, t, scale = drawn_steps(result, view), result.responses["reduced"].t, exaggeration(result)
     bodies = body_axes(result, steps, scale)
     way = getattr(body_axes(result, spread_indices(len(t), WAY), scale)[-1], view)[:, -1]
-    raising = _cylinders(result, steps) if ground else []
+    raising, rope = _cylinders(result, steps) if ground else [], rope_axis(result, steps, scale)
+    ropes = [] if rope is None else [*getattr(rope, view)]
     worst, colours = largest_stress(result), section_colours(item.body for item in bodies)
     named = [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()]
     named = named * (len(bodies) > 1) + [Line2D([], [], **RAISING, label="luffing cylinder")] * bool(raising)
-    drawn = [way, *(getattr(item, view).reshape(-1, 2) for item in bodies), *raising]
+    named += [Line2D([], [], **ROPE, label="rope and payload")] * bool(ropes)
+    drawn = [way, *(getattr(item, view).reshape(-1, 2) for item in bodies), *raising, *ropes]
     figure = _make_paper(drawn, across, up, rows := legend_rows([str(item.get_label()) for item in named], HALF))
     ax = figure.axes[0]
     add_legend(figure, named, rows)
@@ -132,6 +140,8 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, ground: bool 
             ax.plot(*places.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=over)
     for places, share in zip(raising, faint, strict=False):
         ax.plot(*places.T, **{**RAISING, "color": mix_with_white(MUTED, share)}, zorder=1.8)
+    for places, share in zip(ropes, faint, strict=False):
+        ax.plot(*places.T, **{**ROPE, "color": mix_with_white(INK, share)}, zorder=1.9)
     if ground:
         ax.plot(ax.get_xlim(), [0.0, 0.0], color=GROUND, linewidth=1.2, zorder=1.0)
     labels = _label_times(ax, getattr(bodies[-1], view), t[steps], moment)
@@ -269,19 +279,21 @@ def _make_paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> Figu
     return figure
 
 
-def drawn_steps(result: RunResult) -> NDArray[np.intp]:
-    """Time steps at which the boom is drawn, evenly spaced along the path of its tip, both ends included.
+def drawn_steps(result: RunResult, view: str) -> NDArray[np.intp]:
+    """Time steps at which the boom is drawn in a `view`, ``side`` or ``plan``, evenly spaced along its tip's path.
 
-    If the tip is at rest there is one step.  If the angles of the boom are constant there is one step too, that of the
-    largest extension, as the drawings at other extensions would lie on top of each other.  The step of the largest
-    stress replaces the step nearest to it.
+    The first and the last step are among them.  If the tip is at rest in this view there is one step.  If the boom
+    does not turn in this view there is one step too, that of the largest extension, as the drawings at
+    other extensions would lie on top of each other.  The step of the largest stress replaces the step nearest to it.
     """
     t, out, worst = result.responses["reduced"].t, _tip_distance(result), largest_stress(result)
-    turned = frame_rotations(result, t)
-    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(turned[:, :, 0] * out[:, None], axis=0), axis=1)))
+    along = frame_rotations(result, t)[:, :, 0]
+    if view == "side":
+        along = np.stack([np.hypot(along[:, 0], along[:, 1]), along[:, 2]], axis=1)
+    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(along * out[:, None], axis=0), axis=1)))
     if way[-1] <= 1e-9 * reach(result):
         steps = np.array([0])
-    elif np.ptp(turned, axis=0).max() == 0.0:
+    elif np.ptp(along, axis=0).max() <= 1e-12:
         steps = np.array([int(np.argmax(out))])
     else:
         steps = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1] * (1.0 - 1e-9), MOMENTS)))

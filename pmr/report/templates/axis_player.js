@@ -15,6 +15,7 @@ class AxisPlayer extends Playback {
     this.loads = loads.map((load) => unpackKeys(load, "force", "moment"));
     this.angles = angles.map(unpack);
     this.s = unpack(s);
+    this.hoist = this.data.hoist && unpack(this.data.hoist);
     this.turns = this.angles.length > 0;
     const { beams } = this.models[0], tip = beams[beams.length - 1], frames = this.turns ? this.data.frames : 0;
     this.way = Array.from({ length: frames }, (_, k) => this.turned(this.point(tip, tip.x.length - 1, k), k));
@@ -96,6 +97,7 @@ class AxisPlayer extends Playback {
       const { beams } = panel.models[panel.models.length - 1];
       if (panel.view === "side") this.bars(pen, beams, seen, frame);
       this.arrows(pen, panel, beams, seen, frame);
+      if (this.hoist) this.rope(pen, seen, frame);
       if (this.turns) this.pivot(pen, on([0, 0]), panel.view);
       this.names(pen, panel, frame);
     }
@@ -194,6 +196,14 @@ class AxisPlayer extends Playback {
       this.fill(pen, [[0, 0], [-7, 3], [-7, -3]].map(([a, b]) => [x + a * nx - b * ny, y + a * ny + b * nx]), LOAD);
       this.write(pen, load.name, x - 6, y - 6, "right", LOAD);
     }
+  }
+
+  // The rope of a hoist from its head sheaves to its hook, and the payload.
+  rope(pen, seen, frame) {
+    const [head, hook] = [0, 1].map((end) => seen([0, 1, 2].map((i) => this.hoist[6 * frame + 3 * end + i])));
+    this.line(pen, [head, hook], INK, 1);
+    pen.fillStyle = INK;
+    pen.fillRect(hook[0] - 5, hook[1], 10, 10);
   }
 
   moment(pen, [x, y], part, name) {
