@@ -9,13 +9,10 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
+from pmr.cli.key_reference import Schema, allowed, one_line, units
 from pmr.scene.hints import scene_form_schemas
 from pmr.studies.call import schemas
 
-Schema = dict[str, Any]
-
-BOUNDS = {"minimum": "at least", "exclusiveMinimum": "above", "maximum": "at most", "exclusiveMaximum": "below"}
-PLAIN = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false", "null": "nothing"}
 INTRODUCTION = """\
 # Keys of a {what}
 
@@ -80,39 +77,6 @@ def section(title: str, part: Schema, level: int) -> str:
     return "\n".join([*lines, ""])
 
 
-def allowed(value: Schema) -> str:
-    """What a key may be, in words."""
-    if "$ref" in value:
-        return title_of(value["$ref"])
-    for word in ("anyOf", "oneOf", "allOf"):
-        if word in value:
-            return " or ".join(dict.fromkeys(allowed(each) for each in value[word] if each.get("type") != "null"))
-    if "const" in value or "enum" in value:
-        return ", ".join(f"`{json.dumps(each)}`" for each in value.get("enum", [value.get("const")]))
-    if value.get("type") == "array":
-        items = value.get("items") or {}
-        return f"list of {allowed(items)}" if items else f"list of {len(value.get('prefixItems', []))}"
-    if value.get("type") == "object":
-        return "table"
-    bounds = [f"{words} {value[name]:g}" for name, words in BOUNDS.items() if name in value]
-    return ", ".join([PLAIN.get(value.get("type", ""), "anything"), *bounds])
-
-
-def units(value: Any) -> list[str]:
-    """Units of the numbers that a key may hold; those without one have "1"."""
-    if isinstance(value, dict):
-        own = [value["unit"]] if isinstance(value.get("unit"), str) and value["unit"] != "1" else []
-        found = own + [unit for part in value.values() for unit in units(part)]
-    else:
-        found = [unit for part in value for unit in units(part)] if isinstance(value, list) else []
-    return list(dict.fromkeys(found))
-
-
-def title_of(reference: str) -> str:
-    """The name of a part that is spoken of."""
-    return "*" + reference.rpartition("/")[2] + "*"
-
-
 def references(data: Any) -> list[str]:
     """Names of all parts that are spoken of, in order."""
     if isinstance(data, dict):
@@ -128,4 +92,4 @@ def shown(default: Any, of: str) -> str:
 
 def cell(text: str) -> str:
     """A docstring on one line, as Markdown."""
-    return " ".join(text.split()).replace("``", "`").replace("|", "\\|")
+    return one_line(text).replace("|", "\\|")

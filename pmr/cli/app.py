@@ -23,6 +23,7 @@ from pmr.cli.console import (
     output_failure,
     prepare_folder,
     prepare_streams,
+    print_rows,
     print_text,
     rank_count,
 )
@@ -57,10 +58,13 @@ def study_schema(*kinds: str) -> str:
 
 def schema(
     kind: Annotated[
-        str, typer.Argument(metavar="[KIND]", help="scene, study, or one kind of study: scenes, ...")
+        str,
+        typer.Argument(
+            metavar="[KIND]", help="scene, study, one kind of study such as scenes, or a key such as hoist.falls."
+        ),
     ] = "scene",
 ) -> None:
-    """Print the JSON schema of a scene file or a study file.
+    """Print the JSON schema of a scene file or a study file, or what a key is.
 
     An editor that knows TOML (Even Better TOML, Taplo) reads it from the first line of a file:
 
@@ -69,16 +73,24 @@ def schema(
     Example:
 
         pmr schema > scene.schema.json
+
+        pmr schema frame.cylinder
     """
-    from pmr.studies.call import kind_names
+    from pmr.cli.key_reference import describe_key
+    from pmr.scene.hints import scene_form_schemas
+    from pmr.studies.call import kind_names, schemas
 
     makers: dict[str, Callable[[], str]] = {"scene": scene_schema, "study": study_schema}
     makers |= {name: partial(study_schema, name) for name in kind_names()}
-    if kind not in makers:
-        raise InputError(
-            "command line", "KIND", kind, f"{similar_name_hint(kind, makers)}one of {', '.join(makers)} is allowed"
-        )
-    out.print(makers[kind](), soft_wrap=True, end="")
+    if kind in makers:
+        out.print(makers[kind](), soft_wrap=True, end="")
+        return
+    files = (*scene_form_schemas(), *schemas().values())
+    rows = next(filter(None, (describe_key(of_file, kind) for of_file in files)), {})
+    if not rows:
+        allowed = f"one of {', '.join(makers)}, or a key of a scene or study such as hoist.falls, is allowed"
+        raise InputError("command line", "KIND", kind, f"{similar_name_hint(kind, makers)}{allowed}")
+    print_rows(rows.items())
 
 
 SCHEMA = "scene.schema.json"

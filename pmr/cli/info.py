@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from pmr.cli.console import out, scene_file
+from pmr.cli.console import is_study, out, scene_file, study_file
 from pmr.errors import environment
 from pmr.errors.text import escape_controls
 from pmr.files.whole import finish_swap
@@ -112,6 +112,26 @@ def describe_scene(scene: Scene) -> dict[str, str]:
     return {name: " ".join(text.split()) for name, text in rows.items()}  # a terminal needs no spaces that do not break
 
 
+def describe_study(file: Path) -> dict[str, str]:
+    """Return lines, by name, about a study that is not computed yet: its title, and of each part kind, runs and ranges.
+
+    Raises InputError for a study that can't be planned.
+    """
+    from pmr.studies import call
+
+    project = call.load(file)
+    rows = {"title": project.title, "kind": project.kind, "runs": str(len(project.runs))}
+    for part in project.parts:
+        of = f"{part.name} " if part.name else ""
+        if of:
+            rows[part.name] = f"{part.study.title}: {len(part.plan.runs)} runs"
+        for key in dict.fromkeys(key for run in part.plan.runs for key in run.parameters):
+            values = list(dict.fromkeys(run.parameters[key] for run in part.plan.runs if key in run.parameters))
+            texts = [f"{value:.6g}" if isinstance(value, float) else str(value) for value in values]
+            rows[f"{of}{key}"] = ", ".join(texts if len(texts) <= LISTED else [*texts[:LISTED], "..."])
+    return rows | {"computed by": f"pmr study {file}"}
+
+
 def describe_model(model: ReducedModel) -> dict[str, str]:
     """Return lines, by name, about a reduced model."""
     import numpy as np
@@ -167,7 +187,8 @@ def info(
     file: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[FILE]", help="reduced.npz, system.npz, a scene or its name; without it what is installed."
+            metavar="[FILE]",
+            help="reduced.npz, system.npz, a scene or a study or its name; without it what is installed.",
         ),
     ] = None,
 ) -> None:
@@ -190,6 +211,8 @@ def info(
         else:
             rows |= fenicsx_versions()
         rows |= environment.describe_machine()
+    elif file.suffix != ".npz" and is_study(file):
+        rows = describe_study(study_file(file))
     elif file.suffix != ".npz":
         from pmr import scene as scenes
 

@@ -245,3 +245,31 @@ def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.Mo
     called(monkeypatch, capsys, "new", "crane", "mine")
     called(monkeypatch, capsys, "chart", "mine", "--up-to", "20000")
     assert (tmp_path / "reports" / "chart_mine" / "chart.toml").is_file()
+
+
+@pytest.mark.parametrize(
+    ("key", "texts"),
+    [
+        ("hoist.falls", ("Number of falls between head and hook", "whole number, at least 1")),
+        ("sections.fly.masses.at", ("Place of its centre", "list of 3, in m")),
+        ("frame.cylinder", ("foot", "must be given", "stiffness", "in N/m")),
+        ("limits.factor", ("number, above 0", "1.0")),
+    ],
+)
+def test_a_key_can_be_read_about_without_the_manual(key: str, texts: tuple[str, ...]) -> None:
+    shown = RUN.invoke(app, ["schema", key])
+    assert shown.exit_code == 0 and all(text in " ".join(shown.output.split()) for text in texts), shown.output
+
+
+@pytest.mark.parametrize("key", ["hoist.fals", "sections.masses.nothing", "nothing", "hoist.falls.more"])
+def test_a_key_that_is_not_there_is_refused_in_one_line(
+    key: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    refused = called(monkeypatch, capsys, "schema", key)
+    assert refused.returncode == 2 and f"KIND = '{key}'" in refused.stderr and refused.stderr.count("\n") == 1
+
+
+def test_info_says_what_a_study_will_compute() -> None:
+    shown = " ".join(RUN.invoke(app, ["info", "workflows/studies/chart_crane.toml"]).output.split())
+    assert "kind chart" in shown and "runs 40" in shown and "extension.fly 0.6, 0.7, 0.8" in shown
+    assert "computed by pmr study" in shown
