@@ -27,6 +27,7 @@ PROGRAM = r"(?:pmr|make|pip|python -m|mpirun|mpiexec|sbatch|ccx)"
 RUN = {
     "pmr flexible boom_solid --at 2.5 --to sid --set masses=[]": "--set mesh.size=0.15 --set mesh.along=0.75",
     "pmr schema scene": "",
+    "pmr schema supports": "",
     "pmr new telescope telescope": "",
     "pmr new platform platform": "",
     "pmr study coordinates --list": "",

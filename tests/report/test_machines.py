@@ -9,8 +9,11 @@ import pytest
 
 import pmr
 from pmr.report import forces, sections
+from pmr.report.columns import rope_axis
+from pmr.report.figures import space
 from pmr.report.figures.space import space_drawings
 from pmr.report.first_page import first_page_tables
+from pmr.report.player import axis_motion
 from pmr.report.sentences import opening_sentences
 from pmr.results import RunResult
 
@@ -51,7 +54,14 @@ def test_a_vehicle_is_told_by_its_place_on_the_bridge_and_counts_with_its_mass()
 def test_what_hangs_on_the_hoist_stands_on_the_first_page() -> None:
     result = short_run(plain_machines.HOIST, *SHORT)
     asked, carries = rows(result, "What was asked"), rows(result, "What it carries")
-    assert asked["hoist"] == f"payload of 400{SPACE}kg with a hook of 50{SPACE}kg on 2 falls, in wind along y"
+    assert asked["hoist"] == f"payload of 400{SPACE}kg with a hook of 50{SPACE}kg on 2 falls"  # a gust comes later
+    rope = rope_axis(result, [0, -1])
+    assert rope is not None
+    height = result.responses["reduced"].other("hook height")[[0, -1]]
+    assert rope.side[:, 1, 1] == pytest.approx(height - 2.0, abs=1e-9)  # the pivot is 2 m above the ground
+    assert rope.side[0, 0, 1] - rope.side[0, 1, 1] == pytest.approx(6.0, abs=1e-2)  # hangs under its head
+    assert "square: the payload on its rope" in space.view_caption(result, "from the side")
+    assert axis_motion(result)["hoist"] is not None
     assert carries["lowest natural frequency"].endswith(", without the payload of the hoist")
     drawn = [drawing.name for drawing in space_drawings(result, "case-1") if "buckling" in drawing.name]
     assert drawn == ["case-1-buckling-angle"]  # neither reach nor angle changes
