@@ -223,6 +223,14 @@ def _print_failures(outcome: Outcome) -> None:
 STUDY = "chart.toml"
 #: Number of extensions and number of angles in the chart study that `pmr chart` writes.
 EXTENSIONS, ANGLES = 12, 10
+#: Limit of a chart whose scene says on what the machine stands.
+TIPPING = """
+[[limits]]
+name = "tipping"
+of = "tipping"
+most = 1.0      # use of the support polygon: at 1 the machine tips
+factor = 1.0    # the safety factor of your standard
+"""
 LIMITS = """
 # Limits that the load must keep, each with your own safety factor.
 # Without limits the chart shows the load that buckles the boom.
@@ -294,6 +302,7 @@ def _chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
             f"up_to = {float(up_to)!r}  # kg\n",
             f"extensions = [\n{''.join(rows)}]\n" if rows else "",
             f"luffing = {{ least = {least:.6g}, most = {most:.6g}, count = {ANGLES if most > least else 1} }}\n",
+            TIPPING if scene.frame.ground is not None else "",
             LIMITS,
         ]
     )

@@ -30,6 +30,7 @@ from pmr.report.bodies import (
     place_of_peak,
     times,
 )
+from pmr.report.columns import rope_places
 from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.renderer import NoPictureError, Piece, Shot, frame_shots, render_shots
 from pmr.report.subject import is_alone
@@ -41,7 +42,7 @@ SIDE = (0.34, -0.88, 0.30)  # direction from the body to the camera
 NEAR = 1.0  # m, height of the part of the body that the close picture shows
 STEEL, PAD, MOVING, SECTION = "#b9c4cd", "#3b4a57", "#d55e00", "#9fb0bd"
 GROUND, CYLINDER = "#d9d2c5", "#5b6875"
-ROD = 0.06  # m, half the thickness of a luffing cylinder
+ROD, ROPE, PAYLOAD = 0.06, 0.02, 0.2  # m, half the thickness of a luffing cylinder, of a rope and of a payload
 
 
 @dataclass(frozen=True)
@@ -126,14 +127,18 @@ class _Views:
             yield Piece(self._turn_to_ground(moment.frame, points), surface.faces, values, STEEL, edges=edges)
 
     def _surrounding_pieces(self, moment: Moment, opacity: float = 0.22) -> Iterator[Piece]:
-        """Yield the pads at a moment, the next outer section of a body alone, and the luffing cylinder of a boom.
+        """Yield pads at a moment, the next outer section of a body alone, luffing cylinder, and rope and payload.
 
         `opacity` (0 to 1) is that of the section; pads are opaque.
         """
         back = np.array([moment.s, 0.0, 0.0])
         pieces = [*_pieces(self.stage.near, PAD), *_pieces(self.stage.tail, PAD, back)]
         pieces += [replace(piece, opacity=opacity, edges=1.0) for piece in _pieces(self.stage.section, SECTION)]
-        pieces += [*_pieces(list(self._joint_pads(moment.frame)), PAD), *self._cylinder_pieces(moment)]
+        pieces += [
+            *_pieces(list(self._joint_pads(moment.frame)), PAD),
+            *self._cylinder_pieces(moment),
+            *self._rope_pieces(moment),
+        ]
         yield from (replace(piece, points=self._turn_to_ground(moment.frame, piece.points)) for piece in pieces)
 
     def _joint_pads(self, frame: int) -> Iterator[Block]:
@@ -173,9 +178,17 @@ class _Views:
             lug = np.array([cylinder.lug[0], 0.0, cylinder.lug[1]]) - frame.tail_position
             foot = lug - float(cylinder.length_and_arm(angle)[0]) * np.array([x, 0.0, z])
             lug += self._drawn_displacement(next(iter(self.surfaces)), moment.frame, lug[0])
-            across = ROD * np.array([(-z, 0.0, x), (0.0, 1.0, 0.0), (z, 0.0, -x), (0.0, -1.0, 0.0)])
-            sides = np.array([(k, (k + 1) % 4, 4 + (k + 1) % 4, 4 + k) for k in range(4)])
-            yield Piece(np.concatenate([foot + across, lug + across]), sides, None, CYLINDER)
+            yield _bar(foot, lug, ROD, CYLINDER)
+
+    def _rope_pieces(self, moment: Moment) -> Iterator[Piece]:
+        """Yield the rope of a hoist as a bar from its head sheaves to its hook, and a cube for the payload."""
+        response, frame = self.result.responses["reduced"], self.result.frame
+        step = int(np.argmin(np.abs(response.t - moment.t)))
+        if (places := rope_places(self.result, [step], self.scale)) is not None:
+            head, hook = places[0] - (0.0 if frame is None else np.array(frame.tail_position))
+            down = (hook - head) / max(float(np.linalg.norm(hook - head)), 1e-9)
+            yield _bar(head, hook, ROPE, CYLINDER)
+            yield _bar(hook, hook + 2.0 * PAYLOAD * down, PAYLOAD, CYLINDER)
 
     def _ground_pieces(self, moment: Moment) -> Iterator[Piece]:
         """Yield a level plane below a boom: its ground, else at the foot of its luffing cylinder or at its pivot.
@@ -272,6 +285,20 @@ class _Views:
         out = f"{length} beyond the mouth" if is_alone(self.result) else f"A reach of {length}"
         around = "" if is_alone(self.result) else " Pads are drawn on the outside of the section that they slide in."
         return f"{out}, at {moment.t:.2f}{SPACE}s{stress}; {deformed}.{around}"
+
+
+def _bar(start: Array, end: Array, half: float, colour: str) -> Piece:
+    """Return a square bar between two points (3,) in m, with ends; `half` is half its thickness in m.
+
+    The bar may not be parallel to y.
+    """
+    along = (end - start) / np.linalg.norm(end - start)
+    across = np.cross(along, (0.0, 1.0, 0.0))
+    across /= np.linalg.norm(across)
+    aside = np.cross(across, along)
+    corners = half * np.array([across, aside, -across, -aside])
+    sides = [*((k, (k + 1) % 4, 4 + (k + 1) % 4, 4 + k) for k in range(4)), (0, 1, 2, 3), (4, 5, 6, 7)]
+    return Piece(np.concatenate([start + corners, end + corners]), np.array(sides), None, colour)
 
 
 def _pieces(blocks: Sequence[Block], colour: str, back: Array | float = 0.0) -> list[Piece]:

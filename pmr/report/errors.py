@@ -254,6 +254,7 @@ def trust_table(result: RunResult) -> Table:
     remark = _estimate_words(result)
     texts["reduction"] = f"{source}: {texts['reduction']}" if reduction else ""
     texts["reduction"] = "; ".join(filter(None, (texts["reduction"], remark))) or NOT_COMPARED
+    texts |= _sum_of_errors(parts)
     stressed = "reduced" in summary.get("max_von_mises", {})
     walls = [WALLS] if stressed and any(model_of(of).startswith("beam") for of in members(result.scene)) else []
     times = []
@@ -275,6 +276,20 @@ def trust_table(result: RunResult) -> Table:
     note += "stresses may be further off."
     gaps = ((name, "; ".join(dict.fromkeys(clauses))) for name, clauses in missing.items() if clauses)
     return Table("How far to trust it", (*texts.items(), *gaps), bars, decades, note if bars else "")
+
+
+def _sum_of_errors(parts: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
+    """Row with the sum of the errors of all sources in each quantity; empty unless two sources or more are known.
+
+    `parts` are relative errors by source, then by label of the quantity.  The row names sources that are not known.
+    """
+    unknown = [name for name, errors in parts.items() if not errors]
+    if len(unknown) > len(parts) - 2:
+        return {}
+    labels = dict.fromkeys(label for errors in parts.values() for label in errors)
+    sums = {label: sum(errors.get(label, 0.0) for errors in parts.values()) for label in labels}
+    text = _list_without_round_off(dict(sorted(sums.items(), key=lambda item: -item[1])))
+    return {"added up": f"{text}; not in it: {', '.join(unknown)}" if unknown else text}
 
 
 def _step_words(step: Mapping[str, object]) -> str:

@@ -216,6 +216,7 @@ def scale_words(data: dict[str, Any]) -> str:
     factor = data["scale"]
     drawn_as = "at its true size" if factor == 1.0 else f"{format_input(factor)} times its size"
     bars = " Bars are the forces of pads above and below." if data["pads"] else ""
+    bars += " The square is the payload on its rope." if data.get("hoist") else ""
     return f"Deflection is drawn {drawn_as}; it reaches {format_quantity(data['largest'], 'm')}.{bars}"
 
 

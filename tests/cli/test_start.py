@@ -244,7 +244,8 @@ def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.chdir(tmp_path)
     called(monkeypatch, capsys, "new", "crane", "mine")
     called(monkeypatch, capsys, "chart", "mine", "--up-to", "20000")
-    assert (tmp_path / "reports" / "chart_mine" / "chart.toml").is_file()
+    (limit,) = call.load(tmp_path / "reports" / "chart_mine" / "chart.toml").parts[0].study.limits
+    assert (limit.of, limit.most, limit.factor) == ("tipping", 1.0, 1.0)  # the scene has outriggers
 
 
 @pytest.mark.parametrize(

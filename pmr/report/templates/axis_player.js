@@ -203,7 +203,7 @@ class AxisPlayer extends Playback {
     const [head, hook] = [0, 1].map((end) => seen([0, 1, 2].map((i) => this.hoist[6 * frame + 3 * end + i])));
     this.line(pen, [head, hook], INK, 1);
     pen.fillStyle = INK;
-    pen.fillRect(hook[0] - 5, hook[1], 10, 10);
+    pen.fillRect(hook[0] - 5, hook[1] - 5, 10, 10);
   }
 
   moment(pen, [x, y], part, name) {
