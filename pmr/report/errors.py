@@ -281,13 +281,16 @@ def trust_table(result: RunResult) -> Table:
 def _sum_of_errors(parts: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
     """Row with the sum of the errors of all sources in each quantity; empty unless two sources or more are known.
 
-    `parts` are relative errors by source, then by label of the quantity.  The row names sources that are not known.
+    `parts` are relative errors by source, then by label of the quantity.  A quantity for which the model or the mesh,
+    where these are known, states no error is left out.  The row names sources that are not known.
     """
     unknown = [name for name, errors in parts.items() if not errors]
     if len(unknown) > len(parts) - 2:
         return {}
+    needed = [parts[source] for source in ("model", "mesh") if parts[source]]
     labels = dict.fromkeys(label for errors in parts.values() for label in errors)
-    sums = {label: sum(errors.get(label, 0.0) for errors in parts.values()) for label in labels}
+    complete = [label for label in labels if all(label in errors for errors in needed)]
+    sums = {label: sum(errors.get(label, 0.0) for errors in parts.values()) for label in complete}
     text = _list_without_round_off(dict(sorted(sums.items(), key=lambda item: -item[1])))
     return {"added up": f"{text}; not in it: {', '.join(unknown)}" if unknown else text}
 
