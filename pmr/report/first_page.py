@@ -127,6 +127,8 @@ def _force_rows(result: RunResult) -> Rows:
         name = max(forces, key=lambda name: forces[name].size, default="")  # noqa: B023
         if not forces or (not forces[name].size and key != "support"):
             continue
+        if key in ("ground_force", "ground_moment") and "ground" in result.summary:
+            continue  # outriggers and the margin against tipping say what they mean
         largest = forces[name].largest
         if not largest.value:
             yield row, f"0, {name}"

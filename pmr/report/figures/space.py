@@ -125,7 +125,9 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, ground: bool 
     named = [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()]
     named = named * (len(bodies) > 1) + [Line2D([], [], **RAISING, label="luffing cylinder")] * bool(raising)
     named += [Line2D([], [], **ROPE, label="rope and payload")] * bool(ropes)
-    drawn = [way, *(getattr(item, view).reshape(-1, 2) for item in bodies), *raising, *ropes]
+    stand = result.frame.ground if ground and result.frame is not None else None
+    level = 0.0 if stand is None else -stand.height
+    drawn = [np.array([[0.0, level]]), way, *(getattr(item, view).reshape(-1, 2) for item in bodies), *raising, *ropes]
     figure = _make_paper(drawn, across, up, rows := legend_rows([str(item.get_label()) for item in named], HALF))
     ax = figure.axes[0]
     add_legend(figure, named, rows)
@@ -143,7 +145,7 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, ground: bool 
     for places, share in zip(ropes, faint, strict=False):
         ax.plot(*places.T, **{**ROPE, "color": mix_with_white(INK, share)}, zorder=1.9)
     if ground:
-        ax.plot(ax.get_xlim(), [0.0, 0.0], color=GROUND, linewidth=1.2, zorder=1.0)
+        ax.plot(ax.get_xlim(), [level, level], color=GROUND, linewidth=1.2, zorder=1.0)
     labels = _label_times(ax, getattr(bodies[-1], view), t[steps], moment)
     if worst is not None:
         _draw_stress_ring(ax, worst, next(item for item in bodies if item.body == worst.body), view, moment, labels)
