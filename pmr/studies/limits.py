@@ -27,7 +27,7 @@ from pydantic import Field, model_validator
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.results.quantities import FORCE, LIMITED, Columns, Measure, matches_pattern
+from pmr.results.quantities import LIMITED, Columns, Measure, matches_pattern
 from pmr.scene import Scene
 from pmr.scene.choice import model_of
 from pmr.scene.frame import boom_rotation
@@ -122,11 +122,7 @@ def _share_of_ground(limit: Limit, at: PostureMatrices, k: int, amounts: Sequenc
     ``at.loads`` act by `amounts` (w,).
     """
     at_rest = limit.stand_in(at)
-    outputs = at_rest.outputs
-    names, kinds, units, bodies = (
-        tuple(getattr(output, key) for output in outputs) for key in ("name", "kind", "unit", "body")
-    )
-    measure = limit.measure(Columns(tuple(name.removeprefix(FORCE) for name in names), kinds, units, bodies))
+    measure = limit.measure(at_rest.columns)
     turned = boom_rotation(at.place.luffing[k : k + 1], at.place.slewing[k : k + 1])[0]
     rows = np.kron(np.eye(2), turned) @ pivot_rows(at)
     resting = amounts[at.loads.names.index(WEIGHT)] * at_rest.weight[k]

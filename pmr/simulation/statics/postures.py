@@ -13,7 +13,7 @@ import numpy as np
 
 from pmr.files.arrays import Array, Indices, Mask
 from pmr.kernel.laws import Stand
-from pmr.results.quantities import Columns
+from pmr.results.quantities import FORCE, Columns
 from pmr.results.response import Output
 from pmr.scene import Scene
 from pmr.scene.built import Load
@@ -188,7 +188,7 @@ class StandAtRest:
     """Outriggers, and the weight of the machine's masses in P postures."""
 
     stand: Stand
-    outputs: tuple[Output, ...]  # meaning of the stand's columns
+    columns: Columns  # meaning of the stand's columns
     weight: Array  # (P, 6) N and N m: force and moment about the pivot, along the axes of the machine
 
     @classmethod
@@ -197,7 +197,9 @@ class StandAtRest:
         if still.frame is None or still.frame.ground is None:
             return None
         numbers = np.arange(postures.count, dtype=float)
-        return cls(Stand.of_ground(still.frame.ground), outputs_of_ground(still), machine_wrench(still, numbers))
+        outputs = [replace(output, name=output.name.removeprefix(FORCE)) for output in outputs_of_ground(still)]
+        columns = Columns.of_outputs(still, outputs)
+        return cls(Stand.of_ground(still.frame.ground), columns, machine_wrench(still, numbers))
 
 
 @dataclass(frozen=True)
