@@ -64,7 +64,7 @@ def schema(
         ),
     ] = "scene",
 ) -> None:
-    """Print the JSON schema of a scene file or a study file, or what a key is.
+    """Print the schema of a scene or study file, or what a key is.
 
     An editor that knows TOML (Even Better TOML, Taplo) reads it from the first line of a file:
 
