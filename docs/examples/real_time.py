@@ -3,7 +3,7 @@ One step at a time, in a loop of one's own
 ==========================================
 
 An operator's stick, a controller, or hardware under test decides in every step where the boom goes.  `pmr.Stepper`
-advances a reduced model by one step per call, in well under a microsecond, and allocates no memory.
+advances a reduced model by one step per call, in about a microsecond, and allocates no memory.
 """
 
 import time
