@@ -353,9 +353,11 @@ def check_hoist(scene: Scene) -> None:
     if frame is not None and frame.base_angles and not hoist.winch.section:
         raise scene_error("hoist.winch.section", None, "a section is allowed where the base rolls, pitches or yaws")
     is_lifted = frame is not None and frame.base is not None and "z" in frame.base.motions
-    if hoist.pivot_height and is_lifted:
-        allowed = "0 is allowed where frame.base.z moves the pivot: the height of the hook is measured from it"
-        raise scene_error("hoist.pivot_height", hoist.pivot_height, allowed)
+    ground_height = 0.0 if frame is None or frame.ground is None else frame.ground.height
+    for key, height in (("hoist.pivot_height", hoist.pivot_height), ("frame.ground.height", ground_height)):
+        if height and is_lifted:
+            allowed = "0 is allowed where frame.base.z moves the pivot: the height of the hook is measured from it"
+            raise scene_error(key, height, allowed)
     for member in members(scene):
         if hoist.lateral_key and is_planar(member):
             key = scene.section_key(member.number, "body.model")

@@ -58,6 +58,9 @@ def test_the_hook_of_a_machine_on_outriggers_is_measured_from_their_ground() -> 
     assert hoist_of(scene).numbers[-1] == 1.6
     with pytest.raises(InputError, match=r"hoist\.pivot_height = 2\.0: frame\.ground\.height, 1\.6, is"):
         pmr.load_scene(plain_machines.HOIST, [*STANDS, "hoist.pivot_height=2.0"])
+    lifted = "frame.base.z={kind='sine', amplitude=1.0, frequency=0.1}"
+    with pytest.raises(InputError, match=r"frame\.ground\.height = 1\.6: 0 is allowed where frame\.base\.z moves"):
+        pmr.load_scene(plain_machines.HOIST, [*STANDS, "hoist.pivot_height=0.0", lifted])
 
 
 def test_a_head_that_is_not_at_the_tip_is_refused_in_second_order() -> None:
