@@ -79,7 +79,10 @@ class Outputs:
         )
 
     def select_displacements(self, places: Sequence[int]) -> Outputs:
-        """Outputs with only the displacements, and their velocities, whose numbers are in `places`, in that order."""
+        """Outputs with only those displacements, and their velocities, whose numbers are `places`, in that order.
+
+        `tips` are renumbered; forces, probes and all else stay.
+        """
         which, rates = list(places), self.velocity.shape[1] > 0
         tips = tuple(which.index(tip) for tip in self.tips if tip in which)
         velocity = self.velocity[:, which] if rates else self.velocity

@@ -161,7 +161,10 @@ class SteppedSystem:
         return Sample(replace(sampled, displacement=moves), of_all), run
 
     def _forces(self, run: SystemTrajectory) -> ForceHistories:
-        """All forces of a run at the times that are not near kinks; empty if `complete` is None."""
+        """Histories of all forces of a run, by kind and name, at the times that are not near kinks of the excitation.
+
+        They are empty if the system was made without `complete`, the function that adds forces to a motion.
+        """
         if self._complete is None:
             return {}
         away = away_from_kinks(self.excitation, run.t, self.given.step)

@@ -226,7 +226,10 @@ class Resistance:
 
     @property
     def moments(self) -> Array:
-        """G (n, 3), in N/rad for rows of displacements and in N m/rad for rows of rotations."""
+        """Forces and moments G (n, 3) by which K resists rotations of the whole body about x, y and z, per rad.
+
+        Rows of displacements are in N/rad, rows of rotations in N m/rad; entries within rounding are zero.
+        """
         return self._rotations[0]
 
     @property

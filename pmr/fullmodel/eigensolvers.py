@@ -125,9 +125,9 @@ class Elimination:
         return sp.csr_matrix(F.T @ R[:, pivots] @ F - RF - RF.T)
 
     def to_petsc(self, template: PETSc.Mat) -> PETSc.Mat:
-        """The matrix T as a PETSc matrix, with its rows spread over ranks as those of `template`.
+        """The matrix T of q = T z as a PETSc matrix, with its rows spread over ranks as those of `template`.
 
-        Each rank owns as many columns of T as it owns rows of free coordinates.
+        z are the coordinates that are no pivots; each rank owns as many columns of T as it owns such rows.
         """
         first, last = template.getOwnershipRange()
         pivots = np.count_nonzero((self.pivots >= first) & (self.pivots < last))

@@ -319,9 +319,9 @@ def _wall_volume(pad: Pad, box: Box) -> float:
 
 
 def _end_volume(box: Box, direction: str) -> float:
-    """Volume in m^3 of the walls that move with a free end, over a quarter of the larger of width and height.
+    """Volume in m^3 of the last piece of the walls, which moves with a free end; for ``rx`` times an arm squared, m^5.
 
-    For the direction ``rx`` the result is multiplied by the square of the walls' arm and is in m^5.
+    The piece is as long as a quarter of the larger of width and height; the arm is half the diagonal of the box.
     """
     arm = (box.width**2 + box.height**2) / 4.0 if direction == "rx" else 1.0
     return sum(side.thickness * side.length for side in box.sides) * max(box.width, box.height) / 4.0 * arm

@@ -332,7 +332,7 @@ class Beam(Line, ABC):
         return arm - force * x - a * (within + first - beyond * x)
 
     def _element_masses(self) -> tuple[Array, Array, Array, Array]:
-        """For each of E elements, (E,) each: mass per length (kg/m), end, middle and length (m)."""
+        """Mass per length (kg/m), stations of second node and middle (m), and length (m) of E elements, (E,) each."""
         ends = self.node_stations[self.grid.cells]
         return self.masses, ends[:, 1], ends.mean(axis=1), np.diff(ends)[:, 0]
 

@@ -265,11 +265,11 @@ def reduce_with(
 
 
 def _reduce_section(scene: Scene, member: Member, model: FullModel, cache: Cache | None) -> ReducedBody:
-    """Reduced section on free modes and carriers, from the cache if it is stored there.
+    """Reduced section on free modes and carriers, from the cache; if it is not stored there, it is made and stored.
 
-    It has enrichment modes if an error is estimated or terms that vary in time may act, and inertia on carriers if an
-    error is estimated.  A section that is stored has its residual flexibility; the result lacks it if the scene asks
-    for none.
+    Enrichment modes are added in two cases: an error is estimated, or terms that vary in time may act.  Inertia on
+    carriers is added if an error is estimated.  A section is stored with its residual flexibility, which is taken off
+    the result if the scene asks for none.
     """
     choice, stressed = member.part.reduction, may_be_stressed(scene)
     if member.part.body.mover is not None:  # it keeps both of its coordinates

@@ -347,7 +347,11 @@ def _extreme_clause(result: RunResult, extreme: Extreme) -> str:
 
 
 def _angles_clause(result: RunResult, t: float) -> str:
-    """Clause with the luffing and slewing angle of a boom in a frame at the time `t` in s; empty without a frame."""
+    """Clause that a sentence ends with: luffing and slewing angle in degrees of a boom in a frame at `t` in s.
+
+    It begins with a comma (", raised 30°, slewed 10°").  An angle that the frame does not set is left out; without a
+    frame the clause is empty.
+    """
     frame = result.frame
     if frame is None:
         return ""

@@ -291,10 +291,10 @@ def _rigid_support_grids(result: RunResult, at_pivot: bool, caption: str) -> Ite
 
 
 def _grid(extremes_by_name: Mapping[str, Extremes], base: str, largest: float, caption: str) -> Grid:
-    """Build a table with a row of extremes for each name, in the unit that suits the largest of them.
+    """Build a table with a row of extremes for each name, with the prefix of the unit that suits its largest value.
 
-    `base` is the unit without prefix, `caption` the text above the table.  Values below the share `NOTHING` of the
-    largest value in the table are printed as 0, and so are values below the share `ROUND_OFF` of `largest`.
+    `base` is the unit without prefix, `caption` the text above the table.  A value is printed as 0 if it is less than
+    `NOTHING` times the largest value in this table, or less than `ROUND_OFF` times the argument `largest`.
     """
     most = max((extreme.size for extreme in extremes_by_name.values()), default=0.0)
     unit, nothing = unit_for(most, base), max(NOTHING * most, ROUND_OFF * largest)

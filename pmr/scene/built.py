@@ -104,9 +104,9 @@ class Body(ShorthandTable):
     @model_validator(mode="wrap")
     @classmethod
     def _spread_attached_mass(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Add a table's `attached_mass_per_length` to the density of its material.
+        """Add a table's `attached_mass_per_length`, spread over the volume of the box, to its material's density.
 
-        A body that is not given by a box of one material alone is refused with it.
+        Raises an error for this key if the body is not given by a box of one material alone.
         """
         body, key = handler(data), "attached_mass_per_length"
         if not (isinstance(data, dict) and data.get(key)):

@@ -224,8 +224,7 @@ class Scene(SectionTables):
 
     @staticmethod
     def _single_body_fields(written: BodyFile) -> dict[str, Any]:
-        """Return the fields of a scene of one body without a name."""
-        # a body that is alone has no name
+        """Return the fields of a `Scene` whose only section, named `ALONE`, is the body of the file `written`."""
         part = BoomSection.model_construct(name=ALONE, **{key: getattr(written, key) for key in OneBody.model_fields})
         return {key: getattr(written, key) for key in CommonTables.model_fields} | {"sections": (part,)}
 

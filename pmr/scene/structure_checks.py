@@ -44,7 +44,7 @@ def check_structure(member: Member) -> None:
     fields = (INERTIA + field for field in inertia_fields(member))
     check_reserved("loads", (load.name for load in member.part.loads), (WEIGHT, *fields))
     _check_ground_loads(member)
-    _check_points_and_temperatures(member)
+    _check_points_wind_and_temperatures(member)
     check_names("loads", (load.name for load in axis_loads(member)))
     check_names("supports", (support.row_name(d) for support in member.part.supports for d in support.held_directions))
     for i, ring in enumerate(member.pads):
@@ -72,8 +72,14 @@ def _check_ground_loads(member: Member) -> None:
             raise scene_error(f"loads[{i}].axes", load.axes, "'body' is allowed without body.profile.axial = true")
 
 
-def _check_points_and_temperatures(member: Member) -> None:
-    """Refuse points beside a planar beam, and wind and temperatures on what is no beam or beside what misreads them."""
+def _check_points_wind_and_temperatures(member: Member) -> None:
+    """Check points of loads, wind and temperatures of a section; raise InputError with the key of the first fault.
+
+    A load's point is refused on a planar beam.  Wind and temperatures are refused on a body that is no beam, without
+    `depth` if the body has no box or one that varies along it, and in a comparison with "ancf".  Wind is also refused
+    without [frame], and from the side on a planar beam; a temperature is refused beside probes that measure more than
+    displacements.
+    """
     box, varies = member.part.body.box, member.part.body.box is not None and bool(member.part.body.box.varying_keys)
     for i, load in enumerate(member.part.loads):
         if load.point is not None and is_planar(member):

@@ -121,10 +121,10 @@ class TomlFile:
         _merge(self.data, deepcopy(dict(change.tables)), change.source, self.origins)
 
     def validate(self, model: type[Model]) -> Model:
-        """Return the data as a pydantic model.
+        """Return the data as an instance of the pydantic class `model`.
 
-        Raises InputError for the first key of an earlier version, otherwise for the first value that is refused;
-        unknown keys come before other errors.
+        Raises InputError for one key: the first that was renamed or removed since an earlier version; if there is none,
+        an unknown key; if there is none, the first whose value is refused.
         """
         for location, name, _, value in iterate_keys(self.data):
             if name in self.dialect.renamed_keys:

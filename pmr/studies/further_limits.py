@@ -91,7 +91,10 @@ def _compile_node(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...
 
 
 def _as_float(number: float) -> float:
-    """Return a number as a float, as powers of integers could fill the memory; raises ValueError if it is too large."""
+    """Return a number as a finite float; raises ValueError if it is too large or NaN.
+
+    Numbers do not stay integers, as a power of integers may have so many digits that they fill the memory.
+    """
     try:
         value = float(number)
     except OverflowError:  # only for integers: the float 1e400 is infinite

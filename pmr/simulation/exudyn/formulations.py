@@ -95,9 +95,12 @@ def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, 
 def _contact_parameters(
     pads: Pads, equations: Equations, inputs: Inputs, steps: Steps, start: Start
 ) -> tuple[dict[str, Any], Callable[[exu.MainSystem, SystemItems, float], None]]:
-    """Parameters (user functions) of ObjectGenericODE2 for contacts that push or rub, and a function that ends a step.
+    """Return the user functions of ObjectGenericODE2 for contacts that push or rub, and a function `finish`.
 
-    `steps` checks at each Jacobian that rows and loads were set for the step; bodies begin in the states `start`.
+    ``finish(mbs, items, t)`` is to be called before each step, with the time t in s at which that step will end.  It
+    ends the friction of the step before; at t = 0 friction begins anew in the bodies' states `start`.  It does nothing
+    if contacts do not rub.  The Jacobian raises an InputError (``steps.check``) if rows and loads were not set for its
+    step.
     """
     stored_rows: tuple[int, Rows] | None = None
     begun = np.concatenate([state.q for state in start.values()])

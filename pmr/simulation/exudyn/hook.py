@@ -229,9 +229,10 @@ class _Joint:
         return UnloadedPoint(at + answers.E[self._on] @ loads, rows - np.outer(e, bent), by_paths)
 
     def start(self, z: Array, z_t: Array) -> tuple[Array, Array]:
-        """Position and velocity (3,) of the point in space at t = 0, without the hook's force.
+        """Position in m and velocity in m/s, (3,) each, that the boom's point has in space at t = 0 without the hook.
 
-        z and z_t are coordinates and rates of base, boom and nodes of extensions, without w and the hook.
+        z and z_t are coordinates and rates of base, boom and nodes of extensions, in this order.  Those of the hook,
+        and of w, by which the boom's point gives way to the hook, are not among them.
         """
         base, k, n = self._base, self._base.count, self._base.boom.size
         x, q, s = self._split(0.0, z)

@@ -135,7 +135,11 @@ class Drivers:
         return True
 
     def _take_motions_at_once(self, motions: dict[Any, Any], limits: Limits) -> bool:
-        """Take all motions in a frame at once if each is a tuple of three floats in `limits`, as `_take_at_once`."""
+        """Take all `motions` of a frame at once and return True; or take none and return False.
+
+        They are taken if each is a tuple of three floats, value, rate and second rate, within its `limits`, with a
+        second rate where inertia needs one.  Otherwise the caller takes one after the other.
+        """
         written, rates, seconds, counts = self._values, self._rates, self._seconds, self._counts
         for name, motion in motions.items():
             if type(motion) is not tuple or len(motion) != 3:
@@ -251,7 +255,7 @@ class Drivers:
 
 
 def _motion_numbers(names: Sequence[str], numbers: Sequence[int]) -> dict[str | int, int]:
-    """Numbers of motions among all drivers, by names and by positions in `names`."""
+    """Number of each motion among all drivers, under its name in `names` and also under its position there."""
     return dict(zip(names, numbers, strict=True)) | dict(enumerate(numbers))
 
 

@@ -223,8 +223,9 @@ class PostureMatrices:
     def from_scene(cls, scene: Scene, system: System, postures: PostureSet) -> PostureMatrices:
         """Matrices of a scene made by `with_hook`, of its system of reduced or full bodies, in these postures.
 
-        Outputs are probes, springs of supports and the displacements of the last body's tip, then what `rest_rows`
-        adds; contacts follow.  Terms without a stiffness, or without an amplitude in any posture, are left out.
+        Outputs are the system's probes, springs of supports and displacements of the last body's tip, in the system's
+        order; then what `rest_rows` adds; then the forces of contacts.  Left out are terms that have no stiffness, and
+        terms whose amplitudes are 0 in all postures.
         """
         assert scene.frame is not None and scene.gravity is not None  # as `with_hook` says
         assembly, x = Assembly(system), side_positions(system, postures)

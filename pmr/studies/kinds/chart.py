@@ -275,10 +275,10 @@ class Study(StudyBase):
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0] if name[:3] != "at."}
 
     def tables(self, results: StudyResults) -> Mapping[str, str | bytes]:
-        """Return ``chart.csv`` with a row for each point of the finished runs, and the duty table of these points.
+        """Return the contents of ``chart.csv``, ``duty.csv`` and ``duty.xlsx``; all three keys are always there.
 
-        The duty table (`pmr.studies.duty`) is ``duty.csv`` and, if the study asks for it, ``duty.xlsx``.  All are empty
-        if no run is done.
+        ``chart.csv`` has a row for each point of the finished runs; the other two hold the duty table of these points
+        (`pmr.studies.duty`).  All are empty if no run is done, and ``duty.xlsx`` if the study does not ask for it.
         """
         done = [run.status == "done" for run in results.runs]
         if not any(done):
