@@ -53,8 +53,8 @@ def test_a_deck_is_read_as_cells_and_groups(tmp_path: Path) -> None:
         ("*NODE", "*MPC\nBEAM, 1, 2\n*NODE", "line 1: *MPC ties nodes to each other"),
         ("1, 1, 2, 3", "1, 1, 2, 9", "line 7: element 1 has node 9, which is not in the file"),
         ("*ELSET", "*NODE\n1, 5., 0., 0.\n*ELSET", "line 13: node 1 is there a second time"),
-        ("TYPE=T3D2", "TYPE=T3D3", "line 11: cells of type T3D3; bars, triangles"),
-        ("*NODE", "*NODE, SYSTEM=S", "line 1: SYSTEM=S is not read"),
+        ("TYPE=T3D2", "TYPE=T3D3", "line 11: element 3 of type T3D3 has too few nodes"),
+        ("*NODE", "*NODE, SYSTEM=Q", "line 1: SYSTEM=Q is not read; R, C (cylindrical) and S (spherical) are allowed"),
     ],
 )
 def test_a_deck_that_is_not_read_is_refused_by_its_line(old: str, new: str, says: str, tmp_path: Path) -> None:

@@ -30,8 +30,8 @@ LONG_PADS = tuple(f"section.joint.{ring}.0.{key}" for ring in ("tail", "mouth") 
 SHORT = ("time.end=0.2", "section.mesh.elements=8", "section.reduction.estimate=false", "compare.against=[]")
 
 
-def moved(name: str, *changes: str) -> Response:
-    scene = scenes.load_any(WORKFLOWS / f"{name}.toml", changes)
+def moved(name: str | Path, *changes: str) -> Response:
+    scene = scenes.load_any(name, changes)
     return pmr.simulate(scene, pmr.reduce(scene).reduced)
 
 

@@ -219,6 +219,7 @@ def test_pairs_on_outriggers_run_everywhere_or_are_refused(names: tuple[str, ...
     assert np.abs(sums).max() < 1e-9 and 0.0 < use.min() and use.max() < 1.0
     stepped = pair.stepped(1)
     assert_close(stepped, pair.run_outputs(), 1e-4 if "oil" in names else 1e-10)
-    assert_close(
-        pair.in_fmu(tmp_path), pair.stepped(0) if "pushing" in names else stepped, 1e-5 if "pushing" in names else 1e-10
-    )
+    expected = pair.stepped(0) if "pushing" in names else stepped
+    # the rate of a free angle is searched for, and found to MACHINE_NEAR of machine.c where no trial comes nearer
+    share = 1e-5 if "pushing" in names else 1e-9 if "oil" in names else 1e-10
+    assert_close(pair.in_fmu(tmp_path), expected, share)

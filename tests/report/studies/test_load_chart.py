@@ -24,6 +24,7 @@ def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_n
     arrays = unknown | {
         "place": np.array([(10.0, 4.0), (8.0, 7.0), (5.0, 9.0)]),
         "luffing": np.deg2rad([20.0, 40.0, 60.0]),
+        "at.remarks": np.array([""]),
     }
     runs = [SimpleNamespace(key=key, parameters={}, figures={}) for key in "ab"]
     figures = {"governs.stability": 0, "never.stability": 6, "at_no_load.stability": 0}
