@@ -10,6 +10,7 @@ import io
 import json
 import math
 import os
+import re
 import time
 from abc import abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -207,12 +208,33 @@ class RunRecord:
         return {**head, **self.parameters, **self.figures, "warnings": SEPARATOR.join(self.warnings)}
 
 
+#: Figure by which warnings of one kind are compared, with the prefix of its unit.
+_UP_TO = re.compile(r"\bup to (\d+\.?\d*(?:e[-+]?\d+)?)\s?(?:([mkMG])(?=N|Pa|m\b))?")
+_PREFIXES = {"m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9}
+
+
+def _largest_figure(warning: str) -> float:
+    """Figure behind the first "up to" of a warning, in the unit without prefix; -1 without such a figure."""
+    figure = _UP_TO.search(warning)
+    return -1.0 if figure is None else float(figure[1]) * _PREFIXES.get(figure[2], 1.0)
+
+
 @dataclass(frozen=True)
 class CountedWarning:
-    """A kind of warning: its text in the first run with such a warning, and the keys of all runs with one."""
+    """A kind of warning: the worst of its texts, the keys of all runs with one, and that of the run with this text."""
 
     text: str
     runs: tuple[str, ...]
+    worst: str
+
+    @classmethod
+    def of_runs(cls, texts: Mapping[str, str]) -> CountedWarning:
+        """Count warnings of one kind; `texts` has one by the key of each run that has one.
+
+        The worst text has the largest figure behind "up to"; without such figures it is that of the first run.
+        """
+        worst = max(texts, key=lambda run: _largest_figure(texts[run]))
+        return cls(texts[worst], tuple(texts), worst)
 
     def line(self, count: int) -> str:
         """Return the warning as a line that says which of the study's `count` runs have it."""
@@ -220,7 +242,8 @@ class CountedWarning:
             return self.text
         if len(self.runs) == 1:
             return f"in {self.runs[0]}: {self.text}"
-        return f"in {len(self.runs)} of {count} runs, first in {self.runs[0]}: {self.text}"
+        which = "first" if self.worst == self.runs[0] else "worst"
+        return f"in {len(self.runs)} of {count} runs, {which} in {self.worst}: {self.text}"
 
 
 @dataclass(frozen=True)
@@ -267,7 +290,7 @@ class StudyResults:
         for run in self.runs:
             for text in run.warnings:
                 of_kind.setdefault(warning_kind(text), {}).setdefault(run.key, text)
-        counted = [CountedWarning(next(iter(of.values())), tuple(of)) for of in of_kind.values()]
+        counted = [CountedWarning.of_runs(texts) for texts in of_kind.values()]
         return sorted(counted, key=lambda warning: -len(warning.runs))
 
     @property

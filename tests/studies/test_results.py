@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pmr.files.npz import DamagedError, write
-from pmr.studies.study import STALE_AFTER, RunRecord, Store, StudyResults
+from pmr.studies.study import STALE_AFTER, CountedWarning, RunRecord, Store, StudyResults
 from pmr.studies.tasks import TaskResult
 
 FIGURES = {"e": 0.1, "ok": True, "count": 3}
@@ -77,11 +77,21 @@ def test_what_was_saved_is_loaded(tmp_path: Path) -> None:
 
 
 def test_warnings_are_counted_by_their_kind(tmp_path: Path) -> None:
-    """Numbers differ from run to run; what is said is the text of the first run."""
+    """Numbers differ from run to run; what is said is the text of the run with the largest figure."""
     rope, model = results(tmp_path).warnings
     assert (rope.runs, rope.text) == (("a", "c"), PULLED[0])
     assert rope.line(3) == f"in 2 of 3 runs, first in a: {PULLED[0]}"
     assert model.line(3) == f"in a: {PULLED[1]}" and model.line(1) == PULLED[1]
+
+
+def test_the_worst_of_a_kind_of_warning_is_shown() -> None:
+    """Figures in different units are compared, too."""
+    texts = {"a": "pads pull with up to 900 N", "b": "pads pull with up to 1.2 kN", "c": "pads pull with up to 35 N"}
+    worst = CountedWarning.of_runs(texts)
+    assert worst.line(5) == "in 3 of 5 runs, worst in b: pads pull with up to 1.2 kN"
+    assert (
+        CountedWarning.of_runs({"a": "no figure", "b": "no figure"}).line(2) == "in 2 of 2 runs, first in a: no figure"
+    )
 
 
 def test_studies_of_earlier_versions_had_notes(tmp_path: Path) -> None:

@@ -32,6 +32,8 @@ from pmr.studies.limits import STABILITY, Limit
 from pmr.studies.study import Count, StudyBase, StudyResults, csv_text
 from pmr.studies.tasks import Plan, Scalar, Task
 
+#: Limits on what the machine stands on.
+ON_GROUND = frozenset(("tipping", "outrigger", "lift-off", "overturning"))
 #: Most points of a chart.
 MOST_POINTS = 200_000
 
@@ -188,7 +190,7 @@ class Study(StudyBase):
             "left": [case.acting_amounts(self.classes) for case in self._out_of_service],
             "gravity": scene.gravity.acceleration if scene.gravity else 0.0,
             "stops": [{"of": stop.of, "speed": stop.speed * unit, "within": stop.within} for stop in self.stops],
-            "replaced": self._replaced_masses,
+            "replaced": [*self._replaced_masses, *self._unasked],
             "hoist": self.hoist and [self.hoist.rope_stiffness, self.hoist.speed],
         }
         runs = []
@@ -377,6 +379,22 @@ class Study(StudyBase):
         with suppress(InputError):
             return replaced_mass_warnings(scenes.load_any(self.scene), self._scene, self.point)
         return []
+
+    @property
+    def _unasked(self) -> list[str]:
+        """Lines on what the chart does not ask: other slewing angles of a machine that may tip, and strength."""
+        kinds, lines = {limit.of for limit in self.limits}, list[str]()
+        if kinds & ON_GROUND and len(self.slewing) == 1:
+            lines.append(
+                f"all points are slewed by {self.slewing[0]:g}: over a side or the rear the machine may carry less; "
+                "several angles of slewing in the study tell"
+            )
+        if kinds and not kinds - ON_GROUND:
+            lines.append(
+                "the limits are those of the ground alone: whether stresses and forces of pads, cylinders and supports "
+                "are allowed is not looked at"
+            )
+        return lines
 
     @cached_property
     def _extension_rows(self) -> list[dict[str, float]]:
