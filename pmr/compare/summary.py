@@ -48,8 +48,8 @@ from pmr.errors import environment
 from pmr.errors.environment import Clock
 from pmr.files.arrays import Summary
 from pmr.results import BodyResult, Frequencies, Loads, Response, RunResult, Shapes
+from pmr.results.fatigue import SNLine, rainflow_cycles
 from pmr.results.run import SummaryPart, combine_parts
-from pmr.results.tables import SNLine, rainflow_cycles
 from pmr.scene import Scene
 from pmr.scene.hints import hints
 from pmr.scene.joints import BoomSection as Body

@@ -211,10 +211,8 @@ def _indentations(
         contact, force = contacts.get(name), extremes.largest
         places = [Place(ALONE, name)] if contact is None else filter(None, (contact.inner, contact.outer))
         paths = {key: signal.value(np.array(force.t)) for key, signal in scene.driven_paths.items()}
-        compliance = sum(
-            bodies[place.body].structure.pads.wall_compliance(place.row, float(place.coordinate(paths)))
-            for place in places if place.body in bodies
-        )  # fmt: skip
+        touched = [(bodies[place.body].structure.pads, place) for place in places if place.body in bodies]
+        compliance = sum(pads.wall_compliance(place.row, float(place.coordinate(paths))) for pads, place in touched)
         if compliance:
             rows.append({"name": name, "value": abs(force.value) * compliance, "t": force.t, "s": force.s})
     return {"indentations": rows} if rows else {}

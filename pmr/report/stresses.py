@@ -16,8 +16,9 @@ from pmr.report.figures.histories import Timeline, difference_clause, drawn_hist
 from pmr.report.forces import abscissa_words, extremes_grid
 from pmr.report.numbers import NOTHING, SPACE, Unit, format_input, format_quantity, significant, unit_for
 from pmr.results import Response, RunResult
+from pmr.results.fatigue import rainflow_cycles
 from pmr.results.response import Extremes
-from pmr.results.tables import probe_extremes, rainflow_cycles, stress_peaks, summaries_by_section
+from pmr.results.tables import probe_extremes, stress_peaks, summaries_by_section
 from pmr.scene.keys import ALONE, qualified_name
 
 

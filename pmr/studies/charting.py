@@ -201,7 +201,7 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     arrays |= {"place": np.column_stack([radius, tip[:, 2]]), "luffing": at.place.luffing[first:last]}
     left_out = unnamed_loads(scene, [*cases, *arguments["left"]])
     return TaskResult(
-        record, arrays, warnings=(*of_places, *left_out, *arguments.get("replaced", ()), *needs["postures"].warnings)
+        record, arrays, warnings=(*of_places, *left_out, *arguments.get("warnings", ()), *needs["postures"].warnings)
     )
 
 

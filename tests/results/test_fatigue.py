@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pmr.errors import InputError
-from pmr.results.tables import SMALLEST, SNLine, damage, rainflow_cycles
+from pmr.results.fatigue import SMALLEST, SNLine, damage, rainflow_cycles
 
 
 def test_a_sinusoid_does_the_damage_of_its_cycles() -> None:

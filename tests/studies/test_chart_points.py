@@ -165,7 +165,7 @@ def test_a_chart_says_that_its_load_is_not_beside_the_axis_as_the_mass_in_its_pl
     assert replaced_mass_warnings(original, load_any(folder / "scene.toml"), tuple(at)) == []
     keys = {"scene": str(folder / "beside.toml"), "change": {"sections": {"fly": {"masses": []}}}}
     (row, *_) = Study.model_validate(STUDY | keys).plan().runs
-    assert row.arguments["replaced"] == [line]
+    assert row.arguments["warnings"] == [line]
 
 
 def test_without_a_richer_model_the_reason_is_said(folder: Path) -> None:

@@ -190,7 +190,7 @@ class Study(StudyBase):
             "left": [case.acting_amounts(self.classes) for case in self._out_of_service],
             "gravity": scene.gravity.acceleration if scene.gravity else 0.0,
             "stops": [{"of": stop.of, "speed": stop.speed * unit, "within": stop.within} for stop in self.stops],
-            "replaced": [*self._replaced_masses, *self._unasked],
+            "warnings": [*self._replaced_masses, *self._scope_warnings],
             "hoist": self.hoist and [self.hoist.rope_stiffness, self.hoist.speed],
         }
         runs = []
@@ -307,8 +307,7 @@ class Study(StudyBase):
         The point has extensions `row` in m and the angles `luffing` and `slewing` in the scene's unit; `table` is the
         one that `Study.table` returns.
         """
-        frame, names = self._scene.frame, np.array(self.names)
-        angle = "degrees" if frame is not None and frame.unit == "degrees" else "rad"
+        angle, names = self._angle_unit, np.array(self.names)
         load, error = table["load"][k], table["error"][k]
         lower = float(max(0.0, lower_bounds(load[None], error[None], self.up_to).min()))
         (which,), (doubt,) = governing_limit(load[None]), limits_in_doubt(load[None], error[None], self.up_to)
@@ -381,13 +380,18 @@ class Study(StudyBase):
         return []
 
     @property
-    def _unasked(self) -> list[str]:
+    def _angle_unit(self) -> str:
+        """Unit of the angles of luffing and slewing: that of the scene's frame."""
+        return "rad" if self._scene.frame is None else self._scene.frame.unit
+
+    @property
+    def _scope_warnings(self) -> list[str]:
         """Lines on what the chart does not ask: other slewing angles of a machine that may tip, and strength."""
         kinds, lines = {limit.of for limit in self.limits}, list[str]()
         if kinds & ON_GROUND and len(self.slewing) == 1:
             lines.append(
-                f"all points are slewed by {self.slewing[0]:g}: over a side or the rear the machine may carry less; "
-                "several angles of slewing in the study tell"
+                f"all points are slewed by {self.slewing[0]:g} {self._angle_unit}: over a side or the rear the machine "
+                "may carry less; several angles of slewing in the study tell"
             )
         if kinds and not kinds - ON_GROUND:
             lines.append(

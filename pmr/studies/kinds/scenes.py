@@ -17,11 +17,11 @@ from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Summary
 from pmr.results import Frequencies, Response
+from pmr.results.fatigue import rainflow_cycles
 from pmr.results.response import Extremes
 from pmr.results.tables import (
     force_extremes,
     probe_extremes,
-    rainflow_cycles,
     reaction_extremes,
     stress_by_part,
     summaries_by_section,

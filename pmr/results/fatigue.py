@@ -1,0 +1,75 @@
+r"""Load cycles of a history, and the damage by them, summed after Palmgren and Miner with an S-N line.
+
+A history has cycles of the ranges :math:`\Delta\sigma_i`, each of which occurs :math:`n_i` times (`rainflow_cycles`).
+An S-N line has the slope m and the reference range :math:`\Delta\sigma_{ref}`, which is endured :math:`N_{ref}` times.
+The damage D is the sum over i of the cycles as shares of the endured cycles :math:`N_i`:
+
+.. math::
+    D = \sum_i \frac{n_i}{N_i}, \qquad N_i = N_{ref} \Bigl(\frac{\Delta\sigma_{ref}}{\Delta\sigma_i}\Bigr)^m,
+    \qquad N_{ref} = 2 \cdot 10^6
+
+Ranges below the cut-off of the line do no damage.  Miner: Cumulative damage in fatigue, Journal of Applied Mechanics
+12, 1945.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import rainflow
+
+from pmr.errors import InputError
+from pmr.files.arrays import Array
+
+#: Cycles with a range below this share of the largest range are left out.  Damage grows with the third power of the
+#: range or faster, so each of them does less than a millionth of the damage of the largest cycle.
+SMALLEST = 0.01
+#: Number of cycles at which the reference range of an S-N line leads to failure.
+REFERENCE_CYCLES = 2e6
+
+
+def rainflow_cycles(t: Array, x: Array) -> Array:
+    """Return the rainflow cycles of a history x (T,) at times t (T,) in s, the largest first (ASTM E1049-85).
+
+    A cycle that does not close counts as half a cycle.  Ranges below a hundredth of the largest one are left out.
+
+    Returns
+    -------
+    (C, 5) array
+        Range and mean in the unit of x, count (1 or 0.5), and the times in s at which a cycle begins and ends.
+    """
+    loops = [(size, mean, count, t[i], t[k]) for size, mean, count, i, k in rainflow.extract_cycles(x) if size > 0.0]
+    table = np.array(loops, dtype=float).reshape(-1, 5)
+    table = table[table[:, 0] >= SMALLEST * table[:, 0].max(initial=0.0)]
+    return np.asarray(table[np.argsort(-table[:, 0], kind="stable")])
+
+
+@dataclass(frozen=True)
+class SNLine:
+    """S-N line: cycles to failure over the range of a stress; raises InputError for a number that is not allowed."""
+
+    slope: float  # exponent m of the line, its slope with logarithmic axes
+    reference: float  # range in Pa that leads to failure after 2e6 cycles
+    cut_off: float = 0.0  # range in Pa below which cycles do no damage
+
+    def __post_init__(self) -> None:
+        for key, low in (("slope", 0.0), ("reference", 0.0)):
+            if not low < getattr(self, key) < np.inf:
+                raise InputError("S-N line", key, getattr(self, key), "a number above 0 is allowed")
+        if not 0.0 <= self.cut_off < np.inf:
+            raise InputError("S-N line", "cut_off", self.cut_off, "a range of 0 or more is allowed")
+
+    def damage(self, ranges: Array, counts: Array) -> float:
+        """Return the damage, a number, by stress ranges (C,) in Pa that occur `counts` (C,) times; 1 is failure."""
+        share = (np.where(ranges < self.cut_off, 0.0, ranges) / self.reference) ** self.slope
+        return float(counts @ share) / REFERENCE_CYCLES
+
+
+def damage(t: Array, stress: Array, line: SNLine, times: float = 1.0) -> float:
+    """Return the damage, a number, by a stress (T,) in Pa at times t (T,) in s, repeated `times` times; 1 is failure.
+
+    Cycles with a range below a hundredth of the largest range are left out (`rainflow_cycles`).
+    """
+    loops = rainflow_cycles(t, stress)
+    return times * line.damage(loops[:, 0], loops[:, 2])
