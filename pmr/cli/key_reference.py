@@ -14,8 +14,8 @@ PLAIN = {"number": "number", "integer": "whole number", "string": "text", "boole
 CHOICES = ("anyOf", "oneOf", "allOf")
 
 
-def describe_key(schema: Schema, key: str) -> dict[str, str]:
-    """Return lines, by name, about a key such as ``frame.cylinder.stiffness``; empty if the file has no such key.
+def describe_key(schema: Schema, key: str) -> list[tuple[str, str]]:
+    """Return lines (name, text) about a key such as ``frame.cylinder.stiffness``; empty if the file has no such key.
 
     Numbers and names of the members of lists may stand in the key: ``sections.fly.masses.mass`` and
     ``sections.masses.mass`` are the same.  A table has a line for each of its keys.
@@ -26,15 +26,15 @@ def describe_key(schema: Schema, key: str) -> dict[str, str]:
         properties = [table["properties"] for table in _tables_of({"anyOf": values}, definitions)]
         following = [keys[part] for keys in properties if part in keys]
         if not following and (number == len(parts) or not any(map(_is_list, values))):
-            return {}
+            return []
         values = following or values
-    lines = {key: " ".join(dict.fromkeys(_description(value) for value in values))}
-    lines["allowed"] = " or ".join(dict.fromkeys(_value_words(value) for value in values))
+    lines = [(key, " ".join(dict.fromkeys(_description(value) for value in values)))]
+    lines.append(("allowed", " or ".join(dict.fromkeys(_value_words(value) for value in values))))
     defaults = [json.dumps(value["default"]) for value in values if value.get("default") is not None]
-    lines |= {"default": defaults[0]} if defaults else {}
+    lines += [("default", text) for text in defaults[:1]]
     for table in _tables_of({"anyOf": values}, definitions):
-        lines[table.get("title", "table")] = _description(table)
-        lines |= {f"  {name}": _key_line(value, name, table) for name, value in table["properties"].items()}
+        lines.append((table.get("title", "table"), _description(table)))
+        lines += [(f"  {name}", _key_line(value, name, table)) for name, value in table["properties"].items()]
     return lines
 
 

@@ -255,6 +255,8 @@ def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.Mo
         ("sections.fly.masses.at", ("Place of its centre", "list of 3, in m")),
         ("frame.cylinder", ("foot", "must be given", "stiffness", "in N/m")),
         ("limits.factor", ("number, above 0", "1.0")),
+        # each of the tables that a value may be has its own keys
+        ("slider.path", ('default "constant"', 'default "ramp"', 'default "sine"', 'default "sum"')),
     ],
 )
 def test_a_key_can_be_read_about_without_the_manual(key: str, texts: tuple[str, ...]) -> None:
