@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
 import re
 from pathlib import Path
 
@@ -27,6 +29,21 @@ def test_links_and_commands_exist() -> None:
         assert re.search(rf"^{target}:", makefile, flags=re.M), target
     for scene in re.findall(r"workflows/\w+\.toml", README):
         assert (ROOT / scene).is_file(), scene
+
+
+@pytest.mark.parametrize(
+    "page", ["README.md", *sorted(str(f.relative_to(ROOT)) for f in (ROOT / "docs").rglob("*.md"))]
+)
+def test_what_python_of_a_page_imports_is_there(page: str) -> None:
+    """`.ci/manual` runs the pages, which takes minutes; a name that has moved is seen here."""
+    for block in re.findall(r"^```python\n(.*?)^```$", (ROOT / page).read_text(), flags=re.M | re.S):
+        for node in ast.walk(ast.parse(block)):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "pmr":
+                module = importlib.import_module(node.module)
+                absent = [name.name for name in node.names if not hasattr(module, name.name)]
+                assert not absent, f"{page}: {node.module} has no {', '.join(absent)}"
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "pmr":
+                assert hasattr(pmr, node.attr) or importlib.import_module(f"pmr.{node.attr}"), f"{page}: {node.attr}"
 
 
 @pytest.mark.parametrize("name", ["CONTRIBUTING.md", "CHANGELOG.md", "LICENSE"])
