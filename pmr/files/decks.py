@@ -15,8 +15,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pmr.files.cards import Card, Place, move_instance, read_axes, read_cards, rectangular
-from pmr.files.deck_content import Deck, Numbers, read_sets, set_by_name, whole_number
-from pmr.files.elements import Elements
+from pmr.files.deck_content import Deck, Elements, Numbers, read_sets, set_by_name, whole_number
 
 #: Largest number of nodes of several instances together.
 MOST_NODES = 500_000

@@ -19,15 +19,13 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
-from pmr.errors import InputError
-from pmr.errors.text import missing_file_reason
+from pmr.errors import InputError, missing_file_reason
 from pmr.files import labelled
-from pmr.files.ansys import read_harwell_boeing, read_mapping
 from pmr.files.arrays import Array, Indices
 from pmr.files.cards import Place, turned_axes
 from pmr.files.deck_content import dependent_displacements, is_label_number
 from pmr.files.decks import TURNED, read_deck
-from pmr.files.labelled import UnreadableError
+from pmr.files.labelled import UnreadableError, read_harwell_boeing, read_mapping
 from pmr.files.matrices import MODAL, GivenMatrices
 from pmr.files.nastran import read_bulk
 from pmr.files.rigid import DIRECTIONS

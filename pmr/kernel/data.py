@@ -20,11 +20,12 @@ from pmr.kernel.further import (
     Supports,
     frame_arrays,
     frame_output_arrays,
+    ground_arrays,
+    ground_outputs,
     support_arrays,
     supports_of,
     with_reactions,
 )
-from pmr.kernel.ground import ground_arrays, ground_outputs
 from pmr.scene.mechanism import CYLINDER
 from pmr.system.from_scene import CombinedRings, combine_rings
 from pmr.system.rows import Row

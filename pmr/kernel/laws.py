@@ -12,7 +12,7 @@ from pmr.errors import SimulationError
 from pmr.files.arrays import Array, Indices, Mask
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.blocks import LINE
-from pmr.kernel.ground import mass_numbers
+from pmr.kernel.further import mass_numbers
 from pmr.kernel.kernel import integer_pointer, pointer
 from pmr.scene.ground import Ground, MachineMass, edge_rows
 

@@ -282,7 +282,7 @@ class State:
 
     @property
     def ground(self) -> Array:
-        """Outputs of outriggers at the end of the last step (`pmr.kernel.ground.ground_outputs`); empty without any."""
+        """Outputs of outriggers at the end of the last step (`pmr.kernel.further.ground_outputs`), or empty."""
         last = self.kernel.further - self.kernel.luffing - self.kernel.hoist
         return self.further()[last - self.kernel.ground : last]
 

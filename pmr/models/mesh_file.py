@@ -17,9 +17,8 @@ from scipy.spatial import cKDTree
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices
 from pmr.files.cards import Place
-from pmr.files.deck_content import Deck
+from pmr.files.deck_content import CORNERS, EDGES, Deck, Elements
 from pmr.files.decks import TIED, TURNED, read_deck
-from pmr.files.elements import CORNERS, EDGES, Elements
 
 if TYPE_CHECKING:
     import meshio

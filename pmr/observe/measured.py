@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import pydantic
 
-from pmr.errors import InputError
-from pmr.errors.text import missing_file_reason
+from pmr.errors import InputError, missing_file_reason
 from pmr.files.arrays import Array, Summary
 from pmr.files.whole import replacement_file
 from pmr.observe.budget import output_errors

@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 
 from pmr.files.arrays import Array
-from pmr.kernel.ground import DIRECTIONS, ground_outputs
+from pmr.kernel.further import DIRECTIONS, ground_outputs
 from pmr.kernel.laws import Stand, masses_wrench
 from pmr.results import Response
 from pmr.results.response import Output

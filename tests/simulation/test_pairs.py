@@ -21,7 +21,7 @@ from pmr.export.fmi.fmu import fmu_contents
 from pmr.export.fmi.reference import input_cubics
 from pmr.export.fmi.variables import Drivers, Identifiers
 from pmr.files.arrays import Array
-from pmr.kernel.ground import ground_outputs
+from pmr.kernel.further import ground_outputs
 from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.hoist import OUTPUTS, ROPE_FORCE

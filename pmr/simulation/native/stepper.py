@@ -25,7 +25,7 @@ import numpy as np
 
 from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array
-from pmr.kernel.ground import ground_outputs
+from pmr.kernel.further import ground_outputs
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import BoundStep, Settings, State, StepError
 from pmr.scene.built import force_name
