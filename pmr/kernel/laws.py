@@ -245,7 +245,7 @@ class Stand:
 
         They are side by side, (T, 6 + n + e + 1), under the force and the moment about the pivot `wrench` (T, 6), along
         the axes of the machine, by which boom and machine press on the ground.  A SimulationError is raised if the
-        search for the outriggers that lift off does not end.
+        search for the outriggers that lift off does not end, or if forces are not finite.
         """
         return self._under(lib.pmr_stand_columns, wrench, 7 + len(self.places) + len(self.corners))
 
@@ -274,8 +274,9 @@ class Stand:
         )
         loads = np.ascontiguousarray(loads, float)
         columns = np.zeros((len(loads), width))
-        if law(stand, len(loads), pointer(loads), pointer(columns)):
-            raise SimulationError("which outriggers lift off was not found")
+        if failed := law(stand, len(loads), pointer(loads), pointer(columns)):
+            finite = failed != lib.PMR_NOT_FINITE
+            raise SimulationError("which outriggers lift off was not found" if finite else "forces are not finite")
         return columns
 
 

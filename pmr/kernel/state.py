@@ -32,6 +32,7 @@ class Failure(IntEnum):
     LOST = lib.PMR_LOST
     UPRIGHT = lib.PMR_UPRIGHT
     BLOCKED = lib.PMR_BLOCKED
+    LIFTED = lib.PMR_LIFTED
 
 
 class StepError(SimulationError):
@@ -295,10 +296,12 @@ class State:
         """Further outputs (further,) at the end of the last step.
 
         They are the reactions of rigid supports in N and N m.  With a frame, there follow the position of the tip in m,
-        relative to the pivot along the ground's axes, and the force of the luffing cylinder in N.
+        relative to the pivot along the ground's axes, and the force of the luffing cylinder in N.  A StepError is
+        raised if forces of outriggers are not found or not finite.
         """
         further = np.zeros(self.kernel.further)
-        lib.pmr_further(self._state, pointer(further))
+        failed = lib.pmr_further(self._state, pointer(further))
+        self.raise_unless_done(failed, f"the outputs of step {self.step_number}")
         return further
 
     def evaluate(self, at: ArrayLike, seed: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None) -> dict[str, Array]:
@@ -413,7 +416,10 @@ class State:
             lib.PMR_DEPENDENT: f"{contact} depends on those before it, or nothing holds the bodies",
             lib.PMR_UNSETTLED: "which contacts are closed was not settled in 1000 solves",
             lib.PMR_UNCONVERGED: "forces of terms or friction do not converge",
-            lib.PMR_NOT_FINITE: "a coordinate is no finite number",
+            lib.PMR_NOT_FINITE: "a coordinate, or a force on the ground, is no finite number",
+            lib.PMR_LIFTED: "which outriggers lift off is not found",
+            lib.PMR_LOST: "the motion of the machine, or its luffing angle, is not found: shorter steps are needed",
+            lib.PMR_UPRIGHT: "the machine pitches by 90 degrees, or foot, lug and pivot of its cylinder come in line",
             lib.PMR_BLOCKED: "the hook is at its head sheaves: its rope is too short",
         }
         message = f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}"
@@ -472,7 +478,7 @@ class BoundStep:
     with `rows` (n,).  Without a frame, it takes a step to the drivers u (N,) in the first row of `motions` (3, N);
     `step_by_rates` does the same along cubics, with the `rates` (2, N) of the drivers at both ends of the step.
     `observe` writes to `values` the quantities with the given `numbers`, counted through the outputs and then the
-    forces of contacts.
+    forces of contacts, and the outputs of a hoist, of a free luffing angle and of outriggers.
     """
 
     def __init__(self, state: State, numbers: Sequence[int]) -> None:

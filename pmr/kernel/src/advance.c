@@ -96,7 +96,9 @@ static int make_one_step(pmr_state *st, pmr_course course)
     course.h = st->settings.step;
     course.step = st->progress.step;
     failed = make_step(st, -1, &course);
-    return failed || is_finite(st) ? failed : PMR_NOT_FINITE;
+    if (failed || is_finite(st)) return failed;
+    st->progress.step = course.step;
+    return PMR_NOT_FINITE;
 }
 
 static int step_to(pmr_state *st, const double *u, const double *rates)

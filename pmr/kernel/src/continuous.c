@@ -137,8 +137,8 @@ static int find_changes(pmr_state *st, const double *at, const double *seed_at, 
     forces_of(st, d.lambda, NULL, reactions + y->hp);
     copy_values(st, to, all, d.forces);
     copy(st->shown, st->values + y->op, y->reactions);
-    if (to->further && y->motions) pmr_frame_outputs(y, at, seed_at, st->values, all, st->shown, to->further);
-    return PMR_DONE;
+    if (!to->further || !y->motions) return PMR_DONE;
+    return pmr_frame_outputs(y, at, seed_at, st->values, all, st->shown, to->further);
 }
 
 static int evaluate_along(pmr_state *st, const double *at, const double *seed_at, const double *dz, const double *dv,
@@ -159,7 +159,8 @@ static int evaluate_along(pmr_state *st, const double *at, const double *seed_at
         } else {
             accelerate(st, st->u + y->paths, st->acceleration);
             copy_values(st, to, st->values, st->acceleration);
-            if (to->further && y->motions) pmr_frame_outputs(y, at, NULL, st->values, NULL, to->further, NULL);
+            if (to->further && y->motions)
+                failed = pmr_frame_outputs(y, at, NULL, st->values, NULL, to->further, NULL);
             if (to->further) show_behind(st, to->further + y->reactions + 3 * y->has_tip + (y->sources > 0) + y->ground);
         }
     }

@@ -227,7 +227,7 @@ int pmr_ground_outputs(const pmr_system *y, const double *motions, const double 
     return pmr_stand_along(&y->stand, wrench, columns, along);
 }
 
-void pmr_frame_outputs(const pmr_system *y, const double *motions, const double *seed, const double *values,
+int pmr_frame_outputs(const pmr_system *y, const double *motions, const double *seed, const double *values,
                        const double *changes, double *further, double *along)
 {
     const course c = {y, motions, seed};
@@ -259,6 +259,6 @@ void pmr_frame_outputs(const pmr_system *y, const double *motions, const double 
         }
         n++;
     }
-    if (y->ground && pmr_ground_outputs(y, motions, seed, values, changes, further + n, along ? along + n : NULL))
-        for (k = 0; k < y->ground; k++) further[n + k] = NAN;
+    return y->ground ? pmr_ground_outputs(y, motions, seed, values, changes, further + n, along ? along + n : NULL)
+                     : PMR_DONE;
 }

@@ -86,7 +86,7 @@ static int push_on_ground(const pmr_stand *s, const double *loads, double *force
     double A[MOST * MOST], b[MOST], pulls[MOST], work[WORK];
     int32_t lifted[MOST] = {0}, pushes[MOST];
     sharing of;
-    int i, j, c, failed, pulled = 0;
+    int i, j, c, pulled = 0;
     share_out(s, lifted, &of);
     carry(s, &of, loads, forces);
     for (i = 0; i < n; i++) pulled |= forces[i] < 0.0;
@@ -99,8 +99,7 @@ static int push_on_ground(const pmr_stand *s, const double *loads, double *force
             for (c = 0; c < 3; c++) A[i * n + j] -= of.Q[c][i] * of.Q[c][j];
         }
     }
-    failed = pmr_contact(n, A, b, pushes, pulls, lifted, work, NULL);
-    if (failed) return failed;
+    if (pmr_contact(n, A, b, pushes, pulls, lifted, work, NULL)) return PMR_LIFTED;
     share_out(s, lifted, &of);
     carry(s, &of, loads, forces);
     return PMR_DONE;
@@ -160,6 +159,10 @@ static int find_columns(const pmr_stand *s, const double *w, double *columns)
     margins[s->corners] = fabs(w[2]) < pressed ? 0.0 : 1.0 - smallest; /* nothing presses yet */
     if (least < 0.0) move_inside(s, center, loads + 1);
     for (k = 1; k < 3; k++) loads[k] *= pressing;
+    for (k = 0; k < 6; k++)
+        if (!isfinite(w[k])) return PMR_NOT_FINITE;
+    for (k = 0; k < 3; k++)
+        if (!isfinite(loads[k])) return PMR_NOT_FINITE;
     return push_on_ground(s, loads, columns + 6);
 }
 

@@ -266,9 +266,9 @@ struct pmr_state {
       (pmr_machine_run *run, int64_t first, int64_t count, const pmr_machine_record *record, int64_t *taken),          \
       (run, first, count, record, taken))                                                                              \
     P(outputs, outputs, (pmr_state *state, double *y, double *forces), (state, y, forces))                             \
-    P(observe, observe, (pmr_state *state, int count, const int32_t *numbers, double *values),                         \
+    F(int, observe, observe, (pmr_state *state, int count, const int32_t *numbers, double *values),                         \
       (state, count, numbers, values))                                                                                 \
-    P(further, further_outputs, (pmr_state *state, double *further), (state, further))                                 \
+    F(int, further, further_outputs, (pmr_state *state, double *further), (state, further))                                 \
     F(int, evaluate_along, evaluate_along,                                                                             \
       (pmr_state *state, const double *at, const double *seed, const double *z, const double *v, int hold,             \
        const pmr_values *values),                                                                                      \
@@ -308,9 +308,9 @@ void pmr_frame_along(const pmr_system *system, const double *motions, const doub
 int pmr_frame_derivatives(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
 /* Further outputs from values (op + hp + forces) and motions (3, n), and how they change along `seed`; a seed of NULL:
    values alone. */
-void pmr_frame_outputs(const pmr_system *system, const double *motions, const double *seed, const double *values,
+int pmr_frame_outputs(const pmr_system *system, const double *motions, const double *seed, const double *values,
                        const double *changes, double *further, double *along);
-/* Of these those of outriggers alone. */
+/* Of these those of outriggers alone; PMR_LIFTED or PMR_NOT_FINITE where they are not found. */
 int pmr_ground_outputs(const pmr_system *system, const double *motions, const double *seed, const double *values,
                        const double *changes, double *columns, double *along);
 /* How a frame, or the base that carries it, is turned: its rotation (3, 3) into axes of the ground, its angular velocity

@@ -110,23 +110,23 @@ static void show_behind(pmr_state *st, double *to)
     copy(to + (st->system->hoist ? PMR_HOIST_OUTPUTS : 0), st->luffing, st->system->luffing);
 }
 
-static void further_outputs(pmr_state *st, double *further)
+static int further_outputs(pmr_state *st, double *further)
 {
     const pmr_system *y = st->system;
     find_all(st, st->values);
     copy(further, st->values + y->op, y->reactions);
-    if (y->motions) pmr_frame_outputs(y, st->motions, NULL, st->values, NULL, further, NULL);
     show_behind(st, further + y->reactions + 3 * y->has_tip + (y->sources > 0) + y->ground);
+    return y->motions ? pmr_frame_outputs(y, st->motions, NULL, st->values, NULL, further, NULL) : PMR_DONE;
 }
 
 /* Some outputs and forces, by their numbers among all outputs and, behind these, all forces and outputs of a hoist, of a
    free luffing angle and of outriggers. */
-static void observe(pmr_state *st, int count, const int32_t *numbers, double *values)
+static int observe(pmr_state *st, int count, const int32_t *numbers, double *values)
 {
     const pmr_system *y = st->system;
     const int outputs = y->outputs, to_forces = y->op - outputs;
     const int ground = outputs + y->forces + (y->hoist ? PMR_HOIST_OUTPUTS : 0) + y->luffing;
-    int first = outputs, last = -1, forces = 0, stands = 0, k;
+    int first = outputs, last = -1, forces = 0, stands = 0, failed, k;
     for (k = 0; k < count; k++) {
         const int n = numbers[k];
         forces |= n >= outputs;
@@ -141,9 +141,10 @@ static void observe(pmr_state *st, int count, const int32_t *numbers, double *va
     if (forces) show_behind(st, st->values + y->op + y->forces);
     for (k = 0; k < count; k++)
         if (numbers[k] < ground) values[k] = st->values[numbers[k] + (numbers[k] < outputs ? 0 : to_forces)];
-    if (!stands) return;
+    if (!stands) return PMR_DONE;
     find_all(st, st->values);
-    stands = pmr_ground_outputs(y, st->motions, NULL, st->values, NULL, st->shown, NULL);
-    for (k = 0; k < count; k++)
-        if (numbers[k] >= ground) values[k] = stands ? NAN : st->shown[numbers[k] - ground];
+    failed = pmr_ground_outputs(y, st->motions, NULL, st->values, NULL, st->shown, NULL);
+    for (k = 0; k < count && !failed; k++)
+        if (numbers[k] >= ground) values[k] = st->shown[numbers[k] - ground];
+    return failed;
 }

@@ -40,18 +40,19 @@ typedef struct pmr_system pmr_system;
 typedef struct pmr_state pmr_state;
 
 /* What a function returns.  PMR_DONE: all is well.  The others leave the state where the last whole step ended, but for
-   PMR_NOT_FINITE, after which only `pmr_start` and `pmr_state_restore` go on. */
+   PMR_NOT_FINITE of a step, after which only `pmr_start` and `pmr_state_restore` go on. */
 enum {
     PMR_DONE = 0,
     PMR_REFUSED = 1,     /* an argument or a block of bytes is wrong */
     PMR_DEPENDENT = 2,   /* a contact depends on those before it: `pmr_state_trouble` tells which */
     PMR_UNSETTLED = 3,   /* which contacts are closed was not found in 1000 solves */
     PMR_UNCONVERGED = 4, /* forces of terms or friction do not converge within a step */
-    PMR_NOT_FINITE = 5,  /* a coordinate is infinite or no number */
+    PMR_NOT_FINITE = 5,  /* a coordinate, or a force on the ground, is infinite or no number */
     PMR_NO_MEMORY = 6,
     PMR_LOST = 7,        /* a machine's motion is not found */
     PMR_BLOCKED = 9,     /* a hook is at its sheaves: its rope is too short */
-    PMR_UPRIGHT = 8      /* a machine pitches by 90 degrees, where roll and yaw turn about one axis */
+    PMR_UPRIGHT = 8,     /* a machine pitches by 90 degrees, where roll and yaw turn about one axis */
+    PMR_LIFTED = 10      /* which outriggers lift off is not found */
 };
 
 /* Room for a message, with the zero at its end. */
@@ -321,13 +322,15 @@ int pmr_advance_sampled(pmr_state *state, const double *u, int per, int64_t coun
 
 /* Outputs y (o,) and forces (forces,) of all contacts, either NULL, where the state stands. */
 void pmr_outputs(pmr_state *state, double *y, double *forces);
-/* Some of them, by their numbers (count,): of outputs, behind these of forces, and behind these of a hoist's outputs. */
-void pmr_observe(pmr_state *state, int count, const int32_t *numbers, double *values);
+/* Some of them, by their numbers (count,): of outputs, behind these of forces, and behind these of outputs of a hoist, of
+   a free luffing angle and of outriggers; PMR_LIFTED or PMR_NOT_FINITE where those of outriggers are not found. */
+int pmr_observe(pmr_state *state, int count, const int32_t *numbers, double *values);
 /* Further outputs (further,) where the state stands: in N and N m what a body presses on its rigid supports; in a frame
    the place of the tip from the pivot along axes of the ground in m, and the force of the luffing cylinder in N; of a
    hoist the height of the hook, its place along axes of the ground in m, its swing along and across the boom's plane in
-   rad, the force of the rope in N, and its pull on the winch along axes of the ground.  In a frame the motions are those of the last start or step that was told them. */
-void pmr_further(pmr_state *state, double *further);
+   rad, the force of the rope in N, and its pull on the winch along axes of the ground.  In a frame the motions are those
+   of the last start or step that was told them.  Errors as `pmr_observe`. */
+int pmr_further(pmr_state *state, double *further);
 
 /* ---- derivatives ---- */
 
@@ -355,7 +358,7 @@ typedef struct {
     int32_t *closed;                    /* (m) */
 } pmr_values;
 
-/* Values at z and v of the state under drivers u (N,), or motions (3, n) of a frame.  Multipliers of contacts that give
+/* Values at z and v of the state under drivers u (N,), or motions (3, n) of a frame; errors as `pmr_observe`.  Multipliers of contacts that give
    way follow from the position; those of rigid ones, and friction, are those of the last step.  The state stays where
    it is. */
 int pmr_evaluate(pmr_state *state, const double *at, int hold, const pmr_values *values);

@@ -202,7 +202,8 @@ class Stepper:
             than a turn, a number is not finite, the system has no such name, or there is not one load for each input.
             A motion that jumps, or that has no second rate in a frame, is reported once by a warning of `logging`.
         SimulationError
-            If contacts depend on each other.
+            If contacts depend on each other, a search within the step does not end, or a force on the ground is not
+            finite: the message names the step, its time and what failed.
         """
         drivers = self._drivers
         if type(F) is float and self._load >= 0 and F - F == 0.0:  # F - F is NaN unless F is finite
@@ -222,10 +223,11 @@ class Stepper:
             drivers.lead_rates(self._bound.rates)
         failed = self._advance()
         if failed:
-            self._raise_failure(failed)
+            self._raise_failure(failed, self._step_text(1))
         if self._has_rates:
             drivers.end_step()
-        self._observe()
+        if failed := self._observe():
+            self._raise_failure(failed, f"the outputs of {self._step_text(0)}")
         return self._y if self._same_memory else self._y.copy()
 
     @property
@@ -300,7 +302,7 @@ class Stepper:
     def check_finite(self) -> None:
         """Raise SimulationError if the state is not finite: loads may have been NaN."""
         if not np.all(np.isfinite(self._state.z)):
-            raise SimulationError(f"march failed at {self._step_text}: not finite")
+            raise SimulationError(f"march failed at {self._step_text(0)}: not finite")
 
     def _start(self, initial: Mapping[str, InitialState] | None, static: bool) -> None:
         """Set the state to t = 0: as `initial` says, in equilibrium if it is None and `static`, or at rest.
@@ -375,12 +377,12 @@ class Stepper:
         ends = {path: Ramp(times=(0.0, self._step), values=ends) for path, ends in self._ranges.items()}
         return Excitation(ends, {}, TimeStepping(self._step, self._step / 64.0))
 
-    def _raise_failure(self, failed: int) -> None:
-        """Raise the error of a failed step."""
+    def _raise_failure(self, failed: int, where: str) -> None:
+        """Raise the error that an error code stands for; `where` names the step."""
         try:
-            self._state.raise_unless_done(failed, self._step_text)
+            self._state.raise_unless_done(failed, where)
         except StepError as error:
-            raise self._failure(self._step_text, error) from None
+            raise self._failure(where, error) from None
 
     def _failure(self, where: str, error: StepError) -> SimulationError:
         """Error of a failed step or start for the user; `where` names the step or time."""
@@ -388,7 +390,7 @@ class Stepper:
         where = f"{where}{path_text(tuple(paths), np.array(list(paths.values())))}"
         return step_failure(where, self._form, error, self._form.modal.side_coordinates(paths))
 
-    @property
-    def _step_text(self) -> str:
-        """Text with number and time of the next step."""
-        return f"step {self._state.step_number + 1}, t = {self.time + self._step:g} s"
+    def _step_text(self, further: int) -> str:
+        """Text with number and time of the step that is so many after the last one."""
+        number = self._state.step_number + further
+        return f"step {number}, t = {number * self._step:g} s"

@@ -235,8 +235,9 @@ int unit_failed(Unit *unit, int failed)
                                   "and open again and again within a step, or it is too long"
                                 : "the forces of second order do not converge: shorter steps help where tension, "
                                   "pressure or spin change the stiffness of a step as much as it is");
-    case PMR_NOT_FINITE: return refuse(unit, "the state is not finite: loads may have been none");
+    case PMR_NOT_FINITE: return refuse(unit, "the state, or a force on the ground, is not finite: loads may have been none");
     case PMR_BLOCKED: return refuse(unit, "the hook is at its head sheaves: its rope is too short");
+    case PMR_LIFTED: return refuse(unit, "which outriggers lift off is not found");
     case PMR_LOST: return refuse(unit, "the luffing angle is not found: shorter steps are needed");
     case PMR_UPRIGHT:
         return refuse(unit, "foot, lug and pivot of the luffing cylinder come in line; without a cylinder, the boom has "

@@ -37,7 +37,8 @@ static int find_outputs(Unit *unit, int further)
         if (failed) return unit_failed(unit, failed);
         unit->known_further = unit->known_outputs = 1;
     } else if (further) {
-        pmr_further(unit->state, others);
+        failed = pmr_further(unit->state, others);
+        if (failed) return unit_failed(unit, failed);
         unit->known_further = 1;
     } else {
         pmr_outputs(unit->state, outputs, u + unit->at.forces);
