@@ -151,7 +151,7 @@ def describe_model(model: ReducedModel) -> dict[str, str]:
         "basis": str(model.provenance.get("basis", "unknown")),
         **_describe_inputs(model.input_names, model.input_units),
         "outputs": _describe_outputs(model),
-        "rows": f"{', '.join(rows)}; s from {low:g} to {high:g} m",
+        "rows": f"{', '.join(rows)}; s from {low:g} to {high:g} m" if rows else "none: nothing slides",
         "rows left out": ", ".join(model.left_out) or "none",
         **({"ports": ", ".join(model.ports)} if model.ports else {}),
         "made with": ", ".join(

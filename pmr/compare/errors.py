@@ -154,6 +154,8 @@ def compared_pairs(
         common = with_common_forces(responses[a], responses[b])
         signal, reference = _without_round_off(*common, least, least_force)
         pairs = {name: Pair(quantity(signal), quantity(reference)) for name, quantity in quantities.items()}
+        if not signal.slider_force.size:  # a body without pads and sliders
+            pairs.pop("pad_force", None)
         pairs_of_models[f"{a}_vs_{b}"] = pairs | _other_pairs(responses[a], responses[b], least_force)
     return pairs_of_models
 

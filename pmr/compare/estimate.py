@@ -181,7 +181,8 @@ def estimate_error(
             unknown.setdefault("pad_force", why)
         body, motion = only_body_motion(richer.simulation.system, richer.simulation.run, excitation)
         indicator = chi(body, motion, richer.simulation.run.loads, model.size)
-    kinds = [kind for kind in dict.fromkeys((*OUTPUT_KINDS, *outputs.kinds)) if kind != "probe"]
+    without = {"probe", *(() if outputs.force.size else ("pad_force",))}
+    kinds = [kind for kind in dict.fromkeys((*OUTPUT_KINDS, *outputs.kinds)) if kind not in without]
     errors = _errors_by_name(first.response, richer.simulation.response, excitation)
     errors |= differences(outputs, better, floors, kinds)
     of_probes = probe_differences(outputs, better, floors)

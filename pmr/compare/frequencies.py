@@ -29,7 +29,7 @@ from pmr.results import Frequencies, FrequencyMap, FrequencyResponse, Paths
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.choice import is_pinned_beam
-from pmr.scene.keys import ALONE, LUFFING
+from pmr.scene.keys import ALONE, LUFFING, SLIDER
 from pmr.scene.members import member_at
 from pmr.simulation import Excitation
 from pmr.simulation.at_rest import amplitudes_at_rest, critical_luffing
@@ -211,7 +211,7 @@ class WayPoints:
 
     def sides(self, system: System) -> Array:
         """Path coordinates (S, sides) in m of the sides of all contacts of a system."""
-        return system.side_coordinates(dict(zip(system.paths, self.s.T, strict=True)))
+        return system.side_coordinates(dict(zip(system.paths or (SLIDER,), self.s.T, strict=True)))
 
 
 def result_paths(scene: Scene, excitation: Excitation) -> Paths:

@@ -221,7 +221,7 @@ def _draw(space: StateSpace, f: Array, gain: Array, output: str, target: Path) -
     FigureCanvasAgg(figure)
     for k, name in enumerate(space.inputs):
         axes = figure.add_subplot(1, len(space.inputs), k + 1, yscale="log", xlabel=axis, ylabel="f in Hz")
-        level = 20.0 * np.log10(np.maximum(gain[order, :, k], FLOOR * gain.max())).T
+        level = 20.0 * np.log10(np.maximum(gain[order, :, k], max(FLOOR * gain.max(), np.finfo(float).tiny))).T
         if np.ptp(together) > 0.0:
             mesh = axes.pcolormesh(together[order], f, level, shading="nearest", rasterized=True)
             figure.colorbar(mesh, label="gain in dB")

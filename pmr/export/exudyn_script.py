@@ -26,7 +26,7 @@ from pmr.simulation.exudyn.equations import Equations
 from pmr.simulation.moving import StoredScene, read_scene
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
-from pmr.system.body import force_outputs
+from pmr.system.body import length_outputs
 from pmr.system.contacts import ALONE
 from pmr.system.system import System
 
@@ -109,11 +109,11 @@ def _tip(system: System, source: str) -> Arrays:
     Raises InputError if there is none.
     """
     of = [
-        (name, position, force)
+        (name, position, is_length)
         for name, body in system.bodies.items()
-        for position, force in zip(body.output_positions, force_outputs(body), strict=True)
+        for position, is_length in zip(body.output_positions, length_outputs(body), strict=True)
     ]
-    displacements = [k for k, (_, _, force) in enumerate(of) if not force]
+    displacements = [k for k, (_, _, is_length) in enumerate(of) if is_length]
     if not displacements:
         raise InputError(source, "outputs", None, "at least one displacement is allowed in a script")
     name, position, _ = of[displacements[-1]]

@@ -225,7 +225,7 @@ def _block_on_path(
     rows = [row.refine(breaks) for row in rows]
     degree = same_degree(*(row.coefficients for row in rows))
     rows = [replace(row, coefficients=c) for row, c in zip(rows, degree, strict=True)]
-    R, C = part.flexibility.rows, RowPolynomials.from_rows(rows)
+    R, C = part.flexibility.rows, RowPolynomials.from_rows(rows, breaks)
     return Block(
         part,
         path,

@@ -268,7 +268,7 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, object]) -> R
         K=K,
         B=np.asarray(comm.allreduce(V.T @ local_csr(model.inputs))),
         outputs=np.asarray(comm.allreduce((V.T @ local_csr(model.outputs)).T)),
-        rows=stack_tables(projected, model.rows.domain),
+        rows=stack_tables(projected, model.rows.domain, basis.size),
         input_names=model.input_names,
         row_names=model.rows.names,
         output_positions=model.output_positions,

@@ -223,8 +223,7 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
     for row in model.rows.rows:
         tables[row.name].c[:] = 0.0 if row.is_fixed else model.comm.allreduce(tables[row.name].c)
     nothing = PPoly(np.zeros((1, 1, len(held))), np.array(model.rows.domain))
-    rows = stack_tables([tables.get(name, nothing) for name in reduced.row_names] or [nothing], model.rows.domain)
-    c = rows.c if reduced.row_names else rows.c[:, :, :0]
+    rows = stack_tables([tables.get(name, nothing) for name in reduced.row_names], model.rows.domain, len(held))
     inertia = inner(motions, times(model.M, V), model.comm)
     if model.rayleigh is None:
         damping = inner(motions, times(model.D, V), model.comm)
@@ -241,7 +240,7 @@ def with_reactions(reduced: ReducedModel, body: FreeBody, V: Array, motions: Arr
             damping=damping,
             stiffness=np.zeros_like(inertia),
             inputs=np.asarray(model.comm.allreduce(motions.T @ local_csr(model.inputs))),
-            rows=PPoly(np.ascontiguousarray(c.swapaxes(2, 3)), rows.x),
+            rows=PPoly(np.ascontiguousarray(rows.c.swapaxes(2, 3)), rows.x),
             carried=None if reduced.carriers is None else _carrier_motions(model, motions),
             matrices=_work_on_motions(reduced, model, V, motions),
             ports={

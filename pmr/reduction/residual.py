@@ -81,7 +81,7 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, object]) 
     (flexibility,) = load_powers(residual, shared.carriers, load_pairs(shared, len(model.input_names)), 1)
     body.free_factor()
     free_dropped(model.comm)
-    flexible = _with_flexibility(reduced, tables(flexibility, shared))
+    flexible = _with_flexibility(reduced, tables(flexibility, shared, model.rows.domain))
     check_independence(flexible)
     return flexible
 
@@ -122,7 +122,7 @@ def section_model(
     carriers = CarrierRows.from_rows(
         released_rows(model).shared_carriers.rows, values, flexibility.carrier_flexibility()
     )
-    flexible = _with_flexibility(reduced, tables(flexibility, shared))
+    flexible = _with_flexibility(reduced, tables(flexibility, shared, model.rows.domain))
     if basis.size < model.size:  # all motions of a body leave no flexibility out
         check_independence(flexible, _yielding_rows(flexible))
     inertia_of_any = inertia[0].carrier_flexibility() if inertia else None
@@ -247,12 +247,15 @@ def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, 
     model = residual.model
     complete = galerkin(model, basis, provenance)
     fixed = [i for i, row in enumerate(model.rows.rows) if row.is_fixed]
-    violated = set(fixed) - set(satisfied_rows(complete.rows, SATISFIED))
+    V = np.array(basis.V.getDenseArray())
+    largest = max(model.comm.allgather(float(np.abs(V).max(initial=0.0))))
+    round_off = ROUND_OFF * np.finfo(float).eps * largest  # if all rows are satisfied, the largest of them is no scale
+    violated = set(fixed) - set(satisfied_rows(complete.rows, SATISFIED, round_off))
     if violated:
         moved_rows = ", ".join(model.rows.names[i] for i in sorted(violated))
         allowed = f"vectors that move no rigid support are allowed where flexibility is true; these move {moved_rows}"
         raise InputError("scene", "reduction.basis", None, allowed)
-    return _without_round_off(without_rows(complete, fixed), residual, np.array(basis.V.getDenseArray()))
+    return _without_round_off(without_rows(complete, fixed), residual, V)
 
 
 def _with_flexibility(reduced: ReducedModel, flexibility: Flexibility) -> ReducedModel:

@@ -237,6 +237,8 @@ def load_pairs(shared_carriers: SharedCarriers, inputs: int) -> sp.csr_matrix:
     They are pairs of carriers that rows touch on the same interval, and pairs of an input with any load.  On the path
     of a beam each load pairs with a few others, however fine the mesh.
     """
+    if not shared_carriers.rows:
+        return sp.csr_matrix(np.ones((inputs, inputs)))
     k = len(shared_carriers.rows[0].breaks) - 1
     at = np.concatenate(
         [np.broadcast_to(np.arange(k)[:, None], row.touched.shape).ravel() for row in shared_carriers.rows]
@@ -320,12 +322,15 @@ def load_powers(
     return [table.result() for table in tables]
 
 
-def tables(flexibility: LoadFlexibility, shared_carriers: SharedCarriers) -> Flexibility:
+def tables(flexibility: LoadFlexibility, shared_carriers: SharedCarriers, domain: tuple[float, float]) -> Flexibility:
     """Residual flexibility of rows on common carriers as tables in s: G = C R C^T, H = C R B and X = O R C^T.
 
-    All rows have the same path coordinate s.  The constants W = O R B and B^T R B are part of the result.
+    All rows have the same breaks and the same path coordinate s, on `domain` in m.  The constants W = O R B and
+    B^T R B are part of the result.
     """
-    C, K, inputs = RowPolynomials.from_rows(shared_carriers.rows), flexibility.carriers, flexibility.inputs
+    breaks = shared_carriers.rows[0].breaks if shared_carriers.rows else np.array(domain)
+    C, K = RowPolynomials.from_rows(shared_carriers.rows, breaks), flexibility.carriers
+    inputs = flexibility.inputs
     return Flexibility(
         rows=C.quadratic_form(flexibility.pairs[:K, :K]),
         inputs=C.times(inputs[:K]),

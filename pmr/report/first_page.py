@@ -331,19 +331,20 @@ def _frequency_rows(result: RunResult) -> Rows:
         return
     k = int(np.nanargmin(frequencies[:, 0]))
     lowest, where = float(frequencies[k, 0]), _position_text(result, float(result.frequencies.along[k]))
-    where = f"{'with' if crossing(result) else 'at'} {where}"
+    where = f", {'with' if crossing(result) else 'at'} {where}" if where else ""
     if lowest > ROUND_OFF * np.nanmax(frequencies):
         closed = ", every pad closed" if has_pushing_pads(result) else ""
         closed += ", without the payload of the hoist" if result.scene.hoist is not None else ""
         closed += ", the luffing cylinder locked" if has_free_luffing(result) else ""
-        yield QUANTITIES["frequency"].reported, f"{significant(lowest)}{SPACE}Hz, {where}{closed}"
+        yield QUANTITIES["frequency"].reported, f"{significant(lowest)}{SPACE}Hz{where}{closed}"
     else:
-        yield QUANTITIES["frequency"].reported, f"0, {where}"
+        yield QUANTITIES["frequency"].reported, f"0{where}"
 
 
 def _extreme_clause(result: RunResult, extreme: Extreme) -> str:
     """Clause with the time of an extreme value, and with the reach (or path coordinate) and the angles at that time."""
-    return f"at {format_time(extreme.t)}, {_position_text(result, extreme.s)}{_angles_clause(result, extreme.t)}"
+    where = ", ".join(filter(None, (f"at {format_time(extreme.t)}", _position_text(result, extreme.s))))
+    return f"{where}{_angles_clause(result, extreme.t)}"
 
 
 def _angles_clause(result: RunResult, t: float) -> str:
@@ -362,14 +363,17 @@ def _angles_clause(result: RunResult, t: float) -> str:
 
 
 def _position_text(result: RunResult, position: float) -> str:
-    """Describe `position` in m: the reach of a boom, the length of a section beyond its mouth, or s of the sliders."""
+    """Describe `position` in m: the reach of a boom, the length of a section beyond its mouth, or s of the sliders.
+
+    The text is empty for a body that does not slide.
+    """
     if mover := crossing(result):
         return f"{mover} at {_round(position)}{SPACE}m"
     if not is_alone(result):
         return f"reach {_round(position)}{SPACE}m"
     if moving_part(result) == "mouth":
         return f"{_round(reach_of(result) - position)}{SPACE}m out"
-    return f"s = {_round(position)}{SPACE}m"
+    return f"s = {_round(position)}{SPACE}m" if moving_part(result) else ""
 
 
 def _round(value: float) -> str:

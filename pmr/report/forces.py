@@ -15,7 +15,7 @@ from pmr.report.figures import loads as figures
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.histories import drawn_history
 from pmr.report.numbers import NOTHING, Unit, format_input, format_quantity, format_time, significant, unit_for
-from pmr.report.subject import crossing, drive_of, force_words, has_pushing_pads, is_alone
+from pmr.report.subject import crossing, drive_of, force_words, has_pushing_pads, is_alone, moving_part, places_at
 from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES
 from pmr.results.response import LUFFING_ANGLE, Extremes, Output, Response
@@ -106,7 +106,7 @@ def pivot_block(result: RunResult, prefix: str) -> Block | None:
             if any(reaction.name.endswith("cylinder") for reaction in some):
                 caption += " The luffing cylinder carries a part of them, along itself, and the pivot the rest."
             row.append(drawing(f"{prefix}-pivot-{name}", figures.pivot_figure, caption, result, some))
-    caption = "Least and largest {} on the machine, when they occur, and " + abscissa_words(result) + " then."
+    caption = "Least and largest {} on the machine, when they occur" + then_words(result) + "."
     grids = (*_rigid_support_grids(result, at_pivot=True, caption=caption), *_luffing_grids(result))
     return Block(heading="Forces on the machine", drawings=row, grids=grids) if row else None
 
@@ -133,7 +133,7 @@ def ground_block(result: RunResult, prefix: str) -> Block | None:
     ):
         extremes = {of["name"]: Extremes.from_summary(of) for of in ground[key]}
         largest = max(extreme.size for extreme in extremes.values())
-        caption = f"Least and largest {what}, when they occur, and {abscissa_words(result)} then."
+        caption = f"Least and largest {what}, when they occur{then_words(result)}."
         grids.append(_grid(extremes, unit, largest, caption))
     text = "; ".join(
         f"{of['name']} lifts off at {format_time(of['lifted']['t'])}" for of in ground["outriggers"] if "lifted" in of
@@ -179,7 +179,7 @@ def _luffing_grids(result: RunResult) -> Iterator[Grid]:
     bases = {name: QUANTITIES[f"luffing_{name.split()[0]}"].unit for name in by_name}
     units = {name: unit_for(extremes.size, bases[name]) for name, extremes in by_name.items()}
     caption = "The cylinder that raises the boom, hinged as frame.cylinder says: positive where it presses, and where "
-    caption += f"it gets longer; when that is, and {abscissa_words(result)} then."
+    caption += f"it gets longer; when that is{then_words(result)}."
     yield extremes_grid(caption, by_name, units)
 
 
@@ -220,14 +220,17 @@ def exceeds_round_off(result: RunResult, force: Force) -> bool:
     return any(float(np.abs(force.history(of)).max(initial=0.0)) > of.force_floor for of in responses)
 
 
-def abscissa_words(result: RunResult) -> str:
-    """Words for the coordinate at which extremes occur: the path coordinate s for a body alone, else the reach.
+def then_words(result: RunResult) -> str:
+    """Clause on the coordinate at which extremes occur: the path coordinate s for a body alone, else the reach.
 
-    Where a mass on a wheel crosses another section, it is the place of the wheel.
+    Where a mass on a wheel crosses another section, it is the place of the wheel.  The clause is empty if nothing
+    slides.
     """
+    if not moving_part(result):
+        return ""
     if mover := crossing(result):
-        return f"the place of {mover}"
-    return "the path coordinate s" if is_alone(result) else "the reach"
+        return f", and the place of {mover} then"
+    return f", and {'the path coordinate s' if is_alone(result) else 'the reach'} then"
 
 
 def _caption(result: RunResult, kind: str, group: str, unit: str) -> str:
@@ -253,11 +256,11 @@ def force_extremes_grid(result: RunResult, kind: str, forces: Sequence[Force]) -
     All of `forces` have the same unit.
     """
     response, t = result.responses["reduced"], result.responses["reduced"].t
-    path, unit = result.abscissa_at(t), forces[0].unit
+    path, unit = places_at(result, t), forces[0].unit
     by_name = {force.full_name: Extremes.from_history(force.history(response), t, path) for force in forces}
     what = "moments" if unit == "N m" else "forces"
     on = " on supports that give way" if kind == "support" else ""
-    caption = f"Least and largest {what}{on}, when they occur, and {abscissa_words(result)} then.{SIGNS.get(kind, '')}"
+    caption = f"Least and largest {what}{on}, when they occur{then_words(result)}.{SIGNS.get(kind, '')}"
     grid = _grid(by_name, unit, float(np.abs(response.slider_force).max(initial=0.0)), caption)
     cylinders_of_run = result.summary.get("cylinders", ())
     friction = {of["name"]: format_quantity(of["friction"], "N") for of in cylinders_of_run if "friction" in of}
@@ -269,8 +272,8 @@ def force_extremes_grid(result: RunResult, kind: str, forces: Sequence[Force]) -
 
 def reaction_grids(result: RunResult) -> Iterator[Grid]:
     """Yield tables with the extremes of forces and of moments on rigid supports."""
-    caption = "Least and largest {} on rigid supports, positive along the axes, when they occur, and "
-    return _rigid_support_grids(result, at_pivot=False, caption=f"{caption}{abscissa_words(result)} then.")
+    caption = "Least and largest {} on rigid supports, positive along the axes, when they occur"
+    return _rigid_support_grids(result, at_pivot=False, caption=f"{caption}{then_words(result)}.")
 
 
 def _rigid_support_grids(result: RunResult, at_pivot: bool, caption: str) -> Iterator[Grid]:
@@ -280,7 +283,7 @@ def _rigid_support_grids(result: RunResult, at_pivot: bool, caption: str) -> Ite
     if not, they are about all other supports.  `caption` contains a ``{}`` in place of the word forces or moments.
     """
     response, by_unit = result.responses["reduced"], dict[str, dict[str, Extremes]]()
-    for of, extreme in reaction_extremes(response, result.abscissa_at(response.t)).items():
+    for of, extreme in reaction_extremes(response, places_at(result, response.t)).items():
         if (result.frame is not None and of.support.startswith(PIVOT)) == at_pivot:
             by_unit.setdefault(of.unit, {})[of.support.removeprefix(PIVOT)] = extreme
     for base, of_unit in by_unit.items():
@@ -308,12 +311,13 @@ def extreme_cells(extreme: Extremes, unit: Unit, nothing: float = 0.0) -> Iterat
     """Yield a cell for the least and one for the largest value in `unit`, each with its time and position.
 
     A value of at most `nothing`, given in the unit without prefix, is printed as ``0`` without time and position.
+    A position that is NaN is left out.
     """
     for value, t, s in (
         (extreme.least, extreme.t_least, extreme.s_least),
         (extreme.most, extreme.t_most, extreme.s_most),
     ):
-        when = f" at {format_time(t)}, {format_input(round(s, 2), 'm')}"
+        when = f" at {format_time(t)}" + ("" if np.isnan(s) else f", {format_input(round(s, 2), 'm')}")
         yield f"{significant(value / unit.size)}{when}" if abs(value) > nothing else "0"
 
 
@@ -352,9 +356,9 @@ def hoist_block(result: RunResult, prefix: str) -> Block | None:
         if figures[key]["max"] > figures[key]["min"]:
             drawn = f"{prefix}-hoist-{number}", result, partial(_history, key), f"{label}{clause}", label, _unit(key)
             drawings.append(drawn_history(*drawn))
-        extremes[name] = Extremes.from_history(_history(key, response), response.t, result.abscissa_at(response.t))
+        extremes[name] = Extremes.from_history(_history(key, response), response.t, places_at(result, response.t))
     units = {name: unit_for(extremes[name].size, _unit(key)) for key, (name, *_) in SHOWN.items()}
-    grid = extremes_grid(f"The hoist; when that is, and {abscissa_words(result)} then.", extremes, units)
+    grid = extremes_grid(f"The hoist; when that is{then_words(result)}.", extremes, units)
     weight, times = format_quantity(figures["weight_force"], "N"), significant(figures["factor"])
     text = f"The rope's largest force is {times} times that of the weight, {weight}."
     for span in figures.get("slack", ()):

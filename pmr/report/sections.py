@@ -99,7 +99,7 @@ def input_block(result: RunResult, prefix: str) -> Block | None:
     `prefix` begins the identifiers of the figures.
     """
     row, parts, alone = list[Drawing](), list[str](), is_alone(result)
-    if alone or np.ptp(result.paths.values, axis=0).any():
+    if moving_part(result) if alone else np.ptp(result.paths.values, axis=0).any():
         moves = f"{moving_part(result).capitalize()} position along the body over time."
         caption = moves if alone else "Extension of each section over time."
         row.append(drawing(f"{prefix}-position", inputs.path_figure, caption, result))
@@ -179,10 +179,10 @@ def energy_block(result: RunResult, prefix: str) -> Block:
 def constraint_block(result: RunResult, prefix: str) -> Block | None:
     """Build the block on how well moving constraints hold, as positions and as velocities.
 
-    It is None for a formulation that leaves velocities free, as then positions hold to round-off.  `prefix` begins the
-    identifiers of the figures.
+    It is None if nothing slides, and for a formulation that leaves velocities free, as then positions hold to
+    round-off.  `prefix` begins the identifiers of the figures.
     """
-    if not np.isfinite(result.responses["reduced"].residual_velocity).all():
+    if not moving_part(result) or not np.isfinite(result.responses["reduced"].residual_velocity).all():
         return None
     levels = {"position": "m", "velocity": "m/s"}.items()
     drawings = [histories.residual_drawing(f"{prefix}-residual-{level}", result, level, unit) for level, unit in levels]

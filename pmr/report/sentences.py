@@ -63,7 +63,9 @@ def opening_sentences(result: RunResult) -> str:
     low, high = result.scene.path_bounds
     low, high, end = (round(x, 3) for x in (low, high, reach(result)))
     model = structural_model(result)
-    if moving_part(result) == "mouth":
+    if not moving_part(result):
+        what = f"A body of {format_input(end, 'm')} that does not slide."
+    elif moving_part(result) == "mouth":
         out = (
             f"{format_input(end - high, 'm')} to {format_input(end - low, 'm')}"
             if high > low

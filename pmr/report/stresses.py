@@ -13,8 +13,9 @@ from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.figures import loads as figures
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.histories import Timeline, difference_clause, drawn_history
-from pmr.report.forces import abscissa_words, extremes_grid
+from pmr.report.forces import extremes_grid, then_words
 from pmr.report.numbers import NOTHING, SPACE, Unit, format_input, format_quantity, significant, unit_for
+from pmr.report.subject import places_at
 from pmr.results import Response, RunResult
 from pmr.results.fatigue import rainflow_cycles
 from pmr.results.response import Extremes
@@ -126,7 +127,7 @@ def probe_block(result: RunResult, prefix: str) -> Block | None:
     """
     probes_by_name = {probe["name"]: probe for probe in result.summary.get("probes", ())}
     response = result.responses["reduced"]
-    extremes_by_name = probe_extremes(response, result.abscissa_at(response.t))
+    extremes_by_name = probe_extremes(response, places_at(result, response.t))
     extremes_by_name = {name: peak for name, peak in extremes_by_name.items() if name in probes_by_name}
     if not extremes_by_name:
         return None
@@ -200,7 +201,7 @@ def _probe_caption(result: RunResult, probes_of_run: Iterable[Summary]) -> str:
         name = probe["name"].rpartition(" ")[0]
         place = ", ".join(significant(round(x, 4) + 0.0, 3) for x in probe["at"])
         texts[name] = f"{name} at ({place}){SPACE}m" + (f", {probe['face']}" if probe["face"] else "")
-    return f"Least and largest values, when they occur, and {abscissa_words(result)} then: {'; '.join(texts.values())}."
+    return f"Least and largest values, when they occur{then_words(result)}: {'; '.join(texts.values())}."
 
 
 def _rainflow_grid(result: RunResult, name: str, unit: Unit) -> Grid:

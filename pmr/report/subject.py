@@ -132,10 +132,17 @@ def is_alone(result: RunResult) -> bool:
 
 
 def moving_part(result: RunResult) -> str:
-    """Name of the part that moves: ``boom`` or, for a body alone, ``slider`` or ``mouth``."""
+    """Name of the part that moves: ``boom`` or, for a body alone, ``slider`` or ``mouth``; empty if nothing slides."""
     if not is_alone(result):
         return "boom"
+    if result.scene.only_section.slider is None:
+        return ""
     return "slider" if result.scene.points else "mouth"
+
+
+def places_at(result: RunResult, t: Array) -> Array:
+    """Abscissa (T,) in m at the times t (T,) in s; NaN if nothing slides."""
+    return result.abscissa_at(t) if moving_part(result) else np.full(len(t), np.nan)
 
 
 def force_words(result: RunResult) -> str:

@@ -45,9 +45,8 @@ def _check_single_body(scene: Scene) -> None:
         raise scene_error(
             "sections[0].joint", None, "a section alone does not slide in another one: supports or pads hold it"
         )
-    if part.slider is None:
-        allowed = "a table slider with a path is needed: along it a section alone slides through its pads"
-        raise scene_error("slider", None, allowed)
+    if part.slider is None and any(ring.moving for ring in part.pads):
+        raise scene_error("slider", None, "a table slider with a path is needed: along it moving pads slide")
     check_proportions(part)
     check_loads(part, scene.time.end)
     _check_reduction(scene)
@@ -105,6 +104,9 @@ def _check_reduction(scene: Scene) -> None:
         allowed = "a number of coordinates is allowed with them, no tolerance"
         raise scene_error("reduction.ports", list(choice.ports), allowed)
     if choice.uses_pod:
+        if scene.only_section.slider is None:
+            allowed = "'free_modes' is allowed for a body that does not slide, as this basis is made along a path"
+            raise scene_error("reduction.basis", choice.basis, allowed)
         _check_pod(scene)
     rows, points = fewest_rows(member_at(scene)), len(scene.points)
     if not choice.flexibility and choice.coordinates < rows:

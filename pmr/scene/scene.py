@@ -139,9 +139,8 @@ class SectionTables(CommonTables):
 
     @property
     def slider(self) -> Slider:
-        slider = self.only_section.slider
-        assert slider is not None  # as the checks say
-        return slider
+        """Path of the only body; it stays at s = 0 if the body does not slide."""
+        return self.only_section.slider or Slider(path=Constant(amount=0.0))
 
     @property
     def signals(self) -> dict[str, SignalBase]:
@@ -164,10 +163,11 @@ class SectionTables(CommonTables):
 
     @property
     def points(self) -> tuple[float, ...]:
-        """Distances of the sliding points ahead of s in m; empty where pads slide."""
-        if self.slider.offsets is not None:
-            return self.slider.offsets
-        return () if any(ring.moving for ring in self.pads) else (0.0,)
+        """Distances of the sliding points ahead of s in m; empty where pads slide, or nothing."""
+        slider = self.only_section.slider
+        if slider is not None and slider.offsets is not None:
+            return slider.offsets
+        return () if slider is None or any(ring.moving for ring in self.pads) else (0.0,)
 
 
 #: Keys of a body, which a scene of one body may have at its top.
@@ -175,9 +175,7 @@ OF_A_BODY = frozenset(OneBody.model_fields)
 
 
 class BodyFile(OneBody, CommonTables):
-    """A body that slides, x along it and z up."""
-
-    slider: Slider = Field(description="Path along which the body slides")
+    """A body, x along it and z up, which may slide."""
 
 
 def _describe_common_keys(schema: Schema) -> None:

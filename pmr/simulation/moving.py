@@ -92,7 +92,8 @@ def _read_body_scene(scene: Mapping[str, Any], system: System) -> StoredScene:
         loads.append(weight.signal)
     end, step, rho_inf = (float(scene["time"][key]) for key in ("end", "step", "rho_inf"))
     stepping = _check_steps(TimeStepping(end, step, rho_inf))
-    path, start = _SIGNAL.validate_python(scene["slider"]["path"]), scene.get("start", "rest")
+    slider, start = scene["slider"], scene.get("start", "rest")
+    path = Constant(amount=0.0) if slider is None else _SIGNAL.validate_python(slider["path"])
     if len(loads) != len(system.input_names):
         raise ValueError(f"{len(loads)} given, one for each input is allowed: {', '.join(system.input_names)}")
     named = dict(zip(system.input_names, loads, strict=True))

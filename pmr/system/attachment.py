@@ -229,7 +229,7 @@ def _append_vectors(model: ReducedModel, stiffness: Array, measures: Array, outp
         damping=np.zeros_like(stiffness) if model.rayleigh is None else model.rayleigh.modal_damping(stiffness),
         B=measures[K:].T,
         outputs=outputs,
-        rows=stack_tables(rows, model.domain),
+        rows=stack_tables(rows, model.domain, len(stiffness)),
     )
     on_modes = replace(carriers, enrichment=measures[:K], inertia=None, answers=None)
     without = replace(model, enrichment=modes, carriers=on_modes, reactions=None)  # which lack the new coordinates

@@ -289,18 +289,20 @@ class FullBody(RowProperties):
 
     def dense_rows(self, s: Array) -> Array:
         """Dense rows C(s) (T, m, n) at path coordinates s (T,) in m; they fit in memory for few s only."""
-        return np.stack([row.at(s).toarray() for row in self.rows.rows], axis=1)
+        rows = [row.at(s).toarray() for row in self.rows.rows]
+        return np.stack(rows, axis=1) if rows else np.zeros((len(s), 0, self.rows.size))
 
     def apply_rows(self, s: Array, q: Array, derivative: int = 0) -> Array:
         """Product C(s) q (T, m) for s (T,) in m and coordinates q (T, n).
 
         With a `derivative` of 1 or more, that derivative of C with respect to s is used instead of C.
         """
-        return np.stack([row.apply(s, q, derivative) for row in self.rows.rows], axis=1)
+        applied = [row.apply(s, q, derivative) for row in self.rows.rows]
+        return np.stack(applied, axis=1) if applied else np.zeros((len(q), 0))
 
     def rows_on(self, V: Array) -> PPoly:
         """Piecewise polynomial C(s) V with values (m, r), for V (n, r)."""
-        return stack_tables([row.project(V) for row in self.rows.rows], self.domain)
+        return stack_tables([row.project(V) for row in self.rows.rows], self.domain, V.shape[1])
 
 
 #: Body that a simulator takes: constant matrices and a few rows that move with s (equations:

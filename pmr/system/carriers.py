@@ -233,7 +233,7 @@ class CarrierRows:
 
     def polynomials(self, breaks: Array) -> RowPolynomials:
         """Weights b(x) of all rows on the `breaks` (k + 1,) in m, which must contain the breaks of each row."""
-        return RowPolynomials.from_rows([self.row(k, str(k)).refine(breaks) for k in range(len(self.breaks))])
+        return RowPolynomials.from_rows([self.row(k, str(k)).refine(breaks) for k in range(len(self.breaks))], breaks)
 
     def project(self, X: Array) -> CarrierRows:
         """Return the rows on new coordinates z (k,), with the old ones equal to X z, X (r, k), on the same flexibility.

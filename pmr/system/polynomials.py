@@ -156,8 +156,13 @@ def _selects_all(numbers: slice | Sequence[int] | Indices, count: int) -> bool:
     return np.array_equal(np.arange(count)[numbers], np.arange(count))
 
 
-def stack_tables(tables: Sequence[PPoly], domain: tuple[float, float]) -> PPoly:
-    """Table with values (m, r) on `domain` in m whose rows are m tables with values (r,), which may have any breaks."""
+def stack_tables(tables: Sequence[PPoly], domain: tuple[float, float], columns: int = 0) -> PPoly:
+    """Table with values (m, r) on `domain` in m, from m tables with values (r,), which may have any breaks.
+
+    Without any table, r is `columns`.
+    """
+    if not tables:
+        return PPoly(np.zeros((1, 1, 0, columns)), np.array(domain))
     common = align_tables(*tables, domain=domain)
     return PPoly(np.stack([table.c for table in common], axis=2), common[0].x)
 
@@ -196,8 +201,8 @@ def common_breaks(tables: Sequence[PPoly], domain: tuple[float, float]) -> Array
     A break that is closer to the preceding one than 1e-12 of the domain's length is left out.
     """
     low, high = domain
-    inner = np.concatenate([table.x for table in tables])
-    breaks = np.unique(np.concatenate([[low, high], inner[(inner > low) & (inner < high)]]))
+    inner = np.concatenate([[low, high], *(table.x for table in tables)])
+    breaks = np.unique(inner[(inner >= low) & (inner <= high)])
     apart = np.concatenate([[True], np.diff(breaks) > 1e-12 * (high - low)])
     apart[-1] = True
     return np.asarray(breaks[apart])

@@ -395,11 +395,11 @@ def _upgrade_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> 
     return arrays
 
 
-def satisfied_rows(C: PPoly, tolerance: float = 1e-10) -> list[int]:
+def satisfied_rows(C: PPoly, tolerance: float = 1e-10, least: float = 0.0) -> list[int]:
     """Numbers of the rows C that a basis satisfies identically.
 
-    Each coefficient of such a row, times its interval's length to the same power, is at most `tolerance` times the
-    largest such value of all rows.  `tolerance` is the round-off to expect in the basis.
+    Each coefficient of such a row, times its interval's length to the same power, is at most `least`, or `tolerance`
+    times the largest such value of all rows.  `tolerance` is the round-off to expect in the basis.
     """
     magnitude = np.abs(power_contributions(C)).max(axis=(0, 1, 3))
-    return np.flatnonzero(magnitude <= tolerance * magnitude.max()).tolist()
+    return np.flatnonzero(magnitude <= max(least, tolerance * magnitude.max(initial=0.0))).tolist()

@@ -267,8 +267,9 @@ class Rows:
 
     @property
     def domain(self) -> Interval:
-        """Lowest and highest path coordinate in m at which every row is defined."""
-        return Interval(max(row.breaks[0] for row in self.rows), min(row.breaks[-1] for row in self.rows))
+        """Lowest and highest path coordinate in m at which every row is defined; 0 and 1 m without rows."""
+        starts, ends = ([row.breaks[end] for row in self.rows] for end in (0, -1))
+        return Interval(max(starts, default=0.0), min(ends, default=1.0))
 
     def at(self, s: float, derivative: int = 0) -> sp.csr_matrix:
         """Rows C(s) at one s in m, or their derivative of the order `derivative` with respect to s: sparse (m, n)."""
@@ -372,10 +373,12 @@ class RowPolynomials:
     coefficients: Array  # (m, powers, k, w): highest power first
 
     @classmethod
-    def from_rows(cls, rows: Sequence[Row]) -> RowPolynomials:
-        """Polynomials of rows that all have the same carriers and the same breaks."""
-        degree = same_degree(*(row.coefficients for row in rows))
-        n, interval = rows[0].carriers.shape[0], np.arange(len(rows[0].breaks) - 1)
+    def from_rows(cls, rows: Sequence[Row], breaks: Array) -> RowPolynomials:
+        """Polynomials of any number of rows that all have the same carriers and these breaks (k + 1,) in m."""
+        interval = np.arange(len(breaks) - 1)
+        if not rows:
+            return cls(breaks, np.zeros((len(interval), 0), np.int64), np.zeros((0, 1, len(interval), 0)))
+        degree, n = same_degree(*(row.coefficients for row in rows)), rows[0].carriers.shape[0]
         touching = [interval[:, None] * n + row.touched for row in rows]
         different, place, touched = columns_by_interval(np.concatenate(touching, axis=None), n, len(interval))
         coefficients = np.zeros((len(rows), len(degree[0]), *touched.shape))
@@ -383,7 +386,7 @@ class RowPolynomials:
             at = place[np.searchsorted(different, numbers)]
             for l in range(at.shape[1]):
                 of_row[:, interval, at[:, l]] += c[:, :, l]
-        return cls(rows[0].breaks, touched, coefficients)
+        return cls(breaks, touched, coefficients)
 
     def times(self, X: Array) -> PPoly:
         """Table C(s) V (m, c) of c vectors V, from their values U V (K, c) on the carriers, `X`."""
@@ -399,6 +402,8 @@ class RowPolynomials:
         used that belongs to the carriers which the rows touch on this interval.
         """
         m, powers, k, w = self.coefficients.shape
+        if not m:
+            return PPoly(np.zeros((1, k, 0, 0)), self.breaks)
         blocks = self.coefficients.transpose(2, 1, 0, 3).reshape(k, powers * m, w)
         result, some = np.zeros((2 * powers - 1, k, m, m)), max(1, AT_ONCE // w**2)
         for j in range(0, k, some):

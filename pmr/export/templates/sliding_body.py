@@ -70,8 +70,8 @@ START = DATA["start"]  # (n,) coordinates at t = 0
 
 def rows_at(s):
     """C (m, n), F (m, m), H (m, i) and X (o, m) of the contacts with the paths at s (P,) m."""
-    if "C" in DATA:  # one body, by tables over its path
-        return SimpleNamespace(**{name: piece(name, s[0]) for name in "CFHX"})
+    if "C" in DATA:  # one body, by tables over its path, if it has one
+        return SimpleNamespace(**{name: piece(name, s[0] if s else DATA["C.breaks"][0]) for name in "CFHX"})
     m, (o, n), i = len(CLEARANCE), DATA["outputs"].shape, DATA["B"].shape[1]
     rows = SimpleNamespace(C=np.zeros((m, n)), F=DATA["compliance"].copy(), H=np.zeros((m, i)), X=np.zeros((o, m)))
     for body in np.unique(DATA["sides.body"]):

@@ -186,7 +186,7 @@ def frequency_figure(result: RunResult) -> Figure:
     top = np.max([np.nanmax(f, axis=1) for f in curves.values()], axis=0)[:, None]
     closed = lowest.models.get("closed_form", np.empty((len(lowest.along), 0)))
     closed = np.where(closed <= 1.01 * top, closed, np.nan)
-    heads = {"slider": "Slider position s in m", "mouth": "Length beyond the mouth in m"}
+    heads = {"slider": "Slider position s in m", "mouth": "Length beyond the mouth in m", "": "s in m"}
     x = reach(result) - lowest.along if moving_part(result) == "mouth" else lowest.along
     head = heads.get(moving_part(result), "Reach from the base's tail in m")
     head = f"Place of {mover} in m" if (mover := crossing(result)) else head
@@ -327,4 +327,5 @@ def frequencies_caption(result: RunResult) -> str:
     omega = result.frequencies.models["reduced"]
     level = np.abs(np.diff(omega, axis=0)) < LEVEL * omega[1:]
     along = " Level stretches belong to vibration along the axis." if level.any() else ""
-    return f"Lowest eigenfrequencies while the {moving_part(result)} rests.{along}"
+    part = moving_part(result)
+    return f"Lowest eigenfrequencies{f' while the {part} rests' if part else ''}.{along}"

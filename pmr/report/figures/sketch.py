@@ -142,8 +142,8 @@ def _draw_on_supports(result: RunResult, stretch: _Stretch) -> Figure:
         _draw_slider(paper, stretch.start + ahead, MUTED)
         if stretch.moves:
             _draw_slider(paper, (stretch.high if stretch.start < stretch.high else stretch.low) + ahead, "none")
-    first = slider_offsets(result)[0]
     if stretch.moves:
+        first = slider_offsets(result)[0]
         range_text = f"s = {stretch.words(stretch.low, stretch.high)}"
         paper.range(-0.28 * paper.inch, stretch.low + first, stretch.high + first, range_text)
     paper.range(-0.52 * paper.inch, 0.0, end, format_input(end, "m"))

@@ -60,7 +60,8 @@ class Equations:
             self.alone.ensure_whole("model")
         #: numbers of the rows of a single reduced body that give way somewhere on its path
         self._yielding = [] if self.alone is None or self.sparse else compliant_rows(self.alone)
-        self._places, self._rows = b"", ContactRows(*(np.empty(0),) * 4)  # positions and rows of the last call
+        self._places = -1, b""  # number of steps and positions of the last call
+        self._rows = ContactRows(*(np.empty(0),) * 4)  # rows of the last call
         self._travelling = [k for k, side in enumerate(system.sides) if side.place.path is not None]
 
     def matrix(self, A: Array | sp.csr_matrix) -> exu.MatrixContainer:
@@ -89,7 +90,7 @@ class Equations:
 
         Raises SimulationError if a single body slides over a support, where its flexibility can't be inverted.
         """
-        if (key := x.tobytes()) != self._places:
+        if (key := (len(x), x.tobytes())) != self._places:
             self._places, self._rows = key, self.assembly.contact_rows_over_time(x)
             if self._yielding and self._travelling:
                 F = self._rows.F[:, self._yielding][:, :, self._yielding]

@@ -167,8 +167,10 @@ def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inpu
 
     .. math:: C q + H f - F w = 0 \quad (\lambda), \qquad F w - F \lambda = 0
 
-    so that w = lambda in N.  Rigid contacts have w = 0.
+    so that w = lambda in N.  Rigid contacts have w = 0.  Without contacts, multipliers are not needed.
     """
+    if not equations.system.contacts:
+        return add_with_springs(mbs, equations, inputs, start)
     n, contacts, (m, i) = equations.size, Contacts(equations, inputs), _counts(equations)
     gives, rigid = np.flatnonzero(contacts.gives), np.diag(contacts.rigid.astype(float))
 

@@ -60,7 +60,7 @@ def test_tables_are_exact_between_and_on_their_breaks(case) -> None:
     rows = full.rows.rows[2:]
     breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in rows], full.rows.domain)
     shared = Rows(rows, full.size).shared_carriers.refine(breaks)
-    found = tables(load_powers(residual, shared.carriers, load_pairs(shared, 2), 1)[0], shared)
+    found = tables(load_powers(residual, shared.carriers, load_pairs(shared, 2), 1)[0], shared, full.rows.domain)
     body = full.comm.bcast(full.gather())
     O, B = body.outputs.toarray(), body.B
     assert found.rows.c.shape == (7, len(breaks) - 1, 2, 2) and found.inputs.c.shape[0] == 4
@@ -78,7 +78,7 @@ def test_the_sliders_flexibility_is_symmetric_and_positive(case) -> None:
     rows = full.rows.rows[2:]
     breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in rows], full.rows.domain)
     shared = Rows(rows, full.size).shared_carriers.refine(breaks)
-    G = tables(load_powers(residual, shared.carriers, load_pairs(shared, 2), 1)[0], shared).rows
+    G = tables(load_powers(residual, shared.carriers, load_pairs(shared, 2), 1)[0], shared, full.rows.domain).rows
     assert np.array_equal(G.c, G.c.swapaxes(2, 3))
     s = np.linspace(*full.rows.domain, 301)[1:]
     assert np.linalg.eigvalsh(G(s))[:, 0].min() > 0.0
