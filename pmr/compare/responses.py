@@ -255,7 +255,7 @@ def _prepare_march(
                 loads[rows] = part.loads
             recorder(block)
 
-        ended = systems.follow(march(), excitation, take, done)
+        ended = systems.follow(march(), take, done)
         trajectory = recorder.trajectory(ended)
         numbers = steps if every else np.arange(len(recorded_steps))
         response, states = evaluation.response(ended), states_of(system, trajectory, numbers)

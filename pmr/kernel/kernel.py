@@ -169,21 +169,15 @@ class Signals:
         strands = [signal.strands for signal in signals]
         every = [strand for of_signal in strands for strand in of_signal]
         powers = max([1, *(strand.polynomials.shape[1] for strand in every)])
-        pieces = [
-            np.column_stack(
-                [
-                    np.pad(strand.polynomials, ((0, 0), (powers - strand.polynomials.shape[1], 0))),
-                    np.full(len(strand.breaks), strand.amplitude),
-                    np.broadcast_to(strand.angles, (len(strand.breaks), 3)),
-                ]
-            )
-            for strand in every
-        ]
         self.first_strand = np.cumsum([0, *map(len, strands)]).astype(np.int32)
         self.first_piece = np.cumsum([0, *(len(strand.breaks) for strand in every)]).astype(np.int32)
         self.spread = np.array([strand.spread for strand in every], float)
         self.breaks = np.concatenate([np.zeros(0), *(strand.breaks for strand in every)])
-        self.pieces = np.concatenate([np.zeros((0, powers + 4)), *pieces])
+        self.pieces = np.zeros((len(self.breaks), powers + 4))  # coefficients, amplitude, angles
+        for first, strand in zip(self.first_piece, every, strict=False):
+            of_strand = self.pieces[first : first + len(strand.breaks)]
+            of_strand[:, powers - strand.polynomials.shape[1] : powers] = strand.polynomials
+            of_strand[:, powers], of_strand[:, powers + 1 :] = strand.amplitude, strand.angles
         self.pointer = ffi.new(
             "pmr_signals *",
             {

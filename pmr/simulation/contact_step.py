@@ -43,9 +43,9 @@ def contact_frequency(system: System, excitation: Excitation) -> float:
 
     Errors as `pmr.simulation.excitation.side_positions`.
     """
-    x = side_positions(system, excitation)
+    x = side_positions(system, excitation, np.unique(np.linspace(0, len(excitation.s) - 1, PLACES).astype(int)))
     if not (system.on_one_path and system.paths):
-        return contact_frequency_at(system, x[np.unique(np.linspace(0, len(x) - 1, PLACES).astype(int))])
+        return contact_frequency_at(system, x)
     (path,) = system.paths
     s = np.clip(excitation.s[:, list(excitation.paths).index(path)], *system.ranges[path])
     return contact_frequency_at(
@@ -62,9 +62,10 @@ def contact_frequency_at(system: System, x: Array) -> float:
     if not len(pushing):
         return 0.0
     assembly = Assembly(system)
-    factor, rows = spla.splu(assembly.M.tocsc()), assembly.contact_rows_over_time(x)
-    mobility = [C @ factor.solve(np.ascontiguousarray(C.T)) for C in rows.C[:, pushing]]
-    return row_frequency(rows.F[:, pushing][:, :, pushing], np.array(mobility))
+    factor, rows = spla.splu(assembly.M.tocsc()), assembly.contact_rows_over_time(x, effects=False)
+    C = rows.C[:, pushing]
+    moved = factor.solve(C.reshape(-1, assembly.size).T).T.reshape(C.shape)  # M^-1 C^T of all positions at once
+    return row_frequency(rows.F[:, pushing][:, :, pushing], C @ moved.transpose(0, 2, 1))
 
 
 def row_frequency(F: Array, mobility: Array) -> float:
@@ -73,8 +74,10 @@ def row_frequency(F: Array, mobility: Array) -> float:
     The flexibility F in m/N and the mobility C M^-1 C^T in 1/kg are (S, m, m), at S positions.  Positions with a
     singular F are left out; 0 if all are.
     """
-    gives = np.linalg.matrix_rank(F, hermitian=True) == F.shape[-1]  # simulators refuse a rigid row that only pushes
-    squares = np.linalg.eigvals(np.linalg.solve(F[gives], mobility[gives])).real
+    gives, shapes = np.linalg.eigh(F)  # simulators refuse a rigid row that only pushes
+    regular = gives[:, 0] > gives[:, -1] * F.shape[-1] * np.finfo(float).eps
+    scaled = shapes[regular] / np.sqrt(gives[regular])[:, None]  # F^-1 is the product of this with its transpose
+    squares = np.linalg.eigvalsh(scaled.transpose(0, 2, 1) @ mobility[regular] @ scaled)
     return float(np.sqrt(squares.max(initial=0.0)))
 
 

@@ -10,7 +10,7 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Indices
 from pmr.scene import Scene
 from pmr.scene.choice import is_accelerated
 from pmr.scene.keys import SLIDER as SLIDER
@@ -203,16 +203,24 @@ def clip_path(path: SignalBase, s: Array, domain: tuple[float, float], t: Array)
     return np.clip(s, low, high)
 
 
-def side_positions(system: BodySystem[Body], excitation: Excitation) -> Array:
-    """Positions x (T, sides) in m of the sides of all contacts at the steps (`System.coordinates`).
+def side_positions(
+    system: BodySystem[Body], excitation: Excitation, steps: Indices | Sequence[int] | slice = slice(None)
+) -> Array:
+    """Positions x (T, sides) in m of the sides of all contacts at all steps or some (`System.side_coordinates`).
 
     Raises
     ------
     InputError
         If a path of the system has no signal, or leaves the range in which its rows are defined.
     """
-    x = system.side_coordinates(dict(zip(excitation.paths, excitation.s.T, strict=True)))
-    return np.ascontiguousarray(np.broadcast_to(x, (len(excitation.s), len(system.sides))))
+    s = excitation.s[steps]
+    x = system.side_coordinates(dict(zip(excitation.paths, s.T, strict=True)))
+    return np.broadcast_to(x, (len(s), len(system.sides)))
+
+
+def first_moves(excitation: Excitation) -> Indices:
+    """Numbers of the first step, 0, and of the step by which each path has first moved; 0 if it never does."""
+    return np.concatenate([[0], np.argmax(excitation.s != excitation.s[0], axis=0)])
 
 
 def side_velocities(system: BodySystem[Body], excitation: Excitation) -> Array:

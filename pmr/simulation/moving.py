@@ -228,6 +228,11 @@ class MovingFrame:
             hoist=_products(tuple(excitation.hoist), excitation.hoist, {name: name for name in excitation.hoist}),
         )
 
+    @cached_property
+    def excitation(self) -> Excitation:
+        """Excitation of the scene, on its own time grid; errors as `Excitation.from_scene`."""
+        return Excitation.from_scene(self.scene)
+
     @property
     def drivers(self) -> tuple[str, ...]:
         """Names of the n drivers: paths, loads, angles, axes."""
@@ -289,7 +294,7 @@ class MovingFrame:
     @property
     def start(self) -> Array:
         """Values, rates and second rates (3, n) of the drivers in the scene at t = 0, with the full weight."""
-        motions, frame = self.motions(Excitation.from_scene(self.scene), 0.0), self.scene.frame
+        motions, frame = self.motions(self.excitation, 0.0), self.scene.frame
         if self.luffing is not None and frame is not None:
             motions[1, self.drivers.index(LUFFING)] = frame.luffing_rate * (1.0 if frame.unit == "rad" else np.pi / 180)
         if self.scene.gravity is not None:
@@ -313,7 +318,9 @@ class MovingFrame:
         """
         if self.scene.frame is None or self.scene.frame.computed_key is not None:
             return False
-        of_scene = Excitation.from_scene(self.scene).on_grid(excitation.stepping)
+        of_scene = self.excitation
+        if excitation.stepping.step != of_scene.stepping.step:
+            of_scene = of_scene.on_grid(excitation.stepping)
         parts = ("paths", "loads", "terms", "hoist")
         return all(getattr(of_scene, part) == getattr(excitation, part) for part in parts)
 

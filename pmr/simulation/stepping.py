@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError, two_digits, two_digits_below
 from pmr.files.arrays import Array, Indices
@@ -175,6 +174,7 @@ class Block:
     count: int
     #: Function of step numbers, from 0 on in the block, that returns their trajectory; valid until the next block.
     at: Callable[[Indices | slice], SystemTrajectory]
+    whole: bool  # whether the block has all steps of the simulation, so that no other block follows
 
 
 #: After a block that takes less than this many seconds, blocks become longer.
@@ -209,8 +209,8 @@ class Recorder:
             return
         # A whole block is taken without indexing, in a fifth of the time.
         some = block.at(slice(None) if high - low == block.count else self._steps[low:high] - block.first)
-        if high - low == len(self._steps):
-            self._recorded = some.map_arrays(_copy_of_view)
+        if block.whole:
+            self._recorded = some
             return
         if self._recorded is None:
             self._recorded = some.map_arrays(lambda array: np.empty((len(self._steps), *array.shape[1:]), array.dtype))
@@ -221,11 +221,6 @@ class Recorder:
         """Trajectory of the recorded steps, with the solver's wall time and the surplus of energy from `ended`."""
         assert self._recorded is not None  # every simulation has at least one block
         return replace(self._recorded, seconds=ended.seconds, surplus=ended.surplus)
-
-
-def _copy_of_view(array: NDArray[np.generic]) -> NDArray[np.generic]:
-    """The array, or a copy if it is a view of memory that others may overwrite."""
-    return np.ascontiguousarray(array) if array.flags.owndata else array.copy()
 
 
 def advance_in_blocks(

@@ -157,17 +157,21 @@ class Assembly:
                     forces -= amplitude[:, None] * (A @ motion.T).T
         return forces
 
-    def contact_rows(self, x: Array) -> ContactRows:
-        """Rows of the contacts with their places at x (sides,) in m, as `System.side_coordinates` returns them."""
-        return self.contact_rows_over_time(x[None]).at_time(0)
+    def contact_rows(self, x: Array, effects: bool = True) -> ContactRows:
+        """Rows of the contacts with their places at x (sides,) in m, as `System.side_coordinates` returns them.
 
-    def contact_rows_over_time(self, x: Array) -> ContactRows:
+        Without `effects`, H and X are empty.
+        """
+        return self.contact_rows_over_time(x[None], effects).at_time(0)
+
+    def contact_rows_over_time(self, x: Array, effects: bool = True) -> ContactRows:
         """Rows of the contacts with their places at x (T, sides) in m, at T times.
 
-        Entries of the flexibility that are only round-off are zero, which marks rigid contacts.
+        Entries of the flexibility that are only round-off are zero, which marks rigid contacts.  Without `effects`, H
+        and X are empty, which takes a fraction of the time.
         """
-        system = self.system
-        T, m, i, o = len(x), len(system.contacts), _count(self.input_slices), _count(self.output_slices)
+        system, T, m = self.system, len(x), len(self.system.contacts)
+        i, o = (_count(self.input_slices), _count(self.output_slices)) if effects else (0, 0)
         C, H, X = np.zeros((T, m, self.size)), np.zeros((T, m, i)), np.zeros((T, o, m))
         F = np.array(np.broadcast_to(system.contact_compliance(x), (T, m, m)))
         rows = ContactRows(C, F, H, X)
@@ -240,15 +244,19 @@ class Assembly:
         places = [self.system.row(side.place).touched_weights(at, 0) for side, at in zip(sides, x, strict=True)]
         touched = np.hstack([at for at, _ in places])  # (T, d)
         weights = np.hstack([side.sign * b for side, (_, b) in zip(sides, places, strict=True)])
-        ends = np.cumsum([0, *(at.shape[1] for at, _ in places)])
-        for k, first, last in zip(contacts, ends, ends[1:], strict=False):
+        ends, among = np.cumsum([0, *(at.shape[1] for at, _ in places)]), np.zeros((len(touched), *[len(sides)] * 2))
+        for number, (k, first, last) in enumerate(zip(contacts, ends, ends[1:], strict=False)):
             at, b = touched[:, first:last], weights[:, None, first:last]
             rows.C[:, k, self.coordinate_slices[name]] += (b @ carriers.values[at])[:, 0, self.free_coordinates[name]]
-            if flexibility is not None:
+            if flexibility is None:
+                continue
+            pairs = at[:, :, None] * len(flexibility.rows) + touched[:, None, first:]
+            between = (b @ flexibility.rows.take(pairs))[:, 0] * weights[:, first:]
+            among[:, number, number:] = np.add.reduceat(between, ends[number:-1] - first, axis=1)
+            if rows.H.size + rows.X.size:
                 rows.H[:, k, self.input_slices[name]] += (b @ flexibility.inputs[at])[:, 0]
                 rows.X[:, self.output_slices[name], k] += (b @ flexibility.outputs.T[at])[:, 0]
-                between = (b @ flexibility.rows[at[:, :, None], touched[:, None]])[:, 0] * weights
-                rows.F[:, k, contacts] += np.add.reduceat(between, ends[:-1], axis=1)
+        rows.F[:, np.array(contacts)[:, None], contacts] += among + np.triu(among, 1).transpose(0, 2, 1)
 
     def _add_table_rows(self, name: str, side_numbers: Sequence[int], x: Array, contact_rows: ContactRows) -> None:
         """Add to `contact_rows` the part of the body `name`, the single one of a system with tables over its path.
@@ -264,8 +272,9 @@ class Assembly:
             contact_rows.F[:, np.array(contacts)[:, None], contacts] += evaluate(flexibility.rows, s)[:, rows][
                 :, :, rows
             ]
-            contact_rows.H[:, contacts] = evaluate(flexibility.inputs, s)[:, rows]
-            contact_rows.X[:, :, contacts] = evaluate(flexibility.outputs, s)[:, :, rows]
+            if contact_rows.H.size + contact_rows.X.size:
+                contact_rows.H[:, contacts] = evaluate(flexibility.inputs, s)[:, rows]
+                contact_rows.X[:, :, contacts] = evaluate(flexibility.outputs, s)[:, :, rows]
 
     def frequency_responses(
         self, rows: ContactRows, omega: Array, c: Sequence[float] | Array = ()

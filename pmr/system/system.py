@@ -16,13 +16,13 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pmr.errors import BEYOND_ENDS, InputError, overview
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Indices
 from pmr.scene.signals.base import Interval
 from pmr.system import saved
 from pmr.system.body import Body, SlidingBody, names_of, units_of
@@ -50,6 +50,16 @@ class Side:
     contact: int
     place: Place
     sign: float
+
+
+class PlacesOnPaths(NamedTuple):
+    """Places of all sides on their bodies: x = at + rate s in m, in the range that their rows have, low to high."""
+
+    path: Indices  # (sides,): number of the path s among `BodySystem.paths`, or their count if the place stays
+    at: Array  # (sides,) m
+    rate: Array  # (sides,)
+    low: Array  # (sides,) m
+    high: Array  # (sides,) m
 
 
 AnyBody = TypeVar("AnyBody", bound=Body, covariant=True)
@@ -249,22 +259,40 @@ class BodySystem(Generic[AnyBody]):
         The result is clipped to the ranges of the rows, which round-off may exceed.  An InputError is raised if a path
         is missing from `s`, or leads a place to where its row is not defined.
         """
-        shape = np.broadcast_shapes(*(np.shape(values) for values in s.values()))
+        for side in self.sides:
+            if side.place.path is not None and side.place.path not in s:
+                allowed = f"a path for it is needed; given: {', '.join(s) or 'none'}"
+                raise contact_error(self.contacts[side.contact].name, "path", side.place.path, allowed)
+        travel, shape = self._travel, np.broadcast_shapes(*(np.shape(values) for values in s.values()))
+        paths = np.zeros((len(self.paths) + 1, *shape))  # the last one is for places that do not travel
+        for k, path in enumerate(self.paths):
+            paths[k] = s[path]
         x = np.empty((len(self.sides), *shape))
-        for k, side in enumerate(self.sides):
-            place, name = side.place, self.contacts[side.contact].name
-            if place.path is not None and place.path not in s:
-                raise contact_error(
-                    name, "path", place.path, f"a path for it is needed; given: {', '.join(s) or 'none'}"
-                )
-            low, high = self.range_of(place)
-            x[k], slack = place.coordinate(s), BEYOND_ENDS * (high - low)
-            if not (x[k].min(initial=low) >= low - slack and x[k].max(initial=high) <= high + slack):  # or not finite
-                outside = ~((x[k] >= low - slack) & (x[k] <= high + slack))
-                allowed = f"{low:g} to {high:g} m are allowed on {place.body}"
-                raise contact_error(name, "place", float(x[k][outside][0]), allowed)
-            np.clip(x[k], low, high, out=x[k, ...])
+        np.multiply(paths[travel.path].T, travel.rate, out=x.T)
+        np.add(x.T, travel.at, out=x.T)
+        if not x.size:
+            return np.moveaxis(x, 0, -1)
+        along = tuple(range(1, x.ndim))
+        least, most, slack = x.min(axis=along), x.max(axis=along), BEYOND_ENDS * (travel.high - travel.low)
+        within = (least >= travel.low - slack) & (most <= travel.high + slack)  # not so if a path is not finite
+        if not within.all():
+            k = int(np.argmin(within))
+            low, high, side = travel.low[k], travel.high[k], self.sides[k]
+            outside = ~((x[k] >= low - slack[k]) & (x[k] <= high + slack[k]))
+            allowed = f"{low:g} to {high:g} m are allowed on {side.place.body}"
+            raise contact_error(self.contacts[side.contact].name, "place", float(x[k][outside][0]), allowed)
+        if (least < travel.low).any() or (most > travel.high).any():
+            np.clip(x.T, travel.low, travel.high, out=x.T)
         return np.moveaxis(x, 0, -1)
+
+    @cached_property
+    def _travel(self) -> PlacesOnPaths:
+        """Where the places of all sides are on their bodies, and how they travel."""
+        places, paths = [side.place for side in self.sides], self.paths
+        low, high = np.array([self.range_of(place) for place in places]).reshape(-1, 2).T
+        numbers = [len(paths) if place.path is None else paths.index(place.path) for place in places]
+        at, rate = np.array([(place.at, place.rate) for place in places]).reshape(-1, 2).T
+        return PlacesOnPaths(np.array(numbers, np.int64), at, rate, low, high)
 
 
 @dataclass(frozen=True)

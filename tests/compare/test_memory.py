@@ -91,11 +91,7 @@ def test_states_at_a_few_steps_don_t_take_those_of_all(load_scene, full: FullBod
     def run(scene: Scene) -> None:
         recorder = Recorder(np.arange(0, 7001, 1000))
         form = SystemForm.of(System.of(full))
-        recorder.trajectory(
-            systems.follow(
-                marching.March(form, Excitation.from_scene(scene), {}), Excitation.from_scene(scene), recorder
-            )
-        )
+        recorder.trajectory(systems.follow(marching.March(form, Excitation.from_scene(scene), {}), recorder))
 
     found = _a_step(load_scene, run)
     assert found < BYTES * NUMBERS_BESIDE

@@ -16,6 +16,7 @@ from pmr.kernel.blocks import round_up
 from pmr.kernel.data import system_in_modes
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import Failure, StepError
+from pmr.scene.choice import SimulatorNeeds, refuse_unsupported
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.excitation import Excitation, side_positions, signals_in_order
 from pmr.simulation.modal import ModalForm, modal_form
@@ -26,6 +27,7 @@ from pmr.simulation.start import (
     describe_dependence,
     describe_divergence,
     describe_unsettled,
+    needs_of,
 )
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
@@ -94,6 +96,20 @@ class SystemForm:
         A system of one body on one path has no carriers, as its tables describe all rows.
         """
         return self.combined.system
+
+    @cached_property
+    def assembly(self) -> Assembly:
+        """Equations of the `modal` system."""
+        return Assembly(self.modal)
+
+    def refuse_unsupported(self, x: Array, rho_inf: float) -> SimulatorNeeds:
+        """Return what the kernel has to support with the sides of `modal` at x (T, sides) in m; raise InputErrors.
+
+        `rho_inf` is the spectral radius.  Errors as `pmr.scene.choice.refuse_unsupported`.
+        """
+        needs = needs_of(self.modal, self.assembly.contact_rows(x[0], effects=False).rigid, x, rho_inf)
+        refuse_unsupported("march", needs)
+        return needs
 
     @cached_property
     def combined(self) -> CombinedRings:

@@ -37,7 +37,6 @@ from pmr.kernel.machine import (
 )
 from pmr.kernel.state import Settings, State, StepError
 from pmr.scene import Scene
-from pmr.scene.choice import refuse_unsupported
 from pmr.scene.frame import DIRECTIONS, INERTIA, BaseMotion
 from pmr.scene.keys import LUFFING
 from pmr.scene.signals import Constant
@@ -46,7 +45,7 @@ from pmr.simulation.frame_motion import MachineMotion
 from pmr.simulation.free_base import FreeBase, with_all_inertia
 from pmr.simulation.moving import OF_BASE, MovingFrame
 from pmr.simulation.native.form import SystemForm, path_text, rest_states, start_modes, step_failure
-from pmr.simulation.start import InitialState, needs_of
+from pmr.simulation.start import InitialState
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.system import System
@@ -203,10 +202,8 @@ class MachineRun:
             system = replace(system, hoist=system.hoist.in_frame(resting))
         self._system, self.form, self._machine = system, SystemForm.of(system), frame.machine
         self._excitation, self._assembly = Excitation.from_scene(resting), Assembly(system)
-        self._x, modal = side_positions(system, self._excitation), self.form.modal
-        x = side_positions(modal, self._excitation)
-        stepping = self._excitation.stepping
-        refuse_unsupported("march", needs_of(modal, Assembly(modal).contact_rows(x[0]).rigid, x, stepping.rho_inf))
+        self._x, stepping = side_positions(system, self._excitation), self._excitation.stepping
+        self.form.refuse_unsupported(side_positions(self.form.modal, self._excitation), stepping.rho_inf)
         self.frame = moving = MovingFrame.in_scene(resting, system)
         self._kernel = Kernel.of(system, self.form.forms, moving)
         modes = modes_in_bodies(self.form, self._kernel.modes)

@@ -13,9 +13,8 @@ from pmr.errors import SimulationError
 from pmr.files.arrays import Array
 from pmr.kernel.kernel import Signals
 from pmr.kernel.state import Failure, Record, Settings, State, StepError
-from pmr.scene.choice import refuse_unsupported
 from pmr.simulation import balance, contact_step
-from pmr.simulation.excitation import Excitation, side_positions, side_velocities
+from pmr.simulation.excitation import Excitation, first_moves, side_positions, side_velocities
 from pmr.simulation.native.form import (
     SystemForm,
     driver_signals,
@@ -24,9 +23,8 @@ from pmr.simulation.native.form import (
     start_modes,
     step_failure,
 )
-from pmr.simulation.start import InitialState, needs_of
+from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress, SimulationEnd, advance_in_blocks
-from pmr.system.assembly import Assembly
 
 #: Most steps in one call of the kernel, between which the user can interrupt; fewer if divided steps take long.
 BLOCK = 16384
@@ -39,7 +37,7 @@ RECORDED = 2**22
 class Steps(NamedTuple):
     """T consecutive steps; the first one is the last step of the `Steps` before, or the start.
 
-    The arrays are valid until the next steps: copy what you keep.
+    The arrays are valid until the next steps are taken: copy what you keep.
     """
 
     z: Array  # (T, modes): modal coordinates
@@ -68,11 +66,11 @@ class March:
         self, form: SystemForm, excitation: Excitation, initial: Mapping[str, InitialState] | None = None
     ) -> None:
         system, stepping, kernel = form.system, excitation.stepping, form.kernel
-        self.form, self.t = form, excitation.times
+        self.form, self.excitation, self.t = form, excitation, excitation.times
         if system.on_one_path and excitation.paths:
             (body,) = system.bodies.values()
             excitation.path_within(body.domain)  # raises the error of a path out of its range
-        self.x, self._paths, self._s = side_positions(system, excitation), tuple(excitation.paths), excitation.s
+        self.x = side_positions(system, excitation)
         self.pushing = ~np.isnan(form.modal.clearance)
         parts: tuple[int, ...] = (1,)
         omega = 0.0
@@ -82,10 +80,9 @@ class March:
             parts = contact_step.part_counts(omega, stepping)
         self.finest = parts[-1]
         self._schedule = np.array(stepping.schedule, np.int32) if stepping.schedule else None
-        x = side_positions(form.modal, excitation)
-        needs = needs_of(form.modal, Assembly(form.modal).contact_rows(x[0]).rigid, x, stepping.rho_inf)
-        refuse_unsupported("march", needs)
-        self._growing = list(needs.rigid_moving_rows)  # names of rigid rows that move: their forces are not damped
+        x = side_positions(form.modal, excitation, first_moves(excitation))
+        # names of rigid rows that move: their forces are not damped
+        self._growing = list(form.refuse_unsupported(x, stepping.rho_inf).rigid_moving_rows)
         self._signals: Signals | None
         self._stored, self._work = np.zeros(len(self.t)), np.zeros(len(self.t))
         self.state = State(kernel, Settings(stepping.step, stepping.rho_inf, parts, omega))
@@ -170,10 +167,10 @@ class March:
             steps = room.at(slice(last - first + 1))
             self._check_finite(steps.z, first - 1, every)
             for forces in (steps.multipliers, steps.peaks):
-                if forces is not None:
+                if forces is not None and self.pushing.any():
                     without_pull(forces, self.pushing)
             take(first - 1, steps)
-            for array in room:
+            for array in room if last <= count else ():
                 if array is not None:
                     array[0] = array[last - first]
 
@@ -248,26 +245,25 @@ class March:
 
     def _failure(self, error: StepError, step: int) -> SimulationError:
         """Error of a failed step for the user."""
-        modal = self.form.modal
-        at = {path: self._s[step, k] for k, path in enumerate(self._paths)}
-        return step_failure(self._step_text(step), self.form, error, modal.side_coordinates(at))
+        x = side_positions(self.form.modal, self.excitation, [step])[0]
+        return step_failure(self._step_text(step), self.form, error, x)
 
     def _check_finite(self, recorded: Array, first: int, every: int) -> None:
         """Raise SimulationError for the first row of `recorded` that is not finite.
 
         Row 0 is step number `first` times `every`; each further row is `every` steps later.
         """
-        finite = np.isfinite(recorded).all(axis=1)
-        if not finite.all():
-            where = self._step_text((first + int(np.argmin(finite))) * every)
-            raise SimulationError(f"march failed at {where}: not finite")
+        if np.isfinite([recorded.min(initial=0.0), recorded.max(initial=0.0)]).all():
+            return
+        where = self._step_text((first + int(np.argmin(np.isfinite(recorded).all(axis=1)))) * every)
+        raise SimulationError(f"march failed at {where}: not finite")
 
     def _step_text(self, step: int) -> str:
         """Text with number and time of a step, and the path coordinates."""
         number = f"step {step}, " if step else ""
-        return f"{number}t = {self.t[step]:g} s{path_text(self._paths, self._s[step])}"
+        return f"{number}t = {self.t[step]:g} s{path_text(tuple(self.excitation.paths), self.excitation.s[step])}"
 
 
 def without_pull(multipliers: Array, pushing: NDArray[np.bool_]) -> None:
     """Set negative `multipliers` (T, m) of contacts `pushing` (m,) to zero, in place: round-off of other forces."""
-    multipliers[:, pushing] = np.maximum(multipliers[:, pushing], 0.0)
+    np.maximum(multipliers, np.where(pushing, 0.0, -np.inf), out=multipliers)

@@ -29,7 +29,6 @@ from pmr.kernel.further import ground_outputs
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import BoundStep, Settings, State, StepError
 from pmr.scene.built import force_name
-from pmr.scene.choice import refuse_unsupported
 from pmr.scene.hoist import OUTPUTS
 from pmr.scene.keys import LUFFING, SLIDER
 from pmr.scene.signals import Constant, Ramp
@@ -40,9 +39,8 @@ from pmr.simulation.moving import StoredScene, read_scene
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm, path_text, start_in_equilibrium, start_modes, step_failure
 from pmr.simulation.native.luffing import stepped_frame
-from pmr.simulation.start import InitialState, needs_of
+from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
-from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Friction
 from pmr.system.system import System
@@ -312,9 +310,8 @@ class Stepper:
         """
         kernel, motions = self._state.kernel, self._bound.motions
         u = kernel.frame_drivers(motions)[0] if kernel.motions else motions[0].copy()
-        modal, paths = self._form.modal, self._path_coordinates
-        x = modal.side_coordinates(paths)
-        refuse_unsupported("march", needs_of(modal, Assembly(modal).contact_rows(x).rigid, x[None], self._rho_inf))
+        paths = self._path_coordinates
+        self._form.refuse_unsupported(self._form.modal.side_coordinates(paths)[None], self._rho_inf)
         if initial is None and static:
             constant, begin = self._constant_excitation(paths, u), partial(self._start_kernel, "equilibrium")
             equilibrium = start_in_equilibrium(self._system, kernel.modes, begin, constant)

@@ -66,56 +66,59 @@ def simulate_form(
     If `initial` is None, the simulation starts as ``excitation.start`` says.  Otherwise as `simulate`.
     """
     recorder = Recorder(np.arange(0, excitation.stepping.steps + 1, every))
-    march = March(form, excitation, initial)
-    return recorder.trajectory(follow(march, excitation, recorder, progress))
+    return recorder.trajectory(follow(March(form, excitation, initial), recorder, progress))
 
 
-def follow(march: March, excitation: Excitation, take: Take, progress: Progress | None = None) -> SimulationEnd:
+def follow(march: March, take: Take, progress: Progress | None = None) -> SimulationEnd:
     """Take all steps of `march`, and call `take` with a block of some thousand steps at a time; nothing is stored.
 
     If contacts only push, a step may be divided (`pmr.simulation.contact_step`); a block holds the states at the ends
     of steps.  Errors as `pmr.simulation.SystemSimulator`; the error of a growing motion is raised at the end.
     """
-    form, system, paths = march.form, march.form.system, tuple(excitation.paths.values())
-    pushing, rubbing, combined = ~np.isnan(system.clearance), Friction.from_contacts(system.contacts), form.combined
-    P, i = form.kernel.paths, form.kernel.inputs
+    form, excitation, system = march.form, march.excitation, march.form.system
+    rubbing, to_original = Friction.from_contacts(system.contacts), form.combined.original_forces
+    pushing, P, i = ~np.isnan(system.clearance), form.kernel.paths, form.kernel.inputs
 
     def hand_over(first: int, steps: Steps) -> None:
         """Pass `steps` to `take` as a block that makes trajectories on request.
 
         `first` is the number of the first of these steps.
         """
+        count = len(steps.z)
 
         def trajectory_at(rows: Indices | slice) -> SystemTrajectory:
             """Trajectory of rows of the block."""
-            some, numbers = steps.at(rows), np.arange(first, first + len(steps.z))[rows]
-            t, f, motions, pressed = march.t[numbers], some.friction, {}, combined.original_forces(some.multipliers)
-            forces = form.forces(some.multipliers, f)
-            of_cylinders = 0.0 if rubbing is None or f is None else rubbing.stored_energy(f, forces)
+            some, chosen = steps.at(rows), np.arange(first, first + count)[rows]
+            numbers = slice(first, first + count) if len(chosen) == count else chosen
+            f, motions, pressed, energy = some.friction, {}, to_original(some.multipliers), some.energy
+            t, forces, moments, x = march.t[numbers], pressed, None, march.x[numbers].T
+            if rubbing is not None and f is not None:
+                forces = pressed + rubbing.cylinder_forces(f)
+                moments, energy = rubbing.moments(f, forces), energy + rubbing.stored_energy(f, forces)[:, None]
             for name, modal in form.forms.items():
-                columns, x = form.columns[name], march.x[numbers][:, system.sides_of(name)]
-                q, v = some.z[:, columns] @ modal.X.T, some.v[:, columns] @ modal.X.T
-                motions[name] = Trajectory(t, q, v, system.side_multipliers(name, pressed), x, seconds=0.0)
+                q, v = (motion[:, form.columns[name]] @ modal.X.T for motion in (some.z, some.v))
+                sides = system.sides_of(name)
+                motions[name] = Trajectory(t, q, v, system.side_multipliers(name, pressed), x[sides].T, seconds=0.0)
             return SystemTrajectory(
                 t=t,
                 bodies=motions,
                 forces=forces,
-                peaks=forces if some.peaks is None else np.where(pushing, combined.original_forces(some.peaks), forces),
+                peaks=forces if some.peaks is None else np.where(pushing, to_original(some.peaks), forces),
                 loads=some.drivers[:, P : P + i],
-                energy=some.energy[:, 0] + of_cylinders,
-                work=some.energy[:, 1] + of_cylinders,
+                energy=energy[:, 0],
+                work=energy[:, 1],
                 seconds=0.0,
                 surplus=np.nan,
                 parts=np.ones(len(t), np.int64) if some.parts is None else some.parts.astype(np.int64),
-                impulses=None if some.impulses is None else combined.original_forces(some.impulses),
+                impulses=None if some.impulses is None else to_original(some.impulses),
                 amplitudes=some.drivers[:, P + i : P + i + len(system.terms)] if system.terms else None,
                 friction=f,
-                moments=None if rubbing is None or f is None else rubbing.moments(f, forces),
-                rates=np.column_stack([np.empty((len(t), 0)), *(path.rate(t) for path in paths)]),
+                moments=moments,
+                rates=excitation.rates[numbers],
                 hoist=some.hoist,
             )
 
-        take(Block(first, len(steps.z), trajectory_at))
+        take(Block(first, count, trajectory_at, whole=count == len(march.t)))
 
     return march.run(hand_over, progress)
 

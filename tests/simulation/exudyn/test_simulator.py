@@ -108,9 +108,9 @@ def test_many_rows_come_in_blocks(rich: FullBody, monkeypatch: pytest.MonkeyPatc
     whole = one_body.in_exudyn(rich, driven(PATH, LOADS, STEPPING))
     blocks, along = [], Assembly.contact_rows_over_time
 
-    def recorded(assembly: Assembly, x: Array) -> ContactRows:
+    def recorded(assembly: Assembly, x: Array, effects: bool = True) -> ContactRows:
         blocks.append(len(x))
-        return along(assembly, x)
+        return along(assembly, x, effects)
 
     free = rich.size - len(rich.held)
     for module in (equations, contacts):  # two of its four rows move
