@@ -38,7 +38,10 @@ class BuildKernel(build_ext):
         library = os.path.join(self.build_lib, _library(TARGET or cross.host()))
         self.mkpath(os.path.dirname(library))
         kernel = [name for name in ext.sources if name.startswith(os.path.join("pmr", "kernel", "src"))]
-        units = [os.path.join(FMI, "source", f"{name}.c") for name in ("fmi2", "fmi3", "shared", "unit", "variables")]
+        units = [
+            os.path.join(FMI, "source", f"{name}.c")
+            for name in ("fmi2", "fmi3", "shared", "unit", "estimator", "variables")
+        ]
         if TARGET is None:
             super().build_extension(ext)
             objects = self.compiler.object_filenames(kernel, output_dir=self.build_temp)

@@ -51,6 +51,10 @@ def export(
     sources: Annotated[
         bool, typer.Option("--sources", help="Whether an fmu has the C of its binaries, for importers that compile it.")
     ] = False,
+    observer: Annotated[
+        Path | None,
+        typer.Option("--observer", metavar="FILE", help="Sensors and unknowns as TOML, of which an fmu has estimates."),
+    ] = None,
     at: Annotated[
         str | None,
         typer.Option("--at", metavar="S,...", help="Places of the sliders in m, for state spaces.  [default: a grid]"),
@@ -71,11 +75,18 @@ def export(
         pmr export reports/boom_shell/reduced.npz --to fmu --fmi 2 --platforms all
 
         pmr export reports/boom_shell/reduced.npz --to matlab --at 1.5,2.5,4
+
+        pmr export reports/boom_three/system.npz --to fmu --observer sensors.toml
     """
     check_output_file(out_file, model) if out_file else prepare_folder(model.parent)
     finish_swap(model.parent)
     with err.status(Text(f"writing {escape_controls(to)}")):  # shown on a terminal only
-        written = write(to, model, out_file, Options(fmi, at, section, platforms, sources or None))
+        estimator = None
+        if observer is not None:
+            from pmr.observe.unit import read_unit_observer
+
+            estimator = read_unit_observer(observer, model)
+        written = write(to, model, out_file, Options(fmi, at, section, platforms, sources or None, estimator))
     if section is not None:
         print_text(out, f"section {section} alone, without its joints")
     print_text(out, str(written))

@@ -6,9 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pmr.errors import InputError, environment, similar_name_hint
+
+if TYPE_CHECKING:
+    from pmr.export.fmi.observer import UnitObserver
 
 
 @dataclass(frozen=True)
@@ -20,6 +23,7 @@ class Options:
     section: str | None = None  #: Name of the section of a boom that is written alone
     platforms: str | None = None  #: Whether there are binaries for all platforms, or for the host's alone
     sources: bool | None = None  #: Whether the C sources of the binaries are included
+    observer: UnitObserver | None = None  #: Observer whose estimates the FMU has, too
 
 
 @dataclass(frozen=True)
@@ -53,14 +57,16 @@ def _fmu(model: Path, target: Path, options: Options) -> Path:
     """Write an FMU as the options say."""
     fmu, version = import_module("pmr.export.fmi.fmu"), options.fmi or "3"
     platforms = fmu.selected_platforms(options.platforms, version)
-    written: Path = fmu.write_fmu(model, target, version, platforms, bool(options.sources))
+    written: Path = fmu.write_fmu(model, target, version, platforms, bool(options.sources), options.observer)
     return written
 
 
 _AT = frozenset({"at", "section"})
 FORMATS = {
     "exudyn": Format("a standalone Python script", "sliding_body.py", frozenset(), _exudyn),
-    "fmu": Format("a functional mock-up unit", "sliding_body.fmu", frozenset({"fmi", "platforms", "sources"}), _fmu),
+    "fmu": Format(
+        "a functional mock-up unit", "sliding_body.fmu", frozenset({"fmi", "platforms", "sources", "observer"}), _fmu
+    ),
     "matlab": Format("state space on a grid of s", "state_space.mat", _AT, _writer("control", "write_matlab")),
     "python-control": Format(
         "the same, read by a script", "state_space.py", _AT, _writer("control", "write_python_control")
@@ -125,5 +131,6 @@ def write(to: str, model: Path, target: Path | None, options: Options) -> Path:
     for name, value in vars(options).items():
         if value is not None and name not in chosen.options:
             takers = ", ".join(key for key, writer in writers.items() if name in writer.options)
-            raise InputError("command line", f"--{name}", value, f"it is allowed with --to {takers}")
+            shown = value if isinstance(value, str | bool) else None
+            raise InputError("command line", f"--{name}", shown, f"it is allowed with --to {takers}")
     return chosen.write(model, target or model.with_name(chosen.file_name), options)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pmr.files.arrays import Array
+from pmr.kernel.filter import IF_NEAR, IF_POSSIBLE, NOT_USED, KalmanFilter
 
 #: Seconds over which innovations are averaged for alarms, and mean square of normalised ones that raises an alarm.
 WINDOW, ALARM = 0.4, 6.0
@@ -16,6 +18,8 @@ WINDOW, ALARM = 0.4, 6.0
 REPLAYED, JUDGED = 0.8, 0.2
 #: Mean square of innovations below which sensors agree, and ratio by which it is larger without a sensor that is right.
 AGREED, APART = 3.0, 2.0
+#: Largest square of a normalised innovation in a mean, as in the kernel.
+MOST_SQUARE = 1e3
 #: Seconds in which a sensor that vibrates does not have one and the same value.
 STUCK = 0.25
 #: Seconds without a measurement, and multiple of the sensor's median interval, beyond which a sensor is silent.
@@ -54,15 +58,76 @@ def find_silent(values: Array, step: float) -> NDArray[np.bool_]:
     return silent
 
 
-@dataclass
-class InnovationTest:
-    """Running mean square (p,) of the innovations of p sensors, over about `WINDOW` s."""
+@dataclass(frozen=True)
+class Watched:
+    """Filter's results at T steps: outputs (T, q), all of its states (T, N), innovations and alarms of p sensors."""
 
-    level: Array
-    step: float  # s
+    mean: Array  # (T, q)
+    variance: Array  # (T, q)
+    states: Array  # (T, N)
+    state_variances: Array  # (T, N)
+    innovations: Array  # (T, p)
+    alarms: NDArray[np.bool_]  # (T, p)
 
-    def update(self, innovations: Array) -> NDArray[np.bool_]:
-        """Add innovations (p,), NaN where there is none; return whether the mean square is above `ALARM`."""
-        squares = np.where(np.isfinite(innovations), np.minimum(innovations**2, 1e3), self.level)
-        self.level += min(1.0, self.step / WINDOW) * (squares - self.level)
-        return self.level > ALARM
+
+def watch(kalman: KalmanFilter, values: Array, step: float) -> Watched:
+    """Filter measurements (T, p) at steps of `step` s, NaN where there is none, and watch over their sensors.
+
+    Measurements of a sensor that is stuck are not used.  A sensor has an alarm where it is stuck or silent.  It has
+    one, and is doubted, where the mean square of its innovations is large.  A sensor that is found at fault then
+    (`isolate`) is excluded, and has an alarm, until the end.
+    """
+    (T, p), N, q = values.shape, len(kalman.x), kalman.outputs_count
+    of_outputs, of_states = np.zeros((2, T, q)), np.zeros((2, T, N))
+    innovations = np.full((T, p), np.nan)
+    watched = Watched(of_outputs[0], of_outputs[1], of_states[0], of_states[1], innovations, np.zeros((T, p), bool))
+    stuck, silent = find_stuck(values, step), find_silent(values, step)
+    values = np.where(stuck, np.nan, values)
+    excluded, due, wait = np.zeros(p, bool), 0, JUDGED / 4.0
+    past = deque[Array](maxlen=max(1, round(REPLAYED / step)))
+    for k in range(T):
+        past.append(kalman.memory.copy())
+        innovations[k] = kalman.update(k, values[k], np.where(excluded, NOT_USED, IF_NEAR))
+        beyond = kalman.level > ALARM
+        watched.alarms[k] = beyond | stuck[k] | silent[k] | excluded
+        if k >= due and beyond[~excluded].any():
+            at_fault = isolate(kalman, k, values[k + 1 - len(past) : k + 1], past[0], excluded, step)
+            due, wait = k + max(1, round(wait / step)), min(2.0 * wait, REPLAYED)
+            if at_fault is not None:
+                excluded[at_fault] = watched.alarms[k, at_fault] = True
+                kalman.level[~excluded], wait = 1.0, JUDGED / 4.0
+        watched.mean[k], watched.variance[k] = kalman.outputs(k)
+        watched.states[k], watched.state_variances[k] = kalman.x, np.diagonal(kalman.P)
+        kalman.predict(k)
+    return watched
+
+
+def isolate(
+    kalman: KalmanFilter, k: int, values: Array, earlier: Array, excluded: NDArray[np.bool_], step: float
+) -> int | None:
+    """Number of the sensor without which all others agree with the model, and the filter without it; or None.
+
+    The measurements (t, p) of the steps up to k are filtered again from the `earlier` memory, once without each sensor
+    that is not `excluded`.  A sensor is at fault if the largest mean square of the others' innovations is below
+    `AGREED` without it, and at least `APART` times as large without any other one.  If none is, the filter stays as it
+    is.
+    """
+    trials, present = list[tuple[float, int, Array]](), kalman.memory.copy()
+    judged, levels = max(1, round(JUDGED / step)), kalman.level.copy()
+    for j in np.nonzero(~excluded)[0]:
+        without, squares = excluded | (np.arange(len(excluded)) == j), np.zeros(values.shape)
+        kalman.memory[:] = earlier
+        for i, measured in enumerate(values, k + 1 - len(values)):
+            innovations = kalman.update(i, measured, np.where(without, NOT_USED, IF_POSSIBLE))
+            squares[i - k - 1] = np.minimum(np.nan_to_num(innovations) ** 2, MOST_SQUARE)
+            if i < k:
+                kalman.predict(i)
+        level = squares[-judged:].mean(axis=0)[~without].max(initial=np.inf if without.all() else 0.0)
+        trials.append((float(level), int(j), kalman.memory.copy()))
+    trials.sort(key=lambda trial: trial[0])
+    kalman.memory[:] = present
+    if trials[0][0] > AGREED or (len(trials) > 1 and trials[1][0] < APART * trials[0][0]):
+        return None
+    _, sensor, kalman.memory[:] = trials[0]
+    kalman.level[:] = levels
+    return sensor

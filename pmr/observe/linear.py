@@ -13,7 +13,8 @@ Accelerations and velocities of outputs y = Y(s) z follow a place that moves alo
 .. math::
     \dot y = Y \dot z + \dot Y z, \qquad \ddot y = Y \ddot z + 2 \dot Y \dot z + \ddot Y z
 
-with the rates of Y along the motion of the paths, which central differences of neighbouring steps give.
+with the rates of Y along the motion of the paths, which central differences of neighbouring steps give; at the first
+and last step Y goes on along a straight line (src/chosen.c in the kernel).
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from pmr.compare.responses import march_once
 from pmr.compare.simulated import excitation_of_scene
 from pmr.errors import InputError
 from pmr.files.arrays import Array
+from pmr.kernel.filter import ChosenOutputs, LinearSteps
 from pmr.results.quantities import QUANTITIES
 from pmr.scene.built import force_name
 from pmr.scene.scene import Scene
@@ -178,7 +180,7 @@ def linearize(
         raise InputError("observe", "outputs", named, "displacements and forces are allowed in a frame that moves")
     load_columns = [form.kernel.paths + _number(name, system.input_names, "inputs") for name in inputs]
     steps = _differentiate(form, excitation, chosen, load_columns)
-    gravity = _gravity_of(scene, chosen)
+    gravity = gravity_of(scene, chosen)
     return LinearMotion(
         excitation.times[1:],
         chosen.names,
@@ -186,11 +188,15 @@ def linearize(
         chosen.kinds,
         tuple(inputs),
         steps.reference + gravity,
-        *steps[1:],
+        steps.A,
+        steps.B,
+        steps.C,
+        steps.D,
+        _start_under_loads(steps),
     )
 
 
-def _gravity_of(scene: Scene, chosen: Selection) -> Array:
+def gravity_of(scene: Scene, chosen: Selection) -> Array:
     """Gravity (q,) in m/s^2 that accelerometers along z feel at rest; zero for all other outputs."""
     felt = np.zeros(len(chosen.names))
     for k, (name, axis) in enumerate(zip(chosen.names, chosen.axes, strict=True)):
@@ -199,79 +205,24 @@ def _gravity_of(scene: Scene, chosen: Selection) -> Array:
     return felt
 
 
-class _Steps(NamedTuple):
-    """Matrices of T steps; as `LinearMotion`."""
-
-    reference: Array
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    start: Array
-
-
-def _differentiate(form: SystemForm, excitation: Excitation, chosen: Selection, loads: list[int]) -> _Steps:
-    """Matrices of all steps of an excitation, with the `chosen` outputs and loads in the columns `loads` of drivers."""
+def _differentiate(form: SystemForm, excitation: Excitation, chosen: Selection, loads: list[int]) -> LinearSteps:
+    """Linear models of all steps of an excitation, with the `chosen` outputs and loads in the columns `loads`."""
     march = March(form, excitation)
     if error := march.start():
         raise error
-    state, kernel = march.state, form.kernel
-    modes = form.mode_columns
-    states = np.concatenate([modes, modes + kernel.modes, modes + 2 * kernel.modes])
     u = march.sample_drivers(0, excitation.stepping.steps, 1)
-    T, r, q, first_forces = len(u) - 1, len(modes), len(chosen.names), len(form.system.output_names)
-    columns, order = np.array(chosen.columns, int), np.array(chosen.orders, int)
-    moving = np.nonzero(order)[0]
-    A, B = np.zeros((T, 3 * r, 3 * r)), np.zeros((T, 3 * r, len(loads)))
-    C, D, E = np.zeros((T, q, 3 * r)), np.zeros((T, q, len(loads))), np.zeros((T, 3 * r, 3 * r))
-    G, reference = np.zeros((T, 3 * r, len(loads))), np.zeros((T, q))
-    shapes, motion = np.zeros((T, q, r)), np.zeros((T, 3, r))  # Y of outputs in motion; z, v and accelerations
-    for k in range(T):
-        jacobian = state.linearize(u[k + 1])
-        of_state = np.vstack([jacobian.C[:first_forces], form.combined.original_forces(jacobian.L.T).T])
-        of_loads = np.vstack([jacobian.D[:first_forces], form.combined.original_forces(jacobian.K.T).T])
-        A[k], B[k] = jacobian.A[np.ix_(states, states)], jacobian.B[np.ix_(states, loads)]
-        C[k], D[k] = of_state[columns][:, states], of_loads[columns][:, loads]
-        state.step(u[k + 1])
-        present = state.outputs()
-        reference[k] = np.concatenate([present.values[:first_forces], present.forces])[columns]
-        if order.any():
-            E[k], G[k] = jacobian.E[np.ix_(states, states)], jacobian.G[np.ix_(states, loads)]
-            shapes[k, moving] = state.output_shapes(u[k + 1], modes)[columns[moving]]
-            accelerations = state.evaluate(u[k + 1])["accelerations"]
-            motion[k] = state.z[modes], state.v[modes], accelerations[modes]
-    if order.any():
-        h = excitation.stepping.step
-        rates, second_rates = _rates(shapes, h)
-        loaded = reference - np.einsum("tqr,tr->tq", shapes, motion[:, 0])  # by loads alone
-        loaded_rates = _rates(loaded, h)
-        by_order = {
-            1: np.concatenate([rates, shapes, np.zeros_like(shapes)], axis=2),
-            2: np.concatenate([second_rates, 2.0 * rates, shapes], axis=2),
-        }
-        for which, rows in by_order.items():
-            at = np.nonzero(order == which)[0]
-            C[:, at], D[:, at] = rows[:, at] @ E, rows[:, at] @ G
-            of_motion = np.einsum("tqn,tn->tq", rows[:, at], motion.reshape(T, 3 * r))
-            reference[:, at] = of_motion + loaded_rates[which - 1][:, at]
-    start = np.zeros((3 * r, len(loads)))
-    if loads:  # equilibrium under a constant load: the state that the first step keeps
-        start = np.linalg.lstsq(np.eye(3 * r) - A[0], B[0], rcond=None)[0]
-    return _Steps(reference, A, B, C, D, start)
+    numbers = (np.array(part, np.int32) for part in (chosen.columns, chosen.orders, loads, form.mode_columns))
+    steps = LinearSteps(ChosenOutputs(*numbers), len(u) - 1)
+    for k in range(len(u) - 1):
+        steps.take(march.state, k, u[k + 1])
+    steps.follow_rates(excitation.stepping.step)
+    return steps
 
 
-def _rates(values: Array, h: float) -> tuple[Array, Array]:
-    """First and second rates of values (T, ...) at T steps of h s, by central differences; copied to the ends.
-
-    They are zero for fewer than three steps.
-    """
-    rates, second_rates = np.zeros_like(values), np.zeros_like(values)
-    if len(values) > 2:
-        rates[1:-1] = (values[2:] - values[:-2]) / (2.0 * h)
-        second_rates[1:-1] = (values[2:] - 2.0 * values[1:-1] + values[:-2]) / h**2
-        for array in (rates, second_rates):
-            array[0], array[-1] = array[1], array[-2]
-    return rates, second_rates
+def _start_under_loads(steps: LinearSteps) -> Array:
+    """Change (n, i) of the first state with constant loads, in equilibrium: the state that the first step keeps."""
+    A, B = steps.A[0], steps.B[0]
+    return np.linalg.lstsq(np.eye(len(A)) - A, B, rcond=None)[0] if B.shape[1] else np.zeros(B.shape)
 
 
 def output_sensitivity(reference: LinearMotion, changed: LinearMotion) -> Array:

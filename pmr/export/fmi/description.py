@@ -25,6 +25,7 @@ _UNITS: dict[str, dict[str, float]] = {
     "K": {"K": 1},
     "m3": {"m": 3},
     "N/m": {"kg": 1, "s": -2},
+    "kg": {"kg": 1},
 }
 UNITS = _UNITS | {
     rate_unit(unit, order): was | {"s": was.get("s", 0) - order} for unit, was in _UNITS.items() for order in (1, 2, 3)
@@ -183,7 +184,12 @@ def _real_attributes(variable: Variable) -> dict[str, str]:
     attributes = {} if not variable.unit else {"unit": variable.unit}
     low, high = variable.within or (None, None)
     numbers = {"start": variable.start, "nominal": variable.nominal, "min": low, "max": high}
-    return attributes | {name: repr(value) for name, value in numbers.items() if value is not None}
+    return attributes | {name: _number_text(value) for name, value in numbers.items() if value is not None}
+
+
+def _number_text(value: float) -> str:
+    """Number as XML has it."""
+    return "NaN" if value != value else repr(value)
 
 
 def _model_structure(variables: Sequence[Variable]) -> list[list[Variable]]:

@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 import pmr.kernel
 from pmr.errors import BEYOND_ENDS, InputError, environment
 from pmr.export.fmi.description import ModelAttributes, build_description, description_2, description_3
+from pmr.export.fmi.observer import UnitObserver
 from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
 from pmr.export.fmi.variables import Drivers, variables
 from pmr.files.arrays import Array
@@ -91,6 +92,7 @@ def write_fmu(
     version: str = "3",
     platforms: Sequence[Platform] = PLATFORMS,
     sources: bool = False,
+    observer: UnitObserver | None = None,
 ) -> Path:
     """Write a saved system or reduced model, with the scene stored in its file, as an FMU; return `target`.
 
@@ -98,7 +100,7 @@ def write_fmu(
     """
     npz_path = Path(npz_path)
     system = System.load(npz_path)
-    return write(system, read_scene(system, npz_path.name, free=True), target, version, platforms, sources)
+    return write(system, read_scene(system, npz_path.name, free=True), target, version, platforms, sources, observer)
 
 
 def write(
@@ -108,6 +110,7 @@ def write(
     version: str = "3",
     platforms: Sequence[Platform] = PLATFORMS,
     sources: bool = False,
+    observer: UnitObserver | None = None,
 ) -> Path:
     """Write a system as an FMU for Co-Simulation, and for Model Exchange if it is an ordinary differential equation.
 
@@ -125,16 +128,20 @@ def write(
         Platforms whose binaries are included.
     sources : bool
         Whether the C sources are included, for importers that compile them.
+    observer : UnitObserver, optional
+        Observer whose measurements become inputs and whose estimates become outputs; the FMU is then for
+        Co-Simulation only.
 
     Raises
     ------
     InputError
-        If a rigid contact only pushes, or a binary is missing; also as `pmr.simulation.SystemSimulator`.
+        If a rigid contact only pushes, or a binary is missing; also as `pmr.simulation.SystemSimulator` and
+        `UnitObserver.arrays`.
     """
     if version not in VERSIONS:
         raise InputError("command line", "--fmi", version, "2 or 3 is allowed")
     target = Path(target)
-    unit = fmu_contents(system, scene, target.stem, version, sources)
+    unit = fmu_contents(system, scene, target.stem, version, sources, observer)
     files: dict[str, str | bytes] = {**unit.texts, "resources/system.pmr": unit.system}
     for platform in platforms:
         if place := _platform_folder(platform, version):
@@ -146,20 +153,32 @@ def write(
     return target
 
 
-def fmu_contents(system: System, scene: StoredScene, name: str, version: str, sources: bool = False) -> Contents:
+def fmu_contents(
+    system: System,
+    scene: StoredScene,
+    name: str,
+    version: str,
+    sources: bool = False,
+    observer: UnitObserver | None = None,
+) -> Contents:
     """Description, system and reference trajectory of an FMU with binaries of the name `name`; otherwise as `write`."""
-    drivers = Drivers.of(system)
+    # with an observer contacts are combined as those of its own model, to the last bit
+    drivers = Drivers.of(system, reactions=observer is None)
     run = reference(drivers, scene)
-    listed = variables(drivers, run.start_values, run.nominal)
+    start_values, further = run.start_values, dict[str, NDArray[Any]]()
+    if observer is not None:
+        further = dict(observer.arrays(drivers))
+        start_values[-3] = observer.step
+    listed = variables(drivers, start_values, run.nominal, observer)
     paths = [variable.name for variable in listed if variable.within is not None]
-    file = system_file(drivers, paths, run.start_values, run.nominal, run.omega)
+    file = system_file(drivers, paths, start_values, run.nominal, 0.0 if observer else run.omega, further)
     files = source_files(version) if sources else {}
     plain = re.sub(r"[^A-Za-z0-9_]+", "_", name)
     described = ModelAttributes(
         identifier=plain if re.match(r"[A-Za-z_]", plain) else f"model_{plain}",
         title=scene.title,
         token=file.token,
-        model_exchange=drivers.is_differential,
+        model_exchange=drivers.is_differential and observer is None,
         derivatives=drivers.has_derivatives,
         sources=compiled_files(files),
         end=run.stepping.end,
@@ -226,7 +245,12 @@ class SystemFile:
 
 
 def system_file(
-    drivers: Drivers, path_names: Sequence[str], start_values: Array, nominal: Array, omega: float
+    drivers: Drivers,
+    path_names: Sequence[str],
+    start_values: Array,
+    nominal: Array,
+    omega: float,
+    observer: Mapping[str, NDArray[Any]] | None = None,
 ) -> SystemFile:
     """Pack a system, with the settings of its FMU, as the content of resources/system.pmr.
 
@@ -241,7 +265,10 @@ def system_file(
     nominal : (2 r,) array
         Typical sizes of the r modal coordinates, then of their rates.
     omega : float
-        Circular frequency in rad/s of contacts that only push (`pmr.simulation.contact_step`); 0 if there are none.
+        Circular frequency in rad/s of contacts that only push (`pmr.simulation.contact_step`); 0 if there are none,
+        and with an observer, whose steps are not divided.
+    observer : mapping, optional
+        Arrays of an observer (`UnitObserver.arrays`); then there is no Model Exchange.
     """
     settings = [omega, contact_step.TOLERANCE, contact_step.RESOLVED, contact_step.MOST_PARTS, BEYOND_ENDS]
     arrays: dict[str, NDArray[Any] | str] = {
@@ -251,8 +278,9 @@ def system_file(
         "unit_modes": drivers.data.used_modes,
         "unit_kinds": np.array(drivers.kinds()),
         "unit_settings": np.array(settings, float),
-        "unit_exchange": np.array([drivers.is_differential]),
+        "unit_exchange": np.array([drivers.is_differential and not observer]),
         "names_paths": lines(path_names),
+        **(observer or {}),
     }
     digest = hashlib.sha256(pack(arrays)).hexdigest()
     token = "-".join(digest[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32)))

@@ -183,7 +183,7 @@ def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
 
 def inputs_csv(run: Reference, variables: Sequence[Variable]) -> str:
     """Text of resources/reference_in.csv: time and inputs at every step, under the variables' names."""
-    inputs = [variable for variable in variables if variable.causality == "input"]
+    inputs = [each for each in variables if each.causality == "input" and each.reference < run.inputs.shape[1]]
     return _csv(["time", *(v.name for v in inputs)], run.inputs[:, [0, *(v.reference for v in inputs)]])
 
 

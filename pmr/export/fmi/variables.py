@@ -6,12 +6,13 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.files.arrays import Array
-from pmr.kernel.data import SystemData, system_data
+from pmr.kernel.data import SystemData, system_data, system_in_modes
 from pmr.kernel.further import AXES
 from pmr.scene.built import force_name
 from pmr.scene.hoist import ROPE, WIND
@@ -42,8 +43,8 @@ class Drivers:
     data: SystemData
 
     @classmethod
-    def of(cls, system: System) -> Drivers:
-        """Drivers of a system.
+    def of(cls, system: System, *, reactions: bool = True) -> Drivers:
+        """Drivers of a system; without `reactions` forces of rigid supports are no outputs.
 
         Raises InputError if the system has terms but no scene with a frame that drives these, if the system's paths
         differ from the frame's or have another order, or as `modal_form` and `stepped_frame`.
@@ -59,7 +60,8 @@ class Drivers:
                 "system", "paths", of_scene, f"paths that pads travel on are allowed in the pads' order: {of_pads}"
             )
         forms = {name: modal_form(body) for name, body in system.reduced.items()}
-        return cls(system, forms, frame, system_data(system, forms, frame))
+        reduced = None if reactions else system_in_modes(system, forms)
+        return cls(system, forms, frame, system_data(system, forms, frame, reduced))
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -171,10 +173,19 @@ class Variable:
     is_rate: bool = False  #: Whether it is the rate of an output
 
 
-def variables(drivers: Drivers, start: Array, nominal: Array) -> list[Variable]:
+class FurtherVariables(Protocol):
+    """Maker of variables behind those of a system."""
+
+    def variables(self, names: Identifiers, first: int) -> Iterator[Variable]:
+        """Yield variables, in ascending order of their value references, which begin with `first`."""
+
+
+def variables(
+    drivers: Drivers, start: Array, nominal: Array, further: FurtherVariables | None = None
+) -> list[Variable]:
     """All variables of a system, with start and nominal values as described for `pmr.export.fmi.fmu.system_file`.
 
-    They are in ascending order of their value references.
+    They are in ascending order of their value references, those of `further` last.
     """
     names = Identifiers()
     listed = list(_inputs_and_parameters(drivers, names, start))
@@ -196,6 +207,9 @@ def variables(drivers: Drivers, start: Array, nominal: Array) -> list[Variable]:
             Variable(name, reference, f"derivative: {state.description}", "local", unit=unit, derivative_of=first + k)
         )
     listed += _output_variables(drivers, names, first + 4 * modes)
+    if further is not None:
+        count, forces = len(list(output_kinds(drivers))), len(drivers.system.contacts)
+        listed += further.variables(names, first + 4 * modes + 2 * count + forces)
     return listed
 
 

@@ -278,6 +278,30 @@ struct pmr_state {
       (state, at, rates, z, v, why))                                                                                   \
     F(int, linearize, linearize, (pmr_state *state, const double *u, const pmr_jacobian *jacobian),                    \
       (state, u, jacobian))                                                                                            \
+    P(filter_sizes, filter_sizes, (const pmr_filter *filter, pmr_filter_counts *counts), (filter, counts))             \
+    P(filter_start, filter_start,                                                                                      \
+      (const pmr_filter *filter, double *memory, const double *x, const double *P, const double *square),              \
+      (filter, memory, x, P, square))                                                                                  \
+    P(filter_update, filter_update,                                                                                    \
+      (const pmr_filter *filter, double *memory, const pmr_filter_step *step, const double *measured,                  \
+       const int32_t *use, double *innovations),                                                                       \
+      (filter, memory, step, measured, use, innovations))                                                              \
+    P(filter_outputs, filter_outputs,                                                                                  \
+      (const pmr_filter *filter, double *memory, const pmr_filter_step *step, double *mean, double *variance),         \
+      (filter, memory, step, mean, variance))                                                                          \
+    P(filter_predict, filter_predict, (const pmr_filter *filter, double *memory, const pmr_filter_step *step),         \
+      (filter, memory, step))                                                                                          \
+    F(size_t, linear_work, linear_work, (const pmr_state *state), (state))                                            \
+    F(int, linear_matrices, linear_matrices,                                                                           \
+      (pmr_state *state, const pmr_chosen *which, const double *u, double *work, const pmr_linear_step *to),          \
+      (state, which, u, work, to))                                                                                    \
+    F(int, linear_outputs, linear_outputs,                                                                             \
+      (pmr_state *state, const pmr_chosen *which, const double *u, double *work, const pmr_linear_step *to),          \
+      (state, which, u, work, to))                                                                                    \
+    P(output_rates, output_rates,                                                                                      \
+      (const pmr_chosen *which, double step, const pmr_linear_step *before, const pmr_linear_step *now,               \
+       const pmr_linear_step *after),                                                                                  \
+      (which, step, before, now, after))                                                                              \
     F(int, contact, contact_alone,                                                                                     \
       (int m, const double *A, const double *b, const int32_t *pushes, double *lambda, int32_t *closed, double *work,  \
        int *trouble),                                                                                                  \

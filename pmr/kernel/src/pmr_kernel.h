@@ -477,6 +477,83 @@ void pmr_bank_start(const pmr_bank *bank, double *memory);
 void pmr_bank_advance(const pmr_bank *bank, double *memory, int64_t steps, const double *y, const double *activity,
                       const double *least_level, const pmr_bank_record *record);
 
+/* ---- a Kalman filter on linear models of steps ---- */
+
+/* n states of a prediction, q outputs, p sensors, i loads of the model; what else is not known, by numbers of loads,
+   outputs and sensors, those of sensors ascending (filter.c).  N = n + loads + payload + parameters + biased + scaled +
+   off.  Arrays stay as long as they are used. */
+typedef struct {
+    int32_t states, outputs, sensors, inputs;
+    int32_t loads, parameters, biased, scaled, off;
+    int32_t payload, acceleration;  /* load by the payload, less than 0: none; output: acceleration of its place */
+    double gravity;                 /* m/s^2 */
+    double gate, refused;           /* innovations over their deviation that count less, and not at all */
+    double alarm, share;            /* mean square of innovations of a doubted sensor, share by which it follows */
+    double following;               /* share by which mean squares of outputs follow */
+    const int32_t *sensor_outputs;  /* (p,) */
+    const int32_t *load_inputs;     /* (loads,) */
+    const int32_t *considered;      /* (parameters,): 1 if it has no gain */
+    const int32_t *biased_sensors, *scaled_sensors, *off_sensors;
+    const double *noise, *errors;   /* (p,) deviations, (q,) shares of the model's error */
+    const double *decay, *added;    /* (N,): in a step, from the loads on; variance that each step adds */
+    const double *rough;            /* (loads,) N: deviation within a step */
+} pmr_filter;
+
+/* Linear model of a step: reference (q,), A (n, n), B (n, i), C (q, n), D (q, i), and how outputs change with parameters
+   and by each kg of payload, (q, parameters). */
+typedef struct {
+    const double *reference, *A, *B, *C, *D, *sensitivity, *per_kilogram;
+} pmr_filter_step;
+
+/* How a measurement is used: if the model can explain it, or only if it is near where the sensor is doubted; as if what
+   is expected were measured where there is none; not at all, though it has an innovation. */
+enum { PMR_IF_POSSIBLE, PMR_IF_NEAR, PMR_AS_EXPECTED, PMR_NOT_USED };
+
+/* Numbers N of a state and L of a row, whole registers; doubles of the memory, and how many of them, the first, are to be
+   kept between steps: X (L,), P (N, L), mean squares of outputs (q,) and of innovations (p,). */
+typedef struct {
+    size_t states, stride, memory, kept;
+} pmr_filter_counts;
+
+void pmr_filter_sizes(const pmr_filter *filter, pmr_filter_counts *counts);
+/* Begin with X (N,), P (N, N) and mean squares of outputs (q,). */
+void pmr_filter_start(const pmr_filter *filter, double *memory, const double *x, const double *P, const double *square);
+/* Correct by measurements (p,), not finite where there is none, each used as `use` (p,) says; innovations (p,) over their
+   standard deviations, NaN without a measurement. */
+void pmr_filter_update(const pmr_filter *filter, double *memory, const pmr_filter_step *step, const double *measured,
+                       const int32_t *use, double *innovations);
+/* Mean and variance (q,) of outputs after a correction; then go on to the next step. */
+void pmr_filter_outputs(const pmr_filter *filter, double *memory, const pmr_filter_step *step, double *mean,
+                        double *variance);
+void pmr_filter_predict(const pmr_filter *filter, double *memory, const pmr_filter_step *step);
+
+/* ---- linear models of steps for outputs that are chosen ---- */
+
+/* q outputs of i loads and r modes: columns (q,) among outputs of the bodies and, behind them, forces of all contacts;
+   orders (q,), 0 to 2, of their rates; numbers of the drivers (i,) and of the modes (r,), without padding. */
+typedef struct {
+    int32_t outputs, inputs, modes;
+    const int32_t *columns, *orders, *loads, *at_modes;
+} pmr_chosen;
+
+/* With x (3 r,) as in pmr_jacobian: A (3 r, 3 r), B (3 r, i), C (q, 3 r), D (q, i), E (3 r, 3 r), G (3 r, i), and reference
+   (q,).  Where there are rates, outputs are Y z + loaded with Y (q, r), loaded (q,), and motion (3 r,) is z, z', z''. */
+typedef struct {
+    double *reference, *A, *B, *C, *D, *E, *G, *shapes, *loaded, *motion;
+} pmr_linear_step;
+
+/* Matrices of the step to drivers u (N,), before it is taken; then what they are about, after it.  `work` has
+   pmr_linear_work doubles.  Return as pmr_linearize and pmr_evaluate. */
+size_t pmr_linear_work(const pmr_state *state);
+int pmr_linear_matrices(pmr_state *state, const pmr_chosen *chosen, const double *u, double *work,
+                        const pmr_linear_step *to);
+int pmr_linear_outputs(pmr_state *state, const pmr_chosen *chosen, const double *u, double *work,
+                       const pmr_linear_step *to);
+/* Put rates into C, D and reference of `now`: y' = Y z' + Y' z and y'' = Y z'' + 2 Y' z' + Y'' z, with Y of neighbours
+   that are `step` s apart; NULL at the ends, beyond which Y goes on along a straight line. */
+void pmr_output_rates(const pmr_chosen *chosen, double step, const pmr_linear_step *before, const pmr_linear_step *now,
+                      const pmr_linear_step *after);
+
 /* ---- up to here ---- */
 
 #ifdef __cplusplus

@@ -38,6 +38,8 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "machine.c"
 #include "luffing.c"
 #include "continuous.c"
+#include "filter.c"
+#include "chosen.c"
 
 const pmr_functions PMR_FUNCTIONS = {
     .name = PMR_VARIANT,

@@ -125,6 +125,32 @@ def cosim(fmu: str) -> Any:
     return worst
 
 
+def observe(fmu: str, npz: str) -> Any:
+    """Estimates (T, .) of an observer, from measurements (T, p) at the ends of steps, with all inputs set there."""
+    folder, data = str(extract(fmu)), np.load(npz)
+    said = read_model_description(folder)
+    unit, two = instantiate_fmu(folder, said, fmi_type="CoSimulation"), said.fmiVersion == "2.0"
+    setter, getter = (unit.setReal, unit.getReal) if two else (unit.setFloat64, unit.getFloat64)
+    given = [v for v in said.modelVariables if v.causality == "input" and "_rate" not in v.name]
+    inputs, measured = (
+        [v.valueReference for v in given if v.name.startswith("measured_") == is_measured]
+        for is_measured in (False, True)
+    )
+    starts = ("estimate_of_", "standard_deviation_of_", "innovation_of_", "alarm_of_")
+    estimated = [v.valueReference for v in said.modelVariables if v.name.startswith(starts)]
+    if two:
+        unit.setupExperiment(startTime=0.0)
+    unit.enterInitializationMode()
+    setter(inputs, data["inputs"][0].tolist())
+    unit.exitInitializationMode()
+    rows, h = [], float(data["step"])
+    for k, (values, readings) in enumerate(zip(data["inputs"][1:], data["measured"], strict=True)):
+        setter([*inputs, *measured], [*values, *readings])
+        unit.doStep(currentCommunicationPoint=k * h, communicationStepSize=h)
+        rows.append(list(map(float, getter(estimated))))
+    return rows
+
+
 def loop(fmu: str) -> Any:
     """Values (T, 2) that are read of a crane which a valve raises, beginning with the start."""
     return raised(fmu, Luffing)
@@ -191,7 +217,7 @@ def symbols(fmu: str) -> Any:
     return found
 
 
-KINDS = {one.__name__: one for one in (validate, steps, cvode, cosim, loop, loop_of_two, symbols)}
+KINDS = {one.__name__: one for one in (validate, steps, cvode, cosim, observe, loop, loop_of_two, symbols)}
 
 if __name__ == "__main__":
     print(json.dumps(KINDS[sys.argv[1]](*sys.argv[2:])))

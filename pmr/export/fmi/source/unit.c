@@ -152,8 +152,11 @@ Unit *unit_open(const char *token, const char *folder, int model_exchange, char 
         snprintf(why, 400, "%s leave no differential equation: Co-Simulation is allowed",
                  unit->sizes.hoist || unit->sizes.luffing ? "a hoist and a free luffing angle" : "rigid rows or friction");
     else if (!open_memory(unit) && !open_state(unit, why, 400)) {
-        unit_reset(unit);
-        return unit;
+        if (!estimator_open(unit)) {
+            unit_reset(unit);
+            return unit;
+        }
+        snprintf(why, 400, "resources/system.pmr: arrays of an observer are damaged, or no memory is left");
     }
     unit_close(unit);
     return NULL;
@@ -162,6 +165,7 @@ Unit *unit_open(const char *token, const char *folder, int model_exchange, char 
 void unit_close(Unit *unit)
 {
     if (!unit) return;
+    estimator_close(unit);
     pmr_state_close(unit->state);
     shared_close(unit->shared);
     free(unit->memory);
@@ -186,6 +190,7 @@ int unit_reset(Unit *unit)
     memset(unit->warned, 0, (size_t)unit->drivers * sizeof(int32_t));
     unit->started = 0;
     unit_changed(unit);
+    estimator_reset(unit);
     return 0;
 }
 
@@ -369,6 +374,11 @@ int unit_advance(Unit *unit, double time, double duration)
     check_inputs(unit);
     if (!(fabs(duration / count - step) <= 1e-9 * step))
         step = duration / count; /* else it is round-off of the times */
+    if (unit->estimator && !(fabs(step - unit->estimator_step) <= 1e-9 * step)) {
+        snprintf(unit->message, sizeof unit->message, "the observer's step of %.9g s, or a multiple of it, is allowed",
+                 unit->estimator_step);
+        return 1;
+    }
     if (adjust(unit, step, u[unit->at.rho_inf]) || check_paths(unit, driven)) return 1;
     memcpy(led, driven, 4 * (size_t)n * sizeof(double));
     for (k = 0; k < (int)count; k++) {
@@ -376,7 +386,9 @@ int unit_advance(Unit *unit, double time, double duration)
         lead_drivers(unit, led, since + step);
         unit_changed(unit);
         if (check_paths(unit, driven)) return 1;
-        failed = pmr_step_led(unit->state, led, since);
+        failed = unit->estimator ? estimator_prepare(unit, driven) : 0;
+        if (!failed) failed = pmr_step_led(unit->state, led, since);
+        if (!failed && unit->estimator) failed = estimator_take(unit, driven, k == (int)count - 1);
         if (failed) return unit_failed(unit, failed);
         u[TIME] = time + (k + 1) * step;
     }
@@ -397,7 +409,8 @@ typedef struct {
 
 size_t unit_bytes(const Unit *unit)
 {
-    return sizeof(Head) + (unit->at.states + 2 * (size_t)unit->modes) * sizeof(double) + pmr_state_bytes(unit->state);
+    return sizeof(Head) + (unit->at.states + 2 * (size_t)unit->modes) * sizeof(double) + estimator_bytes(unit) +
+           pmr_state_bytes(unit->state);
 }
 
 static void name_model(const Unit *unit, char token[48])
@@ -419,7 +432,8 @@ int unit_save(Unit *unit, void **state)
     at = *state;
     memcpy(at + sizeof head, unit->variables, own);
     memcpy(at + sizeof head + own, unit->given, given);
-    pmr_state_save(unit->state, at + sizeof head + own + given);
+    estimator_save(unit, at + sizeof head + own + given);
+    pmr_state_save(unit->state, at + sizeof head + own + given + estimator_bytes(unit));
     memcpy(at, &head, sizeof head);
     head.checksum = pmr_checksum(at + 16, unit_bytes(unit) - 16);
     memcpy(at, &head, sizeof head);
@@ -444,7 +458,7 @@ int unit_is_state(Unit *unit, const void *bytes, size_t count)
 int unit_restore(Unit *unit, const void *state)
 {
     const size_t own = unit->at.states * sizeof(double), given = 2 * (size_t)unit->modes * sizeof(double);
-    const char *at = state;
+    const char *at = state, *of_kernel = at + sizeof(Head) + own + given + estimator_bytes(unit);
     char why[PMR_MESSAGE] = "the state can't be taken up";
     Head head;
     memcpy(&head, at, sizeof head);
@@ -454,9 +468,9 @@ int unit_restore(Unit *unit, const void *state)
     memset(unit->off, 0, (size_t)unit->drivers * sizeof(double));
     unit_changed(unit);
     unit->started = (int)head.started;
+    estimator_restore(unit, at + sizeof head + own + given);
     if (!unit->started) return 0;
-    if (pmr_state_restore(unit->state, at + sizeof head + own + given, pmr_state_bytes(unit->state), why))
-        return refuse(unit, why);
+    if (pmr_state_restore(unit->state, of_kernel, pmr_state_bytes(unit->state), why)) return refuse(unit, why);
     unit->stands = (int)head.stands;
     read_states(unit);
     return 0;

@@ -12,7 +12,9 @@
        unit_settings (5)         of contacts that push: omega, tolerance, the resolved share of 1 / omega, most parts;
                                  share of a path by which s may lie beyond its ends
        unit_exchange (1)         whether there is a differential equation
-       names_token, names_paths  */
+       names_token, names_paths
+
+   and with an observer the arrays of its filter, observer_... (estimator.c).  */
 #ifndef UNIT_H
 #define UNIT_H
 
@@ -40,6 +42,8 @@ typedef struct {
 
 #include "shared.h"
 
+typedef struct Estimator Estimator;
+
 typedef struct {
     Shared *shared;
     const pmr_system *system;
@@ -59,6 +63,8 @@ typedef struct {
     int known_outputs, known_further, known_rates, known_derivatives;
     double *memory, *variables, *given, *off, *second, *work;
     int32_t *warned, *closed;
+    Estimator *estimator; /* NULL without an observer */
+    double estimator_step; /* s */
     char message[400], warning[400];
 } Unit;
 
@@ -84,6 +90,18 @@ size_t unit_bytes(const Unit *unit);
 int unit_save(Unit *unit, void **state);
 int unit_restore(Unit *unit, const void *state);
 int unit_is_state(Unit *unit, const void *bytes, size_t count);
+
+/* What an observer adds, nothing without one: 1 if its arrays are damaged; before and after each step to drivers u, what
+   the kernel returns; variables behind all others, those of measurements first, NULL without such a variable. */
+int estimator_open(Unit *unit);
+void estimator_close(Unit *unit);
+void estimator_reset(Unit *unit);
+int estimator_prepare(Unit *unit, const double *u);
+int estimator_take(Unit *unit, const double *u, int measures);
+double *estimator_variable(const Unit *unit, unsigned reference, int is_set);
+size_t estimator_bytes(const Unit *unit);
+void estimator_save(const Unit *unit, void *bytes);
+void estimator_restore(Unit *unit, const void *bytes);
 
 /* Parts of these. */
 int refuse(Unit *unit, const char *why);

@@ -110,6 +110,11 @@ int get_variables(Unit *unit, const unsigned *references, size_t count, double *
     size_t n;
     for (n = 0; n < count; n++) {
         const unsigned reference = references[n];
+        const double *estimate = estimator_variable(unit, reference, 0);
+        if (estimate) {
+            values[n] = *estimate;
+            continue;
+        }
         if ((reference < first || reference >= end) && find_group(unit, reference, &first, &end)) return 1;
         values[n] = unit->variables[reference];
     }
@@ -140,6 +145,11 @@ int set_variables(Unit *unit, const unsigned *references, size_t count, const do
                                   unit->kinds[(reference - DRIVEN) % (unsigned)unit->drivers] == START);
         const int is_state = reference >= at->states && reference < at->derivatives;
         const char *why;
+        double *measured = estimator_variable(unit, reference, 1);
+        if (measured) {
+            *measured = values[n];
+            continue;
+        }
         if (reference == TIME || reference >= at->derivatives)
             return refuse_reference(unit, "it can be read only", reference);
         if ((is_parameter || is_state) && unit->started)

@@ -1,0 +1,145 @@
+"""The kernel's Kalman filter on linear models of steps (src/filter.c), and these models themselves (src/chosen.c)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pmr.files.arrays import Array
+from pmr.kernel._native import ffi, lib
+from pmr.kernel.kernel import integer_pointer, pointer
+from pmr.kernel.state import State
+
+#: How a measurement is used (`pmr_filter_update` in src/pmr_kernel.h).
+IF_POSSIBLE, IF_NEAR = lib.PMR_IF_POSSIBLE, lib.PMR_IF_NEAR
+AS_EXPECTED, NOT_USED = lib.PMR_AS_EXPECTED, lib.PMR_NOT_USED
+
+
+@dataclass(frozen=True)
+class FilterData:
+    """Sizes, numbers and arrays of a filter, by their names in `pmr_filter` (src/pmr_kernel.h), and its first state."""
+
+    sizes: Mapping[str, int]
+    numbers: Mapping[str, float]
+    indices: Mapping[str, NDArray[np.int32]]
+    arrays: Mapping[str, Array]
+    x: Array  # (N,)
+    P: Array  # (N, N)
+    square: Array  # (q,): mean squares of the outputs
+
+
+@dataclass(frozen=True)
+class FilterSteps:
+    """Linear models of T steps, as `pmr_filter_step` (src/pmr_kernel.h) has them for one."""
+
+    reference: Array  # (T, q)
+    A: Array  # (T, n, n)
+    B: Array  # (T, n, i)
+    C: Array  # (T, q, n)
+    D: Array  # (T, q, i)
+    sensitivity: Array  # (T, q, parameters)
+    per_kilogram: Array  # (T, q, parameters)
+
+
+class KalmanFilter:
+    """A filter and its state; `x` (N,), `P` (N, N) and `level` (p,) are views of its memory."""
+
+    def __init__(self, data: FilterData, steps: FilterSteps) -> None:
+        self._indices = {name: np.ascontiguousarray(array, np.int32) for name, array in data.indices.items()}
+        self._arrays = {name: np.ascontiguousarray(array, float) for name, array in data.arrays.items()}
+        pointers = {name: integer_pointer(array) for name, array in self._indices.items()}
+        pointers |= {name: pointer(array) for name, array in self._arrays.items()}
+        self._filter = ffi.new("pmr_filter *", dict(data.sizes) | dict(data.numbers) | pointers)
+        counts = ffi.new("pmr_filter_counts *")
+        lib.pmr_filter_sizes(self._filter, counts)
+        N, stride, self.outputs_count = counts.states, counts.stride, data.sizes["outputs"]
+        self.memory = np.zeros(counts.memory)
+        start = [np.ascontiguousarray(array, float) for array in (data.x, data.P, data.square)]
+        lib.pmr_filter_start(self._filter, pointer(self.memory), *map(pointer, start))
+        self.x = self.memory[:N]
+        self.P = self.memory[stride : stride + N * stride].reshape(N, stride)[:, :N]
+        self.level = self.memory[counts.kept - data.sizes["sensors"] : counts.kept]
+        self._steps = {name: np.ascontiguousarray(array, float) for name, array in vars(steps).items()}
+        self._places = {name: (pointer(array), array[0].size) for name, array in self._steps.items()}
+        self._step = ffi.new("pmr_filter_step *")
+
+    def _at(self, k: int) -> Any:
+        """Linear model of step k."""
+        for name, (first, size) in self._places.items():
+            setattr(self._step, name, first + k * size)
+        return self._step
+
+    def update(self, k: int, measured: Array, use: NDArray[np.int64]) -> Array:
+        """Correct the state at step k; return innovations (p,) over their standard deviations.
+
+        Measurements (p,) that are not finite are missing; each is used as `use` (p,) says.  The innovation of a missing
+        one is NaN.
+        """
+        measured, innovations = np.ascontiguousarray(measured, float), np.zeros(len(measured))
+        used = np.ascontiguousarray(use, np.int32)
+        arguments = (pointer(measured), integer_pointer(used), pointer(innovations))
+        lib.pmr_filter_update(self._filter, pointer(self.memory), self._at(k), *arguments)
+        return innovations
+
+    def outputs(self, k: int) -> tuple[Array, Array]:
+        """Mean and variance (q,) of the outputs at step k, after `update`, with the errors of the model."""
+        values = np.zeros((2, self.outputs_count))
+        lib.pmr_filter_outputs(self._filter, pointer(self.memory), self._at(k), *map(pointer, values))
+        return values[0], values[1]
+
+    def predict(self, k: int) -> None:
+        """Advance state and covariance from step k to the next."""
+        lib.pmr_filter_predict(self._filter, pointer(self.memory), self._at(k))
+
+
+@dataclass(frozen=True)
+class ChosenOutputs:
+    """Outputs and loads of a linear model, by their numbers, as `pmr_chosen` (src/pmr_kernel.h) has them."""
+
+    columns: NDArray[np.int32]  # (q,) among outputs of the bodies, then forces of all contacts
+    orders: NDArray[np.int32]  # (q,): of rates with respect to time
+    loads: NDArray[np.int32]  # (i,) among the drivers
+    at_modes: NDArray[np.int32]  # (r,): modes without padding
+
+
+class LinearSteps:
+    """Linear models of T steps; the arrays (T, ...) are named as in `pmr_linear_step` (src/pmr_kernel.h)."""
+
+    def __init__(self, chosen: ChosenOutputs, T: int) -> None:
+        q, i, r = len(chosen.columns), len(chosen.loads), len(chosen.at_modes)
+        n, follows = 3 * r, int(chosen.orders.any())  # without rates nothing is stored for them
+        self.reference, self.A, self.B = np.zeros((T, q)), np.zeros((T, n, n)), np.zeros((T, n, i))
+        self.C, self.D = np.zeros((T, q, n)), np.zeros((T, q, i))
+        self._chosen, stored = chosen, T if follows else 1
+        self._arrays = {
+            "reference": self.reference, "A": self.A, "B": self.B, "C": self.C, "D": self.D,
+            "E": np.zeros((stored, n, n)), "G": np.zeros((stored, n, i)), "shapes": np.zeros((stored, q, r)),
+            "loaded": np.zeros((stored, q)), "motion": np.zeros((stored, n)),
+        }  # fmt: skip
+        sizes = {"outputs": q, "inputs": i, "modes": r}
+        self._data = ffi.new("pmr_chosen *", sizes | {n: integer_pointer(a) for n, a in vars(chosen).items()})
+
+    def take(self, state: State, k: int, u: Array) -> None:
+        """Take a step of the `state` to drivers u (N,), and store it as step k.  A StepError is raised if it fails."""
+        work, step = np.zeros(lib.pmr_linear_work(state.pointer)), self._at(k)
+        u, where = np.ascontiguousarray(u, float), f"step {state.step_number + 1}"
+        arguments = (state.pointer, self._data, pointer(u), pointer(work), step)
+        state.raise_unless_done(lib.pmr_linear_matrices(*arguments), where)
+        state.step(u)
+        state.raise_unless_done(lib.pmr_linear_outputs(*arguments), where)
+
+    def follow_rates(self, h: float) -> None:
+        """Put rates of outputs into the matrices and the reference of all steps, which are h s apart."""
+        if self._chosen.orders.any():
+            steps = [ffi.NULL, *(self._at(k) for k in range(len(self.reference))), ffi.NULL]
+            for before, now, after in zip(steps[:-2], steps[1:-1], steps[2:], strict=True):
+                lib.pmr_output_rates(self._data, h, before, now, after)
+
+    def _at(self, k: int) -> Any:
+        """Addresses of the arrays of step k."""
+        at = {name: pointer(array[min(k, len(array) - 1)]) for name, array in self._arrays.items()}
+        return ffi.new("pmr_linear_step *", at)

@@ -1,0 +1,292 @@
+/* A Kalman filter on a linear model of each step, for payload, loads and outputs of a boom that measured paths move.
+
+   The state X (N,) holds, in this order, the prediction of a step (n,), unknown loads, a payload, parameters, biases and
+   gains of sensors, and errors of the model in measured outputs.  With rows R = (C, D of loads, ...) outputs are
+
+       y = reference + shift + R X,    measured = y + bias + gain y + error + noise
+
+   A payload m beside that of the reference motion is the load -m (g + a); in R the acceleration a of its place is that of
+   the reference motion, and `shift` is what the rest of the estimated acceleration does.  X goes on as F X with F = (A, B
+   of loads; decay).  pmr.observe.observer derives the numbers of a filter.  Rows of matrices with N columns are padded to whole
+   registers, L numbers. */
+#define MOST_SQUARE 1e3 /* of a normalised innovation in the running mean square */
+
+/* Where each part of a state begins, and the parts of a filter's memory. */
+typedef struct {
+    size_t loads, payload, parameters, biases, gains, errors, all, padded; /* loads = n */
+    double *x, *P, *square, *level, *rows, *shift, *lift, *work;
+} filter_parts;
+
+static filter_parts parts_of(const pmr_filter *f, double *memory)
+{
+    filter_parts p;
+    const size_t q = f->outputs;
+    p.loads = f->states;
+    p.payload = p.loads + f->loads;
+    p.parameters = p.payload + (f->payload >= 0);
+    p.biases = p.parameters + f->parameters;
+    p.gains = p.biases + f->biased;
+    p.errors = p.gains + f->scaled;
+    p.all = p.errors + f->off;
+    p.padded = (p.all + 3) / 4 * 4;
+    p.x = memory;
+    p.P = p.x + p.padded;
+    p.square = p.P + p.all * p.padded;
+    p.level = p.square + q;
+    p.rows = p.level + f->sensors;
+    p.shift = p.rows + q * p.padded;
+    p.lift = p.shift + q;
+    p.work = p.lift + 1;
+    return p;
+}
+
+static void filter_sizes(const pmr_filter *f, pmr_filter_counts *counts)
+{
+    const filter_parts p = parts_of(f, NULL);
+    const size_t L = p.padded, m = f->sensors, n = f->states;
+    const size_t update = m * (4 * L + m + 6), predict = L + 2 * n * L + L * p.parameters;
+    counts->states = p.all;
+    counts->stride = L;
+    counts->kept = L + p.all * L + f->outputs + m;
+    counts->memory = counts->kept + f->outputs * (L + 1) + 1 + (update > predict ? update : predict);
+}
+
+static double sum_of_products(const double *a, const double *b, size_t count)
+{
+    vec sum = {0.0};
+    size_t j;
+    for (j = 0; j < count; j += VL) sum += CONST_LOOSE(a + j) * CONST_LOOSE(b + j);
+    return sum_of(sum);
+}
+
+/* Columns of unknown loads and of the payload from derivatives (rows, i) by the model's loads, into (., columns). */
+static void set_load_columns(const pmr_filter *f, const filter_parts *p, const double *of_loads, size_t rows, double *to,
+                             size_t columns)
+{
+    size_t k;
+    int l;
+    for (k = 0; k < rows; k++) {
+        const double *from = of_loads + k * f->inputs;
+        for (l = 0; l < f->loads; l++) to[k * columns + p->loads + l] = from[f->load_inputs[l]];
+        if (f->payload >= 0) to[k * columns + p->payload] = *p->lift * from[f->payload];
+    }
+}
+
+/* Load by the payload's inertia beside the reference's acceleration, N. */
+static double payload_inertia(const pmr_filter *f, const filter_parts *p)
+{
+    if (f->payload < 0) return 0.0;
+    return -p->x[p->payload] * sum_of_products(p->rows + f->acceleration * p->padded, p->x, p->padded);
+}
+
+static void set_rows(const pmr_filter *f, const filter_parts *p, const pmr_filter_step *step)
+{
+    const size_t L = p->padded, n = f->states;
+    const double payload = f->payload >= 0 ? p->x[p->payload] : 0.0;
+    double inertia;
+    int k, j;
+    if (f->payload >= 0) *p->lift = -(f->gravity + step->reference[f->acceleration]);
+    memset(p->rows, 0, f->outputs * L * sizeof(double));
+    for (k = 0; k < f->outputs; k++) {
+        double *row = p->rows + k * L;
+        memcpy(row, step->C + k * n, n * sizeof(double));
+        for (j = 0; j < f->parameters; j++)
+            row[p->parameters + j] = step->sensitivity[k * f->parameters + j] +
+                                     payload * step->per_kilogram[k * f->parameters + j];
+    }
+    set_load_columns(f, p, step->D, f->outputs, p->rows, L);
+    inertia = payload_inertia(f, p);
+    for (k = 0; k < f->outputs; k++) p->shift[k] = f->payload < 0 ? 0.0 : step->D[k * f->inputs + f->payload] * inertia;
+}
+
+/* Rows H (p, N) of the sensors, and what they should measure. */
+static void set_sensor_rows(const pmr_filter *f, const filter_parts *p, const double *reference, double *H, double *expected)
+{
+    const size_t L = p->padded;
+    int k, b = 0, g = 0, e = 0;
+    for (k = 0; k < f->sensors; k++) {
+        const int output = f->sensor_outputs[k];
+        double *row = H + k * L;
+        const double base = reference[output] + p->shift[output];
+        const double sum = base + sum_of_products(p->rows + output * L, p->x, L);
+        memcpy(row, p->rows + output * L, L * sizeof(double));
+        if (b < f->biased && f->biased_sensors[b] == k) row[p->biases + b++] = 1.0;
+        if (g < f->scaled && f->scaled_sensors[g] == k) row[p->gains + g++] = sum;
+        if (e < f->off && f->off_sensors[e] == k) row[p->errors + e++] = f->errors[output] * sqrt(p->square[output]);
+        expected[k] = base + sum_of_products(row, p->x, L);
+    }
+}
+
+/* K (m, N) of S K = PH for a symmetric positive definite S (m, m), whose lower half becomes its factor; K is PH. */
+static void solve_gains(double *S, size_t m, double *K, size_t N)
+{
+    size_t a, b, c, j;
+    for (a = 0; a < m; a++) {
+        for (b = 0; b <= a; b++) {
+            double sum = S[a * m + b];
+            for (c = 0; c < b; c++) sum -= S[a * m + c] * S[b * m + c];
+            S[a * m + b] = a == b ? sqrt(sum) : sum / S[b * m + b];
+        }
+        for (c = 0; c < a; c++)
+            for (j = 0; j < N; j++) K[a * N + j] -= S[a * m + c] * K[c * N + j];
+        for (j = 0; j < N; j++) K[a * N + j] /= S[a * m + a];
+    }
+    for (a = m; a-- > 0;) {
+        for (c = a + 1; c < m; c++)
+            for (j = 0; j < N; j++) K[a * N + j] -= S[c * m + a] * K[c * N + j];
+        for (j = 0; j < N; j++) K[a * N + j] /= S[a * m + a];
+    }
+}
+
+static void filter_start(const pmr_filter *f, double *memory, const double *x, const double *P, const double *square)
+{
+    const filter_parts p = parts_of(f, memory);
+    pmr_filter_counts counts;
+    size_t i;
+    filter_sizes(f, &counts);
+    memset(memory, 0, counts.memory * sizeof(double));
+    memcpy(p.x, x, p.all * sizeof(double));
+    for (i = 0; i < p.all; i++) memcpy(p.P + i * p.padded, P + i * p.all, p.all * sizeof(double));
+    memcpy(p.square, square, f->outputs * sizeof(double));
+    for (i = 0; i < (size_t)f->sensors; i++) p.level[i] = 1.0;
+}
+
+static void filter_update(const pmr_filter *f, double *memory, const pmr_filter_step *step, const double *measured,
+                          const int32_t *use, double *innovations)
+{
+    const filter_parts p = parts_of(f, memory);
+    const size_t N = p.all, L = p.padded, most = f->sensors;
+    double *H = p.work, *PH = H + most * L, *S = PH + most * L, *K, *U;
+    double *expected = S + most * most, *variance = expected + most, *gap = variance + most, *noise = gap + most;
+    double *shares = noise + most;
+    size_t m = 0, a, b, j;
+    int k;
+    set_rows(f, &p, step);
+    set_sensor_rows(f, &p, step->reference, H, expected);
+    memset(PH, 0, most * L * sizeof(double));
+    for (k = 0; k < f->sensors; k++) {
+        const int known = isfinite(measured[k]), doubted = use[k] == PMR_IF_NEAR && p.level[k] > f->alarm;
+        const double difference = known ? measured[k] - expected[k] : 0.0;
+        double size;
+        if (m != (size_t)k) memcpy(H + m * L, H + k * L, L * sizeof(double));
+        memset(PH + m * L, 0, L * sizeof(double));
+        add_columns(p.P, (int)L, H + m * L, (int)N, PH + m * L, (int)L);
+        variance[k] = f->noise[k] * f->noise[k] + sum_of_products(H + m * L, PH + m * L, L);
+        innovations[k] = known || use[k] == PMR_AS_EXPECTED ? difference / sqrt(variance[k]) : NAN;
+        size = fabs(innovations[k]);
+        if (size <= (doubted ? f->gate : f->refused) && use[k] != PMR_NOT_USED) {
+            const double beyond = larger(size * size / (f->gate * f->gate) - 1.0, 0.0);
+            noise[m] = f->noise[k] * f->noise[k] + beyond * variance[k];
+            gap[m++] = difference;
+        }
+        if (known) p.level[k] += f->share * (fmin(size * size, MOST_SQUARE) - p.level[k]);
+    }
+    if (!m) return;
+    for (a = 0; a < m; a++)
+        for (b = 0; b < m; b++)
+            S[a * m + b] = sum_of_products(H + a * L, PH + b * L, L) + (a == b ? noise[a] : 0.0);
+    K = shares + 2 * most;
+    U = K + m * L;
+    memcpy(K, PH, m * L * sizeof(double));
+    memcpy(U, S, m * m * sizeof(double));
+    solve_gains(U, m, K, L);
+    for (k = 0; k < f->parameters; k++)
+        for (a = 0; a < m && f->considered[k]; a++) K[a * L + p.parameters + k] = 0.0;
+    memcpy(U, PH, m * L * sizeof(double)); /* P -= K U^T + U K^T with U = PH - K S / 2 */
+    for (a = 0; a < m; a++) {
+        for (j = 0; j < L; j++) p.x[j] += K[a * L + j] * gap[a];
+        for (b = 0; b < m; b++)
+            for (j = 0; j < L; j++) U[a * L + j] -= 0.5 * S[a * m + b] * K[b * L + j];
+    }
+    for (j = 0; j < N; j++) {
+        for (a = 0; a < m; a++) {
+            shares[a] = -U[a * L + j];
+            shares[m + a] = -K[a * L + j];
+        }
+        add_columns(K, (int)L, shares, 2 * (int)m, p.P + j * L, (int)L);
+    }
+}
+
+static void filter_outputs(const pmr_filter *f, double *memory, const pmr_filter_step *step, double *mean,
+                           double *variance)
+{
+    const filter_parts p = parts_of(f, memory);
+    double *of_row = p.work;
+    int k;
+    for (k = 0; k < f->outputs; k++) {
+        const double *row = p.rows + k * p.padded;
+        mean[k] = step->reference[k] + p.shift[k] + sum_of_products(row, p.x, p.padded);
+        p.square[k] += (mean[k] * mean[k] - p.square[k]) * f->following;
+        memset(of_row, 0, p.padded * sizeof(double));
+        add_columns(p.P, (int)p.padded, row, (int)p.all, of_row, (int)p.padded);
+        variance[k] = larger(sum_of_products(row, of_row, p.padded), 0.0) + f->errors[k] * f->errors[k] * p.square[k];
+    }
+}
+
+/* to (rows, stride) = A B for A (rows, m) and B (m, stride), both with rows of that stride, in tiles of four rows and two
+   registers; with `half` the upper half beyond the tiles of the diagonal is left. */
+static void multiply(const double *A, const double *B, int rows, int m, int stride, int half, double *to)
+{
+    int i, n, q;
+    for (i = 0; i < rows; i += 4) {
+        const int last = rows - 1, width = half && i + 4 < stride ? i + 4 : stride;
+        const int at[4] = {i, i + 1 < last ? i + 1 : last, i + 2 < last ? i + 2 : last, i + 3 < last ? i + 3 : last};
+        const double *a = A + at[0] * stride, *b = A + at[1] * stride, *c = A + at[2] * stride, *d = A + at[3] * stride;
+        for (n = 0; n + 2 * VL <= width; n += 2 * VL) {
+            vec sums[8] = {{0.0}};
+            for (q = 0; q < m; q++) {
+                const vec x = CONST_LOOSE(B + q * stride + n), y = CONST_LOOSE(B + q * stride + n + VL);
+                sums[0] += a[q] * x, sums[1] += a[q] * y, sums[2] += b[q] * x, sums[3] += b[q] * y;
+                sums[4] += c[q] * x, sums[5] += c[q] * y, sums[6] += d[q] * x, sums[7] += d[q] * y;
+            }
+            for (q = 0; q < 4; q++) {
+                LOOSE(to + at[q] * stride + n) = sums[2 * q];
+                LOOSE(to + at[q] * stride + n + VL) = sums[2 * q + 1];
+            }
+        }
+        for (; n < width; n += VL) {
+            vec sums[4] = {{0.0}};
+            for (q = 0; q < m; q++) {
+                const vec x = CONST_LOOSE(B + q * stride + n);
+                sums[0] += a[q] * x, sums[1] += b[q] * x, sums[2] += c[q] * x, sums[3] += d[q] * x;
+            }
+            for (q = 0; q < 4; q++) LOOSE(to + at[q] * stride + n) = sums[q];
+        }
+    }
+}
+
+static void filter_predict(const pmr_filter *f, double *memory, const pmr_filter_step *step)
+{
+    const filter_parts p = parts_of(f, memory);
+    const size_t N = p.all, L = p.padded, n = f->states, m = p.parameters;
+    const double inertia = payload_inertia(f, &p);
+    double *next = p.work, *F = next + L, *T = F + n * L, *transposed = T + n * L;
+    size_t i, j;
+    int l;
+    memset(next, 0, (L + n * L) * sizeof(double));
+    memset(transposed, 0, m * L * sizeof(double));
+    for (i = 0; i < n; i++) memcpy(F + i * L, step->A + i * n, n * sizeof(double));
+    set_load_columns(f, &p, step->B, n, F, L);
+    for (i = 0; i < n; i++) {
+        next[i] = f->payload < 0 ? 0.0 : step->B[i * f->inputs + f->payload] * inertia;
+        next[i] += sum_of_products(F + i * L, p.x, m); /* columns behind m are zeros */
+        for (j = 0; j < m; j++) transposed[j * L + i] = F[i * L + j];
+    }
+    multiply(F, p.P, (int)n, (int)m, (int)L, 0, T);
+    for (i = n; i < N; i++) {
+        next[i] = f->decay[i] * p.x[i];
+        for (j = n; j < N; j++) p.P[i * L + j] *= f->decay[i] * f->decay[j];
+    }
+    memcpy(p.x, next, L * sizeof(double));
+    multiply(T, transposed, (int)n, (int)m, (int)L, 1, p.P); /* half of the symmetric part */
+    for (i = 0; i < n; i++) {
+        for (l = 0; l < f->loads; l++) {
+            const double *b = step->B + f->load_inputs[l];
+            const double share = f->rough[l] * f->rough[l] * b[i * f->inputs];
+            for (j = 0; j <= i; j++) p.P[i * L + j] += share * b[j * f->inputs];
+        }
+        for (j = 0; j < i; j++) p.P[j * L + i] = p.P[i * L + j];
+        for (j = n; j < N; j++) p.P[i * L + j] = p.P[j * L + i] = T[i * L + j] * f->decay[j];
+    }
+    for (i = 0; i < N; i++) p.P[i * L + i] += f->added[i];
+}

@@ -1,0 +1,95 @@
+"""The kernel's Kalman filter beside the textbook's formulas in NumPy (Joseph's form of the update)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pmr.kernel.filter import AS_EXPECTED, IF_NEAR, NOT_USED, FilterData, FilterSteps, KalmanFilter
+
+Array = NDArray[np.float64]
+N, n, q, p, i = 11, 5, 3, 2, 2  # states X = (xi, load, payload, parameter, bias, gain, error): 5 + 6
+
+
+def made(rng: np.random.Generator, considered: int) -> tuple[FilterData, FilterSteps]:
+    """Random filter of two sensors, of the outputs 2 and 0, with everything that one can have."""
+    shapes = {"reference": (2, q), "A": (2, n, n), "B": (2, n, i), "C": (2, q, n), "D": (2, q, i)}
+    steps = {name: rng.standard_normal(shape) for name, shape in shapes.items()}
+    sensitivity, growth = rng.standard_normal((2, 2, q, 1))
+    root = rng.standard_normal((N, N))
+    sizes = {"states": n, "outputs": q, "sensors": p, "inputs": i, "loads": 1, "parameters": 1, "biased": 1,
+             "scaled": 1, "off": 1, "payload": 1, "acceleration": 1}  # fmt: skip
+    numbers = {"gravity": 9.81, "gate": 5.0, "refused": 50.0, "alarm": 12.0, "share": 0.1, "following": 0.2}
+    indices = {"sensor_outputs": [2, 0], "load_inputs": [0], "considered": [considered], "biased_sensors": [0],
+               "scaled_sensors": [1], "off_sensors": [1]}  # fmt: skip
+    arrays = {"noise": rng.uniform(1.0, 2.0, p), "errors": rng.uniform(0.1, 0.2, q), "decay": rng.uniform(0.5, 1.0, N),
+              "added": rng.uniform(0.0, 1.0, N), "rough": rng.uniform(0.5, 1.0, 1)}  # fmt: skip
+    data = FilterData(
+        sizes, numbers, {name: np.array(of, np.int32) for name, of in indices.items()}, arrays,
+        x=rng.standard_normal(N), P=root @ root.T, square=rng.uniform(1.0, 2.0, q),
+    )  # fmt: skip
+    return data, FilterSteps(**steps, sensitivity=sensitivity, per_kilogram=growth)
+
+
+def rows_of(data: FilterData, steps: FilterSteps, x: Array) -> tuple[Array, Array]:
+    """Rows R (q, N) and offsets (q,) of the outputs R X + offset of the first step."""
+    lift = -(9.81 + steps.reference[0, 1])
+    of_parameter = steps.sensitivity[0] + x[n + 1] * steps.per_kilogram[0]
+    R = np.hstack([steps.C[0], steps.D[0][:, :1], lift * steps.D[0][:, 1:], of_parameter, np.zeros((q, 3))])
+    return R, steps.reference[0] - steps.D[0][:, 1] * (R[1] @ x) * x[n + 1]
+
+
+@pytest.mark.parametrize("considered", [0, 1])
+def test_a_step_is_that_of_the_textbook(considered: int) -> None:
+    """Update with Joseph's form, outputs with errors of the model, and prediction; one measurement is far off."""
+    data, steps = made(np.random.default_rng(1), considered)
+    kalman, x, P, noise = KalmanFilter(data, steps), data.x, data.P, data.arrays["noise"]
+    R, offset = rows_of(data, steps, x)
+    outputs = data.indices["sensor_outputs"]
+    H = R[outputs].copy()
+    H[0, 8] = 1.0
+    H[1, 9] = (offset + R @ x)[0]
+    H[1, 10] = data.arrays["errors"][0] * np.sqrt(data.square[0])
+    expected, variance = offset[outputs] + H @ x, np.einsum("ij,jk,ik->i", H, P, H) + noise**2
+    gap = np.array([8.0, 0.7]) * np.sqrt(variance)
+    innovations = kalman.update(0, expected + gap, np.full(p, IF_NEAR))
+    np.testing.assert_allclose(innovations, [8.0, 0.7], rtol=1e-12)
+    np.testing.assert_allclose(kalman.level, [1.0 + 0.1 * 63.0, 1.0 + 0.1 * (0.49 - 1.0)], rtol=1e-12)
+    S = H @ P @ H.T + np.diag(noise**2 + variance * [(8.0 / 5.0) ** 2 - 1.0, 0.0])
+    K = np.linalg.solve(S, H @ P).T
+    K[n + 2] *= 1 - considered
+    rest = np.eye(N) - K @ H
+    x, P = x + K @ gap, rest @ P @ rest.T + K @ (S - H @ P @ H.T) @ K.T
+    np.testing.assert_allclose(kalman.x, x, rtol=1e-11)
+    np.testing.assert_allclose(kalman.P, P, rtol=1e-10, atol=1e-11 * np.abs(P).max())
+    mean, deviation_square = kalman.outputs(0)
+    np.testing.assert_allclose(mean, offset + R @ x, rtol=1e-10)
+    square = 0.8 * data.square + 0.2 * mean**2
+    of_state = np.einsum("ij,jk,ik->i", R, P, R)
+    np.testing.assert_allclose(deviation_square, of_state + data.arrays["errors"] ** 2 * square, rtol=1e-10)
+    F = np.diag(data.arrays["decay"])
+    F[:n, :n] = steps.A[0]
+    F[:n, n : n + 3] = np.column_stack(
+        [steps.B[0][:, 0], -(9.81 + steps.reference[0, 1]) * steps.B[0][:, 1], np.zeros(n)]
+    )
+    swing = np.zeros(N)
+    swing[:n] = -steps.B[0][:, 1] * (R[1] @ x) * x[n + 1]
+    rough = np.concatenate([data.arrays["rough"] * steps.B[0][:, 0], np.zeros(N - n)])
+    kalman.predict(0)
+    np.testing.assert_allclose(kalman.x, F @ x + swing, rtol=1e-10)
+    Q = np.diag(data.arrays["added"]) + np.outer(rough, rough)
+    np.testing.assert_allclose(kalman.P, F @ P @ F.T + Q, rtol=1e-10, atol=1e-11 * np.abs(P).max())
+
+
+def test_how_measurements_are_used() -> None:
+    """A missing one, one that is not used, and one that counts as expected."""
+    data, steps = made(np.random.default_rng(2), 0)
+    kalman = KalmanFilter(data, steps)
+    innovations = kalman.update(0, np.array([np.nan, 1e3]), np.array([IF_NEAR, NOT_USED]))
+    assert np.isnan(innovations[0]) and innovations[1] != 0.0
+    np.testing.assert_array_equal(kalman.x, data.x)
+    np.testing.assert_array_equal(kalman.P, data.P)
+    assert np.all(kalman.update(0, np.repeat(np.nan, p), np.full(p, AS_EXPECTED)) == 0.0)
+    np.testing.assert_array_equal(kalman.x, data.x)
+    assert np.trace(kalman.P) < np.trace(data.P)
