@@ -116,7 +116,7 @@ class Deck:
     turned: list[Card] = field(default_factory=list)  # cards that give nodes outside of parts axes of their own
     ties: list[Card] = field(default_factory=list)  # cards that tie two surfaces to each other
     equations: list[Card] = field(default_factory=list)  # cards of linear equations of displacements
-    supports: Place | None = None  # of the first card that holds nodes
+    unread: dict[str, Place] = field(default_factory=dict)  # first card of each keyword that is passed over
     axes: Axes | None = None  # of the coordinates of nodes that follow; None for those of the whole
     sets: list[Card] = field(default_factory=list)  # cards of sets, read last as members may stand anywhere
     renumbered: Place | None = None  # the first instance whose nodes have other numbers than in its part

@@ -2,7 +2,8 @@
 
 Cards belong to the whole, to a part or to an instance of a part, each a `Deck` with numbers of its own.  An instance is
 moved to its place and joined with the whole.  `READERS` has a function for each keyword that is read, and `REFUSED` has
-the reasons why some others are refused.  All further keywords do not concern nodes and elements and are ignored.
+the reasons why some others are refused.  Cards of further keywords are passed over; `Deck.unread` lists all of these
+but the `HARMLESS` ones, which describe no model.
 
 The readers of others do not serve: meshio's and ccxmeshreader's know no files that are included and no instances, and
 drop node sets; that of pyFormex has another licence; abaqus-parse writes decks and reads results.
@@ -124,7 +125,7 @@ class _Assembly:
 
 
 def read_deck(path: Path) -> Deck:
-    """Read nodes, elements and sets of an input deck of Abaqus or CalculiX; other cards are ignored.
+    """Read nodes, elements and sets of an input deck of Abaqus or CalculiX; other cards are passed over.
 
     Raises InputError with file and line if a card can't be read, or if it has content that pmr does not support.
     """
@@ -135,14 +136,12 @@ def read_deck(path: Path) -> Deck:
             raise card.place.error(f"*{card.keyword} is not read; {REFUSED[card.keyword]}")
         if card.keyword == TURNED and deck is assembly.outside:
             assembly.whole.turned.append(card)
-        elif card.keyword in CONSTRAINTS:
+        elif card.keyword in (*CONSTRAINTS, *CONTACTS):
             assembly.whole.constraints.append((card.place, card.keyword))
         if card.keyword == TIED:
             assembly.whole.ties.append(card)
         elif card.keyword == "EQUATION" and deck is assembly.outside:
             assembly.whole.equations.append(card)
-        elif card.keyword == "BOUNDARY":
-            assembly.whole.supports = assembly.whole.supports or card.place
         if card.keyword in ("PART", "INSTANCE", "END PART", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY"):
             assembly.end_instance()
             begin = {"PART": assembly.begin_part, "INSTANCE": assembly.begin_instance}.get(card.keyword)
@@ -151,6 +150,8 @@ def read_deck(path: Path) -> Deck:
             deck.sets.append(card)
         elif card.keyword in READERS:
             READERS[card.keyword](deck, card)
+        elif card.keyword not in (*HARMLESS, *CONSTRAINTS, *CONTACTS):
+            assembly.whole.unread.setdefault(card.keyword, card.place)
     return assembly.end()
 
 
@@ -234,4 +235,25 @@ CONSTRAINTS = (
     *(TURNED, TIED),
     *("EQUATION", "MPC", "RIGID BODY", "COUPLING", "KINEMATIC", "DISTRIBUTING", "EMBEDDED ELEMENT"),
     *("KINEMATIC COUPLING", "DISTRIBUTING COUPLING", "SHELL TO SOLID COUPLING", "CYCLIC SYMMETRY MODEL"),
+    *("PRE-TENSION SECTION", "FASTENER", "NETWORK MPC", "RELEASE", "MODEL CHANGE"),
+)
+#: Keywords that press nodes on others; programs keep the coordinates of both in their matrices.
+CONTACTS = ("CONTACT PAIR", "CONTACT", "CONTACT INCLUSIONS", "SLIDE LINE")
+#: Keywords of texts, steps, output and tables that other cards name: they change no model.
+HARMLESS = frozenset(
+    (
+        *("HEADING", "PREPRINT", "RESTART", "OUTPUT", "NODE OUTPUT", "ELEMENT OUTPUT", "CONTACT OUTPUT"),
+        *("ENERGY OUTPUT", "NODE PRINT", "EL PRINT", "NODE FILE", "EL FILE", "CONTACT FILE", "CONTACT PRINT"),
+        *("ENERGY PRINT", "SECTION PRINT", "FACE PRINT", "ELEMENT MATRIX OUTPUT", "MONITOR", "FILE FORMAT", "PRINT"),
+        *("FILTER", "AMPLITUDE", "TIME POINTS", "PHYSICAL CONSTANTS", "DISTRIBUTION", "DISTRIBUTION TABLE"),
+        *("MATERIAL", "ORIENTATION", "NORMAL", "SURFACE INTERACTION", "SURFACE BEHAVIOR", "FRICTION"),
+        *("GAP CONDUCTANCE", "CONTACT CONTROLS", "CONTACT PROPERTY ASSIGNMENT", "CONTACT INITIALIZATION DATA"),
+        *("STEP", "END STEP", "STATIC", "FREQUENCY", "COMPLEX FREQUENCY", "BUCKLE", "DYNAMIC", "MODAL DYNAMIC"),
+        *("STEADY STATE DYNAMICS", "RANDOM RESPONSE", "RESPONSE SPECTRUM", "HEAT TRANSFER", "VISCO", "GREEN"),
+        *("COUPLED TEMPERATURE-DISPLACEMENT", "UNCOUPLED TEMPERATURE-DISPLACEMENT", "SENSITIVITY"),
+        *("CONTROLS", "SOLUTION TECHNIQUE", "SOLVER CONTROLS", "SELECT CYCLIC SYMMETRY MODES", "SELECT EIGENMODES"),
+        *("MATRIX GENERATE", "MATRIX OUTPUT", "SUBSTRUCTURE GENERATE", "SUBSTRUCTURE MATRIX OUTPUT"),
+        *("RETAINED NODAL DOFS", "FLEXIBLE BODY", "MODAL DAMPING", "GLOBAL DAMPING", "MASS ADJUST"),
+        *("PART", "END PART", "INSTANCE", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY", "INCLUDE"),
+    )
 )

@@ -24,7 +24,7 @@ from pmr.files import labelled
 from pmr.files.arrays import Array, Indices
 from pmr.files.cards import Place, turned_axes
 from pmr.files.deck_content import dependent_displacements, is_label_number
-from pmr.files.decks import TURNED, read_deck
+from pmr.files.decks import CONTACTS, TURNED, read_deck
 from pmr.files.labelled import UnreadableError, read_harwell_boeing, read_mapping
 from pmr.files.matrices import MODAL, GivenMatrices
 from pmr.files.nastran import read_bulk
@@ -167,7 +167,7 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
             pairs[:, 1] - 1,
             {name: np.array([place[int(number)] for number in members]) for name, members in nodes.groups.items()},
             str(files.stiffness),
-        )
+        ).without_condensed_nodes()
 
     if nodes.turned is None:
         return body(_turned_coordinates(files, pairs, nodes.axes) if nodes.axes else None)
@@ -350,7 +350,8 @@ def _read_deck_nodes(path: Path) -> _Nodes:
     nodes = _make_nodes(list(deck.nodes), [*deck.nodes.values()], sets)
     turned = deck.turned[0].place if deck.turned else None
     dependent = dependent_displacements(deck)
-    return replace(nodes, constraints=deck.constraints, axes=axes, turned=turned, dependent=dependent)
+    constraints = [(place, keyword) for place, keyword in deck.constraints if keyword not in CONTACTS]
+    return replace(nodes, constraints=constraints, axes=axes, turned=turned, dependent=dependent)
 
 
 def _make_nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[str, list[int]]) -> _Nodes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,6 +19,8 @@ from pmr.files import npz
 from pmr.files.arrays import Array, Indices, Mask
 from pmr.files.fit import centre_of_mass, indefinite_superelement, is_uncheckable, misfit
 from pmr.files.rigid import DIRECTIONS, Resistance, rigid_motions
+
+logger = logging.getLogger(__name__)
 
 FORMAT, FORMAT_VERSION = "pmr-matrices", 1
 #: Largest difference between a matrix (M or K) and its transpose, as a share of the largest entry of the matrix.
@@ -88,6 +91,24 @@ class GivenMatrices:
             raise self._refusal(reason[0], None, reason[1])
         object.__setattr__(self, "held", body.held_motions())
         object.__setattr__(self, "unchecked", is_uncheckable(body))
+
+    def without_condensed_nodes(self) -> GivenMatrices:
+        """Return the body without nodes that have no coordinate, unless K holds a rigid motion; a warning counts them.
+
+        If K leaves all rigid motions free, nothing holds these nodes: they are condensed, or belong to no element.
+        """
+        has = np.isin(np.arange(len(self.points)), self.node[~self.modal])
+        if len(self.held) or has.all():
+            return self
+        logger.warning(
+            "%s: %d nodes have no coordinate, but K holds no rigid motion: they are taken as condensed and left out",
+            self.source,
+            np.count_nonzero(~has),
+        )
+        number = np.cumsum(has) - 1
+        groups = {name: number[nodes[has[nodes]]] for name, nodes in self.groups.items() if has[nodes].any()}
+        node = np.where(self.modal, MODAL, number[self.node])
+        return GivenMatrices(self.M, self.K, self.points[has], node, self.direction, groups, self.source)
 
     @property
     def modal(self) -> Mask:
@@ -233,7 +254,7 @@ def from_matrices(
         for name, members in (groups or {}).items()
     }
     whose, along = (_read_argument(name, A, whole_numbers) for name, A in (("node", node), ("direction", direction)))
-    return GivenMatrices(M, K, at, whose, along, named)
+    return GivenMatrices(M, K, at, whose, along, named).without_condensed_nodes()
 
 
 def whole_numbers(values: ArrayLike) -> Indices:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from io import StringIO
@@ -40,6 +40,7 @@ class Cells:
 
     kind: str
     corners: Indices
+    lines: Sequence[Place] = ()  # (c,): where each cell is in a deck; empty for other files
 
 
 @dataclass(frozen=True)
@@ -58,14 +59,15 @@ class MeshFile:
         """Return this content with each quadrilateral split into four triangles around its centre."""
         points, blocks, point_groups = self.points, list[Cells](), dict(self.point_groups)
         for block in self.blocks:
-            corners, kind = block.corners, block.kind
+            corners, kind, lines = block.corners, block.kind, block.lines
             if kind == "quad":
                 centres, kind = len(points) + np.arange(len(corners)), "triangle"
                 for name, members in point_groups.items():
                     inside = np.isin(block.corners, members).all(axis=1)
                     point_groups[name] = np.concatenate([members, centres[inside]])
                 points, corners = split_quads(points, corners)
-            blocks.append(Cells(kind, corners))
+                lines = [line for line in lines for _ in range(4)]
+            blocks.append(Cells(kind, corners, lines))
         pieces = [np.arange(4 if block.kind == "quad" else 1) for block in self.blocks]
         groups = {
             name: [(len(k) * m[:, None] + k).ravel() for k, m in zip(pieces, members, strict=True)]
@@ -106,18 +108,14 @@ def _deck_content(file: Path) -> MeshFile:
     """Points, cells and groups of a deck; of elements with nodes amid their edges the corners alone.
 
     Groups are the sets of elements, the sets of nodes and the surfaces.  Sets that begin with an underscore are a
-    program's own and left out.  A warning is logged if the deck holds nodes, as a mesh does not.  Raises an
-    `InputError` for cells of other kinds or with curved edges, and for nodes that are tied to others at other places.
+    program's own and left out.  A warning names cards and elements that have no effect in a mesh.  Raises an
+    `InputError` for cells of other kinds or with curved edges, for nodes that are tied to others at other places, and
+    for other cards that join nodes.
     """
     deck = read_deck(file)
     for where, keyword in deck.constraints:
         if keyword not in (TURNED, TIED):  # axes of nodes do not move them
-            raise where.error(f"*{keyword} ties nodes to each other; a mesh without it is allowed, joined by its nodes")
-    if deck.supports is not None:
-        where = deck.supports
-        logger.warning(
-            "%s: line %d: *BOUNDARY holds nothing in a mesh; the scene has supports", where.source, where.line
-        )
+            raise where.error(f"*{keyword} is not read; a mesh is allowed whose elements are joined by nodes alone")
     points = np.array(list(deck.nodes.values()), float).reshape(-1, 3)
     place = dict(zip(deck.nodes, join_ties(deck, points).tolist(), strict=True))
     blocks = list[Cells]()
@@ -134,7 +132,8 @@ def _deck_content(file: Path) -> MeshFile:
             if solid := {of.kind for of in blocks if DIMENSIONS[of.kind] == 3 == DIMENSIONS[block.kind]} - {block.kind}:
                 allowed = f"cells of one kind are allowed: this is a {block.kind} beside a {solid.pop()}"
                 raise block.lines[0].error(allowed)
-            blocks.append(Cells(block.kind, nodes[:, : CORNERS[block.kind]]))
+            blocks.append(Cells(block.kind, nodes[:, : CORNERS[block.kind]], block.lines))
+    _warn_of_unread(file, deck)
     numbers = [np.array(block.numbers) for block in deck.elements if block.nodes]
     names = {name: spelling for name, spelling in deck.set_spellings.items() if not name.startswith("_")}
     groups = {
@@ -148,6 +147,25 @@ def _deck_content(file: Path) -> MeshFile:
         if name in names
     }
     return MeshFile(points, blocks, groups, of_points)
+
+
+def _warn_of_unread(file: Path, deck: Deck) -> None:
+    """Warn of what a deck has and a mesh does not: supports, loads, materials, sections, and bars beside shells.
+
+    Of elements beside others of more dimensions a mesh has the places alone, as groups.
+    """
+    unread = {f"*{keyword}": place for keyword, place in deck.unread.items()}
+    dimensions = [DIMENSIONS[block.kind] for block in deck.elements if block.nodes]
+    for block in deck.elements:
+        if block.nodes and DIMENSIONS[block.kind] < max(dimensions):
+            unread.setdefault(f"elements {block.type}", block.lines[0])
+    if unread:
+        shown = [
+            f"{what} (line {at.line}{'' if at.source == str(file) else f' of {Path(at.source).name}'})"
+            for what, at in unread.items()
+        ]
+        of_scene = "supports, loads, masses, materials and thicknesses are the scene's"
+        logger.warning("%s: without effect in a mesh, where %s: %s", file, of_scene, ", ".join(shown))
 
 
 def join_ties(deck: Deck, points: Array) -> Indices:

@@ -18,6 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from pmr.errors import NAMED, InputError, is_name
 from pmr.fem.compat import MPI, cell_topology, create_mesh
 from pmr.files.arrays import Array, Indices, Mask
+from pmr.files.cards import Place
 from pmr.models.mesh_file import DIMENSIONS, read_mesh_file
 from pmr.models.mesh_nodes import codes
 
@@ -31,12 +32,20 @@ DEGENERATE = 1e-6
 FOLDED = -0.99
 
 
-def mesh_fault(cell: str, points: Array, cells: Indices) -> str:
-    """Describe why a mesh of `cells` with the vertices `points` is unsound; an empty text if it is sound.
+@dataclass(frozen=True)
+class Fault:
+    """What is wrong with a mesh, in words, and the number of the first cell of which this is so."""
+
+    text: str
+    cell: int
+
+
+def mesh_fault(cell: str, points: Array, cells: Indices) -> Fault | None:
+    """Return why a mesh of `cells` with the vertices `points` is unsound; None if it is sound.
 
     The first of these faults is described: degenerate cells, inverted cells, several parts that share no face (edge, if
-    cells are triangles), and neighbouring triangles that are folded on each other.  `cell` is dolfinx' name of the kind
-    of cells.
+    cells are triangles; the cell is the first of the smallest part), and neighbouring triangles that are folded on each
+    other.  `cell` is dolfinx' name of the kind of cells.
     """
     corners = points[cells]
     size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
@@ -44,20 +53,26 @@ def mesh_fault(cell: str, points: Array, cells: Indices) -> str:
         content = np.linalg.norm(_normals(corners), axis=1) / size**2
     else:
         content = _corner_volumes(cell, corners).min(axis=1) / size**3
-    inverted, flat = int(np.sum(content < -DEGENERATE)), int(np.sum(np.abs(content) <= DEGENERATE))
-    if flat:
-        return f"{flat} of {len(cells)} cells are degenerate, without area or volume"
-    if inverted:
-        return f"{inverted} of {len(cells)} cells are inverted (negative volume at a corner)"
+    inverted, flat = content < -DEGENERATE, np.abs(content) <= DEGENERATE
+    if flat.any():
+        text = f"{flat.sum()} of {len(cells)} cells are degenerate, without area or volume"
+        return Fault(text, int(flat.argmax()))
+    if inverted.any():
+        text = f"{inverted.sum()} of {len(cells)} cells are inverted (negative volume at a corner)"
+        return Fault(text, int(inverted.argmax()))
     facets = cells[:, cell_topology(cell)[-2]]
     facet_codes = codes(np.sort(facets.reshape(-1, facets.shape[-1]), axis=1), len(points)).reshape(len(cells), -1)
-    parts, sizes = _connected_parts(facet_codes)
-    if parts > 1:
-        shown = ", ".join(map(str, sizes[:4])) + (", ..." if parts > 4 else "")
+    part = _connected_parts(facet_codes)
+    sizes = np.bincount(part)
+    if len(sizes) > 1:
+        shown = ", ".join(map(str, sorted(sizes, reverse=True)[:4])) + (", ..." if len(sizes) > 4 else "")
         where = "edges" if cell == "triangle" else "faces"
-        return f"the cells form {parts} parts that share no {where} (of {shown} cells); one connected body is allowed"
-    folded = _count_folds(corners, cells, facet_codes) if cell == "triangle" else 0
-    return f"{folded} pairs of neighbouring triangles lie folded on each other" if folded else ""
+        text = f"the cells form {len(sizes)} parts that share no {where} (of {shown} cells)"
+        return Fault(f"{text}; one connected body is allowed", int((part == sizes.argmin()).argmax()))
+    folded = _folded(corners, cells, facet_codes) if cell == "triangle" else np.empty(0, np.int64)
+    if folded.size:
+        return Fault(f"{len(folded)} pairs of neighbouring triangles lie folded on each other", int(folded[0]))
+    return None
 
 
 def _normals(corners: Array) -> Array:
@@ -80,8 +95,8 @@ def _corner_volumes(cell: str, corners: Array) -> Array:
     return np.asarray(np.einsum("cki,cki->ck", np.cross(a, b), c))
 
 
-def _connected_parts(facet_codes: Indices) -> tuple[int, list[int]]:
-    """Number of parts into which the cells fall that share no facet, and the parts' numbers of cells, largest first.
+def _connected_parts(facet_codes: Indices) -> Indices:
+    """Number (C,) of the part that each cell belongs to; cells of different parts share no facet.
 
     `facet_codes` (C, f) are the codes of the f facets of each cell.
     """
@@ -89,12 +104,11 @@ def _connected_parts(facet_codes: Indices) -> tuple[int, list[int]]:
     _, facet = np.unique(facet_codes, return_inverse=True)
     facet = facet.reshape(-1)
     incidence = coo_matrix((np.ones(facet.size), (np.repeat(np.arange(count), per_cell), facet))).tocsr()
-    parts, label = connected_components(incidence @ incidence.T, directed=False)
-    return int(parts), sorted(np.bincount(label).tolist(), reverse=True)
+    return np.asarray(connected_components(incidence @ incidence.T, directed=False)[1], np.int64)
 
 
-def _count_folds(corners: Array, cells: Indices, edge_codes: Indices) -> int:
-    """Number of pairs of triangles with a common edge that are folded on each other.
+def _folded(corners: Array, cells: Indices, edge_codes: Indices) -> Indices:
+    """Number of the first triangle of each pair of triangles with a common edge that are folded on each other.
 
     Such triangles lie on the same side of the edge.  `corners` (C, 3, 3) are the positions and `cells` (C, 3) the
     vertices of the triangles, `edge_codes` (C, 3) the codes of their edges.
@@ -112,7 +126,7 @@ def _count_folds(corners: Array, cells: Indices, edge_codes: Indices) -> int:
         away = tip - a
         away -= np.einsum("ci,ci->c", away, edge)[:, None] * edge
         sides.append(away / np.linalg.norm(away, axis=1)[:, None])
-    return int(np.sum(np.einsum("ci,ci->c", *sides) > -FOLDED))
+    return np.asarray(triangle[order[first]][np.einsum("ci,ci->c", *sides) > -FOLDED])
 
 
 #: meshio's linear cells: dolfinx' name, dimension, order of vertices (dolfinx numbers them as a tensor product).
@@ -195,7 +209,8 @@ def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = ()) -> N
     if "triangle" in kinds and all(DIMENSIONS[block.kind] < 3 for block in read.blocks):
         read = read.in_triangles()
     blocks = [(*CELLS_OF_KIND[block.kind][:2], block.corners[:, CELLS_OF_KIND[block.kind][2]]) for block in read.blocks]
-    named = named_mesh(read.points, blocks, read.groups, kinds, str(file), read.point_groups)
+    lines = [block.lines for block in read.blocks]
+    named = named_mesh(read.points, blocks, read.groups, kinds, str(file), read.point_groups, lines)
     named.require(groups)
     return named
 
@@ -207,6 +222,7 @@ def named_mesh(
     kinds: Sequence[str],
     source: str = "mesh",
     point_groups: Mapping[str, Indices] | None = None,
+    lines: Sequence[Sequence[Place]] = (),
 ) -> NamedMesh:
     """Checked mesh with the vertices `points`, from blocks of cells (kind, dimension, vertices).
 
@@ -215,7 +231,8 @@ def named_mesh(
     `memberships` are each group's numbers of cells in every block, `point_groups` the numbers of points of further
     groups, and `kinds` the allowed kinds of cells.  Of two groups of one name the one of fewer dimensions is taken: the
     edge or face of a set of nodes, beside the set of the elements that touch it.  `source` is the mesh's name in
-    errors.  Raises the errors of `read_mesh`.
+    errors, and `lines` where each cell of each block is in its file, if that is known.  Raises the errors of
+    `read_mesh`.
     """
 
     def refuse(what: str) -> InputError:
@@ -242,9 +259,12 @@ def named_mesh(
     number = np.full(len(points), -1, np.int64)
     number[ordered] = np.arange(len(ordered))
     points, cells = np.ascontiguousarray(points[ordered]), number[cells]
-    problem = mesh_fault(cell_kinds[0], points, cells)
-    if problem:
-        raise InputError(source, "", None, problem)
+    fault = mesh_fault(cell_kinds[0], points, cells)
+    if fault is not None:
+        places = [at for (_, dim, _), of_block in zip(blocks, lines, strict=False) if dim == top for at in of_block]
+        if places:
+            raise places[np.sort(first)[fault.cell]].error(fault.text)
+        raise InputError(source, "", None, fault.text)
     offsets = np.cumsum([0] + [len(vertices) if dim == top else 0 for _, dim, vertices in blocks])
     groups, regions = {}, {}
     for name, members in memberships.items():

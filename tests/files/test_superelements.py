@@ -86,3 +86,16 @@ def test_amplitudes_alone_are_refused() -> None:
     none = np.full(2, MODAL)
     with pytest.raises(InputError, match="coordinates of nodes are allowed, not modal amplitudes alone"):
         from_matrices(np.eye(2), np.eye(2), np.eye(3), {}, none, none)
+
+
+def test_nodes_that_are_condensed_are_left_out_if_nothing_is_held(caplog: pytest.LogCaptureFixture) -> None:
+    """Guyan's condensation of a free bar, with all of its nodes in the list: those inside are not fixed."""
+    whole = bar()
+    nodes = boundary(whole)
+    part = superelement(whole, nodes, 1)
+    K, M = (A[: part.size - 1, : part.size - 1] for A in (part.K, part.M))
+    node, direction = nodes[part.node[:-1]], part.direction[:-1]
+    given = from_matrices(M, K, whole.points, whole.groups, node, direction)
+    assert len(given.points) == len(nodes) and not given.lacks and not len(given.held)
+    assert np.array_equal(given.points[given.groups["bottom"]], part.points[part.groups["bottom"]])
+    assert f"{len(whole.points) - len(nodes)} nodes have no coordinate, but K holds no rigid motion" in caplog.text

@@ -50,7 +50,7 @@ def test_a_deck_is_read_as_cells_and_groups(tmp_path: Path) -> None:
     ("old", "new", "says"),
     [
         ("*NODE", "*INCLUDE, INPUT=a.inp\n*NODE", "line 1: INPUT=a.inp: no such file"),
-        ("*NODE", "*MPC\nBEAM, 1, 2\n*NODE", "line 1: *MPC ties nodes to each other"),
+        ("*NODE", "*MPC\nBEAM, 1, 2\n*NODE", "line 1: *MPC is not read"),
         ("1, 1, 2, 3", "1, 1, 2, 9", "line 7: element 1 has node 9, which is not in the file"),
         ("*ELSET", "*NODE\n1, 5., 0., 0.\n*ELSET", "line 13: node 1 is there a second time"),
         ("TYPE=T3D2", "TYPE=T3D3", "line 11: element 3 of type T3D3 has too few nodes"),

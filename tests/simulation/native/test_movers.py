@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from textbook import beam_matrices
 
 import pmr
 from pmr.errors import InputError
 from pmr.scene import Scene
+from pmr.scene.built import Gravity
 from pmr.scene.checks import check_scene
-from pmr.scene.signals import Constant
 from pmr.simulation import Excitation, exudyn
 from pmr.simulation.native import systems
-from pmr.system.contacts import Contact, Place
 from pmr.system.system import System
 
 Array = NDArray[np.float64]
@@ -319,11 +320,19 @@ def test_a_wheel_that_leaves_the_beam_is_refused() -> None:
         mover(path(1.0, 0.0, 21.0), 1.0, {"mass": 1.0})
 
 
-def on_rail(rail: Mapping[str, Any], body: Mapping[str, Any], faces: Mapping[str, Any], **more: Any) -> Scene:
-    """Scene of a carriage of 4 m with short pads 0.5 m from its ends that is 6 m from the tail of a rail."""
-    pad = {"length": 0.01, "width": 0.01, "unilateral": False, "stiffness": 2e3, "faces": faces}
+def on_rail(
+    rail: Mapping[str, Any],
+    body: Mapping[str, Any],
+    faces: Mapping[str, Any],
+    start: float = 6.0,
+    length: float = 0.01,
+    width: float = 0.01,
+    **more: Any,
+) -> Scene:
+    """Scene of a carriage of 4 m with short pads 0.5 m from its ends that is `start` m from the tail of a rail."""
+    pad = {"length": length, "width": width, "unilateral": False, "stiffness": 2e3, "faces": faces}
     tail = [{"name": name, "at": at} | pad for name, at in (("rear", 0.5), ("front", 3.5))]
-    go = {"kind": "ramp", "times": [0.0, 0.002], "values": [6.0, 6.002]}
+    go = {"kind": "ramp", "times": [0.0, 0.002], "values": [start, start + 0.002]}
     joint = {"extension": go, "tail": tail}
     carriage = {"name": "carriage", "joint": joint, "observe": {"start": 0.5, "end": 3.5}} | body | more
     sections = [{"name": "rail", "observe": {"start": 1.0, "end": 19.0}} | rail, carriage]
@@ -331,46 +340,59 @@ def on_rail(rail: Mapping[str, Any], body: Mapping[str, Any], faces: Mapping[str
     return Scene.model_validate({"title": "Rail", "time": time, "start": "rest", "sections": sections})
 
 
+def beam_in_space(a: Array, b: Array, EI: float) -> tuple[Array, Array]:
+    """Stiffness and mass (12, 12) of a Bernoulli beam from a to b (3,) m with EI in both planes, by the textbook."""
+    EA, GJ, mass, inertia, x = 1e6, EI / 2.0, 10.0, 0.1, b - a
+    h = float(np.linalg.norm(x))
+    axes = np.array([x / h, np.cross([0.0, 0.0, 1.0], x / h), [0.0, 0.0, 1.0]])
+    K, M = np.zeros((12, 12)), np.zeros((12, 12))
+    for d, stiffness, per_length in ((0, EA, mass), (3, GJ, inertia)):
+        K[np.ix_([d, d + 6], [d, d + 6])] = stiffness / h * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        M[np.ix_([d, d + 6], [d, d + 6])] = per_length * h / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
+    plane_M, plane_K = (A[np.ix_([1, 2, 4, 5], [1, 2, 4, 5])] for A in beam_matrices(np.array([0.0, h]), EI, EA, mass))
+    for at, sign in (([1, 5, 7, 11], 1.0), ([2, 4, 8, 10], -1.0)):
+        turned = np.outer([1.0, sign, 1.0, sign], [1.0, sign, 1.0, sign])
+        K[np.ix_(at, at)], M[np.ix_(at, at)] = turned * plane_K, turned * plane_M
+    T = np.kron(np.eye(4), axes)
+    return T.T @ K @ T, T.T @ M @ T
+
+
 @pytest.mark.slow
-def test_four_wheels_on_two_rails_in_space_bear_what_statics_say() -> None:
-    """Two planar beams that bend by themselves, under a rigid carriage with a load off its middle and a moment."""
-    EI, k = 100.0, 2e3
-    profile = {"bending_stiffness": EI, "mass_per_length": 10.0}
-    box = {"width": 1.4, "height": 0.5, "wall": 0.05}
-    ends = [{"kind": "roller"}, {"on": "tip", "kind": "roller"}]
-    beam = {"body": {"profile": {"length": LENGTH} | profile}, "mesh": {"elements": 40}, "supports": ends}
-    car = {"body": {"profile": {"length": 4.0} | profile}, "reduction": {"coordinates": 3}}
-    rail = pmr.reduce(on_rail(beam, car, {"bottom": [0.0]})).system.bodies["rail"]
-    boxes = [
-        {"body": {"box": box | {"length": x}, "material": {"young": 2e12}, "model": "beam3d"}} for x in (LENGTH, 4.0)
-    ]
-    held = [{"directions": ["x", "y", "z", "rx"]}, {"on": "tip", "directions": ["y", "z"]}]
-    loads = [
-        {"name": "force", "on": 3.0, "signal": -1000.0},
-        {"name": "moment", "on": 3.0, "direction": "rx", "signal": 200.0},
-    ]
-    faces = {"bottom": [-0.6, 0.6], "left": [0.0]}
-    scene = on_rail(boxes[0] | {"supports": held}, boxes[1], faces, loads=loads, reduction={"coordinates": 8})
-    bodies = {"right": rail, "left": rail, "carriage": pmr.reduce(scene).system.bodies["carriage"]}
-    wheels = [(side, at) for side in ("right", "left") for at in (0.5, 3.5)]
-    contacts = [
-        Contact(
-            f"{side} {at}",
-            Place("carriage", f"pads 1 bottom {side}", at),
-            Place(side, "pads 1 bottom", at, path="carriage"),
-            compliance=1.0 / k,
-        )
-        for side, at in wheels
-    ]
-    guides = [Contact(f"guide {at}", Place("carriage", "pads 1 left", at), compliance=1.0 / k) for at in (0.5, 3.5)]
-    system = System(bodies, (*contacts, *guides, Contact("drive", Place("carriage", "tail x", 0.5))))
-    excitation = Excitation.from_scene(scene)
-    still = dict.fromkeys(system.input_names, Constant(amount=0.0))
-    excitation = replace(excitation, loads={name: excitation.loads.get(name, still[name]) for name in still})
-    forces = systems.simulate(system, excitation, systems.static_start(system, excitation)).forces[0]
-    x = np.array([6.5, 9.5])
-    A = np.kron(np.eye(2), compliance(x) * 1e9 / EI + np.eye(2) / k)
-    rigid = np.array([[1.0, at, -0.6 if side == "right" else 0.6] for side, at in wheels])
+def test_a_scene_has_four_wheels_on_two_rails_that_are_joined_at_their_ends(tmp_path: Path) -> None:
+    """The rails are matrices of beams; a rigid carriage has a load off its middle and a moment."""
+    cells, y, k, EI = 40, 0.6000051, 2e3, 100.0  # wheels are at 0.6 m, where pads just fit on the face
+    x = np.linspace(0.0, LENGTH, cells + 1)
+    points = np.array([[at, side, 0.0] for side in (-y, y) for at in x])
+    beams = [(i, i + 1) for first in (0, cells + 1) for i in range(first, first + cells)]
+    K, M = np.zeros((6 * len(points),) * 2), np.zeros((6 * len(points),) * 2)
+    for i, j in (*beams, (0, cells + 1), (cells, 2 * cells + 1)):
+        at = np.r_[6 * i : 6 * i + 6, 6 * j : 6 * j + 6]
+        for A, part in zip((K, M), beam_in_space(points[i], points[j], EI), strict=True):
+            A[np.ix_(at, at)] += part
+    groups = {"tail": points[:, 0] == 0.0, "tip": points[:, 0] == LENGTH, "bottom": points[:, 0] >= 0.0}
+    pmr.from_matrices(M, K, points, groups).save(tmp_path / "rails.npz")
+    ends = [{"directions": ["x", "y", "z"]}, {"on": "tip", "directions": ["y", "z"]}]
+    rails = {"body": {"model": "matrices"}, "mesh": {"file": str(tmp_path / "rails.npz")}}
+    rails |= {"supports": [end | {"points": "all"} for end in ends], "reduction": {"coordinates": 20}}
+    box = {"length": 4.0, "width": 1.4, "height": 0.5, "wall": 0.05}
+    car = {"body": {"box": box, "material": {"young": 2e12}, "model": "beam3d"}, "reduction": {"coordinates": 8}}
+    car["supports"] = [{"directions": ["y"]}, {"on": "tip", "directions": ["y"]}]
+    car["loads"] = [{"name": "force", "on": 3.0, "signal": -1000.0}]
+    car["loads"] += [{"name": "moment", "on": 3.0, "direction": "rx", "signal": 200.0}]
+    faces = {"bottom": [-0.6, 0.6]}
+    scene = on_rail(rails, car, faces, start=6.25, length=0.02, width=1e-5)
+    scene = scene.model_copy(update={"start": "equilibrium", "gravity": Gravity(acceleration=1e-9, rise=0.0)})
+    response = pmr.simulate(scene, pmr.reduce(scene).system)
+    wheels = [(at, side) for at in (0, 1) for side in (0, 1)]
+    rows = np.zeros((4, len(K)))  # each wheel is amid two nodes
+    for row, (at, side) in zip(rows, wheels, strict=True):
+        node = side * (cells + 1) + int((6.75 + 3.0 * at) / LENGTH * cells)
+        row[[6 * node + 2, 6 * node + 8]] = 0.5
+    held = [6 * n + d for n in np.flatnonzero(groups["tail"]) for d in (0, 1, 2)]
+    held += [6 * n + d for n in np.flatnonzero(groups["tip"]) for d in (1, 2)]
+    free = np.setdiff1d(np.arange(len(K)), held)
+    A = rows[:, free] @ np.linalg.solve(K[np.ix_(free, free)], rows[:, free].T) + np.eye(4) / k
+    rigid = np.array([[1.0, 0.5 + 3.0 * at, 1.2 * side - 0.6] for at, side in wheels])
     full = np.block([[A, rigid], [rigid.T, np.zeros((3, 3))]])
     expected = np.linalg.solve(full, [0.0, 0.0, 0.0, 0.0, 1000.0, 3000.0, -200.0])[:4]
-    assert forces[:4] == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+    assert response.slider_force[0, :4] == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
