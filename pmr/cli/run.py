@@ -119,13 +119,13 @@ def run(
         environment.check_installed("dolfinx")
     environment.check_report()  # before the work, not after it
     folder = out_dir or Path("reports", names[0])
-    from pmr.report.background import BackgroundReport
+    from pmr.report.background import BackgroundReport, helper_process
     from pmr.results import RESULT_FILES
 
     for where in {folder, *(folder / name for name in names if len(names) > 1)}:
         prepare_folder(where, RESULT_FILES)
     outcomes = []
-    with BackgroundReport() as report:
+    with BackgroundReport() as report, helper_process() as helper:
         import numpy as np
 
         from pmr.errors.environment import Clock
@@ -146,6 +146,7 @@ def run(
                         cache=cache,
                         measures=measures,
                         keep=partial(_save_results, where, folder, report),
+                        helper=helper,
                     )
                 except InputError as error:
                     _print_hints(scene)

@@ -307,12 +307,14 @@ MOST_KEPT = 100
 
 
 def user_cache_folder() -> Path | None:
-    """Return the folder in which measured structures are cached for a user: ``$PMR_CACHE``, or ``pmr`` in ``~/.cache``.
+    """Return the folder in which measured structures are cached for a user.
 
-    The folder is created if it does not exist; None is returned if it can't be created.  If it has more than
-    `MOST_KEPT` files, the oldest ones are removed.
+    It is ``$PMR_CACHE``, else ``pmr`` in ``$XDG_CACHE_HOME``, else ``~/.cache/pmr``.  The folder is created if it does
+    not exist; None is returned if it can't be created.  If it has more than `MOST_KEPT` files, the oldest ones are
+    removed.
     """
-    folder = Path(os.environ.get("PMR_CACHE") or Path.home() / ".cache" / "pmr")
+    caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    folder = Path(os.environ.get("PMR_CACHE") or Path(caches, "pmr"))
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:

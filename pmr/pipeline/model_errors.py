@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
+from concurrent.futures import BrokenExecutor, Executor, Future
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,7 +19,7 @@ from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies, log_warnings
 from pmr.reduction.bodies import Reduction, reduce_bodies, with_stress_flags
-from pmr.reduction.cache import Cache, cache_in
+from pmr.reduction.cache import Cache, SystemCache, cache_in
 from pmr.reduction.from_scene import Vectors
 from pmr.results import Frequencies, Response
 from pmr.scene import Scene
@@ -100,6 +102,28 @@ class RunMotion:
         f, exact = (self.frequencies.models[name][:, :FREQUENCIES] for name in ("reduced", "full"))
         error = frequency_error(f[:, : exact.shape[1]], exact) or 0.0
         return replace(Motion.compute(scene, self.system, replace(self.reduced, **of_full)), frequency_error=error)
+
+
+def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] | None:
+    """Let another process, which `helper` has, reduce the richer model of a scene and store it for `measure_model`.
+
+    Returns None if the richer model is stored already, if `measure_model` has a reason to measure nothing, and if no
+    process can be started.
+    """
+    if scene.frame is not None and scene.frame.computed_key is not None:
+        return None
+    with suppress(InputError, BrokenExecutor, OSError):  # no comparison, or no process can be started
+        richer = model_comparison(scene).richer
+        if not cache.has_system(richer):
+            return helper.submit(_store_system, richer, cache.folder, cache.content)
+    return None
+
+
+def _store_system(scene: Scene, folder: Path, content: str) -> None:
+    """Reduce a scene and store its system in the folder of a `SystemCache`; errors are those of `measure_model`."""
+    cache = SystemCache(folder, content, MPI.COMM_WORLD)
+    with suppress(*UNNEEDED):  # the process that measures meets them too
+        cache.system_of(scene, lambda: reduce_scene(scene, cache.comm).system)
 
 
 def measure_model(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,9 +29,9 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.probes import probe_summary
 from pmr.fullmodel.walls import summary as summary_of_walls
 from pmr.pipeline.bodies import Bodies, Motions, Precomputed
-from pmr.pipeline.model_errors import RunMotion, decide_models, measure_mesh, measure_model, reduce_scene
+from pmr.pipeline.model_errors import RunMotion, decide_models, measure_mesh, measure_model, reduce_scene, start_richer
 from pmr.reduction.bodies import Reduction
-from pmr.reduction.cache import cache_in
+from pmr.reduction.cache import Cache, cache_in
 from pmr.reduction.from_scene import Vectors, with_array_basis
 from pmr.reduction.recovery import RecoveredBody
 from pmr.results import Frequencies, Loads, Response, RunResult
@@ -91,6 +92,7 @@ def run(
     measures: Path | None = None,
     keep: Callable[[Outcome], None] | None = None,
     shared: Precomputed | None = None,
+    helper: Executor | None = None,
 ) -> Outcome | None:
     """Reduce, simulate and compare a scene; return the outcome on rank 0 of `comm`, None on other ranks; collective.
 
@@ -98,7 +100,8 @@ def run(
     reductions and frequencies of full models for later runs.  With a folder `measures` the run also measures the errors
     of mesh and structural model, even if the scene does not ask for them; the folder keeps what takes longest.  They
     are measured last; before, `keep` is called on rank 0 with the outcome without these errors.  `shared` are results
-    of a single body's full model that other runs have computed.
+    of a single body's full model that other runs have computed.  `helper` has another process, which meanwhile reduces
+    the richer model for this measurement.
 
     Raises
     ------
@@ -122,6 +125,10 @@ def run(
         caches = {} if cache is None else {name: cache_in(cache, body.model) for name, body in built.items()}
         bodies = Bodies(scene, built, clock, caches, shared)
         scene = bodies.scene  # with the chosen step
+        measured = None if measures is None else cache_in(measures, next(iter(built.values())).model)
+        richer = None
+        if helper is not None and measured is not None and chosen.budget_part is None:
+            richer = start_richer(bodies.written_scene, measured, helper)
         with clock.stage("frequencies"):
             frequencies = bodies.frequencies()
         motions = bodies.simulate(None if checkpoint is None else Checkpoint(checkpoint))
@@ -132,7 +139,7 @@ def run(
         if keep is not None:
             call_on_first_rank(comm, lambda: outcome and keep(outcome))
         budget = {} if chosen.budget_part is None else {"model": chosen.budget_part}
-        budget |= _measure(bodies, motions, frequencies, budget, measures)
+        budget |= _measure(bodies, motions, frequencies, budget, measured, richer)
         if outcome is not None and budget:
             result, written = outcome.result, bodies.written_scene
             complete: dict[str, Any] = budget | result.summary.get("budget", {})
@@ -219,30 +226,33 @@ def _indentations(
 
 
 def _measure(
-    bodies: Bodies, motions: Motions, frequencies: Frequencies, budget: Summary, measures: Path | None
+    bodies: Bodies,
+    motions: Motions,
+    frequencies: Frequencies,
+    budget: Summary,
+    cache: Cache | None,
+    richer: Future[None] | None,
 ) -> Summary:
     """Measure the errors of a run's model and mesh, for ``budget`` of summary.json; collective.
 
-    The model's is measured if the scene asks for it, or if `budget` lacks it and there is a folder `measures`; the
-    mesh's if there is such a folder and the scene has no tolerance or budget.  The folder keeps what takes longest.
+    The model's is measured if the scene asks for it, or if `budget` lacks it and there is a `cache`; the mesh's if
+    there is a cache and the scene has no tolerance or budget.  The cache keeps what takes longest.  `richer` is done
+    when another process has stored the richer model there.
     """
     comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.written_scene
-
-    is_wanted = scene.compare.richer not in ("auto", "none")
-    if not is_wanted and measures is None:
-        return {}
-    model, parts = next(iter(bodies.built.values())).model, dict[str, Any]()
-    cache = next(iter(bodies.caches.values()), None) if measures is None else cache_in(measures, model)
+    is_wanted, of_mesh, of_model = scene.compare.richer not in ("auto", "none"), dict[str, Any](), dict[str, Any]()
     with clock.stage("mesh and model"):
-        if is_wanted or "model" not in budget:
+        if cache is not None and scene.goal is None:
+            response = None if motions.reduced is None else motions.reduced.first.response
+            of_mesh = measure_mesh(scene, bodies.system, response, comm, cache)
+        if is_wanted or (cache is not None and "model" not in budget):
             with_full = "full" in scene.compare.against and "full" not in motions.references.missing
             responses = {} if motions.reduced is None else motions.responses
             of_run = RunMotion(bodies.system, responses.get("reduced"), responses.get("full"), frequencies)
-            parts["model"] = measure_model(scene, comm, cache, of_run if with_full else None)
-        if measures is not None and scene.goal is None:
-            response = None if motions.reduced is None else motions.reduced.first.response
-            parts |= measure_mesh(scene, bodies.system, response, comm, cache)
-    return parts
+            wait([] if richer is None else [richer])
+            cache = cache or next(iter(bodies.caches.values()), None)
+            of_model = {"model": measure_model(scene, comm, cache, of_run if with_full else None)}
+    return of_model | of_mesh
 
 
 def _total_sizes(built: Mapping[str, AssembledBody]) -> tuple[int, int]:

@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, NotHeldError, environment
-from pmr.fem.compat import PETSc
+from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import tall
 from pmr.files import npz
 from pmr.files.arrays import Array
@@ -105,12 +105,89 @@ def _csr(A: sp.csr_matrix) -> tuple[NDArray[Any], ...]:
 
 
 @dataclass(frozen=True)
-class Cache:
-    """Folder in which the results for one full model are stored."""
+class SystemCache:
+    """Folder in which the reduced systems of scenes are stored that are compared with one scene."""
 
     folder: Path
+    content: str  # digest of the scene's full model, see `model_digest`
+    comm: MPI.Comm
+
+    def system_of(self, scene: Scene, make: Callable[[], System]) -> System:
+        """Return the reduced system of a scene of any structure; if it is not stored, call `make` and store its result.
+
+        It is the same on every rank; collective.  A NotHeldError of `make`, which says that supports and pads leave the
+        scene free to move, is stored too and raised again: finding it out takes the full models.
+        """
+        file, unheld = self._system_files(scene)
+        if (not_held := self._read(unheld)) is not None:
+            raise NotHeldError("scene", "free_motions", scene.free_motions, *map(str, not_held["said"]))
+        system = None if self._read(file) is None else self._load(System.load, file)
+        if system is None:
+            try:
+                system = make()
+            except NotHeldError as error:
+                self._write(unheld, {"said": np.array([error.allowed, error.short])})
+                raise
+            self._write(file, {}, system)
+        return system
+
+    def has_system(self, scene: Scene) -> bool:
+        """Whether the folder has a file for the system of this scene, or for the refusal to reduce it."""
+        return any(file.is_file() for file in self._system_files(scene))
+
+    def _system_files(self, scene: Scene) -> tuple[Path, Path]:
+        """Paths of the file that shows that a scene's system is stored, and of the file that holds its refusal."""
+        path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
+        request = {"scene": structure_text(scene), "path": path}
+        return self._file("system", request), self._file("unheld", request | {"end": scene.time.end})
+
+    def _file(self, kind: str, request: Mapping[str, object]) -> Path:
+        """Path of the file for this kind of content and this request."""
+        text = repr((self.content, sorted(request.items())))
+        return self.folder / f"{kind}-{hashlib.blake2b(text.encode(), digest_size=12).hexdigest()}.npz"
+
+    def _load(self, load: Callable[[Path], Content], file: Path) -> Content | None:
+        """Model or system, on every rank, that `load` reads from the file that belongs to `file`.
+
+        If it is not sound, a warning is logged and None is returned.  Collective.
+        """
+        loaded = None
+        if self.comm.rank == 0:
+            try:
+                loaded = load(_model_file(file))
+            except InputError as error:
+                _log.warning("%s is made again: %s", file, error)
+        everywhere: Content | None = self.comm.bcast(loaded)
+        return everywhere
+
+    def _read(self, file: Path) -> dict[str, NDArray[Any]] | None:
+        """Arrays of a file by name, on every rank; None if there is no such file or it is damaged.  Collective."""
+        arrays = npz.read_stored(file) if self.comm.rank == 0 else None
+        result: dict[str, NDArray[Any]] | None = self.comm.bcast(arrays)
+        return result
+
+    def _write(
+        self, file: Path, arrays: Mapping[str, NDArray[np.generic]], model: ReducedModel | System | None = None
+    ) -> None:
+        """Write arrays to `file`, and a model or system, if any, to a file of its own; on rank 0 only.
+
+        If the disk has no room, a warning is logged.
+        """
+        if self.comm.rank != 0:
+            return
+        try:
+            if model is not None:
+                model.save(_model_file(file))  # written first: `file` itself shows that both are complete
+            npz.store(file, arrays)
+        except NotWrittenError as error:
+            _log.warning("not kept: %s", error)
+
+
+@dataclass(frozen=True)
+class Cache(SystemCache):
+    """Folder in which the results for one full model are stored."""
+
     model: FullModel
-    content: str  # digest of the model, see `model_digest`
 
     def reduced_body(self, request: Mapping[str, object], make: Callable[[], ReducedBody]) -> ReducedBody:
         """Return the body stored for this request; if there is none, call `make` and store its result; collective."""
@@ -162,36 +239,6 @@ class Cache:
         self._write(file, {"array": array})
         return array
 
-    def system_of(self, scene: Scene, make: Callable[[], System]) -> System:
-        """Return the reduced system of a scene of any structure; if it is not stored, call `make` and store its result.
-
-        It is the same on every rank; collective.  A NotHeldError of `make`, which says that supports and pads leave the
-        scene free to move, is stored too and raised again: finding it out takes the full models.
-        """
-        request = self._system_request(scene)
-        file, unheld = self._file("system", request), self._file("unheld", request | {"end": scene.time.end})
-        if (not_held := self._read(unheld)) is not None:
-            raise NotHeldError("scene", "free_motions", scene.free_motions, *map(str, not_held["said"]))
-        system = None if self._read(file) is None else self._load(System.load, file)
-        if system is None:
-            try:
-                system = make()
-            except NotHeldError as error:
-                self._write(unheld, {"said": np.array([error.allowed, error.short])})
-                raise
-            self._write(file, {}, system)
-        return system
-
-    def _system_request(self, scene: Scene) -> dict[str, Any]:
-        """Request under which the system of a scene is stored."""
-        path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
-        return {"scene": structure_text(scene), "path": path}
-
-    def _file(self, kind: str, request: Mapping[str, object]) -> Path:
-        """Path of the file for this kind of content and this request."""
-        text = repr((self.content, sorted(request.items())))
-        return self.folder / f"{kind}-{hashlib.blake2b(text.encode(), digest_size=12).hexdigest()}.npz"
-
     def _load_body(self, file: Path, arrays: Mapping[str, NDArray[Any]]) -> ReducedBody | None:
         """Body from its model's file and stored `arrays` (S, V, omega, ...); None if the model's file can't be used.
 
@@ -204,42 +251,6 @@ class Cache:
         V = tall(np.asarray(arrays["V"], float)[self.model.share], self.model.M) if arrays["V"].size else S
         snapshots = Snapshots(S, arrays["omega"], arrays["s"], arrays["residuals"], str(arrays["source"]))
         return ReducedBody(snapshots, Basis(V, arrays["sigma"], str(arrays["product"])), model)
-
-    def _load(self, load: Callable[[Path], Content], file: Path) -> Content | None:
-        """Model or system, on every rank, that `load` reads from the file that belongs to `file`.
-
-        If it is not sound, a warning is logged and None is returned.  Collective.
-        """
-        loaded = None
-        if self.model.comm.rank == 0:
-            try:
-                loaded = load(_model_file(file))
-            except InputError as error:
-                _log.warning("%s is made again: %s", file, error)
-        everywhere: Content | None = self.model.comm.bcast(loaded)
-        return everywhere
-
-    def _read(self, file: Path) -> dict[str, NDArray[Any]] | None:
-        """Arrays of a file by name, on every rank; None if there is no such file or it is damaged.  Collective."""
-        arrays = npz.read_stored(file) if self.model.comm.rank == 0 else None
-        result: dict[str, NDArray[Any]] | None = self.model.comm.bcast(arrays)
-        return result
-
-    def _write(
-        self, file: Path, arrays: Mapping[str, NDArray[np.generic]], model: ReducedModel | System | None = None
-    ) -> None:
-        """Write arrays to `file`, and a model or system, if any, to a file of its own; on rank 0 only.
-
-        If the disk has no room, a warning is logged.
-        """
-        if self.model.comm.rank != 0:
-            return
-        try:
-            if model is not None:
-                model.save(_model_file(file))  # written first: `file` itself shows that both are complete
-            npz.store(file, arrays)
-        except NotWrittenError as error:
-            _log.warning("not kept: %s", error)
 
     def _gather_rows(self, tall_matrix: PETSc.Mat) -> Array:
         """Whole distributed matrix as an array on rank 0; an empty array on other ranks."""
@@ -257,7 +268,7 @@ def cache_in(folder: Path, model: FullModel) -> Cache:
     except OSError as error:
         allowed = f"a folder that can be written to is allowed ({error.strerror})"
         raise InputError("command line", "--cache", str(folder), allowed) from None
-    return Cache(folder, model, model_digest(model))
+    return Cache(folder, model_digest(model), model.comm, model)
 
 
 def _model_file(file: Path) -> Path:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable, Sequence
-from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
@@ -96,6 +97,23 @@ class BackgroundReport:
             failed = Future[None]()
             failed.set_exception(error)
             return failed
+
+
+@contextmanager
+def helper_process() -> Iterator[Executor | None]:
+    """Yield an executor with one process, which starts with its first task, or None if no core is free for it."""
+    pool = ProcessPoolExecutor(1, get_context("spawn"), _begin_to_help) if has_free_core() else None
+    try:
+        yield pool
+    finally:
+        if pool is not None:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _begin_to_help() -> None:
+    """Follow the parent, and log warnings in the form in which the command line logs them."""
+    _follow_parent()
+    logging.basicConfig(format="%(levelname)s %(message)s")
 
 
 def has_free_core() -> bool:

@@ -260,6 +260,20 @@ def test_what_is_no_data_is_refused() -> None:
         npz.json_text({"a": object()})
 
 
+@pytest.mark.parametrize(
+    ("variables", "expected"),
+    [
+        ({"PMR_CACHE": "own", "XDG_CACHE_HOME": "all"}, "own"),
+        ({"PMR_CACHE": "", "XDG_CACHE_HOME": "all"}, "all/pmr"),
+        ({"PMR_CACHE": "", "XDG_CACHE_HOME": ""}, "home/.cache/pmr"),
+    ],
+)
+def test_measured_structures_are_cached_where_the_user_says(variables, expected, tmp_path: Path, monkeypatch) -> None:
+    for name, place in ({"HOME": "home"} | variables).items():
+        monkeypatch.setenv(name, str(tmp_path / place) if place else "")
+    assert whole.user_cache_folder() == tmp_path / expected
+
+
 def test_the_oldest_files_go_and_no_folder_is_no_error(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("PMR_CACHE", str(tmp_path / "kept"))
     monkeypatch.setattr(whole, "MOST_KEPT", 2)

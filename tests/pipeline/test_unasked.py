@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor, Future
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +24,32 @@ def scene(*changes: str) -> pmr.scene.Scene:
     return pmr.load_scene(WORKFLOWS / "boom_beam.toml", [*CHANGES, *changes])
 
 
+class AtOnce(Executor):
+    """Executor that runs a task when it is submitted, and stores the structural model of its scene in `models`."""
+
+    def __init__(self) -> None:
+        self.models = []
+
+    def submit(self, function, scene_of_task, *arguments) -> Future:
+        self.models.append(scene_of_task.only_section.body.model)
+        done = Future()
+        done.set_result(function(scene_of_task, *arguments))
+        return done
+
+
 @pytest.mark.slow
 def test_a_run_measures_its_model_and_mesh_last_and_the_next_one_finds_both(tmp_path: Path, monkeypatch) -> None:
-    before = []
-    result = pmr.run(scene(), measures=tmp_path, keep=lambda one: before.append(dict(one.result.summary))).result
+    before, reduced, helper, reduce_scene = [], [], AtOnce(), pipeline.reduce_scene
+
+    def count_reductions(one, *more):
+        reduced.append(one.only_section.body.model)
+        return reduce_scene(one, *more)
+
+    monkeypatch.setattr(pipeline, "reduce_scene", count_reductions)
+    result = run(
+        scene(), measures=tmp_path, keep=lambda one: before.append(dict(one.result.summary)), helper=helper
+    ).result
+    assert helper.models == ["shell"] and sorted(reduced) == ["beam3d", "beam3d", "shell"]
     first = result.summary["budget"]
     assert "budget" not in before[0] and before[0] == {key: result.summary[key] for key in before[0]}
     (warned,) = [one for one in result.summary["warnings"] if one.startswith("the model is off by up to")]
@@ -35,8 +58,9 @@ def test_a_run_measures_its_model_and_mesh_last_and_the_next_one_finds_both(tmp_
     assert 0.0 < first["mesh"]["beam"] < 1e-3 and first["mesh_reason"] is None
     assert 0.0 < first["mesh"]["frequency"] < 1e-3 and first["mesh_not_covered"] == ["stresses"]
     monkeypatch.setattr(pipeline, "reduce_scene", lambda *_: pytest.fail("what was measured is made again"))
-    again = pmr.run(scene(), measures=tmp_path).result.summary["budget"]
+    again = run(scene(), measures=tmp_path, helper=helper).result.summary["budget"]
     assert again["model"]["frequency"] == pytest.approx(first["model"]["frequency"], rel=1e-9)
+    assert helper.models == ["shell"]
 
 
 @pytest.mark.slow
