@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,9 @@ from pmr.scene.keys import LUFFING_CYLINDER, input_name
 from pmr.scene.mechanism import CYLINDER, FrameTerm, frame_terms, supports_at_lug
 from pmr.simulation import Excitation
 from pmr.simulation.balance import row_products, step_means
-from pmr.simulation.frame_motion import FrameRotation
+from pmr.simulation.frame_motion import ComputedMotion, FrameRotation
+from pmr.simulation.native.cylinder import CYLINDER_UNITS
+from pmr.simulation.native.extension import ACCELERATION, STOP, column_name
 from pmr.system.body import SlidingBody
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
@@ -31,6 +34,10 @@ from pmr.system.terms import Term
 TURNED = 1.1
 #: A support lacks a cylinder's force along the boom if this is more than this share of the force across the boom.
 LEANING = 0.1
+#: Number of steps that resolve the impact on a stop.
+IMPACT = 8
+#: Name of the cylinder that drives a free extension.
+EXTENSION_CYLINDER = "extension cylinder"
 #: Pressure in Pa of the surroundings: oil boils where its pressure is lower by this.
 VACUUM = 1e5
 
@@ -59,15 +66,74 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
         speed = arm * angle.rate(t)
         histories = {"force": force, "length": length, "speed": speed, "power": force * speed}
         warnings = turning_warnings(scene, angle.value(t))
-    extremes = {key: Extremes.from_history(history, t, along) for key, history in histories.items()}
+    return _cylinder_part(LUFFING_CYLINDER, histories, response, along, warnings)
+
+
+def extension_part(scene: Scene, response: Response) -> SummaryPart:
+    """``extension_cylinder`` of summary.json: extremes of what drives a computed extension, and its ``stops``.
+
+    Lengths are extensions in m.  ``stops`` lists the spans in which a stop is pressed in, with ``start`` and ``end`` in
+    s, the number of ``steps``, the ``length`` in m where the stop gives way most, by how much in m (``give``), and the
+    ``speed`` in m/s with which it was met; a warning tells of them.  The part is empty unless an extension was
+    computed.
+    """
+    name = next((name for name, path in scene.paths.items() if isinstance(path, ComputedMotion)), None)
+    if name is None:
+        return SummaryPart()
+    names = {of: column_name(name, of) for of in (*CYLINDER_UNITS, ACCELERATION, STOP)}
+    histories = {of: response.other(column) for of, column in names.items() if column in response.other_names}
+    if STOP not in histories:
+        return SummaryPart()
+    spans, along = _stop_spans(response.t, histories), scene.path_positions(response.t)
+    warnings = [*_stop_warnings(name, "smallest", [of for of in spans if of["give"] < 0.0])]
+    warnings += _stop_warnings(name, "greatest", [of for of in spans if of["give"] > 0.0])
+    part = _cylinder_part(EXTENSION_CYLINDER, histories, response, along, warnings)
+    (figures,) = part.figures.values()
+    return replace(part, figures={EXTENSION_CYLINDER.replace(" ", "_"): figures | {"stops": spans}})
+
+
+def _stop_warnings(name: str, end: str, spans: list[dict[str, float]]) -> list[str]:
+    """A warning that section `name` meets the stop at its smallest or greatest extension; nothing without `spans`."""
+    if not spans:
+        return []
+    worst = max(spans, key=lambda of: abs(of["speed"]))
+    more = f", and {len(spans) - 1} more times" if len(spans) > 1 else ""
+    deepest = with_unit(max(abs(of["give"]) for of in spans), "m")
+    fewest = min(of["steps"] for of in spans)
+    missed = f"; {fewest:g} steps do not resolve it: a shorter time.step or a softer stop" * (fewest < IMPACT)
+    return [
+        f"{name} meets the stop at its {end} extension at {worst['start']:.4g} s with {abs(worst['speed']):.3g} m/s"
+        f"{more}; the stop gives way by up to {deepest}{missed}"
+    ]
+
+
+def _stop_spans(t: Array, histories: Mapping[str, Array]) -> list[dict[str, float]]:
+    """Spans in which a stop is pressed in, as `extension_part` describes them, in the order of time."""
+    pressed = np.concatenate([[False], histories[STOP] != 0.0, [False]])
+    starts, ends = np.flatnonzero(~pressed[:-1] & pressed[1:]), np.flatnonzero(pressed[:-1] & ~pressed[1:])
+    spans = list[dict[str, float]]()
+    for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
+        deepest = first + int(np.argmax(np.abs(histories[STOP][first:last])))
+        before = max(first - 1, 0)
+        figures = {"start": t[first], "end": t[last - 1], "length": histories["length"][deepest]}
+        figures |= {"steps": last - first, "give": histories[STOP][deepest], "speed": histories["speed"][before]}
+        spans.append({key: float(value) for key, value in figures.items()})
+    return spans
+
+
+def _cylinder_part(
+    cylinder: str, histories: Mapping[str, Array], response: Response, along: Array, warnings: list[str]
+) -> SummaryPart:
+    """Part with the extremes of `histories` (T,) of a `cylinder`, and a warning where its oil would boil."""
+    extremes = {key: Extremes.from_history(history, response.t, along) for key, history in histories.items()}
     boiling = [
-        f"the oil on the {key.removeprefix('pressure ')} side of the luffing cylinder would have "
+        f"the oil on the {key.removeprefix('pressure ')} side of the {cylinder} would have "
         f"{with_unit(of.least, 'Pa')} {response.when(of.t_least)}, and boils: the model pulls on it"
         for key, of in extremes.items()
         if key.startswith("pressure") and of.least < -VACUUM
     ]
     figures = {key.replace(" ", "_"): of.summary() for key, of in extremes.items()}
-    return SummaryPart({LUFFING_CYLINDER.replace(" ", "_"): figures}, warnings, boiling)
+    return SummaryPart({cylinder.replace(" ", "_"): figures}, warnings, boiling)
 
 
 def turning_warnings(scene: Scene, angles: Array) -> list[str]:

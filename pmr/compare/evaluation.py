@@ -21,7 +21,8 @@ from pmr.scene.keys import ALONE, LUFFING_CYLINDER, qualified_name
 from pmr.simulation.balance import load_potential, row_blocks
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
 from pmr.simulation.native import systems
-from pmr.simulation.native.luffing import CYLINDER_UNITS
+from pmr.simulation.native.cylinder import CYLINDER_UNITS
+from pmr.simulation.native.extension import ACCELERATION, STOP, column_name
 from pmr.simulation.reactions import column_names, with_row_multipliers, with_support_reactions
 from pmr.simulation.stepping import SimulationEnd
 from pmr.system.body import SlidingBody, Trajectory, clear_rates_without_inertia, force_outputs, length_outputs
@@ -221,12 +222,17 @@ def append_machine(scene: Scene, response: Response) -> Response:
 
     Displacements are in m or rad, rates in m/s or rad/s.  Forces in N or N m are those of springs, dampers and
     constraints, positive along the axes, by the directions of ``[frame.base]``; a direction without any of these has no
-    force.  If the luffing angle is computed, only the angle, its rate and its cylinder's quantities are appended.
+    force.  If a luffing angle or an extension is computed, only this motion and its cylinder's quantities are appended.
     Without a computed motion, the response is returned unchanged.
     """
     luffing = None if scene.frame is None else scene.frame.luffing_signal
     if isinstance(luffing, ComputedMotion):
         return _append_luffing(scene.names[0], luffing.samples, response)
+    for section, path in scene.paths.items():
+        if isinstance(path, ComputedMotion):
+            of: Mapping[str, Array] = path.samples.cylinder
+            extended = {_driven_column(column_name(section, name), name, section): of[name] for name in of}
+            return response.with_others(np.stack(list(extended.values()), axis=1), extended)
     motions = {} if scene.frame is None or scene.frame.base is None else scene.frame.base.motions
     free_motions: dict[str, MotionSamples] = {
         key: motion.samples for key, motion in motions.items() if isinstance(motion, ComputedMotion)
@@ -252,7 +258,12 @@ def _append_luffing(base: str, luffing: MotionSamples, response: Response) -> Re
         Output(f"rate of {LUFFING_ANGLE}", MACHINE, base, unit="rad/s"): luffing.values[1],
     }
     for name, values in luffing.cylinder.items():
-        unit = CYLINDER_UNITS[name]
-        kind = {"Pa": "pressure", "m^3/s": "flow", "W": "power"}.get(unit, MACHINE)
-        columns[Output(f"{LUFFING_CYLINDER} {name}", kind, base, unit=unit)] = values
+        columns[_driven_column(f"{LUFFING_CYLINDER} {name}", name, base)] = values
     return response.with_others(np.stack(list(columns.values()), axis=1), columns)
+
+
+def _driven_column(name: str, of: str, body: str) -> Output:
+    """Column `name` of a cylinder that drives a free motion; `of`: its name in `CYLINDER_UNITS`, or `ACCELERATION`."""
+    unit = (CYLINDER_UNITS | {ACCELERATION: "m/s^2", STOP: "m"})[of]
+    kind = {"Pa": "pressure", "m^3/s": "flow", "W": "power"}.get(unit, MACHINE)
+    return Output(name, kind, body, unit=unit)

@@ -72,7 +72,7 @@ def simulate_with_states(
     system = reduced if isinstance(reduced, System) else join_models(scene, reduced)
     scene = with_choice_of_terms(scene, system.terms)
     with Clock().stage("reduced"), refuse_growth(scene):
-        if scene.frame is not None and scene.frame.computed_key is not None:
+        if scene.computed_key is not None:
             check_scene_fits(scene, system)
             scene, system = with_free_motion(scene, system)
         excitation = excitation_of_scene(scene, system)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pmr.compare.drives import energy_part, hoist_part, luffing_part
+from pmr.compare.drives import energy_part, extension_part, hoist_part, luffing_part
 from pmr.compare.error_parts import ReductionError, SimulatedSystem, reduction_error, step_part
 from pmr.compare.errors import (
     ResponseFunction,
@@ -218,10 +218,8 @@ def _utilisations(part: Body, peak: Summary, regions: Summary) -> Iterator[dict[
 
 def parts_of_forces(scene: Scene, system: System, response: Response) -> list[SummaryPart]:
     """Parts on forces of pads, supports, ropes, cylinders, hoist and outriggers, and on fatigue, in a response."""
-    return [
-        forces_part(scene, system, response),
-        *(of(scene, response) for of in (ropes_part, luffing_part, hoist_part, ground_part, fatigue_part)),
-    ]
+    others = ropes_part, luffing_part, extension_part, hoist_part, ground_part, fatigue_part
+    return [forces_part(scene, system, response), *(of(scene, response) for of in others)]
 
 
 def warnings_of_response(scene: Scene, system: System, response: Response) -> tuple[str, ...]:

@@ -89,9 +89,7 @@ AWAY_FROM_PROBES = "stresses away from probes"
 #: Effect that no estimate covers if a rigid support holds a body: its force is not that of a row that gives way.
 RIGID_REACTIONS = "reactions of rigid supports"
 #: Effect that neither an estimate nor a full model covers if the machine's motion was computed with the reduced model.
-MACHINE_MOTION = (
-    "the motion of frame.machine or of a free luffing angle, which is found with the reduced model and its step"
-)
+MACHINE_MOTION = "the motion of frame.machine or of what is free, which is found with the reduced model and its step"
 #: Effect that no estimate covers with second order if a body has too many carriers
 #: (`pmr.system.attachment.has_frame_matrices`).
 SECOND_ORDER_EFFECTS = "effects of axial forces and the frame on the residual part, most of all on pad forces"

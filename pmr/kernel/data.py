@@ -67,9 +67,9 @@ def system_data(
     of_ground = {} if frame is None else ground_arrays(frame, system, rows.paths, reactions)
     arrays |= of_ground
     ground = {} if frame is None or not of_ground else ground_outputs(frame.scene)
-    luffing = None if frame is None else frame.luffing
-    behind = ground | dict(system.hoist.outputs) | ({} if luffing is None else dict(luffing.outputs))
-    arrays |= {} if luffing is None else dict(luffing.arrays)
+    computed = None if frame is None else frame.computed
+    behind = ground | dict(system.hoist.outputs) | ({} if computed is None else dict(computed.outputs))
+    arrays |= {} if computed is None else dict(computed.arrays)
     shares = np.eye(len(system.contacts)) if reduced.shares is None else reduced.shares
     arrays |= {
         "shares": _fill_rows(shares, len(rows.F)),

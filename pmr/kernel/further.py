@@ -264,8 +264,8 @@ AXES = ("base.x", "base.y", "base.z")
 
 
 @dataclass(frozen=True)
-class LuffingData:
-    """A free luffing angle: arrays of the kernel's block, and names and units of its outputs."""
+class ComputedData:
+    """A free luffing angle or extension: arrays of the kernel's block, and names and units of its outputs."""
 
     arrays: Mapping[str, Array]
     outputs: Mapping[str, str]
@@ -275,8 +275,8 @@ class Frame(Protocol):
     """Loads and amplitudes of a moving frame, as sums of products of quantities (`pmr.simulation.moving`)."""
 
     @property
-    def luffing(self) -> LuffingData | None:
-        """Data of a free luffing angle; None if the angle is a driver."""
+    def computed(self) -> ComputedData | None:
+        """Data of a free luffing angle or extension; None if all motions are drivers."""
 
     @property
     def scene(self) -> Scene:

@@ -45,7 +45,7 @@ class Kernel:
     Attributes
     ----------
     modes, contacts, forces, inputs, outputs, paths, terms, pads, drivers, motions, pushing, further : int
-    hoist, luffing : int
+    hoist, computed : int
         Sizes as in `pmr_sizes` (src/pmr_kernel.h); `modes` includes padding.
     """
 
@@ -62,7 +62,7 @@ class Kernel:
     pushing: int
     further: int
     hoist: int
-    luffing: int
+    computed: int
     ground: int
 
     def __init__(self, block: bytes | bytearray) -> None:

@@ -49,8 +49,8 @@ CYLINDER_COLUMNS = {
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A luffing cylinder that drives the pitch of a machine; the fields are those of
-    `pmr_luffing_cylinder`, but for `drive`.
+    """A cylinder that drives a luffing angle or an extension; the fields are those of
+    `pmr_actuator`, but for `drive`.
     """
 
     kind: int = lib.PMR_NO_CYLINDER
@@ -60,6 +60,9 @@ class Cylinder:
     damping: float = 0.0
     stroke: tuple[float, float] = (0.0, np.inf)
     stop_stiffness: float = 0.0
+    stop_damping: float = 0.0
+    friction: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    shear_stiffness: float = 0.0
     oil: Mapping[str, Any] = field(default_factory=dict)  # further fields
     drive: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (T, 2): force in N, length in m or opening; rate
 

@@ -33,6 +33,7 @@ class Failure(IntEnum):
     UPRIGHT = lib.PMR_UPRIGHT
     BLOCKED = lib.PMR_BLOCKED
     LIFTED = lib.PMR_LIFTED
+    BEYOND = lib.PMR_BEYOND
 
 
 class StepError(SimulationError):
@@ -278,19 +279,19 @@ class State:
     @property
     def hoist(self) -> Array:
         """Outputs (10,) of the hoist at the end of the last step, by names `pmr.scene.hoist.OUTPUTS`; else empty."""
-        last = self.kernel.further - self.kernel.luffing
+        last = self.kernel.further - self.kernel.computed
         return self.further()[last - self.kernel.hoist : last]
 
     @property
     def ground(self) -> Array:
         """Outputs of outriggers at the end of the last step (`pmr.kernel.further.ground_outputs`), or empty."""
-        last = self.kernel.further - self.kernel.luffing - self.kernel.hoist
+        last = self.kernel.further - self.kernel.computed - self.kernel.hoist
         return self.further()[last - self.kernel.ground : last]
 
     @property
-    def luffing(self) -> Array:
-        """Outputs of a free luffing angle at the end of the last step (`LuffingData.outputs`); empty without one."""
-        return self.further()[self.kernel.further - self.kernel.luffing :]
+    def computed(self) -> Array:
+        """Outputs of a free luffing angle or extension after the last step (`ComputedData.outputs`); else empty."""
+        return self.further()[self.kernel.further - self.kernel.computed :]
 
     def further(self) -> Array:
         """Further outputs (further,) at the end of the last step.
@@ -418,8 +419,9 @@ class State:
             lib.PMR_UNCONVERGED: "forces of terms or friction do not converge",
             lib.PMR_NOT_FINITE: "a coordinate, or a force on the ground, is no finite number",
             lib.PMR_LIFTED: "which outriggers lift off is not found",
-            lib.PMR_LOST: "the motion of the machine, or its luffing angle, is not found: shorter steps are needed",
+            lib.PMR_LOST: "the motion of machine, luffing angle or extension is not found: shorter steps are needed",
             lib.PMR_UPRIGHT: "the machine pitches by 90 degrees, or foot, lug and pivot of its cylinder come in line",
+            lib.PMR_BEYOND: "the extension has left its stroke and stop_travel beyond it",
             lib.PMR_BLOCKED: "the hook is at its head sheaves: its rope is too short",
         }
         message = f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}"

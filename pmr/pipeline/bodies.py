@@ -118,7 +118,7 @@ class Bodies:
         self.bodies = with_stress_flags(self.scene, self.bodies)
         #: the scene as written, with the chosen step; in `scene` the machine's motion is the motion of a frame instead
         self.written_scene, self.system = self.scene, join_bodies(self.scene, self.bodies)
-        if self.scene.frame is not None and self.scene.frame.computed_key is not None:
+        if self.scene.computed_key is not None:
             with clock.stage("machine"):
                 self.scene, self.system = self._comm.bcast(
                     call_on_first_rank(self._comm, lambda: with_free_motion(self.scene, self.system))

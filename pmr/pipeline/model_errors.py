@@ -49,7 +49,7 @@ UNNEEDED = (*UNKNOWN, ValueError, ImportError)
 
 #: Reason for no comparison if a machine's motion is computed: another model would have another motion of its base.
 ON_MACHINE = (
-    "not measured where the motion of frame.machine or frame.luffing is computed; a run of the same boom with a "
+    "not measured where the motion of a machine, luffing angle or extension is computed; a run of the same boom with a "
     "prescribed motion measures it"
 )
 
@@ -133,7 +133,7 @@ def measure_model(
 
     The motion of the scene is that of a run's full model, `of_run`; without it the scene is reduced anew and simulated.
     """
-    if scene.frame is not None and scene.frame.computed_key is not None:
+    if scene.computed_key is not None:
         return {"beside": None, "reason": ON_MACHINE}
     label = "richer model"
     try:
@@ -155,7 +155,7 @@ def measure_mesh(
 
     `system` and `response` belong to the scene itself; `response` is None on other ranks than 0.
     """
-    if scene.frame is not None and scene.frame.computed_key is not None:
+    if scene.computed_key is not None:
         return {"mesh_reason": ON_MACHINE}
 
     def compare_scene(make: Callable[[], Scene], label: str) -> dict[str, Any]:

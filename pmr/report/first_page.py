@@ -40,16 +40,17 @@ from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
 
 Rows = Iterator[tuple[str, str]]
 
-#: Keys of the forces and moments whose largest values have a row; the luffing cylinder has a row of its own.
+#: Keys of the forces and moments whose largest values have a row; those of the luffing cylinder and of a free extension
+#: have rows of their own.
 FORCES = tuple(
     key for key, quantity in QUANTITIES.items() if quantity.unit in ("N", "N m") and quantity.reported
-    and key != "luffing_force"
+    and key not in ("luffing_force", "extension_force")
 )  # fmt: skip
 #: Beginnings of the names of reactions at the pivot, of outputs of a machine that moves, and of forces on the ground.
 PIVOT, MACHINE, GROUND = f"{AT_PIVOT} ", "machine ", f"{AT_GROUND} "
 #: Kinds of the outputs with the forces of a key, unless the summary has them.
 OF_KINDS = {"pad_force": "pad", "cylinder_force": "cylinder", "support": "support", "outrigger_force": "outrigger"}
-#: Words for the chambers of a luffing cylinder.
+#: Words for the chambers of a cylinder.
 OIL_SIDES = {"bore": "in the bore", "rod": "on the rod side"}
 #: End of the name of a cylinder that moves sections by ropes.
 ROPES = "which pulls the ropes"
@@ -80,7 +81,7 @@ def capacity_rows(result: RunResult) -> Rows:
         yield QUANTITIES["buckling"].reported, f"{significant(buckling['factor'])}, {when}"
     yield from _deflection_rows(result)
     yield from _frequency_rows(result)
-    yield from _luffing_rows(result)
+    yield from _driven_rows(result)
     yield from _pressure_rows(result)
     yield from _indentation_rows(result)
     yield from _hoist_rows(result)
@@ -230,18 +231,20 @@ def _hoist_rows(result: RunResult) -> Rows:
     yield QUANTITIES["swing"].reported, f"{degrees}, {way} the boom, {_extreme_clause(result, swings[way])}"
 
 
-def _luffing_rows(result: RunResult) -> Rows:
-    """Yield a row with the luffing cylinder's largest force along its axis, and with the range of its length."""
-    if (cylinder := result.summary.get("luffing_cylinder")) is not None:
+def _driven_rows(result: RunResult) -> Rows:
+    """Yield rows with the largest force of the luffing cylinder and on a free extension, their lengths, and oil."""
+    for way in ("luffing", "extension"):
+        if (cylinder := result.summary.get(f"{way}_cylinder")) is None:
+            continue
         largest, stroke = Extremes.from_summary(cylinder["force"]).largest, cylinder["length"]
-        long = format_range(stroke["min"], stroke["max"], f"{SPACE}m long")
+        long = format_range(stroke["min"], stroke["max"], f"{SPACE}m{' long' if way == 'luffing' else ' out'}")
         when = f"it {_push_or_pull(largest)}, {_extreme_clause(result, largest)}"
-        yield QUANTITIES["luffing_force"].reported, f"{format_quantity(abs(largest.value), 'N')}, {when}; {long}"
-        pressures = {way: Extremes.from_summary(of) for way in OIL_SIDES if (of := cylinder.get(f"pressure_{way}"))}
-        for way in sorted(pressures, key=lambda way: pressures[way].most)[-1:]:
-            most = pressures[way].largest
-            text = f"{format_quantity(most.value, 'Pa')}, {OIL_SIDES[way]}, {_extreme_clause(result, most)}"
-            yield QUANTITIES["luffing_pressure"].reported, text
+        yield QUANTITIES[f"{way}_force"].reported, f"{format_quantity(abs(largest.value), 'N')}, {when}; {long}"
+        pressures = {side: Extremes.from_summary(of) for side in OIL_SIDES if (of := cylinder.get(f"pressure_{side}"))}
+        for side in sorted(pressures, key=lambda side: pressures[side].most)[-1:]:
+            most = pressures[side].largest
+            text = f"{format_quantity(most.value, 'Pa')}, {OIL_SIDES[side]}, {_extreme_clause(result, most)}"
+            yield QUANTITIES["driven_pressure"].reported, text
         if flow := cylinder.get("flow_supply"):
             most, power = Extremes.from_summary(flow).largest, cylinder["power_supply"]["max"]
             text = f"{format_quantity(most.value, 'm^3/s')}, {format_quantity(power, 'W')} at most"

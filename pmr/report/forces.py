@@ -107,7 +107,7 @@ def pivot_block(result: RunResult, prefix: str) -> Block | None:
                 caption += " The luffing cylinder carries a part of them, along itself, and the pivot the rest."
             row.append(drawing(f"{prefix}-pivot-{name}", figures.pivot_figure, caption, result, some))
     caption = "Least and largest {} on the machine, when they occur" + then_words(result) + "."
-    grids = (*_rigid_support_grids(result, at_pivot=True, caption=caption), *_luffing_grids(result))
+    grids = (*_rigid_support_grids(result, at_pivot=True, caption=caption), *_driven_grids(result, "luffing_cylinder"))
     return Block(heading="Forces on the machine", drawings=row, grids=grids) if row else None
 
 
@@ -144,15 +144,19 @@ def ground_block(result: RunResult, prefix: str) -> Block | None:
     return Block(heading="Outriggers and tipping", text=sentence, drawings=row, grids=tuple(grids))
 
 
-def luffing_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about what drives a computed luffing angle: pressures, flows and power over time.
+def driven_block(result: RunResult, prefix: str) -> Block | None:
+    """Build the block about what drives a computed luffing angle or extension, over time.
 
-    None if the luffing angle is not computed, or nothing drives it.  `prefix` begins the identifiers of its figures.
+    It has the extension, the force on it, pressures, flows and power.  None if neither is computed, or nothing drives
+    the luffing angle.  `prefix` begins the identifiers of its figures.
     """
-    response = result.responses["reduced"]
-    if LUFFING_ANGLE not in response.other_names:
+    response, extended = result.responses["reduced"], "extension_cylinder" in result.summary
+    if LUFFING_ANGLE not in response.other_names and not extended:
         return None
+    driven = [output for output in response.outputs if output.name.startswith(("extension ", "rate of extension "))]
     groups = (
+        ("extension", [of for of in driven if of.name.startswith("extension of ")], "Extension that is computed."),
+        ("force", [of for of in driven if of.unit == "N"], "Force on the extension, positive where it pushes."),
         ("pressure", _of_kind(response, "pressure"), "Pressures of the oil above that of the surroundings."),
         ("flow", _of_kind(response, "flow"), "Flows into bore and rod side, and out of the supply."),
         ("power", _of_kind(response, "power"), "Power of the cylinder's force, and power out of the supply."),
@@ -162,7 +166,8 @@ def luffing_block(result: RunResult, prefix: str) -> Block | None:
         for name, outputs, caption in groups
         if outputs
     ]
-    return Block(heading="Luffing", drawings=drawn) if drawn else None
+    grids = tuple(_driven_grids(result, "extension_cylinder"))
+    return Block(heading="Extension" if extended else "Luffing", drawings=drawn, grids=grids) if drawn else None
 
 
 def _of_kind(response: Response, kind: str) -> list[Output]:
@@ -171,15 +176,18 @@ def _of_kind(response: Response, kind: str) -> list[Output]:
     return [output for output in chosen if np.any(response.other(output.name))]
 
 
-def _luffing_grids(result: RunResult) -> Iterator[Grid]:
-    """Yield a table with the extremes of force, length, speed and power of the luffing cylinder, if there is one."""
-    if (cylinder := result.summary.get("luffing_cylinder")) is None:
+def _driven_grids(result: RunResult, key: str) -> Iterator[Grid]:
+    """Yield a table with the extremes of what a cylinder does, if the summary has this `key`."""
+    if (cylinder := result.summary.get(key)) is None:
         return
-    by_name = {key.replace("_", " "): Extremes.from_summary(extremes) for key, extremes in cylinder.items()}
-    bases = {name: QUANTITIES[f"luffing_{name.split()[0]}"].unit for name in by_name}
+    listed = {name: extremes for name, extremes in cylinder.items() if name != "stops"}
+    by_name = {name.replace("_", " "): Extremes.from_summary(extremes) for name, extremes in listed.items()}
+    keys = {name: "luffing_force" if name == "force" else f"driven_{name.split()[0]}" for name in by_name}
+    bases = {name: QUANTITIES[quantity].unit for name, quantity in keys.items()}
     units = {name: unit_for(extremes.size, bases[name]) for name, extremes in by_name.items()}
-    caption = "The cylinder that raises the boom, hinged as frame.cylinder says: positive where it presses, and where "
-    caption += f"it gets longer; when that is{then_words(result)}."
+    raises = key == "luffing_cylinder"
+    what = "The cylinder that raises the boom, hinged as frame.cylinder says" if raises else "What drives the extension"
+    caption = f"{what}: positive where it presses, and where it gets longer; when that is{then_words(result)}."
     yield extremes_grid(caption, by_name, units)
 
 

@@ -24,7 +24,7 @@ from pmr.report.subject import (
 from pmr.results import RunResult
 from pmr.scene.built import PadRing, Support
 from pmr.scene.choice import model_of
-from pmr.scene.frame import Frame
+from pmr.scene.cylinder import DrivenCylinder
 from pmr.scene.ground import Ground
 from pmr.scene.hoist import Hoist
 from pmr.scene.joints import JointPads, OneBody
@@ -56,12 +56,16 @@ def system_rows(result: RunResult) -> Rows:
         for name, angle in zip(("luffing", "slewing"), result.frame.angles, strict=True):
             low, high = np.rad2deg(angle.bounds(0.0, scene.time.end))
             if low or high:
-                yield name, format_range(low, high, "°") + (_drive_clause(scene.frame) if name == "luffing" else "")
+                free = name == "luffing" and scene.frame.computed_key == "luffing"
+                yield name, format_range(low, high, "°") + (_drive_clause(scene.frame.cylinder) if free else "")
         if (ground := scene.frame.ground) is not None:
             yield "stands on", _describe_ground(ground, scene.frame.unit)
     elif gravity is not None:
         raised = f"{format_input(round(gravity.elevation, 1))}°" if is_raised(result) else "0°, it lies level"
         yield "raised by", raised
+    for number, extension in scene.free_extensions.items():
+        low, high = extension.stroke
+        yield f"extension of {scene.names[number]}", format_range(low, high, f"{SPACE}m") + _drive_clause(extension)
     if result.reach is not None and (mover := crossing(result)):
         yield f"way of {mover}", format_range(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")
     elif result.reach is not None:
@@ -82,15 +86,13 @@ def _describe_hoist(hoist: Hoist, end: float) -> str:
     return f"payload of {format_input(hoist.payload, 'kg')}{hook} on {falls}{wind}"
 
 
-def _drive_clause(frame: Frame) -> str:
-    """Clause on what drives a computed luffing angle; empty for an angle that is given."""
-    if frame.computed_key != "luffing":
-        return ""
-    if frame.cylinder is None or not frame.cylinder.drives:
+def _drive_clause(cylinder: DrivenCylinder | None) -> str:
+    """Clause on what drives a computed luffing angle or extension by its `cylinder`."""
+    if cylinder is None or not cylinder.drives:
         return ", computed: nothing drives it"
-    oil, drive = frame.cylinder.oil, frame.cylinder.drives[0]
+    oil, drive = cylinder.oil, cylinder.drives[0]
     if oil is None:
-        return f", computed: a given {drive} of the cylinder drives it"
+        return f", computed: a given {drive} drives it"
     valves = "shut in" if oil.valve is None else "through a valve"
     valves += "" if oil.counterbalance is None else " and a counterbalance valve"
     return f", computed: oil of {format_quantity(oil.supply, 'Pa')} {valves} drives it"

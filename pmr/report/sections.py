@@ -281,7 +281,7 @@ def origin_block(result: RunResult) -> Block:
 SECTIONS: tuple[Show, ...] = (
     space.space_block, input_block, tip_block, stresses.stress_block,
     stresses.section_force_block, stresses.probe_block, forces.contact_block,
-    forces.cylinder_block, forces.support_block, forces.pivot_block, forces.ground_block, forces.luffing_block,
+    forces.cylinder_block, forces.support_block, forces.pivot_block, forces.ground_block, forces.driven_block,
     forces.hoist_block, energy_block, constraint_block, basis_block, response_block,
 )  # fmt: skip
 

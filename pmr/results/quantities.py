@@ -368,22 +368,28 @@ QUANTITIES: Mapping[str, Quantity] = {
             "luffing_force", "forces of the luffing cylinder", "N", "cylinder", (),
             "largest force of the luffing cylinder", sign=PUSHES, limit="luffing", measure=_luffing_measure,
         ),
-        # motion and oil of a luffing cylinder that drives the angle
+        Quantity(
+            "extension_force", "forces on the free extension", "N", "cylinder", (),
+            "largest force on the free extension", sign=PUSHES,
+        ),
+        # motion and oil of a cylinder that drives a free luffing angle or extension
         Quantity("luffing_angle", "luffing angles", "rad", "boom", ("machine",)),
-        Quantity("luffing_length", "lengths of the luffing cylinder", "m", "cylinder"),
-        Quantity("luffing_speed", "speeds of the luffing cylinder", "m/s", "cylinder", sign="gets longer"),
-        Quantity("luffing_volume", "volumes of oil in the luffing cylinder", "m^3", "cylinder"),
+        Quantity("driven_length", "lengths of the driven cylinder", "m", "cylinder"),
+        Quantity("driven_speed", "speeds of the driven cylinder", "m/s", "cylinder", sign="gets longer"),
+        Quantity("driven_acceleration", "second rates of the free extension", "m/s^2", "cylinder"),
+        Quantity("driven_stop", "way by which stops give way", "m", "cylinder", sign="at the greatest extension"),
+        Quantity("driven_volume", "volumes of oil in the driven cylinder", "m^3", "cylinder"),
         Quantity(
-            "luffing_pressure", "pressures of the luffing cylinder", "Pa", "cylinder", ("pressure",),
-            "largest pressure of the luffing cylinder", "most", "above that of the surroundings",
+            "driven_pressure", "pressures of oil", "Pa", "cylinder", ("pressure",), "largest pressure of oil", "most",
+            "above that of the surroundings",
         ),
         Quantity(
-            "luffing_flow", "flows of the luffing cylinder", "m^3/s", "cylinder", ("flow",),
-            "largest flow of the luffing cylinder", sign="into the chamber, or out of the supply",
+            "driven_flow", "flows of oil", "m^3/s", "cylinder", ("flow",), "largest flow of oil",
+            sign="into the chamber, or out of the supply",
         ),
         Quantity(
-            "luffing_power", "power of the luffing cylinder", "W", "cylinder", ("power",),
-            "largest power of the luffing cylinder", "most", "raises the boom, or leaves the supply",
+            "driven_power", "power of the driven cylinder", "W", "cylinder", ("power",),
+            "largest power of the driven cylinder", "most", "raises or extends the boom, or leaves the supply",
         ),
         Quantity(
             "hoist_force", "forces of the hoist rope", "N", "hoist", ("hoist_force",),
@@ -445,7 +451,8 @@ QUANTITIES: Mapping[str, Quantity] = {
 }  # fmt: skip
 #: Quantities by their units, in one word.
 UNIT_QUANTITIES = {
-    "N": "force", "N m": "moment", "Pa": "pressure", "K": "temperature", "m^3/s": "flow", "W": "power", "rad": "angle",
+    "m": "length", "N": "force", "N m": "moment", "Pa": "pressure", "K": "temperature", "m^3/s": "flow", "W": "power",
+    "rad": "angle",
 }  # fmt: skip
 #: Quantities that a load chart can limit, by the keys of the chart's limits.
 LIMITED = {quantity.limit: quantity for quantity in QUANTITIES.values() if quantity.measure is not None}

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pmr.scene.choice import REFERENCE, SimulatorNeeds, fewest_rows, is_pinned_beam, refuse_unsupported
+from pmr.scene.extension_checks import check_free_extension
 from pmr.scene.frame_checks import check_exclusions, check_frame, check_hoist
 from pmr.scene.joint_checks import check_joints
 from pmr.scene.keys import check_bounds
@@ -34,6 +35,7 @@ def check_scene(scene: Scene) -> None:
     check_exclusions(scene)
     check_frame(scene)
     check_hoist(scene)
+    check_free_extension(scene)
     _check_computed_motions(scene)
     _check_fatigue(scene)
 
@@ -62,6 +64,7 @@ def _check_single_body(scene: Scene) -> None:
 def _check_computed_motions(scene: Scene) -> None:
     """Refuse simulators without the equations of a payload that swings, or of a frame whose motion is computed."""
     hoist, free = scene.hoist is not None, () if scene.frame is None else scene.frame.free_directions
+    free = (*free, *(f"extension of {scene.names[number]}" for number in scene.free_extensions))
     for name in scene.simulation.simulators:
         refuse_unsupported(name, SimulatorNeeds(hoist=hoist, free_machine_directions=free))
     if "full" in scene.compare.against and scene.simulation.full != "auto":

@@ -367,7 +367,7 @@ def refuse_unsupported(name: str, needs: SimulatorNeeds, place: SimulatorKey | N
         "rows_that_rub": (needs.friction_rows, f"knows no friction ({', '.join(needs.friction_rows)})"),
         "machine_that_moves": (
             needs.free_machine_directions,
-            f"knows no machine that moves by itself ({', '.join(needs.free_machine_directions)})",
+            f"computes no motion that is free ({', '.join(needs.free_machine_directions)})",
         ),
         "payload_that_swings": (needs.hoist, "knows no hoist, whose payload swings"),
     }

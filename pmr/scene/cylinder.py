@@ -1,4 +1,4 @@
-"""The luffing cylinder: its hinges, and what drives it where it raises the boom by a force, a length or oil."""
+"""Cylinders that drive a luffing angle or an extension by a force, a length or oil; hinges of the luffing cylinder."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ Gauge = Annotated[float, _NotNegative, Quantity("Pa", 0.0, 1e12), Usual(1e4, 1e8
 Gain = Annotated[float, Field(gt=0.0, strict=True), Quantity("m^3/s/Pa^0.5", 1e-15, 1e6), Usual(1e-10, 1e-5)]
 Leakage = Annotated[float, _NotNegative, Quantity("m^3/s/Pa", 0.0, 1e6), Usual(0.0, 1e-9)]
 Friction = Annotated[float, _NotNegative, Quantity("N s/m", 0.0, 1e15), Usual(1.0, 1e9)]
+StopDamping = Annotated[float, _NotNegative, Quantity("s/m", 0.0, 1e6), Usual(0.0, 100.0)]
 Part = Annotated[float, Field(ge=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)]
 PilotRatio = Annotated[float, _NotNegative, Quantity("1", 0.0, 100.0)]
 #: Largest opening of a valve, in either direction.
@@ -92,6 +93,52 @@ class Oil(SceneTable):
         return self
 
 
+class DrivenCylinder(SceneTable):
+    """What drives a luffing angle or an extension that is free, and what acts beside the drive."""
+
+    force: Signal | None = Field(default=None, description="Force over time, in N, above 0 where it pushes")
+    length: Signal | None = Field(
+        default=None, description="Length over time, in m, whose change from the start drives over spring"
+    )
+    spring: Stiffness | None = Field(default=None, description="Stiffness between length and cylinder")
+    oil: Oil | None = Field(default=None, description="Oil that drives the cylinder")
+    damping: Friction = Field(default=0.0, description="Viscous friction along the cylinder")
+    stop_stiffness: Stiffness = Field(default=1e9, description="Stiffness of the stops at both ends of the stroke")
+    stop_damping: StopDamping = Field(
+        default=0.0, description="By how much more a stop pushes per m/s by which it is pressed in"
+    )
+
+    @model_validator(mode="after")
+    def _check_drive(self) -> Self:
+        """Refuse several drives, and a drive without what it needs."""
+        drives = self.drives
+        if len(drives) > 1:
+            raise key_error(drives[1], None, f"one of force, length and oil is allowed: {drives[0]} is there")
+        if (self.length is None) != (self.spring is None):
+            raise key_error("spring", self.spring, "length and spring are allowed together")
+        return self
+
+    @property
+    def drives(self) -> tuple[str, ...]:
+        """Keys of what drives: force, length or oil."""
+        return tuple(key for key in ("force", "length", "oil") if getattr(self, key) is not None)
+
+    @property
+    def drive_signals(self) -> dict[str, SignalBase]:
+        """Signal of what drives, by ``force``, ``length`` or ``opening``; empty without one."""
+        valve = None if self.oil is None else self.oil.valve
+        signals: dict[str, SignalBase | None] = {"force": self.force, "length": self.length}
+        signals["opening"] = None if valve is None else valve.opening
+        return {name: signal for name, signal in signals.items() if signal is not None}
+
+    def worst_opening(self, end: float) -> float | None:
+        """Return the valve's opening beyond -1 or 1 from 0 to `end` in s; None without one."""
+        if self.oil is None or self.oil.valve is None:
+            return None
+        least, most = self.oil.valve.opening.bounds(0.0, end)
+        return least if -least > OPEN else most if most > OPEN else None
+
+
 class LengthAndArm(NamedTuple):
     """Length L of a cylinder and its arm dL / dphi about the pivot, (...) in m each."""
 
@@ -99,7 +146,7 @@ class LengthAndArm(NamedTuple):
     arm: NDArray[np.float64]
 
 
-class LuffingCylinder(SceneTable):
+class LuffingCylinder(DrivenCylinder):
     r"""Hinges of the cylinder that raises the boom: x and z from the pivot, z upwards when the boom lies level.
 
     The cylinder goes from the foot :math:`r_0` on the machine to the lug :math:`r_1` on the boom.  With the rotation
@@ -119,47 +166,18 @@ class LuffingCylinder(SceneTable):
         description="Stiffness along the cylinder, which then holds the base at the lug in its true direction; "
         "without it supports of the base hold it",
     )
-    force: Signal | None = Field(
-        default=None, description="Force over time, in N, above 0 where it pushes; drives a free luffing angle"
-    )
-    length: Signal | None = Field(
-        default=None,
-        description="Length over time, in m, whose change from the start drives a free luffing angle over spring",
-    )
-    spring: Stiffness | None = Field(default=None, description="Stiffness between length and cylinder")
-    oil: Oil | None = Field(default=None, description="Oil that drives a free luffing angle")
-    damping: Friction = Field(default=0.0, description="Viscous friction along the cylinder")
     stroke: tuple[Length, Length] | None = Field(
         default=None, description="Shortest and greatest length from hinge to hinge, where stops act"
     )
-    stop_stiffness: Stiffness = Field(default=1e9, description="Stiffness of the stops at both ends of the stroke")
 
     @model_validator(mode="after")
-    def _check_drive(self) -> Self:
-        """Refuse several drives, and a drive without what it needs."""
-        drives = self.drives
-        if len(drives) > 1:
-            raise key_error(drives[1], None, f"one of force, length and oil is allowed: {drives[0]} is there")
-        if (self.length is None) != (self.spring is None):
-            raise key_error("spring", self.spring, "length and spring are allowed together")
+    def _check_stroke(self) -> Self:
+        """Refuse a stroke whose ends are in the wrong order, and oil without a stroke."""
         if self.stroke is not None and self.stroke[0] >= self.stroke[1]:
             raise key_error("stroke", list(self.stroke), "a shortest length below the greatest one is allowed")
         if self.oil is not None and self.stroke is None:
             raise key_error("stroke", None, "the shortest and the greatest length are needed with oil")
         return self
-
-    @property
-    def drives(self) -> tuple[str, ...]:
-        """Keys of what drives a free luffing angle: force, length or oil."""
-        return tuple(key for key in ("force", "length", "oil") if getattr(self, key) is not None)
-
-    @property
-    def drive_signals(self) -> dict[str, SignalBase]:
-        """Signal of what drives a free luffing angle, by ``force``, ``length`` or ``opening``; empty without one."""
-        valve = None if self.oil is None else self.oil.valve
-        signals: dict[str, SignalBase | None] = {"force": self.force, "length": self.length}
-        signals["opening"] = None if valve is None else valve.opening
-        return {name: signal for name, signal in signals.items() if signal is not None}
 
     def square_angle(self, angle: float) -> float:
         """Return the luffing angle in rad at which the lines from the pivot to foot and lug are square.

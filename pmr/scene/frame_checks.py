@@ -14,7 +14,6 @@ import numpy as np
 from pmr.files.arrays import Array
 from pmr.scene.built import Gravity
 from pmr.scene.choice import has_axial_motion, input_directions, is_planar, model_of
-from pmr.scene.cylinder import OPEN
 from pmr.scene.frame import Frame, Machine
 from pmr.scene.joints import JointPads
 from pmr.scene.keys import LUFFING
@@ -134,11 +133,8 @@ def _check_luffing(scene: Scene, frame: Frame) -> None:
     if not cylinder.drives:
         allowed = f"force, length or oil is needed beside {FREE}; without frame.cylinder the boom swings by itself"
         raise scene_error("frame.cylinder", None, allowed)
-    if cylinder.oil is not None and cylinder.oil.valve is not None:
-        least, most = cylinder.oil.valve.opening.bounds(0.0, scene.time.end)
-        if max(-least, most) > OPEN:
-            allowed = "openings from -1 to 1 are allowed"
-            raise scene_error("frame.cylinder.oil.valve.opening", least if -least > OPEN else most, allowed)
+    if (opening := cylinder.worst_opening(scene.time.end)) is not None:
+        raise scene_error("frame.cylinder.oil.valve.opening", opening, "openings from -1 to 1 are allowed")
     length = float(cylinder.length_and_arm(frame.angles.luffing.value(np.zeros(1))).length[0])
     if cylinder.stroke is not None and not cylinder.stroke[0] <= length <= cylinder.stroke[1]:
         allowed = f"the length at luffing_start, {length:.4g} m, is needed within the stroke"

@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from numpy.typing import ArrayLike
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from pmr.errors import LONGEST_NAME
 from pmr.scene import run_settings
 from pmr.scene.built import ENDS, Body, Face, Load, MeshChoice, PadRing, Slider, Support, clearance_on
+from pmr.scene.extension import FreeExtension
 from pmr.scene.keys import (
     AxialStiffness,
     Count,
@@ -120,12 +121,25 @@ class Rope(SceneTable):
     )
 
 
+def _extension_tag(data: object) -> str:
+    """``free`` for an extension of this kind, ``signal`` for all others."""
+    kind = data.get("kind") if isinstance(data, dict) else getattr(data, "kind", None)
+    return "free" if kind == "free" else "signal"
+
+
+Extension = Annotated[
+    Annotated[Signal, Usual(0.0, 2.0, "reach", "m"), Tag("signal")] | Annotated[FreeExtension, Tag("free")],
+    Discriminator(_extension_tag),
+]
+
+
 class Joint(SceneTable):
     """Joint in which a section slides in the next outer one: by `extension`, `overlap`, or as it `follows` another."""
 
-    extension: Annotated[Signal, Usual(0.0, 2.0, "reach", "m")] | None = Field(
+    extension: Extension | None = Field(
         default=None,
-        description="Distance of this section's tail ahead of the tail of the next outer section, over time, in m",
+        description="Distance of this section's tail ahead of the tail of the next outer section, over time, in m; of "
+        'kind "free": its motion is computed, with what drives it',
     )
     overlap: Annotated[Signal, Usual(0.0, 2.0, "reach", "m")] | None = Field(
         default=None,

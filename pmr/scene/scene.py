@@ -17,6 +17,7 @@ from pmr.errors import InputError
 from pmr.scene import run_settings
 from pmr.scene.built import WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
 from pmr.scene.cylinder import LuffingCylinder
+from pmr.scene.extension import FreeExtension
 from pmr.scene.frame import Frame
 from pmr.scene.hoist import Hoist
 from pmr.scene.joints import BoomSection, Joint, OneBody, ScaledSignal
@@ -347,12 +348,33 @@ class Scene(SectionTables):
     def extension(self, number: int) -> SignalBase:
         """Return the distance in m over time of the tail of section `number` (from 1) ahead of the previous tail."""
         joint = self.joint(number)
+        if isinstance(joint.extension, FreeExtension):
+            return joint.extension.first
         if joint.extension is not None:
             return joint.extension
         if joint.overlap is not None:
             return ScaledSignal(signal=joint.overlap, ratio=-1.0, offset=self.sections[number - 1].length)
         followed = self.extension(self.names.index(str(joint.follows)))
         return ScaledSignal(signal=followed, ratio=joint.ratio, offset=joint.offset)
+
+    @property
+    def free_extensions(self) -> dict[int, FreeExtension]:
+        """Extensions that are computed with the boom's motion, by the number of their section."""
+        extensions = {k: part.joint.extension for k, part in enumerate(self.sections) if part.joint is not None}
+        return {k: extension for k, extension in extensions.items() if isinstance(extension, FreeExtension)}
+
+    @property
+    def extension_keys(self) -> tuple[str, ...]:
+        """Keys of the extensions that are computed with the boom's motion."""
+        return tuple(f"sections[{number}].joint.extension" for number in self.free_extensions)
+
+    @property
+    def computed_key(self) -> str | None:
+        """Key of the motion that is computed with the boom's; None if all motion is prescribed."""
+        if self.extension_keys:
+            return self.extension_keys[0]
+        key = None if self.frame is None else self.frame.computed_key
+        return key and f"frame.{key}"
 
     def reach(self, t: ArrayLike) -> Array:
         """Return the distances in m along the boom from the base's tail to the tip at the times t in s; shape of t.

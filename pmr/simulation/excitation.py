@@ -51,11 +51,13 @@ class Excitation:
 
         Raises InputError for a scene with a machine, whose motion is not known in advance.
         """
-        if scene.frame is not None and (key := scene.frame.computed_key) is not None:
-            value = scene.frame.luffing if key == "luffing" else None
-            moves = "how a boom luffs freely" if value else "how a machine moves"
+        if (key := scene.computed_key) is not None:
+            value = "free" if key != "frame.machine" else None
+            moves = {"frame.luffing": "how a boom luffs freely", "frame.machine": "how a machine moves"}.get(
+                key, "how a section slides freely"
+            )
             allowed = f"none is allowed here: only pmr run and pmr.simulate, with march, find {moves}"
-            raise InputError("scene", f"frame.{key}", value, allowed)
+            raise InputError("scene", key, value, allowed)
         stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
         loads, paths = dict[str, SignalBase](), scene.paths
         for name, member in zip(scene.names, members(scene), strict=True):

@@ -360,7 +360,7 @@ def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
     frame = scene.frame
     if frame is None:
         return {}
-    signals = (frame.luffing_signal, *(frame.base.motions if frame.base else {}).values())
+    signals = (frame.luffing_signal, *(frame.base.motions if frame.base else {}).values(), *scene.paths.values())
     samples = next((signal.samples for signal in signals if isinstance(signal, ComputedMotion)), None)
     return {} if samples is None else {name: ComputedInput(samples=samples, name=name) for name in samples.inputs}
 
@@ -368,6 +368,7 @@ def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
 def has_computed_motion(scene: Scene) -> bool:
     """Whether a machine's motion is or will be computed with the model; False if all its directions are held."""
     machine, free = (None, False) if scene.frame is None else (scene.frame.machine, scene.frame.luffing == "free")
+    free = free or bool(scene.free_extensions)
     return bool(computed_inputs(scene)) or free or (machine is not None and bool(machine.free))
 
 

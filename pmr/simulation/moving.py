@@ -20,10 +20,11 @@ from pydantic import TypeAdapter
 
 from pmr.errors import InputError, escape_controls
 from pmr.files.arrays import Array, Indices
-from pmr.kernel.further import ANGLES, AXES, LuffingData
+from pmr.kernel.further import ANGLES, AXES, ComputedData
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import MOST_STEPS
+from pmr.scene.extension import FirstExtension
 from pmr.scene.files import stored_scene
 from pmr.scene.hoist import ROPE
 from pmr.scene.keys import LUFFING, RECORDED, input_name
@@ -49,9 +50,20 @@ class StoredScene:
     excitation: Excitation
     #: (i,) array: `System.load_names` at t = 0 of a stepper, with the full weight even if the weight rises in time
     first_loads: Array
-    #: scene of a boom, in which a free luffing angle stays where it begins; None for a single body without a frame
+    #: scene of a boom, in which a free luffing angle or extension stays where it begins; None for a single body without
+    #: a frame
     scene: Scene | None = None
-    luffs_freely: bool = False  #: whether the luffing angle is free
+    free_scene: Scene | None = None  #: the scene with what is free, if anything is
+
+    @property
+    def luffs_freely(self) -> bool:
+        """Whether the luffing angle is free."""
+        return self.free_scene is not None and not self.extends_freely
+
+    @property
+    def extends_freely(self) -> bool:
+        """Whether an extension is free."""
+        return self.free_scene is not None and bool(self.free_scene.free_extensions)
 
     @property
     def static(self) -> bool:
@@ -60,7 +72,7 @@ class StoredScene:
 
 
 def read_scene(system: System, source: str, free: bool = False) -> StoredScene:
-    """Scene that is stored in the provenance of a system, with a free luffing angle if `free`.
+    """Scene that is stored in the provenance of a system, with a free luffing angle or extension if `free`.
 
     Raises InputError, which names the file `source`, if there is no scene, or if a value that has to be a number is
     none.
@@ -105,23 +117,29 @@ def _read_body_scene(scene: Mapping[str, Any], system: System) -> StoredScene:
 
 
 def _read_boom_scene(scene: Any, system: System, free: bool) -> StoredScene:
-    """Stored scene of a boom, with a free luffing angle if `free`.
+    """Stored scene of a boom, with a free luffing angle or extension if `free`.
 
     Raises ValueError unless its sections and paths are those of the system.
     """
     boom = stored_scene(scene, "provenance.scene", RECORDED)
-    luffs = free and boom.frame is not None and boom.frame.luffing == "free"
-    boom = held_at_start(boom) if luffs else boom
+    computed = free and boom.computed_key in ("frame.luffing", *boom.extension_keys)
+    as_written, boom = boom, held_at_start(boom) if computed else boom
     _check_steps(TimeStepping(boom.time.end, boom.time.step))
     if set(system.bodies) != set(boom.bodies) or not set(system.paths) <= set(boom.driven_paths):
         raise ValueError(f"sections {', '.join(system.bodies)} and paths {', '.join(system.paths)} are needed")
-    return replace(store_boom_scene(boom, system), luffs_freely=luffs)
+    return replace(store_boom_scene(boom, system), free_scene=as_written if computed else None)
 
 
 def held_at_start(scene: Scene) -> Scene:
-    """Scene that differs from one with a free luffing angle in that the angle is prescribed, and stays as it begins."""
+    """Scene whose free luffing angle or extension is prescribed instead, and stays as it begins."""
     frame = scene.frame
-    assert frame is not None  # of a scene with a luffing angle
+    assert frame is not None  # of a scene with a free luffing angle or extension
+    if scene.free_extensions:
+        sections = list(scene.sections)
+        for k, extension in scene.free_extensions.items():
+            joint = scene.joint(k).model_copy(update={"extension": extension.first})
+            sections[k] = sections[k].model_copy(update={"joint": joint})
+        return scene.model_copy(update={"sections": tuple(sections)})
     angles = {"luffing": Constant(amount=frame.luffing_start), "slewing": frame.slewing or Constant(amount=0.0)}
     return scene.model_copy(update={"frame": frame.model_copy(update=angles)})
 
@@ -172,8 +190,9 @@ def _names_a_file(data: object) -> bool:
 
 
 GRAVITY = "gravity"
-#: Prefix of the name of the load that drives a luffing cylinder: an opening, a force or a length.
-DRIVE = "luffing drive "
+#: Prefixes of the name of the load that drives a luffing cylinder, or that of an extension: an opening, a force or a
+#: length.
+DRIVE, EXTENSION_DRIVE = "luffing drive ", "extension drive "
 #: Angles that a frame and its base may have.
 OF_FRAME, OF_BASE = ANGLES[:2], ANGLES[2:]
 #: The quantity with the value 1, and the number of factors of each product; missing factors are this quantity.
@@ -195,7 +214,7 @@ class MovingFrame:
     inputs: tuple[Products, ...]  # of the system's i inputs
     terms: tuple[Products, ...]  # of its K terms
     hoist: tuple[Products, ...] = ()  # of what drives its hoist
-    luffing: LuffingData | None = None  # of a free luffing angle, whose motion is the start's alone
+    computed: ComputedData | None = None  # of a free luffing angle or extension, whose motion is the start's alone
 
     @classmethod
     def from_system(cls, system: System) -> MovingFrame | None:
@@ -287,7 +306,7 @@ class MovingFrame:
                 motions[1:, k] = signal.rate(at), second.value(at)
             elif name in self.angles:
                 motions[1:, k] = signal.rate(at), signal.second_rate(at)
-            elif name.startswith(DRIVE):
+            elif name.startswith((DRIVE, EXTENSION_DRIVE)):
                 motions[1, k] = signal.rate(at)
         return motions
 
@@ -295,7 +314,7 @@ class MovingFrame:
     def start(self) -> Array:
         """Values, rates and second rates (3, n) of the drivers in the scene at t = 0, with the full weight."""
         motions, frame = self.motions(self.excitation, 0.0), self.scene.frame
-        if self.luffing is not None and frame is not None:
+        if self.computed is not None and frame is not None and frame.luffing_rate:
             motions[1, self.drivers.index(LUFFING)] = frame.luffing_rate * (1.0 if frame.unit == "rad" else np.pi / 180)
         if self.scene.gravity is not None:
             motions[0, self.drivers.index(GRAVITY)] = self.scene.gravity.acceleration
@@ -316,7 +335,7 @@ class MovingFrame:
 
         This is never so if a part of the frame's motion is computed.
         """
-        if self.scene.frame is None or self.scene.frame.computed_key is not None:
+        if self.scene.frame is None or self.scene.computed_key is not None:
             return False
         of_scene = self.excitation
         if excitation.stepping.step != of_scene.stepping.step:
@@ -354,4 +373,7 @@ def _loads(scene: Scene) -> dict[str, SignalBase]:
     cylinder = None if scene.frame is None else scene.frame.cylinder
     if cylinder is not None and cylinder.drives:
         signals |= {f"{DRIVE}{name}": signal for name, signal in cylinder.drive_signals.items()}
+    for path in scene.paths.values() if len(scene.sections) > 1 else ():
+        if isinstance(path, FirstExtension):
+            signals |= {f"{EXTENSION_DRIVE}{name}": signal for name, signal in path.drives.items()}
     return signals if scene.gravity is None else signals | {GRAVITY: scene.gravity.signal}

@@ -9,7 +9,7 @@ import pytest
 
 import pmr
 from pmr.report.document import render_runs
-from pmr.report.forces import luffing_block
+from pmr.report.forces import driven_block
 from pmr.report.sections import chapter
 from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES
@@ -35,7 +35,7 @@ def test_cylinder_s_force_is_that_of_the_moment_at_the_pivot(result: RunResult) 
     response = result.responses["reduced"]
     force, of_moment = response.other("luffing cylinder force"), response.other("reaction of pivot cylinder")
     assert np.abs(force - of_moment).max() < 1e-3 * np.ptp(force)
-    (bore, rod), oil = (14e-3 + 1.4e-3, 9e-3), QUANTITIES["luffing_pressure"].histories(response)
+    (bore, rod), oil = (14e-3 + 1.4e-3, 9e-3), QUANTITIES["driven_pressure"].histories(response)
     pushed = oil["luffing cylinder pressure bore"] * bore - oil["luffing cylinder pressure rod"] * rod
     np.testing.assert_allclose(pushed, force, rtol=1e-12)
 
@@ -45,7 +45,7 @@ def test_summary_has_the_range_of_angle_pressures_flows_and_power(result: RunRes
     angle = response.other("luffing angle")
     assert summary["frame"]["luffing"] == pytest.approx({"min": angle.min(), "max": angle.max()}, rel=1e-12)
     cylinder = summary["luffing_cylinder"]
-    for quantity in ("luffing_pressure", "luffing_flow", "luffing_power"):
+    for quantity in ("driven_pressure", "driven_flow", "driven_power"):
         for name, history in QUANTITIES[quantity].histories(response).items():
             extremes = cylinder[name.removeprefix("luffing cylinder ").replace(" ", "_")]
             assert (extremes["min"], extremes["max"]) == (history.min(), history.max())
@@ -59,7 +59,7 @@ def test_stored_result_and_report_have_the_angle_that_was_computed(result: RunRe
     assert stored.frame is not None and stored.scene.frame is not None and stored.scene.frame.luffing == "free"
     angle = result.responses["reduced"].other("luffing angle")
     np.testing.assert_allclose(stored.frame.angles[0].value(t), angle, rtol=1e-14)
-    block = luffing_block(stored, "run")
+    block = driven_block(stored, "run")
     assert block is not None and [len(row) for row in block.rows] == [2, 1]
     page = render_runs([chapter(stored, "run")])
     assert "pressure bore in MPa" in page and "raised 2" in page

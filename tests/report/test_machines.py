@@ -78,11 +78,11 @@ def test_oil_has_its_pressure_and_flow_on_the_first_page() -> None:
     cylinder = result.summary["luffing_cylinder"]
     rod, flow = cylinder["pressure_rod"]["max"], 6e4 * cylinder["flow_supply"]["max"]
     assert rod > cylinder["pressure_bore"]["max"]
-    pressure = carries["largest pressure of the luffing cylinder"]
+    pressure = carries["largest pressure of oil"]
     assert pressure.startswith(f"{rod / 1e6:.3g}{SPACE}MPa, on the rod side, at ")
     assert carries["largest flow from the supply"].startswith(f"{flow:.3g}{SPACE}l/min, ")
     assert carries["lowest natural frequency"].endswith(", the luffing cylinder locked")
-    block = forces.luffing_block(result, "case-1")
+    block = forces.driven_block(result, "case-1")
     assert block is not None
     assert [drawing.name.rpartition("-")[2] for drawing in block.drawings] == ["pressure", "flow", "power"]
     names = [row[0] for grid in forces.pivot_block(result, "case-1").grids for row in grid.rows]

@@ -267,7 +267,7 @@ WRONG = {
     ): "none is allowed without valve: no oil flows",
     "frame.base.ry={kind='constant', amount=0.1}": "frame.base.ry: none is allowed beside",
     "frame.machine={mass=100.0}": "frame.machine: none is allowed beside frame.luffing = 'free'",
-    "simulation.simulators=['exudyn']": "march is allowed: exudyn knows no machine that moves by itself (luffing)",
+    "simulation.simulators=['exudyn']": "march is allowed: exudyn computes no motion that is free (luffing)",
     "sections.fly.loads=[{name='gust', acts='wind', signal=100.0}]": "loads[0].acts = 'wind': 'force' is allowed",
     "frame.second_order='auto'": "frame.second_order = 'auto': true or false is allowed beside frame.luffing = 'free'",
     free_boom.PUSHING[0]: "unilateral = True: false is allowed beside frame.luffing = 'free': pads that hold both ways",

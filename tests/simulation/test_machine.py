@@ -254,7 +254,7 @@ REFUSED = {
     "frame.base.acceleration.x={kind='constant', amount=1.0}": "frame.base.acceleration: none is allowed beside",
     "frame.second_order='auto'": "frame.second_order = 'auto': true or false is allowed beside frame.machine",
     free_boom.PUSHING[0]: "sections[1].joint.tail[0].unilateral = True: false is allowed beside frame.machine",
-    "simulation.simulators=['exudyn']; frame.machine.free=['x']": "exudyn knows no machine that moves by itself (x)",
+    "simulation.simulators=['exudyn']; frame.machine.free=['x']": "exudyn computes no motion that is free (x)",
     "section.reduction.estimate=true; accuracy.tolerance=1e-3": "accuracy: none is allowed beside frame.machine",
 }
 

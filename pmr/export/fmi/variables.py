@@ -49,7 +49,10 @@ class Drivers:
         Raises InputError if the system has terms but no scene with a frame that drives these, if the system's paths
         differ from the frame's or have another order, or as `modal_form` and `stepped_frame`.
         """
-        if "scene" in system.provenance and read_scene(system, "system", free=True).luffs_freely:
+        stored = read_scene(system, "system", free=True) if "scene" in system.provenance else None
+        if stored is not None and stored.extends_freely:
+            raise InputError("system", "provenance.scene", "extension", "a prescribed extension is allowed in an FMU")
+        if stored is not None and stored.luffs_freely:
             system = with_all_inertia(system)
         frame = stepped_frame(system, "system")
         if frame is None:
@@ -128,7 +131,7 @@ class Drivers:
     @property
     def luffs_freely(self) -> bool:
         """Whether the luffing angle is free, so that only its start is given."""
-        return self.frame is not None and self.frame.luffing is not None
+        return self.frame is not None and self.frame.computed is not None
 
     @property
     def has_derivatives(self) -> bool:

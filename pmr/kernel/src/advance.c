@@ -71,7 +71,7 @@ static int advance_signals(pmr_state *st, const pmr_signals *signals, int64_t co
 {
     pmr_course course = {.signals = signals, .h = st->settings.step};
     *taken = 0;
-    if (st->system->luffing || signals->drivers != (st->system->motions ? st->system->motions : st->system->drivers)) return PMR_REFUSED;
+    if (st->system->computed || signals->drivers != (st->system->motions ? st->system->motions : st->system->drivers)) return PMR_REFUSED;
     return make_steps(st, &course, NULL, count, every, parts, record, taken);
 }
 
@@ -108,8 +108,8 @@ static int step_to(pmr_state *st, const double *u, const double *rates)
     return make_one_step(st, (pmr_course){.begun = st->u_begun, .ended = u, .rates = rates});
 }
 
-static int start_luffing(pmr_state *st, int kind, const double *motions, const double *z, const double *v);
-static int step_luffing(pmr_state *st, const double *motions);
+static int start_computed(pmr_state *st, int kind, const double *motions, const double *z, const double *v);
+static int step_computed(pmr_state *st, const double *motions, const int32_t *rows);
 
 static int step_led(pmr_state *st, const double *led, double since)
 {
@@ -117,9 +117,9 @@ static int step_led(pmr_state *st, const double *led, double since)
     const int n = y->motions ? y->motions : y->drivers;
     int failed, k;
     if (!all_finite(led, 4 * n)) return PMR_REFUSED;
-    if (y->luffing) {
+    if (y->computed) {
         pmr_lead_on(led, n, since + st->settings.step, 3, st->motions_next);
-        return step_luffing(st, st->motions_next);
+        return step_computed(st, st->motions_next, NULL);
     }
     failed = make_one_step(st, (pmr_course){.led = led, .since = since});
     if (failed || !y->motions) return failed;
@@ -142,7 +142,7 @@ static int start_in_frame(pmr_state *st, int kind, const double *motions, const 
     const pmr_system *y = st->system;
     int failed = pmr_frame_drivers(y, motions, st->u_next, st->quantities), k;
     if (failed) return failed;
-    if (y->luffing) return start_luffing(st, kind, motions, z, v);
+    if (y->computed) return start_computed(st, kind, motions, z, v);
     for (k = 0; k < y->paths; k++) /* of those whose rates count */
         st->s_rates[k] = !rows || rows[y->frame_paths[k]] > 1 ? motions[y->motions + y->frame_paths[k]] : 0.0;
     failed = start(st, kind, st->u_next, st->s_rates, z, v);
@@ -155,7 +155,7 @@ static int step_in_frame(pmr_state *st, const double *motions, const int32_t *ro
     const pmr_system *y = st->system;
     int failed;
     if (!y->motions || !all_finite(motions, 3 * y->motions)) return PMR_REFUSED;
-    if (y->luffing) return step_luffing(st, motions);
+    if (y->computed) return step_computed(st, motions, rows);
     take_motions(y, motions, rows, st->motions_next);
     failed = make_one_step(st, (pmr_course){.motions = st->motions_next});
     if (!failed) copy(st->motions, st->motions_next, 4 * y->motions);

@@ -97,7 +97,7 @@ static int linear_outputs(pmr_state *st, const pmr_chosen *c, const double *u, d
     pick(values, c->columns, c->outputs, to->reference);
     for (k = 0; k < c->outputs; k++) rates |= c->orders[k];
     if (!rates) return PMR_DONE;
-    if (y->hoist || y->luffing || y->motions) return PMR_REFUSED;
+    if (y->hoist || y->computed || y->motions) return PMR_REFUSED;
     pick(st->z, c->at_modes, r, to->motion);
     pick(st->v, c->at_modes, r, to->motion + r);
     memcpy(st->began, st->mark, st->saved * sizeof(double));

@@ -147,8 +147,8 @@ static int evaluate_along(pmr_state *st, const double *at, const double *seed_at
     const pmr_system *y = st->system;
     const pmr_progress progress = st->progress;
     int failed;
-    if (seed_at && (y->hoist || y->luffing)) return PMR_REFUSED;
-    if (y->luffing) at = luffing_motions(st, at);
+    if (seed_at && (y->hoist || y->computed)) return PMR_REFUSED;
+    if (y->computed) at = computed_motions(st, at);
     memcpy(st->began, st->mark, st->saved * sizeof(double));
     failed = hold && !to->closed ? PMR_REFUSED : stand_under(st, at);
     if (!failed) failed = find_position_forces(st, hold, to->closed);

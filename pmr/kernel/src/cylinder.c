@@ -1,5 +1,5 @@
-/* A luffing cylinder between the foot r_0 on the machine and the lug r_1 on the boom, which drives the luffing angle phi
-   with the moment F dL/dphi about the pivot; L = |R(phi) r_1 - r_0| is its length.
+/* A cylinder of length L that pushes with the force F.  It drives a free extension, which L is, or the luffing angle phi,
+   from the foot r_0 on the machine to the lug r_1 on the boom, with L = |R(phi) r_1 - r_0| and the moment F dL/dphi.
 
    Driven by a length it pushes with F_0 + k (l - l_0 - L + L_0).  Oil pushes with p_1 A_1 - p_2 A_2.  The volumes of
    bore and rod side are V_1 = V_01 + A_1 (L - L_min) and V_2 = V_02 + A_2 (L_max - L), and with the bulk modulus K
@@ -32,7 +32,7 @@ static double through_edge(double g, double drop, double laminar, double *slope)
 }
 
 /* Flow into chamber i from its edge of the valve, at an effective opening; `fed` is by the supply. */
-static flow through_valve(const pmr_luffing_cylinder *c, double opening, int i, const double *p, int *fed)
+static flow through_valve(const pmr_actuator *c, double opening, int i, const double *p, int *fed)
 {
     const double open = fabs(opening), source = (*fed = (opening > 0.0) == (i == 0)) ? c->supply : c->tank;
     double gain = open * c->gain[i], slope, change;
@@ -61,7 +61,7 @@ static flow through_valve(const pmr_luffing_cylinder *c, double opening, int i, 
 }
 
 /* Flows into both chambers at an opening of the valve, and out of the supply. */
-static void find_flows(const pmr_luffing_cylinder *c, double opening, const double *p, flow q[2], double *supplied)
+static void find_flows(const pmr_actuator *c, double opening, const double *p, flow q[2], double *supplied)
 {
     const double beyond = fabs(opening) - c->dead_band;
     const double effective = beyond > 0.0 ? copysign(beyond / (1.0 - c->dead_band), opening) : 0.0;
@@ -78,13 +78,13 @@ static void find_flows(const pmr_luffing_cylinder *c, double opening, const doub
     }
 }
 
-static double chamber(const pmr_luffing_cylinder *c, int i, double length)
+static double chamber(const pmr_actuator *c, int i, double length)
 {
     return c->volumes[i] + c->areas[i] * (i ? c->stroke[1] - length : length - c->stroke[0]);
 }
 
 /* What the chambers' pressures p leave of the law of a step of h, in Pa, and its derivative. */
-static void find_chambers_left(const pmr_luffing_cylinder *c, double h, double opening, const cylinder_state *old,
+static void find_chambers_left(const pmr_actuator *c, double h, double opening, const cylinder_state *old,
                                cylinder_state *now, double left[2], double slope[4])
 {
     flow q[2];
@@ -126,7 +126,7 @@ static int improve_pressure(bracket *b, double *p, double left, double slope, do
 
 /* Pressures at the end of a step of h; NAN where there are none.  What is left of the bore grows with the bore's
    pressure, and what is left of the rod side with its own while the bore's follows, so both have bounds. */
-static void find_pressures(const pmr_luffing_cylinder *c, double h, double opening, const cylinder_state *old,
+static void find_pressures(const pmr_actuator *c, double h, double opening, const cylinder_state *old,
                            cylinder_state *now)
 {
     bracket rod = {-INFINITY, INFINITY, INFINITY}, bore;
@@ -146,40 +146,84 @@ static void find_pressures(const pmr_luffing_cylinder *c, double h, double openi
     p[0] = p[1] = NAN;
 }
 
+/* Force of the stops, which only push back, k d (1 + c d') where one is pressed in by d (Hunt and Crossley 1975): of a
+   cylinder that is too short above 0. */
+static double push_of_stops(const pmr_actuator *c, double length, double speed)
+{
+    const double below = c->stroke[0] - length, above = length - c->stroke[1];
+    if (below > 0.0) return c->stop_stiffness * below * larger(1.0 - c->stop_damping * speed, 0.0);
+    return above > 0.0 ? -c->stop_stiffness * above * larger(1.0 + c->stop_damping * speed, 0.0) : 0.0;
+}
+
+/* Friction of a cylinder that got longer by `moved` in a step of h: the law of a pad (friction.c) with limits in N. */
+static double rub_cylinder(const pmr_actuator *c, double old, double moved, double h)
+{
+    const double limit = friction_limit(c->friction, 1.0, fabs(moved) / h, NULL);
+    double f = 0.0;
+    if (limit > 0.0) (void)slide(1, &c->shear_stiffness, &old, &limit, moved, 0.0, 0.0, &f);
+    return f;
+}
+
+/* Force of a cylinder of such a length and speed at the end of a step of h after `old`, or at the start where this is
+   NULL, under its drive and the drive's rate; `loaded` is what it begins with: the force of a length's spring, and
+   pressures. */
+static void find_push(const pmr_actuator *c, double h, const double drive[2], const double loaded[3],
+                      const cylinder_state *old, cylinder_state *now)
+{
+    const double length = now->length;
+    flow q[2];
+    int i;
+    now->emptied = 0;
+    now->force = c->damping * ((c->kind == PMR_CYLINDER_LENGTH ? drive[1] : 0.0) - now->speed);
+    now->force += push_of_stops(c, length, now->speed);
+    now->friction = old ? rub_cylinder(c, old->friction, length - old->length, h) : 0.0;
+    now->force -= now->friction;
+    if (c->kind == PMR_CYLINDER_FORCE) now->force += drive[0];
+    now->begun = old ? old->begun : drive[0] - length;
+    now->held = old ? old->held : loaded[0];
+    if (c->kind == PMR_CYLINDER_LENGTH) now->force += now->held + c->spring * (drive[0] - length - now->begun);
+    if (c->kind != PMR_CYLINDER_OIL) return;
+    if (old) {
+        if (chamber(c, 0, length) <= 0.0 || chamber(c, 1, length) <= 0.0) now->emptied = 1;
+        find_pressures(c, h, drive[0], old, now);
+        for (i = 0; i < 2; i++) now->fed[i] = old->fed[i] + h * now->mean[i];
+    } else {
+        copy(now->pressures, loaded + 1, 2);
+        find_flows(c, drive[0], now->pressures, q, &now->supplied);
+        for (i = 0; i < 2; i++) now->flows[i] = now->mean[i] = q[i].at, now->fed[i] = 0.0;
+    }
+    now->force += now->pressures[0] * c->areas[0] - now->pressures[1] * c->areas[1];
+}
+
+/* What a cylinder begins with that holds with such a force. */
+static void load_by_force(const pmr_actuator *c, double force, double loaded[3])
+{
+    double *pressures = loaded + 1;
+    loaded[0] = pressures[0] = pressures[1] = 0.0;
+    if (c->kind != PMR_CYLINDER_OIL) {
+        loaded[0] = force;
+        return;
+    }
+    pressures[0] = (force + c->back_pressure * c->areas[1]) / c->areas[0];
+    pressures[1] = c->back_pressure;
+    if (pressures[0] < 0.0) {
+        pressures[0] = c->back_pressure;
+        pressures[1] = (c->back_pressure * c->areas[0] - force) / c->areas[1];
+    }
+}
+
 /* Add the cylinder's share to the machine's forces by its directions, at step k with the machine's motion b. */
 static void push_by_cylinder(pmr_machine_run *ms, int64_t k, const double *b, double *springs)
 {
-    const pmr_luffing_cylinder *c = &ms->machine->cylinder;
-    const double *drive = ms->machine->drive + 2 * (size_t)k;
-    const double h = ms->state->settings.step, angle = ms->machine->level - b[4], s = sin(angle), co = cos(angle);
+    const pmr_actuator *c = &ms->machine->cylinder;
+    const double angle = ms->machine->level - b[4], s = sin(angle), co = cos(angle);
     const double lug[2] = {c->lug[0] * co - c->lug[1] * s, c->lug[0] * s + c->lug[1] * co};
     const double x = lug[0] - c->foot[0], z = lug[1] - c->foot[1], length = sqrt(x * x + z * z);
     const double arm = (z * lug[0] - x * lug[1]) / length;
-    const cylinder_state *old = &ms->past.cylinder;
     cylinder_state *now = &ms->now.cylinder;
-    flow q[2];
-    int i;
     now->length = length;
-    now->emptied = 0;
     now->speed = -arm * b[10];
-    now->force = c->damping * ((c->kind == PMR_CYLINDER_LENGTH ? drive[1] : 0.0) - now->speed);
-    if (length < c->stroke[0]) now->force += c->stop_stiffness * (c->stroke[0] - length);
-    if (length > c->stroke[1]) now->force -= c->stop_stiffness * (length - c->stroke[1]);
-    if (c->kind == PMR_CYLINDER_FORCE) now->force += drive[0];
-    now->begun = k ? old->begun : drive[0] - length;
-    now->held = k ? old->held : ms->loaded[0];
-    if (c->kind == PMR_CYLINDER_LENGTH) now->force += now->held + c->spring * (drive[0] - length - now->begun);
-    if (c->kind == PMR_CYLINDER_OIL) {
-        if (k) {
-            if (chamber(c, 0, length) <= 0.0 || chamber(c, 1, length) <= 0.0) now->emptied = 1;
-            find_pressures(c, h, drive[0], old, now);
-            for (i = 0; i < 2; i++) now->fed[i] = old->fed[i] + h * now->mean[i];
-        } else {
-            copy(now->pressures, ms->loaded + 1, 2);
-            find_flows(c, drive[0], now->pressures, q, &now->supplied);
-            for (i = 0; i < 2; i++) now->flows[i] = now->mean[i] = q[i].at, now->fed[i] = 0.0;
-        }
-        now->force += now->pressures[0] * c->areas[0] - now->pressures[1] * c->areas[1];
-    }
+    find_push(c, ms->state->settings.step, ms->machine->drive + 2 * (size_t)k, ms->loaded, k ? &ms->past.cylinder : NULL,
+              now);
     springs[4] -= arm * now->force;
 }

@@ -44,6 +44,17 @@ typedef struct {
     int32_t *spans;
 } pmr_observed;
 
+/* A free extension (extension.c): the motion that drives its cylinder, less than 0: none; within which lengths rows are
+   known; of each section that moves with it its motion, path, the contact that holds it along the boom and the joint
+   whose pads rub, less than 0: none, and how it follows, s = ratio * extension + offset. */
+typedef struct {
+    int32_t sections, drive; /* 0 sections without a free extension */
+    double range[2];         /* m */
+    const int32_t *moved;    /* (sections, 4) */
+    const double *ratios;    /* (sections, 2) */
+    pmr_actuator cylinder;
+} pmr_extension;
+
 struct pmr_system {
     const char *block; /* the bytes */
     size_t bytes;
@@ -126,10 +137,12 @@ struct pmr_system {
     const double *hoist_levers;  /* (k, 6): how far a unit along each input moves the head, and the winch */
     const double *hoist_numbers; /* (PMR_HOIST_NUMBERS) */
     const double *hoist_reach;   /* (2, P): paths that the head moves along with, and the winch */
-    /* a free luffing angle (luffing.c): its outputs, 0 without one; motions that are gravity and the cylinder's drive, less
-       than 0: none; the boom as a machine that pitches, with a cylinder whose arrays over time each state has by itself */
-    int32_t luffing, luffing_gravity, luffing_drive;
+    /* a luffing angle (luffing.c) or an extension that is free: its outputs, 0 without one.  Of the angle motions that are
+       gravity and the cylinder's drive, less than 0: none; the boom as a machine that pitches, with a cylinder whose
+       arrays over time each state has by itself */
+    int32_t computed, luffing_gravity, luffing_drive;
     pmr_machine boom;
+    pmr_extension extension;
     pmr_observed observed[2];    /* outputs, reactions */
 };
 
@@ -178,7 +191,7 @@ struct pmr_state {
     /* numbers that a step which is taken back returns to, one array after the other, filled up to registers */
     double *mark;
     double *hoist, *pulls; /* (PMR_HOIST_STATE), (k) N: where the rope stands, its forces on the inputs (hoist.c) */
-    double *luffing, *luffing_past; /* outputs of a free luffing angle; what its next step depends on (luffing.c) */
+    double *computed, *computed_past; /* outputs of a free luffing angle or extension; what its next step depends on */
     pmr_machine_run *run;           /* of the free luffing angle, or NULL */
     size_t marked;                                       /* doubles */
     double *z_next, *v_next, *a_next, *z_free, *z, *v;   /* (r') */
@@ -213,6 +226,7 @@ struct pmr_state {
     double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */
     /* (op + hp + forces + 6): outputs, reactions, forces, a rope's wrench on a winch on the machine; along a seed; (further) */
     double *values, *changes, *shown;
+    double *kept, *begun; /* (saved), (2, r'): a state that trials of a free extension begin with; modes at the start */
     /* hoist: before a part, slots, forces; R (k, k) and what it is made of, (k, r') and (k, mp); places of inputs */
     double *hoist_before, *slots, *new_pulls, *receptance, *hoist_units, *hoist_rows, *hoist_held;
     double *hoist_free, *hoist_moved, *hoist_slope;

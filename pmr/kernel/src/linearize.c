@@ -269,7 +269,7 @@ static int linearize(pmr_state *st, const double *u, const pmr_jacobian *jacobia
 {
     const int level = st->progress.active < 0 ? 0 : st->progress.active;
     const pmr_progress progress = st->progress;
-    if (st->system->hoist || st->system->luffing) return PMR_REFUSED;
+    if (st->system->hoist || st->system->computed) return PMR_REFUSED;
     memcpy(st->began, st->mark, st->saved * sizeof(double));
     return return_to(st, &progress, linearize_part(st, st->scheme + level, u, jacobian));
 }

@@ -21,20 +21,20 @@ static void store_luffing(pmr_machine_run *ms)
 {
     pmr_state *st = ms->state;
     const int count = ms->machine->inertial_count;
-    double *inertia = st->luffing_past + (sizeof(machine_past) + 7) / sizeof(double);
-    memcpy(st->luffing_past, &ms->past, sizeof ms->past);
+    double *inertia = st->computed_past + (sizeof(machine_past) + 7) / sizeof(double);
+    memcpy(st->computed_past, &ms->past, sizeof ms->past);
     copy(inertia, ms->inertia, count);
     copy(inertia + count, ms->inertia_smooth, count);
-    st->luffing[0] = ms->machine->level - ms->past.b[4];
-    st->luffing[1] = -ms->past.b[10];
-    copy(st->luffing + 2, &ms->past.cylinder.length, st->system->luffing - 2);
+    st->computed[0] = ms->machine->level - ms->past.b[4];
+    st->computed[1] = -ms->past.b[10];
+    copy(st->computed + 2, &ms->past.cylinder.length, st->system->computed - 2);
 }
 
 static void recall_luffing(pmr_machine_run *ms)
 {
     const int count = ms->machine->inertial_count;
-    const double *inertia = ms->state->luffing_past + (sizeof(machine_past) + 7) / sizeof(double);
-    memcpy(&ms->past, ms->state->luffing_past, sizeof ms->past);
+    const double *inertia = ms->state->computed_past + (sizeof(machine_past) + 7) / sizeof(double);
+    memcpy(&ms->past, ms->state->computed_past, sizeof ms->past);
     copy(ms->inertia, inertia, count);
     copy(ms->inertia_smooth, inertia + count, count);
     save_boom(ms);
@@ -52,16 +52,6 @@ static void take_row(pmr_machine_run *ms, int row, const double *motions)
     for (j = 0; j < 3 && slewing >= 0; j++) base[6 * j + 5] = motions[j * n + slewing];
     ((double *)ms->own.weight)[row] = y->luffing_gravity < 0 ? 0.0 : motions[y->luffing_gravity];
     for (j = 0; j < 2; j++) drive[j] = y->luffing_drive < 0 ? 0.0 : motions[j * n + y->luffing_drive];
-}
-
-/* Motions (3, n) with the luffing angle where the state stands. */
-static const double *luffing_motions(pmr_state *st, const double *motions)
-{
-    const int n = st->system->motions, luffing = st->system->frame_angles[0];
-    int j;
-    copy(st->motions_next, motions, 3 * n);
-    for (j = 0; j < 3; j++) st->motions_next[j * n + luffing] = st->motions[j * n + luffing];
-    return st->motions_next;
 }
 
 static int start_luffing(pmr_state *st, int kind, const double *motions, const double *z, const double *v)

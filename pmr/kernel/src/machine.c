@@ -389,29 +389,19 @@ static int machine_run_holding_forces(pmr_machine_run *ms, const double *b, cons
 
 static int machine_run_load_cylinder(pmr_machine_run *ms, const double *place, const double *z)
 {
-    const pmr_luffing_cylinder *c = &ms->machine->cylinder;
+    const pmr_actuator *c = &ms->machine->cylinder;
     const double angle = ms->machine->level - place[4], s = sin(angle), co = cos(angle);
     const double x = c->lug[0] * co - c->lug[1] * s, y = c->lug[0] * s + c->lug[1] * co;
     const double arm = ((y - c->foot[1]) * x - (x - c->foot[0]) * y) / hypot(x - c->foot[0], y - c->foot[1]);
-    double b[18] = {0.0}, *nothing = ms->accelerations, needed[6], force, *pressures = ms->loaded + 1;
+    double b[18] = {0.0}, *nothing = ms->accelerations, needed[6];
     int failed;
-    ms->loaded[0] = pressures[0] = pressures[1] = 0.0;
+    memset(ms->loaded, 0, sizeof ms->loaded);
     if (!c->kind) return PMR_DONE;
     copy(b, place, 6);
     memset(nothing, 0, ms->state->system->modes * sizeof(double));
     failed = machine_run_holding_forces(ms, b, z, nothing, nothing, needed);
     if (failed) return failed;
-    force = needed[4] / -arm;
-    if (c->kind != PMR_CYLINDER_OIL) {
-        ms->loaded[0] = force;
-        return PMR_DONE;
-    }
-    pressures[0] = (force + c->back_pressure * c->areas[1]) / c->areas[0];
-    pressures[1] = c->back_pressure;
-    if (pressures[0] < 0.0) {
-        pressures[0] = c->back_pressure;
-        pressures[1] = (c->back_pressure * c->areas[0] - force) / c->areas[1];
-    }
+    load_by_force(c, needed[4] / -arm, ms->loaded);
     return PMR_DONE;
 }
 

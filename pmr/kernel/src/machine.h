@@ -20,10 +20,10 @@ typedef struct {
     double base_R[9], base_omega[3];
 } carrier;
 
-/* A luffing cylinder: what is recorded; flows into both chambers as the step averages them; by how much its drive was
-   longer at the start, and the force of a length's spring then. */
+/* A cylinder: what is recorded; flows into both chambers as the step averages them; by how much its drive was longer at
+   the start, and the force of a length's spring then; its friction. */
 typedef struct {
-    double length, speed, force, pressures[2], flows[2], fed[2], supplied, mean[2], begun, held;
+    double length, speed, force, pressures[2], flows[2], fed[2], supplied, mean[2], begun, held, friction;
     int32_t emptied; /* a chamber has no volume */
 } cylinder_state;
 
@@ -47,6 +47,13 @@ typedef struct {
     machine_whole whole;
     cylinder_state cylinder;
 } trial;
+
+/* What the next step of a free extension depends on: its rates, its second rate as generalized-alpha averages it, and how
+   what it leaves of its equation grows with the second rate. */
+typedef struct {
+    double at, rate, second, smooth, slope, loaded[3]; /* N, Pa, Pa: as of a luffing cylinder */
+    cylinder_state cylinder;
+} extension_past;
 
 struct pmr_machine_run {
     const pmr_machine *machine;

@@ -103,11 +103,11 @@ static void find_all(pmr_state *st, double *values)
     if (y->hoist) show_winch_wrench(st, values + y->op + y->hp + y->forces);
 }
 
-/* Outputs of a hoist, and behind them those of a free luffing angle. */
+/* Outputs of a hoist, and behind them those of a free luffing angle or extension. */
 static void show_behind(pmr_state *st, double *to)
 {
     if (st->system->hoist) show_hoist(st, to);
-    copy(to + (st->system->hoist ? PMR_HOIST_OUTPUTS : 0), st->luffing, st->system->luffing);
+    copy(to + (st->system->hoist ? PMR_HOIST_OUTPUTS : 0), st->computed, st->system->computed);
 }
 
 static int further_outputs(pmr_state *st, double *further)
@@ -120,12 +120,12 @@ static int further_outputs(pmr_state *st, double *further)
 }
 
 /* Some outputs and forces, by their numbers among all outputs and, behind these, all forces and outputs of a hoist, of a
-   free luffing angle and of outriggers. */
+   free luffing angle or extension and of outriggers. */
 static int observe(pmr_state *st, int count, const int32_t *numbers, double *values)
 {
     const pmr_system *y = st->system;
     const int outputs = y->outputs, to_forces = y->op - outputs;
-    const int ground = outputs + y->forces + (y->hoist ? PMR_HOIST_OUTPUTS : 0) + y->luffing;
+    const int ground = outputs + y->forces + (y->hoist ? PMR_HOIST_OUTPUTS : 0) + y->computed;
     int first = outputs, last = -1, forces = 0, stands = 0, failed, k;
     for (k = 0; k < count; k++) {
         const int n = numbers[k];

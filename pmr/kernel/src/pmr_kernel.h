@@ -49,10 +49,11 @@ enum {
     PMR_UNCONVERGED = 4, /* forces of terms or friction do not converge within a step */
     PMR_NOT_FINITE = 5,  /* a coordinate, or a force on the ground, is infinite or no number */
     PMR_NO_MEMORY = 6,
-    PMR_LOST = 7,        /* a machine's motion is not found */
+    PMR_LOST = 7,        /* a computed motion is not found */
     PMR_BLOCKED = 9,     /* a hook is at its sheaves: its rope is too short */
     PMR_UPRIGHT = 8,     /* a machine pitches by 90 degrees, where roll and yaw turn about one axis */
-    PMR_LIFTED = 10      /* which outriggers lift off is not found */
+    PMR_LIFTED = 10,     /* which outriggers lift off is not found */
+    PMR_BEYOND = 11      /* a free extension leaves what the rows are known for */
 };
 
 /* Room for a message, with the zero at its end. */
@@ -74,7 +75,7 @@ typedef struct {
     int32_t further;   /* further outputs: reactions of rigid supports; in a frame the tip, and the luffing cylinder; of a
                           hoist, those of `hoist` */
     int32_t hoist;     /* outputs of a hoist, 0 without one */
-    int32_t luffing;   /* outputs of a free luffing angle, behind those of a hoist; 0 without one */
+    int32_t computed;  /* outputs of a luffing angle or an extension that is free, behind those of a hoist; 0 without one */
     int32_t ground;    /* outputs of outriggers, before those of a hoist; 0 without any */
 } pmr_sizes;
 
@@ -164,8 +165,8 @@ int pmr_start_moving(pmr_state *state, int kind, const double *u, const double *
    drivers become such by motions; with `work` of `pmr_frame_work` doubles.  PMR_REFUSED without a frame. */
 size_t pmr_frame_work(const pmr_system *system);
 int pmr_frame(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
-/* As `pmr_start` and `pmr_step`.  Of a system with a free luffing angle (luffing.c) the luffing motion counts at the start
-   alone, and its cylinder begins with what holds the boom.  `rows` (n,) or NULL: of each motion 1, 2 or 3 rows count; parts of a step follow
+/* As `pmr_start` and `pmr_step`.  Of a system with a free luffing angle (luffing.c) or extension (extension.c) this motion
+   counts at the start alone, and its cylinder begins with what holds the boom.  `rows` (n,) or NULL: of each motion 1, 2 or 3 rows count; parts of a step follow
    lines, cubics by rates, or cubics by second rates between what counts at both ends.  `pmr_advance` of such a system
    takes signals of its motions. */
 int pmr_start_in_frame(pmr_state *state, int kind, const double *motions, const int32_t *rows, const double *z,
@@ -174,22 +175,23 @@ int pmr_step_in_frame(pmr_state *state, const double *motions, const int32_t *ro
 
 /* ---- a machine that carries the frame ---- */
 
-/* What drives a luffing cylinder. */
+/* What drives a cylinder. */
 enum { PMR_NO_CYLINDER = 0, PMR_CYLINDER_FORCE = 1, PMR_CYLINDER_LENGTH = 2, PMR_CYLINDER_OIL = 3 };
 
-/* A luffing cylinder that drives the pitch of a machine (cylinder.c): the boom is raised by its `level` less the pitch.
-   Pairs are of the bore and of the rod side, or x and z. */
+/* A cylinder that drives a luffing angle, which is the `level` of a machine less its pitch, or an extension, which is its
+   length (cylinder.c).  Pairs are of the bore and of the rod side, or x and z. */
 typedef struct {
     int32_t kind;
-    double foot[2], lug[2];                /* m from the pivot, the lug where the boom lies level */
+    double foot[2], lug[2];                /* m from the pivot, the lug where the boom lies level; not of an extension */
     double spring, damping;                /* N/m over the length, N s/m */
-    double stroke[2], stop_stiffness;      /* m, N/m */
+    double stroke[2], stop_stiffness, stop_damping; /* m, N/m, s/m */
+    double friction[3], shear_stiffness;   /* N that slides and at rest, m/s by which it falls; N/m where it sticks */
     double areas[2], volumes[2];           /* m^2; m^3 at the ends of the stroke, hoses included */
     double bulk_modulus, leakage;          /* Pa, m^3/s/Pa */
     double supply, tank, back_pressure;    /* Pa; the last one at the start in the chamber that the load does not press on */
     double gain[2], dead_band, laminar;    /* m^3/s/Pa^0.5 of the valve's edges, 1, Pa */
     double setting, ratio, range, counterbalance; /* Pa, 1, Pa, m^3/s/Pa^0.5: 0 without such a valve */
-} pmr_luffing_cylinder;
+} pmr_actuator;
 
 /* Columns of what a cylinder is recorded by: m, m/s and N, pushing; Pa and flows into the chambers in m^3/s; volumes in
    m^3 that have flowed into them since the start; m^3/s out of the supply. */
@@ -225,7 +227,7 @@ typedef struct {
     const double *base_motion;     /* (T, 3, 6): directions that are held, and what springs stand on */
     const double *external;        /* (T, 6) N and N m: forces and moments on the pivot, along the ground's axes */
     const double *weight;          /* (T,) m/s^2 */
-    pmr_luffing_cylinder cylinder;
+    pmr_actuator cylinder;
     const double *drive;           /* (T, 2): of the cylinder a force in N, a length in m or an opening, and its rate */
 } pmr_machine;
 

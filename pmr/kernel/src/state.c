@@ -88,6 +88,13 @@ static size_t pair_width(const pmr_system *y)
 static void lay_out_luffing(const pmr_system *y, pmr_state *st, room *r);
 static int can_carry(const pmr_system *y, const pmr_settings *settings, const pmr_machine *machine);
 
+/* Numbers that the next step of a free extension, or of a luffing angle, depends on. */
+static size_t past_size(const pmr_system *y)
+{
+    if (y->extension.sections) return (sizeof(extension_past) + 7) / sizeof(double);
+    return y->computed ? (sizeof(machine_past) + 7) / sizeof(double) + 2 * (size_t)y->boom.inertial_count : 0;
+}
+
 static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
 {
     const size_t n = y->modes, m = y->rows, mp = y->mp;
@@ -127,8 +134,8 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(joint_sums, y->joints);
     NUMBERS(u, y->drivers);
     NUMBERS(motions, 4 * y->motions);
-    NUMBERS(luffing, y->luffing);
-    NUMBERS(luffing_past, y->luffing ? (sizeof(machine_past) + 7) / sizeof(double) + 2 * (size_t)y->boom.inertial_count : 0);
+    NUMBERS(computed, y->computed);
+    NUMBERS(computed_past, past_size(y));
     st->saved = (r->at - first) / sizeof(double);
     NUMBERS(began, st->saved);
     NUMBERS(peak, mp);
@@ -180,9 +187,11 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(motions_next, 4 * y->motions);
     NUMBERS(motions_now, 3 * y->motions);
     NUMBERS(quantities, 2 * y->quantities);
-    NUMBERS(values, y->op + y->hp + y->forces + PMR_HOIST_OUTPUTS + y->luffing);
+    NUMBERS(values, y->op + y->hp + y->forces + PMR_HOIST_OUTPUTS + y->computed);
     NUMBERS(changes, y->op + y->hp + y->forces);
     NUMBERS(shown, y->reactions + 4 + y->ground);
+    NUMBERS(kept, y->extension.sections ? st->saved : 0);
+    NUMBERS(begun, y->extension.sections ? 2 * n : 0);
     NUMBERS(hoist_before, PMR_HOIST_STATE);
     NUMBERS(slots, PMR_HOIST_SLOTS);
     NUMBERS(new_pulls, y->hoist);
@@ -199,7 +208,7 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     st->scheme = take_room(r, (size_t)levels + 1, sizeof(pmr_scheme));
     for (k = 0; k <= levels; k++) lay_out_scheme(y, r->memory ? st->scheme + k : NULL, r);
     st->still = st->scheme + levels;
-    if (y->luffing) lay_out_luffing(y, st, r);
+    if (y->computed && !y->extension.sections) lay_out_luffing(y, st, r);
 }
 
 /* A scheme without a step: A is F. */
@@ -272,7 +281,9 @@ static int state_open(const pmr_system *y, const pmr_settings *given, pmr_state 
     int k;
     *state = NULL;
     if (check_settings(given, why)) return PMR_REFUSED;
-    if (y->luffing && !can_carry(y, given, &y->boom))
+    if (y->extension.sections && (given->energy || y->pushing || given->levels != 1 || (given->parts && given->parts[0] != 1)))
+        return pmr_say(why, "a free extension is stepped with contacts that hold, without parts and energy"), PMR_REFUSED;
+    if (y->computed && !y->extension.sections && !can_carry(y, given, &y->boom))
         return pmr_say(why, "a free luffing angle is stepped with contacts that hold, without parts and energy"), PMR_REFUSED;
     counted.system = y;
     lay_out(y, &counted, given->levels, &r);

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <stddef.h>
 #include <string.h>
 
 /* Whether `count` integers lie in low <= value < high. */
@@ -229,12 +230,44 @@ static int read_hoist(pmr_system *y, char *why)
     return 0;
 }
 
+/* Numbers of a cylinder, in their order in the header. */
+enum { ACTUATOR = (sizeof(pmr_actuator) - offsetof(pmr_actuator, foot)) / sizeof(double) };
+
+/* A free extension: sections that move with it, and its cylinder. */
+static int read_extension(pmr_system *y, char *why)
+{
+    enum { INTEGERS = 3, EACH = 4 };
+    pmr_extension *e = &y->extension;
+    const int32_t *integers;
+    const double *numbers;
+    int k;
+    e->drive = -1;
+    if (!pmr_block_count(y, "extension_integers")) return 0;
+    if (!(integers = pmr_block_take(y, "extension_integers", PMR_INTEGERS, -1, why))) return 1;
+    e->sections = integers[2];
+    if (e->sections < 1 || e->sections > y->paths || pmr_block_count(y, "extension_integers") != INTEGERS + EACH * e->sections)
+        return pmr_say(why, "damaged: sizes of a free extension"), 1;
+    if (!(numbers = pmr_block_take(y, "extension_numbers", PMR_NUMBERS, 2 + ACTUATOR + 2 * (int64_t)e->sections, why))) return 1;
+    e->drive = integers[0], e->cylinder.kind = integers[1], e->moved = integers + INTEGERS, e->ratios = numbers + 2 + ACTUATOR;
+    memcpy(e->range, numbers, sizeof e->range);
+    memcpy(&e->cylinder.foot, numbers + 2, ACTUATOR * sizeof(double));
+    for (k = 0; k < e->sections; k++)
+        if (!within(e->moved + EACH * k, 1, 0, y->motions) || !within(e->moved + EACH * k + 1, 1, 0, y->paths) ||
+            !within(e->moved + EACH * k + 2, 1, 0, y->contacts) || !within(e->moved + EACH * k + 3, 1, -1, y->joints))
+            return pmr_say(why, "damaged: numbers of a free extension"), 1;
+    if (!within(&e->drive, 1, -1, y->motions) || e->cylinder.kind < PMR_CYLINDER_FORCE || e->cylinder.kind > PMR_CYLINDER_OIL ||
+        y->computed)
+        return pmr_say(why, "damaged: numbers of a free extension"), 1;
+    y->computed = (e->cylinder.kind == PMR_CYLINDER_OIL ? PMR_CYLINDER_COLUMNS : 3) + 1;
+    return 0;
+}
+
 /* A free luffing angle: the boom's moments and its cylinder. */
 static int read_luffing(pmr_system *y, char *why)
 {
-    enum { INTEGERS = 9, NUMBERS = 40 };
+    enum { INTEGERS = 9, NUMBERS = 14 + ACTUATOR };
     pmr_machine *m = &y->boom;
-    pmr_luffing_cylinder *c = &m->cylinder;
+    pmr_actuator *c = &m->cylinder;
     const int64_t r = y->modes;
     const int32_t *integers;
     const double *numbers;
@@ -252,7 +285,7 @@ static int read_luffing(pmr_system *y, char *why)
         m->inertial_count < 0 || m->inertial_count > y->inputs || !within(integers + 3, 5, -1, y->motions) ||
         c->kind < PMR_NO_CYLINDER || c->kind > PMR_CYLINDER_OIL)
         return pmr_say(why, "damaged: sizes of a free luffing angle"), 1;
-    y->luffing = c->kind == PMR_CYLINDER_OIL ? 2 + PMR_CYLINDER_COLUMNS : c->kind ? 5 : 2;
+    y->computed = c->kind == PMR_CYLINDER_OIL ? 2 + PMR_CYLINDER_COLUMNS : c->kind ? 5 : 2;
     m->free[4] = 1;
     m->level = numbers[0], m->boom_mass = numbers[1];
     memcpy(m->place, numbers + 2, sizeof m->place);
@@ -360,7 +393,8 @@ static int read_arrays(pmr_system *y, char *why)
     TAKE(products, PMR_INTEGERS, 3 * (int64_t)y->product_count);
     TAKE(factors, PMR_NUMBERS, y->product_count);
     TAKE(first_product, PMR_INTEGERS, y->motions ? y->drivers - y->paths + 1 : 0);
-    return read_further(y, why) || read_ground(y, why) || read_hoist(y, why) || read_luffing(y, why) || read_blocks(y, why);
+    return read_further(y, why) || read_ground(y, why) || read_hoist(y, why) || read_luffing(y, why) || read_extension(y, why) ||
+           read_blocks(y, why);
 }
 #undef TAKE
 
@@ -474,9 +508,9 @@ void pmr_system_sizes(const pmr_system *y, pmr_sizes *sizes)
                              .motions = y->motions,
                              .pushing = y->pushing,
                              .further = y->reactions + 3 * y->has_tip + (y->sources > 0) + y->ground +
-                                        (y->hoist ? PMR_HOIST_OUTPUTS : 0) + y->luffing,
+                                        (y->hoist ? PMR_HOIST_OUTPUTS : 0) + y->computed,
                              .hoist = y->hoist ? PMR_HOIST_OUTPUTS : 0,
-                             .luffing = y->luffing,
+                             .computed = y->computed,
                              .ground = y->ground};
     *sizes = found;
 }

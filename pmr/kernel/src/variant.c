@@ -37,6 +37,7 @@ INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums
 #include "whole.c"
 #include "machine.c"
 #include "luffing.c"
+#include "extension.c"
 #include "continuous.c"
 #include "filter.c"
 #include "chosen.c"

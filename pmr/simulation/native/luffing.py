@@ -21,31 +21,26 @@ import numpy as np
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.kernel._native import lib
-from pmr.kernel.further import LuffingData
-from pmr.kernel.machine import CYLINDER_COLUMNS, LUFFING_REASONS, Cylinder
+from pmr.kernel.further import ComputedData
+from pmr.kernel.machine import CYLINDER_COLUMNS, LUFFING_REASONS
 from pmr.kernel.machine import Machine as KernelMachine
 from pmr.results.response import LUFFING_ANGLE
 from pmr.scene import Scene
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.frame import BaseMotion, InitialDisplacements, InitialRates, Machine
 from pmr.scene.keys import LUFFING_CYLINDER
-from pmr.scene.signals import Constant, SignalBase
+from pmr.scene.signals import Constant
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples, with_computed_motion
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.moving import DRIVE, GRAVITY, OF_FRAME, MovingFrame, held_at_start, read_scene
+from pmr.simulation.native.cylinder import cylinder_numbers, kernel_cylinder
+from pmr.simulation.native.extension import ExtensionRun, with_extension_data
+from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.machine import MachineRun, machine_motion
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import System
 
 PITCH = 4  # of the machine's directions
-#: Units of a luffing cylinder's columns by name; the power is that of its force and that out of the supply.
-CYLINDER_UNITS = CYLINDER_COLUMNS | {"power": "W", "power supply": "W"}
-#: Numbers of oil and valves in the kernel's order, and how many each has.
-OIL_SIZES = {"areas": 2, "volumes": 2, "bulk_modulus": 1, "leakage": 1, "supply": 1, "tank": 1, "back_pressure": 1}
-OIL_SIZES |= {"gain": 2, "dead_band": 1, "laminar": 1, "setting": 1, "ratio": 1, "range": 1, "counterbalance": 1}
-#: Stroke in m that stands for an infinite one.
-FAR = 1e9
 #: Angle in rad about which a boom without a cylinder swings.
 HANGING = -np.pi / 2.0
 
@@ -63,8 +58,10 @@ def with_free_motion(scene: Scene, system: System) -> tuple[Scene, System]:
         If a step fails, if a machine pitches until it stands upright, or if the luffing cylinder comes to a dead point
         or has no equilibrium at the start.
     """
-    if scene.frame is None or scene.frame.computed_key is None:
+    if scene.frame is None or scene.computed_key is None:
         return scene, system
+    if scene.free_extensions:
+        return ExtensionRun(scene, system).with_extension(), system
     system = with_all_inertia(system)
     if scene.frame.machine is not None:
         return with_computed_motion(scene, machine_motion(scene, system)), system
@@ -133,16 +130,18 @@ class LuffingRun(MachineRun):
 
 
 def stepped_frame(system: System, source: str) -> MovingFrame | None:
-    """Frame of a system's scene for steps one by one, which may leave the luffing angle free; None without a frame.
+    """Frame of a system's scene for steps one by one, in which an angle or extension may be free; None without a frame.
 
     Errors as `MovingFrame.from_system`; an InputError is also raised for a free angle on a base that moves.  The system
     needs modes that all have inertia.
     """
     stored = read_scene(system, source, free=True) if "scene" in system.provenance else None
-    if stored is None or not stored.luffs_freely or stored.scene is None:
+    if stored is None or stored.free_scene is None or stored.scene is None:
         return MovingFrame.from_system(system)
-    scene, frame = stored.scene, stored.scene.frame
+    scene, frame = stored.free_scene, stored.free_scene.frame
     assert frame is not None
+    if stored.extends_freely:
+        return with_extension_data(MovingFrame.in_scene(stored.scene, system), scene, system, SystemForm.of(system))
     if frame.base is not None:
         allowed = "a base at rest is allowed beside a free luffing angle that is stepped"
         raise InputError(source, "provenance.scene.frame.base", None, allowed)
@@ -152,56 +151,21 @@ def stepped_frame(system: System, source: str) -> MovingFrame | None:
     if frame.cylinder is not None:
         shown = list(CYLINDER_COLUMNS.items())[: None if frame.cylinder.oil else 3]
         outputs |= {f"{LUFFING_CYLINDER} {name}": unit for name, unit in shown}
-    return replace(run.frame, luffing=LuffingData(luffing_arrays(run.machine, run.frame), outputs))
+    return replace(run.frame, computed=ComputedData(luffing_arrays(run.machine, run.frame), outputs))
 
 
 def luffing_arrays(machine: KernelMachine, frame: MovingFrame) -> dict[str, Array]:
     """Arrays of a free luffing angle in the kernel's block (`read_luffing` in src/system.c)."""
-    cylinder, oil = machine.cylinder, dict.fromkeys(OIL_SIZES, 0.0) | dict(machine.cylinder.oil)
+    cylinder = machine.cylinder
     drive = next((k for k, name in enumerate(frame.loads) if name.startswith(DRIVE)), None)
     at = [len(frame.paths) + frame.loads.index(GRAVITY) if GRAVITY in frame.loads else -1]
     at.append(-1 if drive is None else len(frame.paths) + drive)
     boom, inputs = machine.boom, machine.inputs
     sizes = [len(boom.masses), len(inputs.of_shortened), len(inputs.inertial), *machine.base.axes, *at, cylinder.kind]
     numbers: list[Any] = [machine.base.level, boom.boom_mass, boom.place, boom.section_inertia]
-    numbers += [cylinder.foot, cylinder.lug]
-    numbers += [cylinder.spring, cylinder.damping, np.minimum(cylinder.stroke, FAR), cylinder.stop_stiffness]
-    numbers += [np.resize(oil[name], size) for name, size in OIL_SIZES.items()]
+    numbers.append(cylinder_numbers(cylinder))
     names = ("section_paths", "masses", "first_moments", "rotating", "second_moments")
     arrays = {name: np.ravel(getattr(boom, name)) for name in names}
     arrays |= {of.name: np.ravel(getattr(inputs, of.name)) for of in fields(inputs)}
     arrays |= {"integers": np.array(sizes), "numbers": np.concatenate([np.ravel(of) for of in numbers]).astype(float)}
     return {f"luffing_{name}": array for name, array in arrays.items()}
-
-
-def kernel_cylinder(cylinder: LuffingCylinder, t: Array) -> Cylinder:
-    """Return the kernel's data of a luffing cylinder at times t (T,).
-
-    A cylinder without a stroke has one from 0 to inf.
-    """
-    kind, oil = cylinder.drives[0], cylinder.oil
-    drive: SignalBase | None = next(iter(cylinder.drive_signals.values()), None)
-    further = dict[str, Any]()
-    if oil is not None:
-        further = {
-            "areas": oil.areas,
-            "volumes": [dead + hose for dead, hose in zip(oil.dead_volumes, oil.hose_volumes, strict=True)],
-            **{key: getattr(oil, key) for key in ("bulk_modulus", "leakage", "supply", "tank", "back_pressure")},
-        }
-        if oil.valve is not None:
-            further |= {"gain": oil.valve.gain, "dead_band": oil.valve.dead_band, "laminar": oil.valve.laminar}
-        if (valve := oil.counterbalance) is not None:
-            further |= {"setting": valve.setting, "ratio": valve.ratio, "range": valve.range}
-            further["counterbalance"] = valve.gain
-    opening = np.zeros((len(t), 2)) if drive is None else np.column_stack([drive.value(t), drive.rate(t)])
-    return Cylinder(
-        kind={"force": lib.PMR_CYLINDER_FORCE, "length": lib.PMR_CYLINDER_LENGTH, "oil": lib.PMR_CYLINDER_OIL}[kind],
-        foot=cylinder.foot,
-        lug=cylinder.lug,
-        spring=cylinder.spring or 0.0,
-        damping=cylinder.damping,
-        stroke=cylinder.stroke or (0.0, np.inf),
-        stop_stiffness=cylinder.stop_stiffness,
-        oil=further,
-        drive=opening,
-    )

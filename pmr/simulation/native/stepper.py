@@ -124,7 +124,9 @@ class Stepper:
             (body,) = system.bodies.values()
             self._ranges = dict.fromkeys(system.paths or (SLIDER,), body.domain)
         moving = stepped_frame(system, "stepper")
-        self._luffing = () if moving is None or moving.luffing is None else tuple(moving.luffing.outputs)
+        extensions = {} if scene is None or scene.free_scene is None else scene.free_scene.free_extensions
+        self._extends = "".join(scene.free_scene.names[k] for k in extensions) if scene and scene.free_scene else ""
+        self._computed = () if moving is None or moving.computed is None else tuple(moving.computed.outputs)
         if moving is None:
             system.ensure_without_terms("stepper")
         elif set(moving.paths) != set(self._ranges) - {LUFFING}:
@@ -134,7 +136,7 @@ class Stepper:
         self._ground = tuple(ground_outputs(moving.scene)) if moving is not None and kernel.ground else ()
         #: Names of all that `outputs` chooses from: outputs of the bodies, forces of the contacts, outputs of a hoist,
         #: of a free luffing angle, and of outriggers.
-        behind = (*system.hoist.outputs, *self._luffing, *self._ground)
+        behind = (*system.hoist.outputs, *self._computed, *self._ground)
         self.output_names = (*system.output_names, *map(force_name, system.contact_names), *behind)
         every = range(len(system.output_names))
         chosen = [number_of(k, self.output_names, "outputs") for k in (every if outputs is None else outputs)]
@@ -209,13 +211,16 @@ class Stepper:
         elif F is not None:
             drivers.take_loads(F)
         if frame is not None:
-            if self._luffing and LUFFING in frame:
+            if self._computed and not self._extends and LUFFING in frame:
                 allowed = "none is allowed after the start, for the luffing angle is free"
                 raise InputError("stepper", "frame.luffing", frame[LUFFING], allowed)
             drivers.take_frame(frame)
         if type(s) is float and self._low <= s <= self._high and abs(s - self._file_content[0]) <= self._jump:
             self._file_content[0] = s
         else:
+            if self._extends and isinstance(s, Mapping) and self._extends in s:
+                allowed = "none is allowed after the start, for the extension is free"
+                raise InputError("stepper", f"s.{self._extends}", s[self._extends], allowed)
             drivers.take_path(s)
         if self._in_parts:
             drivers.lead_rates(self._bound.rates)
@@ -232,7 +237,7 @@ class Stepper:
     def outputs(self) -> Array:
         """Values (o,) of all `output_names` at present."""
         values, forces = self._state.outputs()
-        behind = (self._state.hoist, self._state.luffing, self._state.ground)
+        behind = (self._state.hoist, self._state.computed, self._state.ground)
         return np.concatenate([values[: len(self._system.output_names)], forces, *behind])
 
     @property
@@ -243,7 +248,17 @@ class Stepper:
     @property
     def luffing(self) -> dict[str, float]:
         """Free luffing angle in rad and its rate, and what the luffing cylinder does, by name; else empty."""
-        return dict(zip(self._luffing, self._state.luffing.tolist(), strict=True))
+        return {} if self._extends else self._values_of_computed
+
+    @property
+    def extension(self) -> dict[str, float]:
+        """Free extension in m with its rates, and what its cylinder does, by name; else empty."""
+        return self._values_of_computed if self._extends else {}
+
+    @property
+    def _values_of_computed(self) -> dict[str, float]:
+        """Outputs of a free luffing angle or extension, by name."""
+        return dict(zip(self._computed, self._state.computed.tolist(), strict=True))
 
     @property
     def ground(self) -> dict[str, float]:
@@ -364,7 +379,7 @@ class Stepper:
         modal = self._form.modal
         if np.isnan(modal.clearance).all():
             return (1,), 0.0
-        way = self._full_range if scene is None else scene.excitation
+        way = self._full_range if scene is None or scene.extends_freely else scene.excitation
         omega = contact_frequency(modal, way) if parts == 0 else 0.0
         return part_counts(omega, TimeStepping(self._step, self._step, parts=parts)), omega
 

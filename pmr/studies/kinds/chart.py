@@ -443,6 +443,8 @@ def _check_at_rest(scene: Scene) -> None:
         raise InputError(
             "scene", "hoist", None, "none is allowed in a load chart, which hangs its own loads at the tip"
         )
+    if scene.extension_keys:
+        raise InputError("scene", scene.extension_keys[0], "free", "an extension over time is allowed in a load chart")
     if scene.frame.luffing == "free":
         raise InputError("scene", "frame.luffing", "free", "an angle over time is allowed in a load chart")
     base = scene.frame.base

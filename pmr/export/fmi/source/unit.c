@@ -150,7 +150,7 @@ Unit *unit_open(const char *token, const char *folder, int model_exchange, char 
         snprintf(why, 400, "resources/system.pmr: variables of a unit are missing or damaged");
     else if (model_exchange && !unit->exchange[0])
         snprintf(why, 400, "%s leave no differential equation: Co-Simulation is allowed",
-                 unit->sizes.hoist || unit->sizes.luffing ? "a hoist and a free luffing angle" : "rigid rows or friction");
+                 unit->sizes.hoist || unit->sizes.computed ? "a hoist and a free luffing angle" : "rigid rows or friction");
     else if (!open_memory(unit) && !open_state(unit, why, 400)) {
         if (!estimator_open(unit)) {
             unit_reset(unit);

@@ -279,7 +279,7 @@ int differentiate(Unit *unit, const unsigned *unknowns, size_t unknown_count, co
             return refuse_reference(unit, "derivatives of outputs and of the states' rates are known", unknowns[n]);
         rates |= unknowns[n] >= at->rates && unknowns[n] < at->forces;
     }
-    if (unit->sizes.hoist || unit->sizes.luffing)
+    if (unit->sizes.hoist || unit->sizes.computed)
         return refuse(unit, "derivatives with a hoist or a free luffing angle are not known");
     if (unit_prepare(unit)) return 1;
     of = calloc(2 * (size_t)at->all, sizeof(double));

@@ -1,0 +1,162 @@
+r"""A section that slides by itself: its extension is computed with the boom's motion, driven by its cylinder.
+
+With the force :math:`\Lambda_i` that holds section i along the boom, and with r_i = 1 for the section itself and the
+ratio to it of each section that follows,
+
+.. math::
+    F = \sum_i r_i \Big( \Lambda_i + \lambda^T \big( C_i z + H_i f - \tfrac12 F_i \lambda \big) \Big)
+
+is the force of the cylinder, where C_i, H_i and F_i are derivatives of the rows by the place of section i.  The search
+within a step is in src/extension.c, the cylinder's law in src/cylinder.c.
+
+For all further computations the computed extension is a prescribed one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pmr.files.arrays import Array
+from pmr.kernel.further import ComputedData
+from pmr.kernel.kernel import Kernel
+from pmr.kernel.machine import CYLINDER_COLUMNS
+from pmr.kernel.state import Settings, State, StepError
+from pmr.scene import Scene
+from pmr.scene.choice import refuse_unsupported
+from pmr.scene.extension_checks import moved_sections
+from pmr.scene.frame import INERTIA
+from pmr.scene.keys import cylinder_name
+from pmr.simulation.excitation import Excitation, side_positions
+from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
+from pmr.simulation.moving import EXTENSION_DRIVE, MovingFrame, held_at_start
+from pmr.simulation.native.cylinder import cylinder_numbers, kernel_cylinder
+from pmr.simulation.native.form import SystemForm, path_text, start_in_equilibrium, start_modes, step_failure
+from pmr.simulation.start import needs_of
+from pmr.system.assembly import Assembly
+from pmr.system.contacts import Friction
+from pmr.system.system import System
+
+#: Names of columns beside those of the cylinder: the extension's second rate, and by how much a stop gives way, above 0
+#: at the greatest extension.
+ACCELERATION, STOP = "acceleration", "stop"
+
+
+def with_extension_data(frame: MovingFrame, scene: Scene, system: System, form: SystemForm) -> MovingFrame:
+    """Frame whose free extension the kernel computes; `scene` has the extension, `frame` the one where it begins."""
+    (number, extension), *_ = scene.free_extensions.items()
+    contacts, rubbing = form.modal.contact_names, Friction.from_contacts(system.contacts)
+    joints = () if rubbing is None else rubbing.joints
+    moved, ratios, paths = list[int](), list[float](), form.modal.paths
+    for k, ratio in moved_sections(scene, number).items():
+        name = scene.names[k]
+        joint = joints.index(name) if name in joints else -1
+        moved += [frame.drivers.index(name), paths.index(name), contacts.index(cylinder_name(name)), joint]
+        ratios += ratio
+    drive = next((k for k, name in enumerate(frame.drivers) if name.startswith(EXTENSION_DRIVE)), -1)
+    cylinder = kernel_cylinder(extension, np.zeros(0))
+    arrays = {
+        "extension_integers": np.array([drive, cylinder.kind, len(ratios) // 2, *moved]),
+        "extension_numbers": np.array([*extension.reach, *cylinder_numbers(cylinder), *ratios]),
+    }
+    name = scene.names[number]
+    shown = [*list(CYLINDER_COLUMNS.items())[: None if extension.oil else 3], (ACCELERATION, "m/s^2")]
+    return replace(frame, computed=ComputedData(arrays, {column_name(name, of): unit for of, unit in shown}))
+
+
+def column_name(section: str, of: str) -> str:
+    """Name of a column of the free extension of a `section`; `of` is a name in `CYLINDER_COLUMNS`."""
+    motion = {"length": "extension", "speed": "rate of extension", ACCELERATION: "second rate of extension"}
+    return f"{motion[of]} of {section}" if of in motion else f"extension cylinder of {section} {of}"
+
+
+class ExtensionRun:
+    """Simulation of a boom with a free extension, by the kernel's steps."""
+
+    def __init__(self, scene: Scene, system: System) -> None:
+        self._scene, first = scene, held_at_start(scene)
+        ((self._number, self._extension),) = scene.free_extensions.items()
+        self._excitation, self.form, self._system = Excitation.from_scene(first), SystemForm.of(system), system
+        stepping, modal = self._excitation.stepping, self.form.modal
+        x = side_positions(modal, self._excitation)
+        self._x = x[0]
+        needs = needs_of(modal, Assembly(modal).contact_rows(x[0]).rigid, self._reached(modal), stepping.rho_inf)
+        refuse_unsupported("march", needs)
+        self.frame = with_extension_data(MovingFrame.in_scene(first, system), scene, system, self.form)
+        kernel = Kernel.of(system, self.form.forms, self.frame)
+        self.state = State(kernel, Settings(stepping.step, stepping.rho_inf, energy=False))
+
+    def _reached(self, modal: System) -> Array:
+        """Positions (2, sides) in m of the contacts' sides at both ends of what the extension can reach."""
+        low, high = self._extension.reach
+        paths = {name: np.full(2, at) for name, at in zip(self._excitation.paths, self._excitation.s[0], strict=True)}
+        for k, (ratio, offset) in moved_sections(self._scene, self._number).items():
+            paths[self._scene.names[k]] = ratio * np.array([low, high]) + offset
+        return np.asarray(modal.side_coordinates(paths))
+
+    def with_extension(self) -> Scene:
+        """Take all steps and return the scene with the computed extension as a signal.
+
+        Raises InputError if nothing holds the boom at the start, and SimulationError if a step fails or the extension
+        leaves its stroke.
+        """
+        excitation, state, kernel = self._excitation, self.state, self.state.kernel
+        t = excitation.times
+        motions = np.ascontiguousarray(np.moveaxis(self.frame.motions(excitation, t), -1, 0))
+        motions[0] = self.frame.start
+        inertial = [k for k, name in enumerate(self._system.input_names) if INERTIA in name]
+        values, columns = np.zeros((3, len(t))), np.zeros((len(t), kernel.computed))
+        inputs = np.zeros((len(t), len(inertial)))
+        name = self._scene.names[self._number]
+        for k in range(len(t)):
+            try:
+                if k:
+                    state.step_in_frame(motions[k])
+                else:
+                    self._start(motions[0])
+            except StepError as error:
+                where = f"step {k}, t = {t[k]:g} s" if k else "t = 0 s"
+                at = path_text((name,), values[0, max(k - 1, 0) :])
+                raise step_failure(f"{where}{at}", self.form, error, self._x) from None
+            columns[k] = state.computed
+            values[:, k] = columns[k, [0, 1, -1]]
+            inputs[k] = state.drivers[kernel.paths : kernel.paths + kernel.inputs][inertial]
+        names = [self._system.input_names[k] for k in inertial]
+        of_inputs = dict(zip(names, inputs.T, strict=True))
+        samples = MotionSamples(excitation.stepping.step, values, np.zeros(len(t)), of_inputs, self._record(columns))
+        sections = list(self._scene.sections)
+        section = sections[self._number]
+        computed: dict[str, Any] = {"extension": ComputedMotion(samples=samples, unit=1.0)}
+        assert section.joint is not None  # of a section that slides
+        sections[self._number] = section.model_copy(update={"joint": section.joint.model_copy(update=computed)})
+        return self._scene.model_copy(update={"sections": tuple(sections)})
+
+    def _start(self, motions: Array) -> None:
+        """Start in equilibrium under motions (3, n); a StepError or an InputError is raised as by the kernel."""
+        state, system = self.state, self._system
+
+        def begin() -> StepError | None:
+            try:
+                state.start_in_frame("equilibrium", motions)
+            except StepError as error:
+                return error
+            return None
+
+        states = start_in_equilibrium(system, state.kernel.modes, begin, self._excitation)
+        if isinstance(states, StepError):
+            raise states
+        if states is not None:
+            x = side_positions(system, self._excitation)[0]
+            state.start_in_frame("given", motions, None, *start_modes(self.form, x, np.zeros(len(x)), states))
+
+    def _record(self, columns: Array) -> dict[str, Array]:
+        """Columns (T,) of the extension by name, with the power of its cylinder and of its supply."""
+        oil = self._extension.oil
+        of = dict(zip(CYLINDER_COLUMNS, columns[:, :-1].T, strict=False)) | {ACCELERATION: columns[:, -1]}
+        of["power"] = of["force"] * of["speed"]
+        of[STOP] = of["length"] - np.clip(of["length"], *self._extension.stroke)
+        if oil is not None:
+            of["power supply"] = oil.supply * of["flow supply"]
+        return of
