@@ -1,7 +1,8 @@
 """Time of one step of a stepper called from Python: median and worst cases.
 
-``python -m benchmarks.latency [--earlier FOLDER]`` prints the processor time of a step of booms, and of a machine that
-moves below one, in turn with an earlier checkout that has its own .venv.
+``python -m benchmarks.latency [--earlier FOLDER]`` prints the processor time of a step of booms, of a machine on oil
+with a hoist and outriggers, and of a machine that moves below a boom, in turn with an earlier checkout that has its own
+.venv.
 """
 
 from __future__ import annotations
@@ -73,16 +74,30 @@ def _quantiles(ns: Array) -> dict[str, float]:
     return {name: float(np.quantile(ns, q)) for name, q in QUANTILES.items()}
 
 
+#: Keys of a machine of three sections on oil that hoists a load, on outriggers.
+_MACHINE = (
+    "time.step=1e-3",
+    "section.joint.extension={kind='smooth_ramp', times=[0.2, 2.0], values=[2.0, 2.3]}",
+    "frame.slewing={kind='smooth_ramp', times=[0.1, 2.0], values=[0.0, 10.0]}",
+    "hoist={payload=400.0, hook=50.0, EA=1.2e7, damping=5e4, falls=2, hanging=6.0, winch={at=[-0.5, 0.0, 0.4]}, "
+    "speed={kind='smooth_ramp', times=[0.2, 1.0], values=[0.0, 0.3]}}",
+    "frame.cylinder.oil.valve.opening={kind='smooth_ramp', times=[0.1, 0.5], values=[0.0, 0.6]}",
+    "frame.ground={height=1.6, masses=[{name='carrier', mass=1.5e4, at=[-0.6, 0.0, -0.9], inertia=[7e3, 2e4, 2.3e4]}, "
+    "{name='weight', mass=3e3, at=[-1.2, 0.0, -0.1], slews=true}], outriggers=[{name='a', at=[3, 3]}, "
+    "{name='b', at=[-3, 3]}, {name='c', at=[-3, -3]}, {name='d', at=[3, -3]}]}",
+)
 #: Models, which both checkouts load.
 _MODELS = """
-import sys, pmr
-for name, scene in (("boom_three", "boom_three"), ("crane", sys.argv[2])):
-    pmr.reduce(pmr.load_scene(scene, ["compare.against=[]"])).system.save(f"{sys.argv[1]}/{name}.npz")
+import json, sys, pmr
+machine = json.loads(sys.argv[3])
+for name, scene, keys in (("boom_three",) * 2 + ([],), ("crane", sys.argv[2], []), ("machine", "luffing_oil", machine)):
+    pmr.reduce(pmr.load_scene(scene, ["compare.against=[]", *keys])).system.save(f"{sys.argv[1]}/{name}.npz")
 """
 #: The least of some hundred steps in microseconds, by public names that an earlier checkout has too.
 _STEPS = """
 import json, sys, time, warnings
-import pmr
+import numpy, pmr
+from pmr.simulation.native.luffing import stepped_frame
 from pmr.simulation.native.machine import MachineRun
 from pmr.simulation.moving import MovingFrame
 from pmr.simulation.moving import read_scene
@@ -118,6 +133,19 @@ loads = {name: motion[0] for name, motion in given(frame.loads, 0).items()}
 for what, outputs in (("all outputs", None), ("one output", system.output_names[-1:])):
     stepper = pmr.Stepper(system, excitation.stepping.step, steps[0][0], loads, frame=steps[0][1], outputs=outputs)
     times[f"crane in its frame, {what}"] = least(lambda n: stepper.step(steps[n + 1][0], frame=steps[n + 1][1]))
+system = System.load(f"{folder}/machine.npz")
+frame, excitation = stepped_frame(system, "machine"), read_scene(system, "machine", free=True).excitation
+motions = frame.motions(excitation, 1e-3 * numpy.arange(4001)).tolist()
+drives = [name for name in frame.loads if name.startswith("luffing drive")]
+steps = []
+for k in range(4001):
+    F = {name: motion[0] for name, motion in given(frame.loads, k).items()} | {
+        name: motion[:2] for name, motion in given(drives, k).items()}
+    steps.append((given(frame.paths, k), F, given(["slewing"], k)))
+of_machine = [*frame.luffing.outputs, "fly: tip z", "force of the hoist rope", "use of the support polygon"]
+for what, outputs in (("machine's outputs", of_machine), ("one output", ["fly: tip z"])):
+    stepper = pmr.Stepper(system, 1e-3, *steps[0][:2], frame=steps[0][2], outputs=outputs)
+    times[f"hoist, oil and outriggers, {what}"] = least(lambda n: stepper.step(*steps[n + 1]))
 truck = [
     "compare.against=[]", "frame.machine={mass=2e4, center=[0.0, 0.0, -1.0], inertia=[2e4, 6e4, 6e4]}",
     "frame.machine.free=['x', 'z', 'rx', 'ry']", "frame.machine.stiffness={x=1e6, z=4e6, rx=8e6, ry=8e6}",
@@ -140,7 +168,7 @@ print(json.dumps(times))
 def booms(earlier: Path | None = None) -> dict[str, list[float]]:
     """Least processor time of a step in microseconds by case: in this checkout, then in the earlier one if given."""
     with TemporaryDirectory() as folder:
-        subprocess.run([sys.executable, "-c", _MODELS, folder, str(beams.CRANE)], check=True)
+        subprocess.run([sys.executable, "-c", _MODELS, folder, str(beams.CRANE), json.dumps(_MACHINE)], check=True)
         pythons = [sys.executable, *([] if earlier is None else [str(earlier / ".venv" / "bin" / "python")])]
         runs = [
             subprocess.run(

@@ -14,8 +14,6 @@
 
 #include "numbers.h"
 
-static number product(number a, number b, number c) { return times(times(a, b), c); }
-
 /* Motions (3, n), and a seed of them or NULL. */
 typedef struct {
     const pmr_system *system;
@@ -96,34 +94,37 @@ static number quantity(const course *c, const turning *turned, const int32_t *of
     }
 }
 
-void pmr_frame_along(const pmr_system *y, const double *motions, const double *seed, double *u, double *along,
-                     double *work)
+void pmr_frame_along(const pmr_system *y, const double *motions, const double *seed, int drivers, double *u,
+                     double *along, double *work)
 {
     const course c = {y, motions, seed};
     const turning turned = turn(&c);
     number *quantities = (number *)work;
     int32_t k, n;
     for (k = 0; k < y->quantities; k++) quantities[k] = quantity(&c, &turned, y->quantity_list + 3 * k);
-    for (k = 0; k < y->drivers; k++) {
-        number sum = constant(0.0);
-        if (k < y->paths) {
-            sum = motion(&c, y->frame_paths[k], 0);
-        } else {
-            for (n = y->first_product[k - y->paths]; n < y->first_product[k - y->paths + 1]; n++) {
-                const int32_t *of = y->products + 3 * n;
-                const number one = product(quantities[of[0]], quantities[of[1]], quantities[of[2]]);
-                sum = plus(sum, times(constant(y->factors[n]), one));
-            }
+    for (k = 0; k < y->paths; k++) {
+        const number path = motion(&c, y->frame_paths[k], 0);
+        u[k] = path.at;
+        if (along) along[k] = path.along;
+    }
+    for (; k < drivers; k++) {
+        const int32_t *first = y->first_product + (k - y->paths);
+        double sum = 0.0, change = 0.0;
+        for (n = first[0]; n < first[1]; n++) {
+            const int32_t *of = y->products + 3 * n;
+            const number *p = quantities + of[0], *q = quantities + of[1], *r = quantities + of[2];
+            sum += y->factors[n] * (p->at * q->at * r->at);
+            if (along) change += y->factors[n] * times(times(*p, *q), *r).along;
         }
-        u[k] = sum.at;
-        if (along) along[k] = sum.along;
+        u[k] = sum;
+        if (along) along[k] = change;
     }
 }
 
 int pmr_frame_drivers(const pmr_system *y, const double *motions, double *u, double *work)
 {
     if (!y->motions) return PMR_REFUSED;
-    pmr_frame_along(y, motions, NULL, u, NULL, work);
+    pmr_frame_along(y, motions, NULL, y->drivers, u, NULL, work);
     return PMR_DONE;
 }
 
@@ -136,7 +137,7 @@ int pmr_frame_derivatives(const pmr_system *y, const double *motions, double *u,
     memset(seed, 0, (size_t)columns * sizeof(double));
     for (column = 0; column < columns; column++) {
         seed[column] = 1.0;
-        pmr_frame_along(y, motions, seed, u, along, work);
+        pmr_frame_along(y, motions, seed, y->drivers, u, along, work);
         seed[column] = 0.0;
         for (k = 0; k < y->drivers; k++) jacobian[(size_t)k * columns + column] = along[k];
     }

@@ -332,29 +332,36 @@ static double take_pulls(pmr_state *st, int follows)
     return largest > 0.0 ? off / largest : 0.0;
 }
 
-static int find_multipliers(pmr_state *st, const pmr_scheme *c);
-
-/* Multipliers and the rope's forces at the end of a part.  Where nothing but the rope is iterated, multipliers follow its
-   forces as R has it. */
-static int settle_hoist(pmr_state *st, const pmr_scheme *c)
+/* The rope's forces beside the present multipliers, and their change as `take_pulls` has it. */
+static int settle_rope(pmr_state *st, const pmr_scheme *c, int follows, double *change)
 {
     const pmr_system *y = st->system;
-    const int follows = !(y->registers || y->pads || y->pushing);
+    int failed, k, l;
+    find_receptance(st, c);
+    for (k = 0; k < y->hoist; k++) {
+        st->hoist_free[k] = displaced(st, k, st->z_free, st->hoist_rows + (size_t)k * y->mp);
+        for (l = 0; l < y->hoist; l++) st->hoist_free[k] -= st->receptance[(size_t)k * y->hoist + l] * st->pulls[l];
+    }
+    failed = pull_rope(st, c, st->hoist_free);
+    if (!failed) *change = take_pulls(st, follows);
+    return failed;
+}
+
+static int find_multipliers(pmr_state *st, const pmr_scheme *c);
+
+/* Multipliers and the rope's forces at the end of a part.  Where contacts hold both ways without friction, multipliers
+   follow the rope's forces as R has it; else both are found in turn. */
+static int settle_hoist(pmr_state *st, const pmr_scheme *c)
+{
     double change, before = INFINITY;
-    int times, failed, k, l;
+    int times, failed;
+    if (!st->system->pads && !st->system->pushing) return find_multipliers(st, c);
     for (times = 0; times < HOIST_TIMES; times++) {
         if (times) pmr_restart(&st->iteration);
         failed = find_multipliers(st, c);
+        if (!failed) failed = settle_rope(st, c, 0, &change);
         if (failed) return failed;
-        find_receptance(st, c);
-        for (k = 0; k < y->hoist; k++) {
-            st->hoist_free[k] = displaced(st, k, st->z_free, st->hoist_rows + (size_t)k * y->mp);
-            for (l = 0; l < y->hoist; l++) st->hoist_free[k] -= st->receptance[(size_t)k * y->hoist + l] * st->pulls[l];
-        }
-        failed = pull_rope(st, c, st->hoist_free);
-        if (failed) return failed;
-        change = take_pulls(st, follows);
-        if (follows || change <= HOIST_SETTLED || (change <= HOIST_CLOSE && change >= before)) return PMR_DONE;
+        if (change <= HOIST_SETTLED || (change <= HOIST_CLOSE && change >= before)) return PMR_DONE;
         before = change;
     }
     return PMR_UNCONVERGED;

@@ -338,11 +338,11 @@ typedef struct {
 #undef VOID_POINTER
 } pmr_functions;
 
-/* u (N,) from motions (3, n), how it changes along a seed of them, and all its derivatives (N, 3 n); with
-   `pmr_frame_work` doubles. */
+/* u (N,) from motions (3, n), how its first `drivers` change along a seed of them, and all its derivatives (N, 3 n);
+   with `pmr_frame_work` doubles. */
 int pmr_frame_drivers(const pmr_system *system, const double *motions, double *u, double *work);
-void pmr_frame_along(const pmr_system *system, const double *motions, const double *seed, double *u, double *along,
-                     double *work);
+void pmr_frame_along(const pmr_system *system, const double *motions, const double *seed, int drivers, double *u,
+                     double *along, double *work);
 int pmr_frame_derivatives(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
 /* Further outputs from values (op + hp + forces) and motions (3, n), and how they change along `seed`; a seed of NULL:
    values alone. */

@@ -13,6 +13,7 @@ static void lay_out_luffing(const pmr_system *y, pmr_state *st, room *r)
     ms->own.external = steps.external, ms->own.weight = steps.weight, ms->own.drive = steps.drive;
     ms->machine = &ms->own;
     ms->state = st;
+    find_ranges(ms);
     st->run = ms;
 }
 

@@ -104,9 +104,9 @@ static int try_rates(pmr_machine_run *ms, int64_t k, const double *rates)
             now->felt[3 + i] = (now->carrier.omega[i] - old->carrier.omega[i]) / w.h;
         }
         seconds_of(&old->carrier, now->felt, second);
-        drivers_at(ms, k - 1, old->b, second, ms->u_old);
+        drivers_at(ms, k - 1, old->b, second, y->paths + y->inputs, ms->u_old);
         seconds_of(&now->carrier, now->felt, second);
-        drivers_at(ms, k, now->b, second, ms->u);
+        drivers_at(ms, k, now->b, second, y->paths + y->inputs, ms->u);
         for (n = 0; n < m->inertial_count; n++) {
             const double mean = (loads[m->inertial[n]] + old_loads[m->inertial[n]]) / 2.0;
             ms->new_smooth[n] = by_impulse(&w, w.h * mean, ms->inertia_smooth[n]);
@@ -115,7 +115,7 @@ static int try_rates(pmr_machine_run *ms, int64_t k, const double *rates)
         for (n = 0; n < 6; n++) second[n] = old->rates_known > 1 ? (3.0 * now->felt[n] - old->felt[n]) / 2.0 : now->felt[n];
         seconds_of(&now->carrier, second, now->b + 12);
     }
-    drivers_at(ms, k, now->b, now->b + 12, ms->u);
+    drivers_at(ms, k, now->b, now->b + 12, y->drivers, ms->u);
     for (n = 0; n < m->inertial_count; n++) {
         if (free)
             ms->u[y->paths + m->inertial[n]] = ms->new_inertia[n];
@@ -193,6 +193,12 @@ static int find_motion_at(pmr_machine_run *ms, int64_t k)
                                         : 3.0 * (old->rates[2][n] - old->rates[1][n]) + old->rates[0][n];
     failed = try_rates(ms, k, rates);
     if (failed || !count) return failed;
+    if (count == 1 && ms->past.slope_known) { /* it changes from step to step as it did last */
+        const double slope = old->slope[0];
+        ms->past.slope[0] += ms->past.slope_known > 1 ? slope - old->slope_before : 0.0;
+        ms->past.slope_before = slope;
+        ms->past.slope_known = 2;
+    }
     for (tries = 0; tries < MOST_TRIALS; tries++) {
         double error = 0.0, square = 0.0, left[6];
         if (!ms->past.slope_known || since == PATIENCE) {
@@ -224,7 +230,7 @@ static int find_motion_at(pmr_machine_run *ms, int64_t k)
         for (n = 0; n < count; n++) rates[which[n]] += change[n];
         failed = try_rates(ms, k, rates);
         if (failed) return failed;
-        for (n = 0; n < count; n++) { /* as Broyden has it */
+        for (n = 0; n < count && error > MACHINE_NEAR; n++) { /* as Broyden has it; less is round-off */
             double missed = ms->now.left[which[n]] - left[n];
             for (j = 0; j < count; j++) missed -= old->slope[n * count + j] * change[j];
             for (j = 0; j < count; j++) ms->past.slope[n * count + j] += missed * change[j] / square;
@@ -335,6 +341,7 @@ static void lay_out_machine(pmr_machine_run *ms, const pmr_state *st, const pmr_
         ms->own.drive = take_room(r, 4, sizeof(double));
     }
     ms->giving = take_room(r, (size_t)y->mp, sizeof(int32_t));
+    ms->ranges = take_room(r, 2 * (size_t)(MOST_SECTIONS + 1) * (ROTATING + SECOND + machine->shortened_count), sizeof(int32_t));
 #undef ROOM
 }
 
@@ -366,6 +373,7 @@ static int machine_run_open(pmr_state *st, const pmr_machine *machine, pmr_machi
     *run = (pmr_machine_run *)r.memory;
     (*run)->machine = machine;
     (*run)->state = st;
+    find_ranges(*run);
     return PMR_DONE;
 }
 
@@ -375,7 +383,7 @@ static int machine_run_holding_forces(pmr_machine_run *ms, const double *b, cons
     const pmr_system *y = ms->state->system;
     double *const of = ms->state->others, *const rates = ms->state->pulled;
     const double *modes[3] = {of, rates, ms->accelerations};
-    drivers_at(ms, 0, b, b + 12, ms->u);
+    drivers_at(ms, 0, b, b + 12, y->drivers, ms->u);
     if (y->hoist) { /* whose rope pulls where the boom stands */
         const int failed = start(ms->state, PMR_GIVEN, ms->u, NULL, z, v);
         if (failed) return failed;
@@ -411,7 +419,7 @@ static int begin_with(pmr_machine_run *ms, const double *b, const double *z, con
     const pmr_system *y = ms->state->system;
     const double *modes[3] = {ms->state->z, ms->state->v, ms->accelerations};
     int failed;
-    drivers_at(ms, 0, b, b + 12, ms->u);
+    drivers_at(ms, 0, b, b + 12, y->drivers, ms->u);
     failed = start(ms->state, PMR_GIVEN, ms->u, NULL, z, v);
     if (failed) return failed;
     accelerate_boom(ms);

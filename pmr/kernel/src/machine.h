@@ -2,7 +2,7 @@
 #ifndef PMR_MACHINE_H
 #define PMR_MACHINE_H
 
-enum { MOST_SECTIONS = 16 };
+enum { MOST_SECTIONS = 16, ROTATING = 3, SECOND = 9 };
 
 typedef struct {
     double extension[3], length[3]; /* m with rates: how far it is out, and its tail from the base's along the boom */
@@ -37,6 +37,7 @@ typedef struct {
     carrier carrier;
     machine_whole whole;
     cylinder_state cylinder;
+    double slope_before; /* of a single direction, a step before */
     int32_t rates_known, slope_known;
 } machine_past;
 
@@ -60,7 +61,8 @@ struct pmr_machine_run {
     pmr_state *state;
     pmr_machine own; /* of a free luffing angle: arrays of two steps */
     double loaded[3]; /* N, Pa: force of a length's spring, and pressures, at the start */
-    int32_t rows_known;
+    int32_t rows_known;            /* orders of rates that the tables have; 0: they are of another moment */
+    int32_t *ranges;               /* (matrices, MOST_SECTIONS + 1, 2) of modes (moments.c) */
     machine_past past;
     trial now;
     carried_section of[MOST_SECTIONS];

@@ -50,32 +50,37 @@ static void place_moving(pmr_machine_run *ms, int64_t k)
     const double *motions = m->motions + (size_t)k * 3 * y->motions, *rates = m->rates + (size_t)k * y->motions;
     const size_t r = y->modes, i = y->ip, mp = y->mp, rows = y->rows;
     moved *at = ms->paths;
-    int same = ms->rows_known, a, b, p;
+    const int orders = y->frame_angles[2] < 0 ? ms->orders : 3; /* nobody asks what holds a free luffing angle's frame */
+    moved_tables tables = {{NULL}, {NULL}, {NULL}};
+    int same = ms->rows_known >= orders, stands = st->placed, a, b, p;
     for (p = 0; p < y->paths; p++) {
         const int32_t motion = y->frame_paths[p];
         const moved now = {motions[motion], rates[motion], motions[2 * y->motions + motion]};
         same = same && at[p].at == now.at && at[p].rate == now.rate && at[p].second == now.second;
+        stands = stands && st->s[p] == now.at;
         at[p] = now;
         st->u_begun[p] = now.at;
     }
     if (same || !y->contacts) return;
-    ms->rows_known = 1;
-    st->placed = 0;
-    (void)place(st, still, st->u_begun); /* its tables; F of rigid contacts is singular */
-    for (p = 0; p < 3; p++) {
-        memset(ms->tables.C[p], 0, rows * r * sizeof(double));
-        memset(ms->tables.H[p], 0, rows * i * sizeof(double));
-        memset(ms->tables.A[p], 0, rows * mp * sizeof(double));
+    ms->rows_known = orders;
+    if (stands)
+        enter_intervals(st, still);
+    else
+        (void)place(st, still, st->u_begun); /* its tables; F of rigid contacts is singular */
+    for (p = 0; p < orders; p++) {
+        tables.C[p] = memset(ms->tables.C[p], 0, rows * r * sizeof(double));
+        tables.H[p] = memset(ms->tables.H[p], 0, rows * i * sizeof(double));
+        tables.A[p] = memset(ms->tables.A[p], 0, rows * mp * sizeof(double));
     }
     memcpy(ms->tables.C[0], y->C0, rows * r * sizeof(double));
     memcpy(ms->tables.H[0], y->H0, rows * i * sizeof(double));
     for (a = 0; a < y->rows && !y->whole; a++)
         for (b = 0; b <= a; b++) ms->tables.A[0][a * mp + b] = ms->tables.A[0][b * mp + a] = y->F0[a * mp + b];
-    move_rows(st, still, at, &ms->tables);
+    move_rows(st, still, at, &tables);
+    if (!stands) st->placed = 0; /* a step has another A */
     ms->count = 0;
     for (a = 0; a < y->contacts; a++)
-        if (!is_rigid(st, a)) ms->giving[ms->count++] = a;
-    st->placed = 0; /* a step has another A */
+        if (!is_rigid_by(st, ms->tables.A[0], a)) ms->giving[ms->count++] = a;
     st->trouble = -1;
     ms->failed = PMR_DONE;
     for (a = 0; a < ms->count && !ms->failed; a++) {
@@ -127,11 +132,54 @@ static void find_inertial(pmr_machine_run *ms, const double *const z[3])
     }
 }
 
-/* z A of a square matrix. */
-static void multiply_modes(const double *A, const double *z, int r, double *product)
+/* Matrices (r', r') of the boom: moments of momentum, second moments, and by how much sections are shorter. */
+static const double *matrix_of(const pmr_machine_run *ms, int number)
 {
-    memset(product, 0, r * sizeof(double));
-    add_columns(A, r, z, r, product, r);
+    const pmr_machine *m = ms->machine;
+    const size_t square = (size_t)ms->state->system->modes * ms->state->system->modes;
+    return number < ROTATING ? m->rotating + number * square
+           : number < ROTATING + SECOND ? m->second_moments + (number - ROTATING) * square
+                                        : m->shortened + (number - ROTATING - SECOND) * square;
+}
+
+/* Ranges of modes that one of the matrices couples with each other alone, as those of a section: where each begins and
+   ends, up to an empty one. */
+static int32_t *ranges_of(const pmr_machine_run *ms, int number) { return ms->ranges + 2 * (MOST_SECTIONS + 1) * number; }
+
+static void find_ranges(pmr_machine_run *ms)
+{
+    const int r = ms->state->system->modes, count = ROTATING + SECOND + ms->machine->shortened_count;
+    int from, to, number, n, k;
+    for (number = 0; number < count; number++) {
+        const double *A = matrix_of(ms, number);
+        int32_t *range = ranges_of(ms, number), *last = range + 2 * (MOST_SECTIONS - 1);
+        for (from = 0; from < r; from = to) {
+            int coupled = 0;
+            for (n = from, to = from + PMR_LANES; n < to; n++)
+                for (k = from; k < r; k++) {
+                    if (A[n * r + k] == 0.0 && A[k * r + n] == 0.0) continue;
+                    coupled = 1;
+                    if (k >= to) to = PMR_UP(k + 1);
+                }
+            if (!coupled) continue;
+            if (range == last) to = r;
+            range[0] = from, range[1] = to;
+            range += 2;
+        }
+    }
+}
+
+/* z A of one of the matrices. */
+static void multiply_modes(pmr_machine_run *ms, int number, const double *z)
+{
+    const int r = ms->state->system->modes;
+    const double *A = matrix_of(ms, number);
+    const int32_t *range;
+    memset(ms->product, 0, r * sizeof(double));
+    for (range = ranges_of(ms, number); range[1]; range += 2) {
+        const int from = range[0], width = range[1] - from;
+        add_columns(A + (size_t)from * r + from, r, z + from, width, ms->product + from, width);
+    }
 }
 
 /* Sum of r x u out of first moments A_lj = sum r_l u_j. */
@@ -206,12 +254,12 @@ static void find_boom(pmr_machine_run *ms, int64_t k, const double *const z[3])
             f1 = e[1] / (e[0] * e[0]);
             f2 = e[2] / (e[0] * e[0]) - 2.0 * e[1] * e[1] / (e[0] * e[0] * e[0]);
         }
-        multiply_modes(m->shortened + (size_t)n * r * r, z[0], r, ms->product);
+        multiply_modes(ms, ROTATING + SECOND + n, z[0]);
         zz = dot(ms->product, z[0], 0, r), zv = dot(ms->product, z[1], 0, r), za = dot(ms->product, z[2], 0, r);
         c->mu[0][of[1]][0] += f * zz / 2.0;
         c->mu[1][of[1]][0] += f * zv + f1 * zz / 2.0;
         if (ms->orders < 3) continue;
-        multiply_modes(m->shortened + (size_t)n * r * r, z[1], r, ms->product);
+        multiply_modes(ms, ROTATING + SECOND + n, z[1]);
         vv = dot(ms->product, z[1], 0, r);
         c->mu[2][of[1]][0] += f * (za + vv) + 2.0 * f1 * zv + f2 * zz / 2.0;
     }
@@ -231,7 +279,7 @@ static void find_boom(pmr_machine_run *ms, int64_t k, const double *const z[3])
     first_moments(ms, 2, A);
     turning_of(A, boom->h_rate);
     for (j = 0; j < 3; j++) {
-        multiply_modes(m->rotating + (size_t)j * r * r, z[0], r, ms->product);
+        multiply_modes(ms, j, z[0]);
         boom->h[j] += dot(ms->product, z[1], 0, r);
         boom->h_rate[j] += dot(ms->product, z[2], 0, r);
     }
@@ -250,7 +298,7 @@ static void find_boom(pmr_machine_run *ms, int64_t k, const double *const z[3])
     for (i = 0; i < 3; i++)
         for (j = i; j < 3; j++) {
             double zz, zv;
-            multiply_modes(m->second_moments + (size_t)(3 * i + j) * r * r, z[0], r, ms->product);
+            multiply_modes(ms, ROTATING + 3 * i + j, z[0]);
             zz = dot(ms->product, z[0], 0, r) / 2.0, zv = dot(ms->product, z[1], 0, r);
             second[3 * i + j] += zz, rate[3 * i + j] += zv;
             if (i != j) second[3 * j + i] += zz, rate[3 * j + i] += zv;

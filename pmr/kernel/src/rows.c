@@ -130,20 +130,14 @@ APART void enter_pair(pmr_state *st, const pmr_scheme *c, int number, double *ta
     }
 }
 
-static void add_pair(pmr_state *st, const pmr_scheme *c, int number, double *tables)
+static void add_pair(pmr_state *st, int number, const double *tables)
 {
     const pmr_system *y = st->system;
     const pmr_pair *pair = y->pair_list + number;
     const pmr_block *one = y->block_list + pair->first, *two = y->block_list + pair->second;
     const double s = st->x[pair->first], t = st->x[pair->second];
     const int p1 = one->powers_C, p2 = two->powers_C;
-    int32_t *in = c->in_pairs + 2 * number;
     int k, l, p, q;
-    if (in[0] != st->interval[pair->first] || in[1] != st->interval[pair->second]) {
-        enter_pair(st, c, number, tables);
-        in[0] = st->interval[pair->first];
-        in[1] = st->interval[pair->second];
-    }
     for (k = 0; k < one->rows; k++) {
         const int a = y->block_rows[one->at_rows + k];
         for (l = 0; l < two->rows; l++) {
@@ -192,16 +186,32 @@ static void find_intervals(pmr_state *st, const double *s)
     }
 }
 
+/* Tables of a scheme where all blocks stand. */
+static void enter_intervals(pmr_state *st, const pmr_scheme *c)
+{
+    const pmr_system *y = st->system;
+    double *of_A = c->of_blocks, *of_pair = c->of_pairs;
+    int k;
+    for (k = 0; k < y->blocks; k++) {
+        if (c->in_blocks[k] != st->interval[k]) enter_block(st, c, k, of_A);
+        c->in_blocks[k] = st->interval[k];
+        of_A += block_room(y->block_list + k);
+    }
+    for (k = 0; k < y->pairs; k++) {
+        const int one = y->pair_list[k].first, two = y->pair_list[k].second;
+        int32_t *in = c->in_pairs + 2 * k;
+        if (in[0] != st->interval[one] || in[1] != st->interval[two]) enter_pair(st, c, k, of_pair);
+        in[0] = st->interval[one], in[1] = st->interval[two];
+        of_pair += pair_size(y->block_list + one, y->block_list + two);
+    }
+}
+
 static void place_whole(pmr_state *st, const pmr_scheme *c)
 {
     const pmr_system *y = st->system;
     const pmr_block *b = y->block_list;
     const int mp = y->mp;
     int k;
-    if (c->in_blocks[0] != st->interval[0]) {
-        enter_block(st, c, 0, c->of_blocks);
-        c->in_blocks[0] = st->interval[0];
-    }
     evaluate(in_interval(st, 0, y->table_C, b->at_C, b->powers_C, y->rows * y->modes), b->powers_C, y->rows * y->modes,
              y->rows * y->modes, st->x[0], st->C);
     evaluate(in_interval(st, 0, y->table_H, b->at_H, b->powers_H, y->rows * y->ip), b->powers_H, y->rows * y->ip,
@@ -213,21 +223,17 @@ static void place_whole(pmr_state *st, const pmr_scheme *c)
 static void place_blocks(pmr_state *st, const pmr_scheme *c, const double *s)
 {
     const pmr_system *y = st->system;
-    double *of_A = c->of_blocks, *of_pair = c->of_pairs;
+    const double *of_A = c->of_blocks, *of_pair = c->of_pairs;
     int k;
     memcpy(st->C, y->C0, (size_t)y->rows * y->modes * sizeof(double));
     memcpy(st->A, c->F0, (size_t)y->rows * y->mp * sizeof(double));
     memcpy(st->H, y->H0, (size_t)y->rows * y->ip * sizeof(double));
     for (k = 0; k < y->blocks; k++) {
-        if (c->in_blocks[k] != st->interval[k]) {
-            enter_block(st, c, k, of_A);
-            c->in_blocks[k] = st->interval[k];
-        }
         add_block(st, k, of_A, st->x[k]);
         of_A += block_room(y->block_list + k);
     }
     for (k = 0; k < y->pairs; k++) {
-        add_pair(st, c, k, of_pair);
+        add_pair(st, k, of_pair);
         of_pair += pair_size(y->block_list + y->pair_list[k].first, y->block_list + y->pair_list[k].second);
     }
     if (y->ropes) add_ropes(y, s, st->A);
@@ -253,6 +259,7 @@ static int place(pmr_state *st, const pmr_scheme *c, const double *s)
     st->receptance_of = NULL;
     st->placed = 0;
     find_intervals(st, s);
+    enter_intervals(st, c);
     if (y->whole)
         place_whole(st, c);
     else

@@ -96,14 +96,16 @@ static double modal_flexibility(const pmr_state *st, int k)
    diagonal decides.  So small a share of the largest, or of what modes give way by, is round-off: a model with all modes
    leaves nothing else. */
 #define ROUND_OFF_OF_F 1e-14
-static int is_rigid(const pmr_state *st, int k)
+static int is_rigid_by(const pmr_state *st, const double *F, int k)
 {
     const pmr_system *y = st->system;
     double largest = modal_flexibility(st, k);
     int l;
-    for (l = 0; l < y->contacts; l++) largest = larger(largest, st->A[l * y->mp + l]);
-    return !(st->A[k * y->mp + k] > ROUND_OFF_OF_F * largest);
+    for (l = 0; l < y->contacts; l++) largest = larger(largest, F[l * y->mp + l]);
+    return !(F[k * y->mp + k] > ROUND_OFF_OF_F * largest);
 }
+
+static int is_rigid(const pmr_state *st, int k) { return is_rigid_by(st, st->A, k); }
 
 /* [K + floor, C^T; C, -F] in `scratch`, open contacts left out; without `loaded` no terms. */
 static double *fill_held(pmr_state *st, double floor, int loaded)

@@ -160,9 +160,10 @@ INLINE void find_motion(pmr_state *st, double *motion)
             for (k = 0; k < y->contacts; k++) motion[k] -= st->A[j * y->mp + k] * st->lambda[j];
 }
 
-/* Of contacts that hold both ways. */
-INLINE void hold(pmr_state *st)
+/* Of contacts that hold both ways, and with them the rope's forces where these follow. */
+INLINE int hold(pmr_state *st, const pmr_scheme *c)
 {
+    double change;
     const pmr_system *y = st->system;
     int k;
     find_motion(st, st->excess);
@@ -171,13 +172,14 @@ INLINE void hold(pmr_state *st)
         st->lambda[0] *= st->factor[0];
     else
         solve(st->factor, y->contacts, y->mp, st->lambda);
+    return y->hoist && !y->pads ? settle_rope(st, c, 1, &change) : PMR_DONE;
 }
 
 static int find_multipliers(pmr_state *st, const pmr_scheme *c)
 {
     const pmr_system *y = st->system;
     int again, failed, times = 0;
-    if (!y->registers && !y->pads && !y->pushing) return hold(st), PMR_DONE;
+    if (!y->registers && !y->pads && !y->pushing) return hold(st, c);
     do {
         again = 0;
         if (y->pushing) {
@@ -185,7 +187,8 @@ static int find_multipliers(pmr_state *st, const pmr_scheme *c)
             failed = settle_state(st);
             if (failed) return failed;
         } else {
-            hold(st);
+            failed = hold(st, c);
+            if (failed) return failed;
         }
         if (y->registers || y->pads) {
             if (times < 0) break; /* multipliers have followed once more, and nothing has changed that counts */

@@ -25,12 +25,13 @@ static const double *motions_at(const pmr_machine_run *ms, int64_t k, const doub
     return ms->motions;
 }
 
-/* Drivers; loads by a hoist's rope, which `push` has by itself, are 0. */
-static void drivers_at(const pmr_machine_run *ms, int64_t k, const double *rows, const double *second, double *u)
+/* The first `drivers`; loads by a hoist's rope, which `push` has by itself, are 0. */
+static void drivers_at(const pmr_machine_run *ms, int64_t k, const double *rows, const double *second, int drivers,
+                       double *u)
 {
     const pmr_system *y = ms->state->system;
     int n;
-    pmr_frame_drivers(y, motions_at(ms, k, rows, second), u, ms->state->quantities);
+    pmr_frame_along(y, motions_at(ms, k, rows, second), NULL, drivers, u, NULL, ms->state->quantities);
     for (n = 0; n < y->hoist; n++) u[y->paths + y->hoist_inputs[n]] = 0.0;
 }
 
