@@ -93,6 +93,7 @@ class _Nodes:
     turned: Place | None = None  # card of axes in which the matrices may be, or not
     #: node and direction (from 1) of displacements that depend on others by a card, by its place
     dependent: Mapping[Place, set[tuple[int, int]]] = field(default_factory=dict)
+    condensed: bool = False  # whether nodes without rows are condensed, not held
 
     def only(self, numbers: Indices) -> _Nodes:
         """Return those of the nodes that have one of the `numbers`: boundary nodes of a superelement."""
@@ -142,7 +143,7 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
         there = np.flatnonzero((sizes > 0.0) | (pairs[:, 1] < 4))
         K, M, pairs = K[there][:, there], M[there][:, there], pairs[there]
     modal = pairs[:, 1] == 0  # a scalar point: it has no node
-    if modal.any():
+    if modal.any() or nodes.condensed:
         nodes = nodes.only(np.unique(pairs[~modal, 0]))
     nodes = nodes.without_dependent(pairs)
     place = {int(number): k for k, number in enumerate(nodes.numbers)}
@@ -406,7 +407,7 @@ def _read_bulk_nodes(path: Path) -> _Nodes:
     ties = [(Place(str(path), line), name) for line, name in bulk.constraints]
     dependent = {Place(str(path), line): members for line, members in bulk.dependent.items()}
     nodes = _make_nodes(bulk.numbers.tolist(), bulk.points.tolist(), groups)
-    return replace(nodes, axes=bulk.axes, constraints=ties, dependent=dependent)
+    return replace(nodes, axes=bulk.axes, constraints=ties, dependent=dependent, condensed=bulk.condensed)
 
 
 def _nastran_readers(letter: str, name: str) -> dict[str, Callable[[Path], object]]:

@@ -37,6 +37,7 @@ class Bulk:
     axes: dict[int, Array]  #: (3, 3) arrays: axes of displacements as rows, by grid point where they are its own
     constraints: list[tuple[int, str]]  #: Line and name of each entry that ties displacements to others
     dependent: dict[int, set[tuple[int, int]]]  #: Grid point and component that depend on others, by an entry's line
+    condensed: bool  #: Whether entries say that displacements were condensed
 
 
 #: Cards of a file that pyNastran reads.  This module reads sets itself, as pyNastran expands their ranges to lists of
@@ -55,7 +56,9 @@ NOT_IN_WORDS = re.compile(r"None|[^A-Za-z0-9.+-]")
 #: Sine of the angle from the polar axis up to which a grid point is at a pole.
 POLE = 1e-9
 #: Entries that tie displacements of grid points to those of others.
-TIES = re.compile(r"(MPC|RBAR1?|RBE[123]|RROD|RSPLINE|RTRPLT1?)\b", re.IGNORECASE)
+TIES = re.compile(r"(MPC|RBAR1?|RBE[123]|RJOINT|RROD|RSPLINE|RSSCON|RTRPLT1?)\b", re.IGNORECASE)
+#: Entries that say which displacements a condensation has kept, or left out.
+CONDENSED = re.compile(r"(ASET1?|OMIT1?|BSET1?|CSET1?|QSET1?)\b", re.IGNORECASE)
 #: Number and name of a SET1 of grid points in a comment of HyperMesh, and of ANSA.
 NAMED = re.compile(r"\$(?:HMSET\s+(\d+)\s+1\s+\"([^\"]+)\"|ANSA_NAME_COMMENT;(\d+);SET;([^;]+);)")
 #: Name of a file in an entry INCLUDE, and largest depth to which files include others.
@@ -116,6 +119,9 @@ def _read_bulk(path: Path, lines: Lines) -> Bulk:
             if not np.isfinite(axes[grid]).all():
                 allowed = "displacements along spherical axes are allowed away from their poles"
                 raise UnreadableError(f"{allowed}: grid point {grid} is at one", _line_of(lines, grid))
+    for line, fields in _entries(lines, "GRDSET"):
+        if any(field not in ("", "0") for field in (fields + [""] * 6)[1:6:4]):
+            raise UnreadableError("grid points with CP and CD of their own are allowed, without those of GRDSET", line)
     dependent = dict[int, set[tuple[int, int]]]()
     ties = [(k, tie[1].upper()) for k, text in lines if (tie := TIES.match(text))]
     for name in {name for _, name in ties}:
@@ -130,6 +136,7 @@ def _read_bulk(path: Path, lines: Lines) -> Bulk:
         axes,
         ties,
         dependent,
+        any(CONDENSED.match(text) for _, text in lines),
     )
 
 

@@ -43,7 +43,7 @@ import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
 from pmr.errors import InputError
-from pmr.files.arrays import Array, Indices
+from pmr.files.arrays import Array, Indices, Mask
 from pmr.fullmodel.moving import cylinder_row
 from pmr.fullmodel.walls import Walls
 from pmr.models import StructuralModel
@@ -414,7 +414,7 @@ def _station_means(pad: Pad, model: StructuralModel, places: Array) -> sp.csr_ma
         aside > MISSING * np.array([[1.0], [knot / step]]) * sums, axis=0
     )
     if off.any():
-        raise _off_face_error(pad, f"around {places[off][0]:.4g} m", strip.extent)
+        raise _off_face_error(pad, f"around {places[off][0]:.4g} m", _free_places(pad, places, off) or strip.extent)
     weights = _correct_weights(weights, offsets, ends, moments)
     means = sp.csr_matrix((weights, near, ends), (len(places), len(strip.along)))
     return sp.csr_matrix(means @ strip.normal)
@@ -443,9 +443,21 @@ def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None
             raise _off_face_error(pad, f"{way}, where it reaches from {start - rim:.4g} to {end + rim:.4g} m", extent)
 
 
-def _off_face_error(pad: Pad, position: str, extent: Extent) -> InputError:
-    """The error for a pad that leaves its face at a `position`, which is described in words."""
-    allowed = f"the pad leaves the face {pad.on} {position}; places where all of it is on it are allowed: {extent}"
+def _free_places(pad: Pad, places: Array, off: Mask) -> str:
+    """Ranges of a pad's centre in m, of those on its way, in which the face is whole under all of it, as text.
+
+    The stations `places` (K,) m that are `off` (K,) the face are in its holes.  The text is empty if there is no range.
+    """
+    ends = np.flatnonzero(np.diff(np.concatenate([[True], off, [True]])))
+    half = pad.length / 2.0 - 2.0 * _station_spacing(pad)  # from the pad's centre to its last station
+    ranges = [(places[first] + half, places[last - 1] - half) for first, last in ends.reshape(-1, 2)]
+    wide = [f"{low:.4g} to {high:.4g} m" for low, high in ranges if low < high]
+    return f"with its centre at {' or '.join(wide)}" if wide else ""
+
+
+def _off_face_error(pad: Pad, position: str, where: Extent | str) -> InputError:
+    """The error for a pad that leaves its face at a `position`, in words; `where` it is allowed."""
+    allowed = f"the pad leaves the face {pad.on} {position}; places where all of it is on it are allowed: {where}"
     return InputError("scene", f"pads.{pad.name}", None, allowed)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
@@ -104,6 +105,8 @@ def test_points_that_rigid_elements_make_depend_on_others_are_left_out(entry: st
         ("RBE2,9,1,12,9", "a model is allowed in which RBE2 ties no coordinates to others: 3 displacements"),
         ("RBE2,9,1,123,9,THRU,10", "a model is allowed in which RBE2 ties no coordinates to others: 3 displacements"),
         ("RBE3,9,,3,123,1.0,123,1,+\n+,UM,9,123", "a model is allowed in which RBE3 ties no coordinates to others"),
+        ("RJOINT,9,1,9,123", "a model is allowed in which RJOINT ties no coordinates to others"),
+        ("RSSCON,9,GRID,1,2,9", "a model is allowed in which RSSCON ties no coordinates to others"),
         ("RBAR,9,1,9,123,12,3", "a model is allowed in which RBAR ties no coordinates to others"),
         ("RBE2,9,1,123456,9,3", "matrices are allowed that RBE2 is part of: it makes direction 1 of grid point 3"),
         ("RBE3,9,,3,123,1.0,123,1", "matrices are allowed that RBE3 is part of: it makes direction 1 of grid point 3"),
@@ -210,8 +213,22 @@ def test_files_that_bulk_data_include_are_read_for_sets_and_ties_too(tmp_path: P
         ("GRID,9,,0.,x,2.\n", "this line can't be read"),
         ("GRID,9,,0.,0.,2.,-1\n", "points of a structure are allowed: 9 is one of a fluid"),
         ("INCLUDE 'none.inc'\n", "INCLUDE none.inc: a file beside the deck is allowed"),
+        ("GRDSET,,,,,,5\n", "grid points with CP and CD of their own are allowed, without those of GRDSET"),
     ],
 )
 def test_bulk_data_that_can_not_be_read_is_refused_with_its_line(text: str, says: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=rf"job\.bdf: line 5: .*{says}"):
         read_foreign(foreign_files(lattice(tmp_path, text), None, None, None))
+
+
+def test_nodes_that_entries_condense_are_no_supports(tmp_path: Path) -> None:
+    """A spring to the ground, so that the stiffness alone does not say it, and a grid point without rows."""
+    job = lattice(tmp_path, "GRID,9,,0.,0.2,0.3\nSET1,7,2,9\nASET1,123,1,THRU,4")
+    number = re.search(r"(DMIG\*   KAA +1 +1\n\* +1 +1 +)(\S+)", job.read_text())
+    assert number is not None
+    spring = f"{float(number[2].replace('D', 'E')) + 1e7:.9E}"
+    job.write_text(job.read_text().replace(number[0], number[1] + spring))
+    read = read_foreign(foreign_files(job, None, None, None))
+    assert len(read.points) == 4 and read.groups["set7"].tolist() == [1] and len(read.held) == 1
+    job.write_text(job.read_text().replace("ASET1,123,1,THRU,4\n", ""))
+    assert len(read_foreign(foreign_files(job, None, None, None)).points) == 5

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -142,6 +143,11 @@ def test_a_hole_in_a_face_is_no_place_for_a_pad() -> None:
     assert fixed_pad(Pad("p", "top", at=1.5), PadMeans(holed), free(holed), TRAVEL).name == "p"
     with pytest.raises(InputError, match=r"pads\.p: the pad leaves the face top around"):
         fixed_pad(Pad("p", "top", at=0.9, length=0.2), PadMeans(holed), free(holed), TRAVEL)
+    low, high = 0.9 - 0.2, 0.9 + 0.2  # the edges of the hole, at the most
+    with pytest.raises(InputError, match=r"allowed: with its centre at ([\d.]+) to ([\d.]+) m or ([\d.]+) to ") as hole:
+        moving_pad(Pad("p", "top", length=0.2), PadMeans(holed), free(holed), (0.3, 1.6))
+    ends = [float(text) for text in re.findall(r"[\d.]+(?= (?:to|m))", str(hole.value).partition("centre at ")[2])]
+    assert ends[0] <= 0.3 and ends[-1] >= 1.6 and 0.5 * low < ends[1] < low and high < ends[2] < 1.5
 
 
 def test_pads_at_the_ends_fit_exactly(model: StructuralModel) -> None:
