@@ -165,7 +165,7 @@ def read_axes(card: Card) -> Axes | None:
     The first line has the origin a and a point b on the x axis, the second one a point c in the xy plane.  Without c
     the axes are turned about z; without b they are moved alone.  Raises InputError for points on a line.
     """
-    numbers = [number for line in card.lines for number in _numbers(line, 6)]
+    numbers = [number for line in card.lines for number in read_numbers(line, 6)]
     if not numbers:
         return None
     first = card.lines[0].place
@@ -213,7 +213,7 @@ def turned_axes(card: Card, points: Array) -> Array:
     where they are radial, circumferential and meridional.  Raises InputError for anything else.
     """
     kind = card.options.get("TYPE", "R").upper()
-    numbers = [number for line in card.lines for number in _numbers(line, 6)]
+    numbers = [number for line in card.lines for number in read_numbers(line, 6)]
     if kind not in ("R", "C", "S") or len(numbers) != 6:
         raise card.place.error("TYPE=R, C or S with three coordinates of two points is allowed")
     a, b = np.array(numbers[:3]), np.array(numbers[3:])
@@ -242,7 +242,7 @@ def move_instance(card: Card, points: Sequence[Point]) -> list[Point]:
     if len(card.lines) > 2:
         raise card.lines[2].place.error("a line with the translation and one with the rotation are allowed")
     for line, count in zip(card.lines, (3, 7), strict=False):
-        numbers = [*_numbers(line, count), *[0.0] * count][:count]
+        numbers = [*read_numbers(line, count), *[0.0] * count][:count]
         if count == 3:
             places = places + numbers
             continue
@@ -255,10 +255,10 @@ def move_instance(card: Card, points: Sequence[Point]) -> list[Point]:
     return [(x, y, z) for x, y, z in places.tolist()]
 
 
-def _numbers(line: DataLine, most: int) -> list[float]:
+def read_numbers(line: DataLine, most: int, what: str = "") -> list[float]:
     """Return the numbers of a line of data; an empty field in between is 0.
 
-    Raises InputError for a field that is no number, and for more than `most` numbers.
+    Raises InputError for a field that is no number, and for more than `most` numbers; `what` says what is allowed.
     """
     fields = list(line.fields)
     while fields and not fields[-1]:
@@ -268,5 +268,5 @@ def _numbers(line: DataLine, most: int) -> list[float]:
     except ValueError:
         numbers = [np.nan]
     if len(numbers) > most or not np.isfinite(numbers).all():
-        raise line.place.error(f"at most {most} numbers are allowed")
+        raise line.place.error(f"{what or f'at most {most} numbers are'} allowed")
     return numbers

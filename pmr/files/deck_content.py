@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from copy import copy, deepcopy
 from dataclasses import dataclass, field
 
 from pmr.files.cards import Axes, Card, DataLine, Place
@@ -123,15 +124,8 @@ class Deck:
 
     def copy(self) -> Deck:
         """Return a deck to which nodes, elements and sets can be added without a change of this one."""
-        return Deck(
-            nodes=dict(self.nodes),
-            elements=list(self.elements),
-            element_numbers=set(self.element_numbers),
-            node_sets={name: set(members) for name, members in self.node_sets.items()},
-            element_sets={name: set(members) for name, members in self.element_sets.items()},
-            set_spellings=dict(self.set_spellings),
-            sets=list(self.sets),
-        )
+        sets = deepcopy({"node_sets": self.node_sets, "element_sets": self.element_sets})
+        return Deck(**{name: copy(value) for name, value in vars(self).items()} | sets | {"axes": None})
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,12 @@ drop node sets; that of pyFormex has another licence; abaqus-parse writes decks 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pmr.files.cards import Card, Place, move_instance, read_axes, read_cards, rectangular
+from pmr.files.cards import Card, DataLine, Place, move_instance, read_axes, read_cards, read_numbers, rectangular
 from pmr.files.deck_content import Deck, Elements, Numbers, read_sets, set_by_name, whole_number
 
 #: Largest number of nodes of several instances together.
@@ -150,7 +151,7 @@ def read_deck(path: Path) -> Deck:
             deck.sets.append(card)
         elif card.keyword in READERS:
             READERS[card.keyword](deck, card)
-        elif card.keyword not in (*HARMLESS, *CONSTRAINTS, *CONTACTS):
+        elif card.keyword not in (*CONSTRAINTS, *CONTACTS) and not HARMLESS.fullmatch(card.keyword):
             assembly.whole.unread.setdefault(card.keyword, card.place)
     return assembly.end()
 
@@ -170,19 +171,13 @@ def _read_nodes(deck: Deck, card: Card) -> None:
     card.allow_options("NSET SYSTEM INPUT")
     numbers = list[int]()
     for line in card.lines:
-        number, *place = (field for field in line.fields)
-        while place and not place[-1]:
-            place.pop()
-        if len(place) > 3 and any(place[3:]):
-            place = place[:3]  # the numbers that follow are normals of shells
+        number, *place = line.fields
         node = whole_number(line, number, "the whole number of a node")
         if node in deck.nodes:
             raise line.place.error(f"node {node} is there a second time; each number once is allowed")
-        try:
-            coordinates = [float(field.upper().replace("D", "E") or "0") for field in [*place, "0", "0", "0"][:3]]
-        except ValueError:
-            raise line.place.error(f"coordinates of node {node} that are numbers are allowed") from None
-        x, y, z = rectangular(card, deck.axes, coordinates)
+        what = f"coordinates of node {node} that are numbers are"  # further numbers are normals of shells
+        coordinates = read_numbers(DataLine(line.place, tuple(place[:3])), 3, what)
+        x, y, z = rectangular(card, deck.axes, [*coordinates, 0.0, 0.0, 0.0][:3])
         deck.nodes[node] = (x, y, z)
         numbers.append(node)
     if "NSET" in card.options:
@@ -240,20 +235,11 @@ CONSTRAINTS = (
 #: Keywords that press nodes on others; programs keep the coordinates of both in their matrices.
 CONTACTS = ("CONTACT PAIR", "CONTACT", "CONTACT INCLUSIONS", "SLIDE LINE")
 #: Keywords of texts, steps, output and tables that other cards name: they change no model.
-HARMLESS = frozenset(
-    (
-        *("HEADING", "PREPRINT", "RESTART", "OUTPUT", "NODE OUTPUT", "ELEMENT OUTPUT", "CONTACT OUTPUT"),
-        *("ENERGY OUTPUT", "NODE PRINT", "EL PRINT", "NODE FILE", "EL FILE", "CONTACT FILE", "CONTACT PRINT"),
-        *("ENERGY PRINT", "SECTION PRINT", "FACE PRINT", "ELEMENT MATRIX OUTPUT", "MONITOR", "FILE FORMAT", "PRINT"),
-        *("FILTER", "AMPLITUDE", "TIME POINTS", "PHYSICAL CONSTANTS", "DISTRIBUTION", "DISTRIBUTION TABLE"),
-        *("MATERIAL", "ORIENTATION", "NORMAL", "SURFACE INTERACTION", "SURFACE BEHAVIOR", "FRICTION"),
-        *("GAP CONDUCTANCE", "CONTACT CONTROLS", "CONTACT PROPERTY ASSIGNMENT", "CONTACT INITIALIZATION DATA"),
-        *("STEP", "END STEP", "STATIC", "FREQUENCY", "COMPLEX FREQUENCY", "BUCKLE", "DYNAMIC", "MODAL DYNAMIC"),
-        *("STEADY STATE DYNAMICS", "RANDOM RESPONSE", "RESPONSE SPECTRUM", "HEAT TRANSFER", "VISCO", "GREEN"),
-        *("COUPLED TEMPERATURE-DISPLACEMENT", "UNCOUPLED TEMPERATURE-DISPLACEMENT", "SENSITIVITY"),
-        *("CONTROLS", "SOLUTION TECHNIQUE", "SOLVER CONTROLS", "SELECT CYCLIC SYMMETRY MODES", "SELECT EIGENMODES"),
-        *("MATRIX GENERATE", "MATRIX OUTPUT", "SUBSTRUCTURE GENERATE", "SUBSTRUCTURE MATRIX OUTPUT"),
-        *("RETAINED NODAL DOFS", "FLEXIBLE BODY", "MODAL DAMPING", "GLOBAL DAMPING", "MASS ADJUST"),
-        *("PART", "END PART", "INSTANCE", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY", "INCLUDE"),
-    )
+HARMLESS = re.compile(
+    r"(.+ )?(OUTPUT|PRINT|FILE|FORMAT|CONTROLS|FREQUENCY|DYNAMICS?|RESPONSE|EIGENMODES|MODES)|(MODAL|GLOBAL) DAMPING|"
+    r"HEADING|PREPRINT|RESTART|MONITOR|FILTER|AMPLITUDE|TIME POINTS|PHYSICAL CONSTANTS|DISTRIBUTION( TABLE)?|MATERIAL|"
+    r"ORIENTATION|NORMAL|SURFACE (INTERACTION|BEHAVIOR)|FRICTION|GAP CONDUCTANCE|RESPONSE SPECTRUM|"
+    r"CONTACT (PROPERTY ASSIGNMENT|INITIALIZATION DATA)|(END )?(STEP|PART|INSTANCE|ASSEMBLY)|INCLUDE|STATIC|BUCKLE|"
+    r"HEAT TRANSFER|(UN)?COUPLED TEMPERATURE-DISPLACEMENT|VISCO|GREEN|SENSITIVITY|SOLUTION TECHNIQUE|"
+    r"(MATRIX|SUBSTRUCTURE) GENERATE|RETAINED NODAL DOFS|FLEXIBLE BODY|MASS ADJUST"
 )
