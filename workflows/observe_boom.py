@@ -211,7 +211,9 @@ def judge(number: int, *, other: bool) -> dict[str, Judged]:
     truth, every = simulate_truth(motion, motion.other if other else Beams()), round(STEP / TRUE_STEP)
     estimator = observer(motion, other=other)
     t = estimator.model.t
-    true = {name: values[every::every] for name, values in truth.outputs.items()}
+    true = {name: values[every::every].copy() for name, values in truth.outputs.items()}
+    for name in ACCELERATIONS:
+        true[name][-1] = np.nan  # second differences end before the last step
     measured = {name: (t, true[name] + noise * motion.noise.standard_normal(len(t))) for name, noise in NOISE.items()}
     estimates, late, judged = estimator.run(measured), t > 1.0, dict[str, Judged]()
     true["payload"] = np.full(len(t), motion.payload - NOMINAL)

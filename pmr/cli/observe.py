@@ -68,8 +68,8 @@ def observe(
         if ratio > 0.5:
             share = f"{100.0 * ratio:.0f} % of its width at the start"
             print_sentences(out, f"warning: these sensors hardly tell {name}: its band has {share} in the end")
-    for name, t in figures["first_alarm"].items():
-        print_sentences(out, f"warning: {name} disagrees with the model, is stuck or silent from {t:.3g} s on")
+    for sentence in figures["faults"]:
+        print_sentences(out, f"warning: {sentence}")
     for name, share in figures["coverage"].items():
         print_sentences(out, f"{100.0 * share:.0f} % of the true values of {name} lie within the band of 90 %")
     for path in (*files, write_report(folder).html):

@@ -13,11 +13,16 @@ from pmr.kernel.filter import IF_NEAR, IF_POSSIBLE, NOT_USED, KalmanFilter
 
 #: Seconds over which innovations are averaged for alarms, and mean square of normalised ones that raises an alarm.
 WINDOW, ALARM = 0.4, 6.0
+#: Mean square of innovations below which an excluded sensor agrees again, and seconds of this after which it returns.
+NORMAL, RETURN = 6.0, 1.0
+#: Seconds over which a payload's change is judged, and the largest one over its standard deviation that is no drift.
+CHANGED, DRIFT = 2.0, 5.0
 #: Seconds before an alarm from which measurements are filtered again without each sensor, and last seconds of them in
 #: which innovations are averaged then.
 REPLAYED, JUDGED = 0.8, 0.2
 #: Mean square of innovations below which sensors agree, and ratio by which it is larger without a sensor that is right.
-AGREED, APART = 3.0, 2.0
+#: Beside a model that lacks fast modes the ratio for a good accelerometer was up to 3.4; for faulty ones it is 9 up.
+AGREED, APART = 3.0, 6.0
 #: Largest square of a normalised innovation in a mean, as in the kernel.
 MOST_SQUARE = 1e3
 #: Seconds in which a sensor that vibrates does not have one and the same value.
@@ -68,6 +73,7 @@ class Watched:
     state_variances: Array  # (T, N)
     innovations: Array  # (T, p)
     alarms: NDArray[np.bool_]  # (T, p)
+    excluded: NDArray[np.bool_]  # (T, p)
 
 
 def watch(kalman: KalmanFilter, values: Array, step: float) -> Watched:
@@ -75,19 +81,23 @@ def watch(kalman: KalmanFilter, values: Array, step: float) -> Watched:
 
     Measurements of a sensor that is stuck are not used.  A sensor has an alarm where it is stuck or silent.  It has
     one, and is doubted, where the mean square of its innovations is large.  A sensor that is found at fault then
-    (`isolate`) is excluded, and has an alarm, until the end.
+    (`isolate`) is excluded, and has an alarm, until the mean square of its innovations has been below `NORMAL` for
+    `RETURN` s.
     """
     (T, p), N, q = values.shape, len(kalman.x), kalman.outputs_count
     of_outputs, of_states = np.zeros((2, T, q)), np.zeros((2, T, N))
     innovations = np.full((T, p), np.nan)
-    watched = Watched(of_outputs[0], of_outputs[1], of_states[0], of_states[1], innovations, np.zeros((T, p), bool))
+    masks = np.zeros((2, T, p), bool)
+    watched = Watched(of_outputs[0], of_outputs[1], of_states[0], of_states[1], innovations, masks[0], masks[1])
     stuck, silent = find_stuck(values, step), find_silent(values, step)
     values = np.where(stuck, np.nan, values)
-    excluded, due, wait = np.zeros(p, bool), 0, JUDGED / 4.0
+    excluded, agreed, due, wait = np.zeros(p, bool), np.zeros(p), 0, JUDGED / 4.0
     past = deque[Array](maxlen=max(1, round(REPLAYED / step)))
     for k in range(T):
         past.append(kalman.memory.copy())
         innovations[k] = kalman.update(k, values[k], np.where(excluded, NOT_USED, IF_NEAR))
+        agreed = np.where(kalman.level < NORMAL, agreed + step * np.isfinite(innovations[k]), 0.0)
+        excluded = excluded & (agreed < RETURN)
         beyond = kalman.level > ALARM
         watched.alarms[k] = beyond | stuck[k] | silent[k] | excluded
         if k >= due and beyond[~excluded].any():
@@ -95,11 +105,26 @@ def watch(kalman: KalmanFilter, values: Array, step: float) -> Watched:
             due, wait = k + max(1, round(wait / step)), min(2.0 * wait, REPLAYED)
             if at_fault is not None:
                 excluded[at_fault] = watched.alarms[k, at_fault] = True
-                kalman.level[~excluded], wait = 1.0, JUDGED / 4.0
+                kalman.level[~excluded], agreed[at_fault], wait = 1.0, 0.0, JUDGED / 4.0
+        watched.excluded[k] = excluded
         watched.mean[k], watched.variance[k] = kalman.outputs(k)
         watched.states[k], watched.state_variances[k] = kalman.x, np.diagonal(kalman.P)
         kalman.predict(k)
     return watched
+
+
+def find_drift(mean: Array, deviation: Array, step: float, growth: float = 0.0) -> NDArray[np.bool_]:
+    """Whether, at each step of `step` s, a payload's estimate has drifted beyond what its standard deviation explains.
+
+    Estimates (T,) of a constant payload with variances P change over `CHANGED` s by the variance P_0 - P_1, plus
+    `growth` in kg^2/s of its random walk.  More than `DRIFT` times the root of this is a drift, as of a force sensor
+    whose error grows slowly: innovations do not show it, because the payload follows.
+    """
+    lag, drifts = max(1, round(CHANGED / step)), np.zeros(len(mean), bool)
+    variance = deviation[:-lag] ** 2 - deviation[lag:] ** 2 + growth * lag * step
+    least = (0.2 * deviation[lag:]) ** 2  # where next to nothing is learnt
+    drifts[lag:] = np.abs(mean[lag:] - mean[:-lag]) > DRIFT * np.sqrt(np.maximum(variance, least))
+    return drifts
 
 
 def isolate(

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pydantic
+from numpy.typing import NDArray
 
 from pmr.errors import InputError, missing_file_reason
 from pmr.files.arrays import Array, Summary
@@ -118,6 +119,9 @@ class Observation:
         """Summary for ``observe.json``: last estimates, observability, whiteness, alarms, budget, sensors left out.
 
         ``first_alarm`` has the time in s of each sensor's first alarm; sensors without an alarm are left out.
+        ``excluded`` has, for each sensor that was excluded, when it was in s, from and to, or null at the end.
+        ``payload_drift`` is the first time in s at which the payload's estimate drifts, or null.  ``faults`` says all
+        three in sentences.
         ``coverage`` and ``rms_error`` have the share of true values within bands of 90 %, and the RMS error, of each
         estimate with true values.
         """
@@ -129,6 +133,14 @@ class Observation:
             for name, alarm in zip(estimates.sensors, estimates.alarms.T, strict=True)
             if alarm.any()
         }
+        excluded = {
+            name: _spans(t, column) for name, column in zip(estimates.sensors, estimates.excluded.T, strict=True)
+        }
+        faults = {
+            "first_alarm": alarms,
+            "excluded": {name: spans for name, spans in excluded.items() if spans},
+            "payload_drift": float(t[np.argmax(estimates.drift)]) if estimates.drift.any() else None,
+        }
         return {
             "title": self.title,
             "units": self.observer.units,
@@ -136,7 +148,8 @@ class Observation:
             "last": {name: {"mean": mean, "deviation": deviation} for name, (mean, deviation) in last.items()},
             "observability": dict(self.observability),
             "whiteness": {name: p if np.isfinite(p) else None for name, p in estimates.whiteness().items()},
-            "first_alarm": alarms,
+            **faults,
+            "faults": describe_faults(faults),
             "errors_of_model": {part: dict(of) for part, of in self.observer.errors.items()},
             "not_covered": sorted({name for name in estimates.outputs if not self._is_covered(name)}),
             "coverage": {name: estimates.coverage(name, values) for name, values in self.truth.items()},
@@ -177,6 +190,30 @@ class Observation:
         with replacement_file(figures) as part:
             part.write_text(json.dumps(self.summary(), indent=2), encoding="utf-8")
         return [table, figures]
+
+
+def _spans(t: Array, mask: NDArray[np.bool_]) -> list[list[float | None]]:
+    """Times [from, to] of each run of true values of a mask (T,); the last one ends with None if it lasts."""
+    changes = np.nonzero(np.diff(mask, prepend=False, append=False))[0]
+    return [
+        [float(t[begin]), float(t[end]) if end < len(t) else None]
+        for begin, end in zip(changes[::2], changes[1::2], strict=True)
+    ]
+
+
+def describe_faults(figures: Summary) -> list[str]:
+    """Sentences on faulty sensors and on a payload that drifts, from entries of ``observe.json``."""
+    sentences = [
+        f"{name} disagrees with the model, is stuck or silent from {t:.3g} s on"
+        for name, t in figures["first_alarm"].items()
+    ]
+    for name, spans in figures["excluded"].items():
+        listed = ", ".join(f"from {a:.3g} s {'on' if b is None else f'to {b:.3g} s'}" for a, b in spans)
+        sentences.append(f"{name} was at fault and was not used {listed}")
+    if figures["payload_drift"] is not None:
+        cause = "the payload changes, or a sensor has an error that grows slowly"
+        sentences.append(f"the payload's estimate drifts at {figures['payload_drift']:.3g} s: {cause}")
+    return sentences
 
 
 def read_measurements(file: Path) -> dict[str, tuple[Array, Array]]:

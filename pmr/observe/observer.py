@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.kernel.filter import AS_EXPECTED
-from pmr.observe.alarms import watch
+from pmr.observe.alarms import CHANGED, find_drift, watch
 from pmr.observe.filter import FilterModel
 from pmr.observe.linear import SPECIFIC_FORCE, LinearMotion
 from pmr.observe.unknowns import Estimates, Parameter, Payload, Sensor, UnknownLoad
@@ -134,17 +135,25 @@ class Observer:
         described = self.filter_model()
         watched = watch(described.filter(), self.grid(measured), self.model.step)
         unknown = slice(described.first_unknown, described.first_unknown + len(self.unknowns))
+        means, deviations = watched.states[:, unknown], np.sqrt(np.maximum(watched.state_variances[:, unknown], 0.0))
+        drift, at = np.zeros(len(means), bool), len(self.loads)
+        if self.payload is not None:
+            drift = find_drift(means[:, at], deviations[:, at], self.model.step, self.payload.wander**2)
+            changes = np.any(np.diff(watched.excluded, axis=0, prepend=False), axis=1)  # of what the estimate is from
+            drift &= ~_follows(changes, CHANGED / self.model.step)
         return Estimates(
             self.model.t,
             self.model.outputs,
             watched.mean,
             np.sqrt(watched.variance),
             self.unknowns,
-            watched.states[:, unknown],
-            np.sqrt(np.maximum(watched.state_variances[:, unknown], 0.0)),
+            means,
+            deviations,
             tuple(sensor.output for sensor in self.sensors),
             watched.innovations,
             watched.alarms,
+            watched.excluded,
+            drift,
         )
 
     def observability(self) -> dict[str, float]:
@@ -160,3 +169,9 @@ class Observer:
         variances = np.diagonal(kalman.P)[described.first_unknown :][: len(self.unknowns)]
         ratios = np.sqrt(variances) / described.unknown_deviations
         return dict(zip(self.unknowns, ratios.tolist(), strict=True))
+
+
+def _follows(events: NDArray[np.bool_], steps: float) -> NDArray[np.bool_]:
+    """Whether one of the `events` (T,) was at most this number of steps ago."""
+    at = np.where(events, np.arange(len(events)), -np.inf)
+    return np.arange(len(events)) - np.maximum.accumulate(at) <= steps

@@ -77,6 +77,8 @@ class Estimates:
     sensors: tuple[str, ...]
     innovations: Array  # (T, p): over their standard deviations; NaN where nothing was measured
     alarms: NDArray[np.bool_]  # (T, p): whether a sensor disagrees with the model, is stuck or silent
+    excluded: NDArray[np.bool_]  # (T, p): whether a sensor was found at fault and is not used
+    drift: NDArray[np.bool_]  # (T,): whether the payload's estimate drifts; False without a payload
 
     def of(self, name: str) -> tuple[Array, Array]:
         """Mean and standard deviation (T,) of an output or unknown; an InputError is raised for another name."""

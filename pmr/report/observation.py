@@ -150,8 +150,7 @@ def _grids_without(without: Mapping[str, Mapping[str, float]], names: list[str])
 
 def _warnings(figures: Summary) -> Iterator[str]:
     """Yield sentences on sensors at odds with the model, unknowns with a wide band, and innovations with a pattern."""
-    for name, t in figures["first_alarm"].items():
-        yield f"{name} disagrees with the model, is stuck or silent from {format_quantity(t, 's')} on"
+    yield from figures["faults"]
     for name, ratio in figures["observability"].items():
         if ratio > HARDLY:
             yield f"These sensors hardly tell {name}: its band still has {format_percent(ratio)} of its first width"

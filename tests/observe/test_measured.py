@@ -14,7 +14,7 @@ from processes import called
 import pmr
 from pmr.errors import InputError
 from pmr.observe.budget import output_errors
-from pmr.observe.measured import Observation, ObserverFile, read_measurements
+from pmr.observe.measured import Observation, ObserverFile, describe_faults, read_measurements
 from pmr.observe.observer import Observer, Sensor, UnknownLoad
 
 FILE = """
@@ -152,3 +152,13 @@ def test_the_command_estimates_a_payload(
     (tmp_path / "sensors.toml").write_text(FILE.replace("fly: tip z", "fly: tip x"))
     refused = called(monkeypatch, capsys, "observe", str(tmp_path / "system.npz"), *files, *changes)
     assert refused.returncode == 2 and "fly: tip x" in refused.stderr
+
+
+def test_faults_are_said_with_their_times() -> None:
+    figures = {"first_alarm": {"tip": 2.0}, "excluded": {"tip": [[2.25, 5.5], [7.0, None]]}, "payload_drift": 4.0}
+    assert describe_faults(figures) == [
+        "tip disagrees with the model, is stuck or silent from 2 s on",
+        "tip was at fault and was not used from 2.25 s to 5.5 s, from 7 s on",
+        "the payload's estimate drifts at 4 s: the payload changes, or a sensor has an error that grows slowly",
+    ]
+    assert describe_faults({"first_alarm": {}, "excluded": {}, "payload_drift": None}) == []

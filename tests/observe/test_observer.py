@@ -238,6 +238,43 @@ def test_a_faulty_accelerometer_drags_nothing(kind: str) -> None:
     np.testing.assert_allclose(estimates.of("tip")[0][told:], without.of("tip")[0][told:], rtol=1e-8, atol=1e-12)
 
 
+def test_a_sensor_that_is_good_again_returns() -> None:
+    """Stuck or off for 2 s, then good: used again a second later, and estimates are those of all sensors again."""
+    model, rng = oscillator(700), np.random.default_rng(3)
+    sensors = [Sensor(OUTPUTS[0], 0.05), Sensor(OUTPUTS[1], 1e-3), Sensor(OUTPUTS[2], 3.0)]
+    y = history(model, 60.0 * rng.standard_normal(700))
+    data = measured(model, y, np.array([0.05, 1e-3, 3.0]), rng)
+    observer, (t, good) = Observer(model, sensors, [UnknownLoad("push", 60.0, 1e-3)]), data[OUTPUTS[0]]
+    stuck, off = good.copy(), good.copy()
+    stuck[200:400] = good[200]
+    off[200:400] += 1.5 * np.std(good)
+    all_good = observer.run(data)
+    for wrong in (stuck, off):
+        estimates = observer.run({**data, OUTPUTS[0]: (t, wrong)})
+        assert estimates.alarms[240:400, 0].all() and not estimates.excluded[:200].any()
+        returned = 1 + int(np.max(np.nonzero(estimates.excluded[:, 0])[0], initial=0))
+        assert returned < 400 + round(1.5 / H) and not estimates.alarms[550:].any()
+        for name in ("tip", OUTPUTS[0]):
+            np.testing.assert_allclose(estimates.of(name)[0][-50:], all_good.of(name)[0][-50:], rtol=0.0, atol=1e-9)
+    assert estimates.excluded[300, 0] and 400 + round(0.9 / H) < returned
+
+
+def test_a_force_that_drifts_shows_in_the_payload() -> None:
+    """The payload follows the drift, so innovations do not show it; its change is more than its band allows."""
+    model, rng = oscillator(700), np.random.default_rng(2)
+    y = weight(model, 12.0, rng, 15.0)
+    sensors, payload = [Sensor(OUTPUTS[0], 0.02), Sensor(OUTPUTS[2], 20.0)], Payload("push", OUTPUTS[0], 20.0)
+    observer = Observer(model, sensors, [UnknownLoad("push", 15.0, -H / np.log(0.9))], payload)
+    data = measured(model, y, np.array([0.02, 0.0, 20.0]), rng, (OUTPUTS[0], OUTPUTS[2]))
+    t, force = data[OUTPUTS[2]]
+    plain, drifting = (
+        observer.run(data),
+        observer.run({**data, OUTPUTS[2]: (t, force + 10.0 * np.maximum(t - 3.0, 0.0))}),
+    )
+    assert not plain.drift.any() and not drifting.drift[:300].any() and drifting.drift[600:].any()
+    assert not drifting.alarms[100:].any()
+
+
 def test_sensors_have_rates_of_their_own() -> None:
     model = oscillator(60)
     observer = Observer(model, [Sensor(OUTPUTS[1], 1e-3), Sensor(OUTPUTS[2], 1.0)])
