@@ -17,7 +17,7 @@ and the cylinder.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -269,6 +269,8 @@ class ComputedData:
 
     arrays: Mapping[str, Array]
     outputs: Mapping[str, str]
+    #: of a free extension: ratio to it and offset in m of each path that moves with it, its own path first
+    moved: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 class Frame(Protocol):

@@ -18,6 +18,7 @@ from pmr.compare.drives import energy_in_space
 from pmr.compare.outputs import run_from_start
 from pmr.errors import InputError, SimulationError
 from pmr.simulation import Excitation
+from pmr.simulation.free_base import FreeBase
 
 Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced
@@ -51,6 +52,17 @@ def test_a_section_slides_down_a_slope_against_a_damper() -> None:
 def test_a_section_swings_on_a_spring_at_the_frequency_of_a_mass() -> None:
     run = simulated(*RIGID, free("length=0.6, spring=2e4, rate=0.1"), "time.end=1.0", "time.step=5e-4")
     assert frequency(run) == pytest.approx(np.sqrt(2e4 / run.mass) / (2.0 * np.pi), rel=1e-5)
+
+
+def test_a_boom_that_slews_throws_its_section_out() -> None:
+    """The centre of mass at x from the pivot obeys x'' = Omega^2 x."""
+    spins = (*RIGID, "frame.luffing={kind='constant', amount=0.0}")
+    spins = (*spins, "frame.slewing={kind='ramp', times=[0.0, 10.0], values=[0.0, 20.0]}")
+    run = simulated(*spins, free("", start=0.4), "time.end=0.4", "time.step=1e-3", "time.rho_inf=0.9")
+    boom = FreeBase(run.written, run.system).boom
+    centre = boom.place[0] + boom.sections[1].first[0] / run.mass
+    exact = (0.4 + centre) * np.cosh(2.0 * run.t) - centre
+    assert np.abs(run.s[0] - exact).max() < 1e-6 * np.ptp(exact)
 
 
 AREAS, DEAD, K, BACK = np.array([2e-3, 1.2e-3]), np.array([2e-4, 3e-4]), 1.4e9, 1e6

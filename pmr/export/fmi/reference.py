@@ -15,12 +15,11 @@ from numpy.typing import ArrayLike
 from pmr.export.fmi.variables import STARTS, Drivers, Variable
 from pmr.files.arrays import Array
 from pmr.scene.built import force_name
-from pmr.scene.keys import LUFFING
 from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Strand
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.excitation import Excitation, signals_in_order
-from pmr.simulation.moving import DRIVE, StoredScene, store_boom_scene
+from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, StoredScene, store_boom_scene
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.luffing import with_free_motion
@@ -66,7 +65,7 @@ def reference(drivers: Drivers, scene: StoredScene) -> Reference:
     system, excitation = drivers.system, scene.excitation
     inputs = input_cubics(drivers, excitation)
     reached = _cubic_excitation(drivers, excitation, inputs)
-    free = bool(system.hoist) or drivers.luffs_freely
+    free = bool(system.hoist) or drivers.has_free_motion
     initial = None if free else systems.static_start(system, reached) if scene.static else {}
     trajectory = systems.simulate_form(SystemForm(system, drivers.forms), reached, initial)
     y = list(systems.displacements(system, trajectory).values())
@@ -83,9 +82,9 @@ def reference(drivers: Drivers, scene: StoredScene) -> Reference:
     if not drivers.shown_paths:
         first[0, : drivers.first_load_number] = [low for low, _ in drivers.data.rows.ranges]
     first[0, drivers.first_load_number : drivers.first_motion_number] = first_loads(drivers, scene)
-    if drivers.luffs_freely and drivers.frame is not None:
-        number = drivers.frame.drivers.index(LUFFING)
-        first[1, number] = drivers.frame.start[1, number]
+    if drivers.frame is not None:
+        started = [drivers.names.index(name) for name in drivers.started]
+        first[:, started] = drivers.frame.start[:2, started]
     return Reference(
         stepping=reached.stepping,
         omega=contact_frequency(SystemForm(system, drivers.forms).modal, reached),
@@ -155,7 +154,7 @@ def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
     """Drivers and their rates of order one to three at the steps, (4, T, n), as cubics that reach the next step.
 
     Without a frame, value and rate of each path and load agree at both ends of a step.  In a frame, paths and angles
-    agree in value and second rate, which accelerates the frame, and the drive of a luffing cylinder in value and rate;
+    agree in value and second rate, which accelerates the frame, and the drive of a cylinder in value and rate;
     all other drivers are straight lines.  At the last time the rates are zero.
     """
     t, h, n = excitation.times, excitation.stepping.step, drivers.count
@@ -165,7 +164,8 @@ def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
         second = np.array([name in (*frame.paths, *frame.angles) for name in frame.drivers])
         orders[0] = at[0].T
         x, v, a = at[0].T, at[1].T, at[2].T
-        lines, drive = straight_line(x[:-1], x[1:], h), [name.startswith(DRIVE) for name in frame.drivers]
+        lines, drives = straight_line(x[:-1], x[1:], h), (DRIVE, EXTENSION_DRIVE)
+        drive = [name.startswith(drives) for name in frame.drivers]
         lines = np.where(drive, cubic_by_rates(x[:-1], x[1:], v[:-1], v[1:], h), lines)
         orders[:, :-1] = np.where(second, cubic_by_second_rates(x[:-1], x[1:], a[:-1], a[1:], h), lines)
         return orders

@@ -19,7 +19,7 @@ from pmr.scene.hoist import ROPE, WIND
 from pmr.scene.keys import LUFFING
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.simulation.moving import DRIVE, GRAVITY, MovingFrame, read_scene
+from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, GRAVITY, MovingFrame, read_scene
 from pmr.simulation.native.luffing import stepped_frame
 from pmr.system.body import force_outputs, names_of, units_of
 from pmr.system.contacts import ALONE, SLIDER, qualified_name
@@ -29,7 +29,7 @@ from pmr.system.system import System
 SLEWING = "slewing"
 #: Unit of what drives the rope of a hoist: of its length, and of the speed of its winch.
 ROPE_UNITS = ("m", "m/s")
-#: Unit of what drives a free luffing angle, by the kind of drive.
+#: Unit of what drives a free luffing angle or extension, by the kind of drive.
 DRIVE_UNITS = {"opening": "1", "force": "N", "length": "m"}
 
 
@@ -50,8 +50,6 @@ class Drivers:
         differ from the frame's or have another order, or as `modal_form` and `stepped_frame`.
         """
         stored = read_scene(system, "system", free=True) if "scene" in system.provenance else None
-        if stored is not None and stored.extends_freely:
-            raise InputError("system", "provenance.scene", "extension", "a prescribed extension is allowed in an FMU")
         if stored is not None and stored.luffs_freely:
             system = with_all_inertia(system)
         frame = stepped_frame(system, "system")
@@ -110,7 +108,7 @@ class Drivers:
         of_parts = {name.rpartition(" ")[0]: unit for name, unit in of_inputs.items()}
         known = {GRAVITY: "m/s2"} if self.frame else {}
         known |= {name: "N" for name in WIND} | {ROPE: ROPE_UNITS[self.is_wound]}
-        known |= {f"{DRIVE}{name}": unit for name, unit in DRIVE_UNITS.items()}
+        known |= {f"{drive}{name}": unit for drive in (DRIVE, EXTENSION_DRIVE) for name, unit in DRIVE_UNITS.items()}
         return tuple(known.get(name) or of_inputs.get(name) or of_parts[name] for name in self.loads)
 
     @property
@@ -129,14 +127,24 @@ class Drivers:
         return self.first_load_number + len(self.loads)
 
     @property
-    def luffs_freely(self) -> bool:
-        """Whether the luffing angle is free, so that only its start is given."""
+    def has_free_motion(self) -> bool:
+        """Whether the luffing angle or an extension is free, so that only its start is given."""
         return self.frame is not None and self.frame.computed is not None
 
     @property
+    def moved_paths(self) -> tuple[str, ...]:
+        """Names of the paths of a free extension and of the sections that follow it; else empty."""
+        return () if self.frame is None or self.frame.computed is None else tuple(self.frame.computed.moved)
+
+    @property
+    def started(self) -> tuple[str, ...]:
+        """Name of the free luffing angle or extension, whose value and rate at the start are parameters; else empty."""
+        return () if not self.has_free_motion else self.moved_paths[:1] or (LUFFING,)
+
+    @property
     def has_derivatives(self) -> bool:
-        """Whether rates of outputs and directional derivatives are known: without a hoist and a free luffing angle."""
-        return not self.system.hoist and not self.luffs_freely
+        """Whether rates of outputs and directional derivatives are known: without a hoist and a free motion."""
+        return not self.system.hoist and not self.has_free_motion
 
     @property
     def is_differential(self) -> bool:
@@ -145,10 +153,10 @@ class Drivers:
         return self.has_derivatives and rows.friction is None and bool(np.all(rows.gives > 0.0))
 
     def kinds(self) -> list[int]:
-        """Kind of each driver as source/unit.h numbers them: 0 other, 1 path, 2 angle, 3 slewing angle, 4 start."""
-        kinds = dict.fromkeys(AXES, 0) | {SLEWING: 3} | ({LUFFING: 4} if self.luffs_freely else {})
+        """Kind of each driver: 0 other, 1 path, 2 angle, 3 slewing angle, 4 start of an angle, 5 free path."""
+        kinds = dict.fromkeys(AXES, 0) | {SLEWING: 3} | ({LUFFING: 4} if LUFFING in self.started else {})
         of_motions = [kinds.get(name, 2) for name in self.motions]
-        return [*(1 for _ in self.paths), *(0 for _ in self.loads), *of_motions]
+        return [*(5 if path in self.moved_paths else 1 for path in self.paths), *(0 for _ in self.loads), *of_motions]
 
 
 #: An input has its value and its rates of order one to three.
@@ -253,14 +261,18 @@ def _drivers(drivers: Drivers) -> Iterator[_Driver]:
     paths, ranges = drivers.shown_paths, drivers.data.rows.ranges
     for k, (name, path, (low, high)) in enumerate(zip(path_names(paths), paths, ranges, strict=False)):
         what = "of the sliders" if path == SLIDER else path
-        what = f"path coordinate {what}; up to {BEYOND_ENDS * (high - low):.3g} m beyond an end it is taken there"
-        yield _Driver(name, k, what, "m", (low, high))
+        if path in drivers.started:
+            what = f"path coordinate {what} at the start"
+            yield _Driver(f"{name} start", k, what, "m", (low, high), only_starts=True)
+        elif path not in drivers.moved_paths:
+            what = f"path coordinate {what}; up to {BEYOND_ENDS * (high - low):.3g} m beyond an end it is taken there"
+            yield _Driver(name, k, what, "m", (low, high))
     for k, (name, unit) in enumerate(zip(drivers.loads, drivers.load_units, strict=True)):
         if name not in drivers.system.hoist.inputs:
             yield _Driver(name, drivers.first_load_number + k, f"load {name}", unit)
     for k, name in enumerate(drivers.motions):
         what, unit = (f"angle {name}", "rad") if name not in AXES else (f"acceleration of the pivot, {name}", "m/s2")
-        only_starts = name == LUFFING and drivers.luffs_freely
+        only_starts = name in drivers.started
         shown, what = (f"{name} start", f"{what} at the start") if only_starts else (name, what)
         shown += " acceleration" * (name in AXES)
         yield _Driver(shown, drivers.first_motion_number + k, what, unit, only_starts=only_starts)

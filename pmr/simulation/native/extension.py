@@ -63,7 +63,9 @@ def with_extension_data(frame: MovingFrame, scene: Scene, system: System, form: 
     }
     name = scene.names[number]
     shown = [*list(CYLINDER_COLUMNS.items())[: None if extension.oil else 3], (ACCELERATION, "m/s^2")]
-    return replace(frame, computed=ComputedData(arrays, {column_name(name, of): unit for of, unit in shown}))
+    outputs = {column_name(name, of): unit for of, unit in shown}
+    followers = {scene.names[k]: ratio for k, ratio in moved_sections(scene, number).items()}
+    return replace(frame, computed=ComputedData(arrays, outputs, followers))
 
 
 def column_name(section: str, of: str) -> str:

@@ -45,6 +45,9 @@ from pmr.system.body import SlidingBody
 from pmr.system.contacts import Friction
 from pmr.system.system import System
 
+#: Distance in m within which a section that follows a free extension has to begin.
+FOLLOWS = 1e-6
+
 
 class Stepper:
     """The kernel's step (docs/kernel.md), which your own loop takes one by one.
@@ -124,8 +127,7 @@ class Stepper:
             (body,) = system.bodies.values()
             self._ranges = dict.fromkeys(system.paths or (SLIDER,), body.domain)
         moving = stepped_frame(system, "stepper")
-        extensions = {} if scene is None or scene.free_scene is None else scene.free_scene.free_extensions
-        self._extends = "".join(scene.free_scene.names[k] for k in extensions) if scene and scene.free_scene else ""
+        self._moved = {} if moving is None or moving.computed is None else moving.computed.moved
         self._computed = () if moving is None or moving.computed is None else tuple(moving.computed.outputs)
         if moving is None:
             system.ensure_without_terms("stepper")
@@ -155,6 +157,7 @@ class Stepper:
         driven = paths, loads, of_frame
         self._drivers = Drivers(bound.motions, bound.rows, driven, self._ranges, step, not undivided)
         self._drivers.take_path(s)
+        self._check_followers()
         if scene is not None and moving is None:
             self._drivers.take_loads(scene.first_loads)
         if F is not None:
@@ -211,16 +214,15 @@ class Stepper:
         elif F is not None:
             drivers.take_loads(F)
         if frame is not None:
-            if self._computed and not self._extends and LUFFING in frame:
+            if self._computed and not self._moved and LUFFING in frame:
                 allowed = "none is allowed after the start, for the luffing angle is free"
                 raise InputError("stepper", "frame.luffing", frame[LUFFING], allowed)
             drivers.take_frame(frame)
         if type(s) is float and self._low <= s <= self._high and abs(s - self._file_content[0]) <= self._jump:
             self._file_content[0] = s
         else:
-            if self._extends and isinstance(s, Mapping) and self._extends in s:
-                allowed = "none is allowed after the start, for the extension is free"
-                raise InputError("stepper", f"s.{self._extends}", s[self._extends], allowed)
+            if self._moved:
+                self._refuse_moved(s)
             drivers.take_path(s)
         if self._in_parts:
             drivers.lead_rates(self._bound.rates)
@@ -248,12 +250,12 @@ class Stepper:
     @property
     def luffing(self) -> dict[str, float]:
         """Free luffing angle in rad and its rate, and what the luffing cylinder does, by name; else empty."""
-        return {} if self._extends else self._values_of_computed
+        return {} if self._moved else self._values_of_computed
 
     @property
     def extension(self) -> dict[str, float]:
         """Free extension in m with its rates, and what its cylinder does, by name; else empty."""
-        return self._values_of_computed if self._extends else {}
+        return self._values_of_computed if self._moved else {}
 
     @property
     def _values_of_computed(self) -> dict[str, float]:
@@ -388,6 +390,24 @@ class Stepper:
         """Excitation whose paths lead from one end of their ranges to the other in one step."""
         ends = {path: Ramp(times=(0.0, self._step), values=ends) for path, ends in self._ranges.items()}
         return Excitation(ends, {}, TimeStepping(self._step, self._step / 64.0))
+
+    def _refuse_moved(self, s: Values) -> None:
+        """Raise InputError if path coordinates `s` contain a free extension or that of a section that follows it."""
+        if not isinstance(s, Mapping):
+            raise InputError("stepper", "s", None, "a mapping without the free extension is allowed after the start")
+        for path in self._moved:
+            if path in s:
+                allowed = "none is allowed after the start, for the extension is free"
+                raise InputError("stepper", f"s.{path}", s[path], allowed)
+
+    def _check_followers(self) -> None:
+        """Raise InputError unless sections that follow a free extension begin where they follow it."""
+        at = dict(zip(self._drivers.paths, self._bound.motions[0].tolist(), strict=False))
+        first = next(iter(self._moved), "")
+        for path, (ratio, offset) in self._moved.items():
+            needed = ratio * at[first] + offset
+            if abs(at[path] - needed) > FOLLOWS * abs(ratio):
+                raise InputError("stepper", f"s.{path}", at[path], f"{needed:.9g} m is allowed: it follows {first}")
 
     def _raise_failure(self, failed: int, where: str) -> None:
         """Raise the error that an error code stands for; `where` names the step."""

@@ -56,7 +56,8 @@ static int is_sound(Unit *unit)
     for (k = 0; k < unit->modes; k++)
         if (unit->where[k] < 0 || unit->where[k] >= unit->sizes.modes) return 0;
     for (k = 0; k < unit->drivers; k++)
-        if (unit->kinds[k] < OTHER || unit->kinds[k] > START || (unit->kinds[k] == PATH && k != unit->paths++))
+        if (unit->kinds[k] < OTHER || unit->kinds[k] > FREE_PATH ||
+            ((unit->kinds[k] == PATH || unit->kinds[k] == FREE_PATH) && k != unit->paths++))
             return 0;
     /* beside them the luffing angle is the path of a cylinder that gives way */
     if (unit->paths != unit->sizes.paths && !(unit->sizes.motions && unit->paths == unit->sizes.paths - 1)) return 0;
@@ -150,7 +151,7 @@ Unit *unit_open(const char *token, const char *folder, int model_exchange, char 
         snprintf(why, 400, "resources/system.pmr: variables of a unit are missing or damaged");
     else if (model_exchange && !unit->exchange[0])
         snprintf(why, 400, "%s leave no differential equation: Co-Simulation is allowed",
-                 unit->sizes.hoist || unit->sizes.computed ? "a hoist and a free luffing angle" : "rigid rows or friction");
+                 unit->sizes.hoist || unit->sizes.computed ? "a hoist and a free motion" : "rigid rows or friction");
     else if (!open_memory(unit) && !open_state(unit, why, 400)) {
         if (!estimator_open(unit)) {
             unit_reset(unit);
@@ -243,7 +244,8 @@ int unit_failed(Unit *unit, int failed)
     case PMR_NOT_FINITE: return refuse(unit, "the state, or a force on the ground, is not finite: loads may have been none");
     case PMR_BLOCKED: return refuse(unit, "the hook is at its head sheaves: its rope is too short");
     case PMR_LIFTED: return refuse(unit, "which outriggers lift off is not found");
-    case PMR_LOST: return refuse(unit, "the luffing angle is not found: shorter steps are needed");
+    case PMR_LOST: return refuse(unit, "the luffing angle or extension is not found: shorter steps are needed");
+    case PMR_BEYOND: return refuse(unit, "the extension has left its stroke and stop_travel beyond it");
     case PMR_UPRIGHT:
         return refuse(unit, "foot, lug and pivot of the luffing cylinder come in line; without a cylinder, the boom has "
                             "swung by 90 degrees");
@@ -330,7 +332,7 @@ static void check_inputs(Unit *unit)
     int n;
     for (n = 0; n < unit->drivers; n++) {
         const double second = fabs(u[2 * unit->drivers + n]) + fabs(u[3 * unit->drivers + n]), off = unit->off[n];
-        const double range = kinds[n] == OTHER || kinds[n] == START ? 0.0
+        const double range = kinds[n] == OTHER || only_starts(kinds[n]) ? 0.0
                              : kinds[n] == PATH                     ? ends[2 * n + 1] - ends[2 * n]
                                                                     : WHOLE_TURN;
         const char *what = NULL;
@@ -357,7 +359,7 @@ static void lead_drivers(Unit *unit, const double *led, double since)
     int k;
     pmr_lead_on(led, unit->drivers, since, 3, driven);
     for (k = 0; k < 2 * unit->drivers; k++)
-        if (unit->kinds[k % unit->drivers] == START) driven[k] = led[k];
+        if (only_starts(unit->kinds[k % unit->drivers])) driven[k] = led[k];
 }
 
 int unit_advance(Unit *unit, double time, double duration)

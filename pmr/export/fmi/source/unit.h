@@ -8,7 +8,8 @@
        unit_nominal (2 r)        sizes of the states
        unit_modes (r)            where modes stand among all that the kernel has
        unit_kinds (N)            what a driver is: OTHER, PATH, ANGLE, SLEWING, which may go on and on, or START, an
-                                 angle of which value and rate at the start alone count
+                                 angle of which value and rate at the start alone count, or FREE_PATH, a path that
+                                 is computed likewise
        unit_settings (5)         of contacts that push: omega, tolerance, the resolved share of 1 / omega, most parts;
                                  share of a path by which s may lie beyond its ends
        unit_exchange (1)         whether there is a differential equation
@@ -30,7 +31,9 @@
 #define EXPORT
 #endif
 
-enum { OTHER, PATH, ANGLE, SLEWING, START };
+enum { OTHER, PATH, ANGLE, SLEWING, START, FREE_PATH };
+
+static inline int only_starts(int kind) { return kind == START || kind == FREE_PATH; }
 /* Angles but that of slewing turn once at most, rad. */
 #define WHOLE_TURN 6.283185307179586
 

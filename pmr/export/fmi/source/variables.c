@@ -142,7 +142,7 @@ int set_variables(Unit *unit, const unsigned *references, size_t count, const do
         const unsigned reference = references[n];
         const int is_parameter = (reference >= at->internal_step && reference < at->states) ||
                                  (reference < at->internal_step && reference != TIME &&
-                                  unit->kinds[(reference - DRIVEN) % (unsigned)unit->drivers] == START);
+                                  only_starts(unit->kinds[(reference - DRIVEN) % (unsigned)unit->drivers]));
         const int is_state = reference >= at->states && reference < at->derivatives;
         const char *why;
         double *measured = estimator_variable(unit, reference, 1);
@@ -280,7 +280,7 @@ int differentiate(Unit *unit, const unsigned *unknowns, size_t unknown_count, co
         rates |= unknowns[n] >= at->rates && unknowns[n] < at->forces;
     }
     if (unit->sizes.hoist || unit->sizes.computed)
-        return refuse(unit, "derivatives with a hoist or a free luffing angle are not known");
+        return refuse(unit, "derivatives with a hoist or a free motion are not known");
     if (unit_prepare(unit)) return 1;
     of = calloc(2 * (size_t)at->all, sizeof(double));
     if (!of) return refuse(unit, "no memory is left");
