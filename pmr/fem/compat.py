@@ -357,7 +357,10 @@ def _vertex_element(functions: Sequence[Callable[[Array], Array]], derivative: i
 
 
 def constant(mesh: Mesh, value: float | Array) -> Constant:
-    """UFL constant that is not compiled into the form, so that a change of its value needs no compilation."""
+    """UFL constant that is not compiled into the form, so that a change of its value needs no compilation.
+
+    Forms have one of them at most: UFL sorts several by their numbers as text, and 10 before 9.
+    """
     return dolfinx.fem.Constant(mesh, np.array(value, PETSc.ScalarType, order="C"))
 
 
@@ -429,10 +432,14 @@ def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Compiled
     keyword = "jit_params" if VERSION < (0, 6) else "jit_options"
     if keyword not in inspect.signature(create).parameters:
         return create()  # from 0.8 on elements are not compiled
-    place, decides = _compiler()
-    name = hashlib.sha256(repr((signature, *decides)).encode()).hexdigest()[:32]
+    place, options, decides = _compiler()
+    name = hashlib.sha256(repr((signature, options, *decides)).encode()).hexdigest()[:32]
+
+    def compile_in(folder: Path) -> Compiled:
+        return create(**{keyword: options | {"cache_dir": folder}})
+
     try:
-        return complete_folder(place / name, _is_whole, lambda folder: create(**{keyword: {"cache_dir": folder}}), comm)
+        return complete_folder(place / name, _is_whole, compile_in, comm)
     except OSError as error:
         if error.errno in FULL:
             raise
@@ -441,14 +448,21 @@ def _compile_once(comm: MPI.Comm, signature: str, create: Callable[..., Compiled
 
 
 @cache
-def _compiler() -> tuple[Path, tuple[object, ...]]:
-    """Folder for compiled code, and the settings that determine that code; both are read from files once."""
+def _compiler() -> tuple[Path, dict[str, object], tuple[object, ...]]:
+    """Folder for compiled code, options of dolfinx, and what else determines that code; all are read from files once.
+
+    Unless the user chose flags, code is compiled with -O1: assembly then takes as long as with -O2, and compiling a
+    third less.
+    """
     old = VERSION < (0, 6)
     options = dict(dolfinx.jit.get_parameters() if old else dolfinx.jit.get_options())
     of_forms = sorted((ffcx.get_parameters() if old else ffcx.get_options()).items(), key=str)
     place = Path(options.pop("cache_dir")) / "pmr"
     built_for = [np.dtype(PETSc.ScalarType).name, *(sysconfig.get_config_var(name) for name in ("SOABI", "CFLAGS"))]
-    return place, (ffcx.codegeneration.get_signature(), repr(of_forms), options, built_for)
+    flags = "cffi_extra_compile_args"
+    if options[flags] == ["-O2", "-g0"]:  # dolfinx' own
+        options[flags] = ["-O1", "-g0"]
+    return place, options, (ffcx.codegeneration.get_signature(), repr(of_forms), built_for)
 
 
 def _is_whole(folder: Path) -> bool:

@@ -22,7 +22,7 @@ import scipy.sparse as sp
 import ufl
 
 from pmr.errors import InputError
-from pmr.fem.compat import MPI, cellwise, constant, create_mesh
+from pmr.fem.compat import MPI, cellwise, create_mesh
 from pmr.files.arrays import Array, Indices
 from pmr.models import DIRECTIONS, Cut, Line, UnitState, rigid_motions
 from pmr.models.meshed import CellValues, cell_values
@@ -241,8 +241,12 @@ class Beam(Line, ABC):
         return cell_values(self, self.strains, np.array([[0.0], [1.0]]))
 
     def element_property(self, mesh: Mesh, values: Array) -> Expr:
-        """Property of the sections with the `values` (K,) in UFL, constant in each element."""
-        return constant(mesh, float(values[0])) if len(values) == 1 else cellwise(mesh, values[self.number])
+        """Property of the sections with the `values` (K,) in UFL, constant in each element.
+
+        It is no constant of UFL where the sections are equal: a form with several of them has another signature once
+        their numbers have more digits, and is compiled once more.
+        """
+        return cellwise(mesh, values[self.number])
 
     def stresses(self) -> StressRows | None:
         """Stresses in the profile's corners at both ends of each element, from its `section_forces`.
@@ -312,7 +316,7 @@ class Beam(Line, ABC):
         a, b = (float(value) for value in (state.acceleration[0], state.stretch))
         x, mass_here, end = ufl.SpatialCoordinate(mesh)[0], cellwise(mesh, mass), cellwise(mesh, ends)
         beyond = self._beyond(mass * h * (a + b * middle))
-        a, b = constant(mesh, a), constant(mesh, b)
+        a, b = (cellwise(mesh, np.full_like(h, value)) for value in (a, b))
         pulled = self._sums_beyond(mesh, state, 0)[0] - cellwise(mesh, beyond)
         return pulled - mass_here * (a * (end - x) + b * (end**2 - x**2) / 2.0)
 
@@ -325,7 +329,7 @@ class Beam(Line, ABC):
         .. math:: M = -\int_x^L \rho A\, a\, (\xi - x)\, d\xi + \sum_{x_i > x} F_i\, (x_i - x)
         """
         mass, ends, middle, h = self._element_masses()
-        x, a = ufl.SpatialCoordinate(mesh)[0], constant(mesh, float(state.acceleration[component]))
+        x, a = ufl.SpatialCoordinate(mesh)[0], cellwise(mesh, np.full_like(h, state.acceleration[component]))
         force, arm = self._sums_beyond(mesh, state, component)
         beyond, first = (cellwise(mesh, self._beyond(mass * h * by)) for by in (np.ones_like(h), middle))
         within = cellwise(mesh, mass) * (cellwise(mesh, ends) - x) ** 2 / 2.0
