@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
@@ -105,15 +105,18 @@ def reduction_error(
     is_wanted = all(part.reduction.estimate for part in scene.sections)
     telling = models if other is None else {ALONE: other}
 
-    def make() -> Estimate:
-        """Compute the estimate, or return the one that is known."""
-        if other is not None:
-            return estimate_by_other_model(system, other, excitation)
-        return estimated or estimate_error(models, system, excitation, simulated.run, simulated.response)
-
     failed, scattered = "", list[str]()
     if is_wanted and reason_without_estimate(telling) is None:
-        estimated, failed, scattered = _try_estimate(clock, make)
+        try:
+            with clock.stage("estimate"):
+                if other is not None:
+                    estimated = estimate_by_other_model(system, other, excitation)
+                elif estimated is None:
+                    estimated = estimate_error(models, system, excitation, simulated.run, simulated.response)
+        except (SimulationError, InputError) as error:  # other simulators may run systems that march refuses
+            # forces that differ much between nearly equal models
+            scattered = [error.warning] if isinstance(error, UnsettledError) and error.warning else []
+            estimated, failed = None, str(error).removeprefix("estimate: ")  # the prefix is the name of the stage
     if estimated is None:
         figures = dict.fromkeys((*OUTPUT_KINDS, *_FIGURES)) | {"reason": failed or reason_without_estimate(models)}
         messages = estimate_warnings(models, excitation.stepping, None) + scattered
@@ -178,19 +181,6 @@ class SimulatedSystem:
     def run(self) -> SystemTrajectory:
         """Motion of the system at all steps."""
         return self.recorded_run or run_from_start(self.system, self.excitation)
-
-
-def _try_estimate(clock: Clock, make: Callable[[], Estimate]) -> tuple[Estimate | None, str, list[str]]:
-    """Estimate that `make` returns, with an empty reason and no warnings.
-
-    If it fails: None, the reason, and warnings about forces that differ much between nearly equal models.
-    """
-    try:
-        with clock.stage("estimate"):
-            return make(), "", []
-    except (SimulationError, InputError) as error:  # other simulators may run systems that march refuses
-        messages = [error.warning] if isinstance(error, UnsettledError) and error.warning else []
-        return None, str(error).removeprefix("estimate: "), messages  # the prefix is the name of the clock's stage
 
 
 def estimate_summary(estimated: Estimate, not_covered: Sequence[str] = ()) -> dict[str, Any]:

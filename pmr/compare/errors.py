@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -151,8 +151,7 @@ def compared_pairs(
     least = max((response.round_off for response in responses.values()), default=0.0)
     least_force = max((response.force_round_off for response in responses.values()), default=0.0)
     for a, b in combinations(present, 2):
-        common = with_common_forces(responses[a], responses[b])
-        signal, reference = _without_round_off(*common, least, least_force)
+        signal, reference = _without_round_off(with_common_forces(responses[a], responses[b]), least, least_force)
         pairs = {name: Pair(quantity(signal), quantity(reference)) for name, quantity in quantities.items()}
         if not signal.slider_force.size:  # a body without pads and sliders
             pairs.pop("pad_force", None)
@@ -178,32 +177,36 @@ def _other_pairs(response: Response, reference: Response, force: float) -> dict[
     return pairs
 
 
-def with_common_forces(first: Response, second: Response) -> tuple[Response, Response]:
+class ResponsePair(NamedTuple):
+    """A response, and the one that it is compared with."""
+
+    signal: Response
+    reference: Response
+
+
+def with_common_forces(first: Response, second: Response) -> ResponsePair:
     """Both responses, `first` and `second`, with only the forces that occur in both, in the order of `first`.
 
     They are returned unchanged if one of them has no names of forces, or if the names are equal.
     """
     if not (first.force_names and second.force_names) or first.force_names == second.force_names:
-        return first, second
+        return ResponsePair(first, second)
     common = [name for name in first.force_names if name in second.force_names]
+    pair = (of.with_forces([of.force_names.index(name) for name in common]) for of in (first, second))
+    return ResponsePair(*pair)
 
-    first = first.with_forces([first.force_names.index(name) for name in common])
-    return first, second.with_forces([second.force_names.index(name) for name in common])
 
-
-def _without_round_off(
-    compared_response: Response, reference: Response, least: float, force: float
-) -> tuple[Response, Response]:
+def _without_round_off(pair: ResponsePair, least: float, force: float) -> ResponsePair:
     """Both responses, each with zeros in those columns of displacements and forces that do not exceed round-off.
 
     The round-off of displacements is `least` in m.  The round-off of forces is the larger of `force` in N and
     `ROUND_OFF` times the largest force.
     """
-    x, y = zero_round_off(compared_response.displacement, reference.displacement, least)
-    size = max(float(largest_absolute(response.slider_force, None)) for response in (compared_response, reference))
-    f, g = zero_round_off(compared_response.slider_force, reference.slider_force, max(force, ROUND_OFF * size))
-    signal = replace(compared_response, displacement=x, slider_force=f)
-    return signal, replace(reference, displacement=y, slider_force=g)
+    x, y = zero_round_off(*(response.displacement for response in pair), round_off=least)
+    size = max(float(largest_absolute(response.slider_force, None)) for response in pair)
+    f, g = zero_round_off(*(response.slider_force for response in pair), round_off=max(force, ROUND_OFF * size))
+    changes = zip(pair, (x, y), (f, g), strict=True)
+    return ResponsePair(*(replace(of, displacement=moves, slider_force=forces) for of, moves, forces in changes))
 
 
 #: Histories (T,) of forces or moments: by kind and unit, such as ``("pad_force", "N")``, then by name.

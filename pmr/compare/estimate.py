@@ -316,7 +316,15 @@ def estimate_by_other_model(system: System, reference: ReducedModel, excitation:
     terms = () if system.terms_of is None else system.terms_of({ALONE: reference})
     systems = [system, replace(System.of(reference), terms=terms)]
     of_better = estimate_error({ALONE: reference}, systems[1], excitation)
-    of_model, other, lacking = _with_common_forces(*(_Simulation.simulate(of, excitation) for of in systems))
+    runs = [_Simulation.simulate(of, excitation) for of in systems]
+    # a force is missing in a run if the basis does not move the row of its contact: such rows are left out of a model
+    names = [run.response.force_names for run in runs]
+    common = [name for name in names[1] if name in names[0]]
+    lacking = [name for name in dict.fromkeys(sum(names, ())) if name not in common]
+    of_model, other = (
+        replace(run.outputs, force=run.outputs.force[:, [force_names.index(name) for name in common]], forces=())
+        for run, force_names in zip(runs, names, strict=True)
+    )
     floors, errors_of_better = RoundOffBounds.for_system(systems[1], excitation), dict(of_better.errors)
     apart = differences(of_model, other, floors)
     of_probes = dict(zip(_probes(systems[0]), probe_differences(of_model, other, floors).tolist(), strict=True))
@@ -329,20 +337,6 @@ def estimate_by_other_model(system: System, reference: ReducedModel, excitation:
         by="other model",
         unknown=dict(of_better.unknown) | left_out,
     )
-
-
-def _with_common_forces(first_run: _Simulation, second_run: _Simulation) -> tuple[Outputs, Outputs, list[str]]:
-    """Outputs of both runs with only the forces that occur in both, and the names of all other forces.
-
-    A force is missing in a run if the basis does not move the row of its contact: such rows are left out of a model.
-    """
-    names = [each.response.force_names for each in (first_run, second_run)]
-    common = [name for name in names[1] if name in names[0]]
-    first, second = (
-        replace(each.outputs, force=each.outputs.force[:, [force_names.index(name) for name in common]], forces=())
-        for each, force_names in zip((first_run, second_run), names, strict=True)
-    )
-    return first, second, [name for name in dict.fromkeys(sum(names, ())) if name not in common]
 
 
 def chi(body: ReducedModel, run: Trajectory, f: Array, mode: int) -> float:

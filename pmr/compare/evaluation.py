@@ -102,24 +102,24 @@ def _evaluate(system: System, part: SystemTrajectory) -> Response:
             v = clear_rates_without_inertia(body, part.bodies[name].v)
             kinetic += 0.5 * np.einsum("tn,tn->t", v, (body.M @ v.T).T)
         outputs, external = systems.displacements(system, part), -part.work
-        violation = drift = np.full((len(part.t), 1), np.nan)
+        residuals = np.full((2, len(part.t), 1), np.nan)
         if ALONE in system.bodies and not system.terms:
             body, motion = system.bodies[ALONE], with_row_multipliers(system, system.bodies[ALONE], part.bodies[ALONE])
             if not system.hoist:  # the pulls of a rope have no potential
                 external = load_potential(body, motion, part.loads)
-            violation, drift = _residuals(body, motion, part)
+            residuals = _residuals(body, motion, part)
         energy = Energy(kinetic, part.energy - kinetic, external)
     refuse_infinite(*outputs.values(), part.forces, energy.kinetic, energy.strain, energy.external)
     peaks = part.peaks if ALONE not in system.bodies or not np.isnan(system.clearance).all() else None
     response = response_to_motion(system, part.t, MotionOutputs(outputs, part.forces, peaks, energy))
-    position, velocity = (np.abs(values).max(axis=1, initial=0.0) for values in (violation, drift))
+    position, velocity = np.abs(residuals).max(axis=2, initial=0.0)
     response = replace(response, residual_position=position, residual_velocity=velocity)
     response = append_friction(with_support_reactions(response, system, part), system.contacts, part.friction)
     return response if part.hoist is None else response.with_others(part.hoist, hoist_outputs(system))
 
 
-def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) -> tuple[Array, Array]:
-    """Violation (T, m) in m of each row's equation, and the rate (T, m) in m/s of this violation, at T steps.
+def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) -> Array:
+    """Violation in m of each row's equation, and the rate in m/s of this violation, at T steps, (2, T, m).
 
     For rows that only push, the violation is the difference to the clearance if they press, and the overlap otherwise.
     The rate is NaN for rows that give way, since these have no equation at velocity level, and if path rates are not
@@ -133,9 +133,11 @@ def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) ->
     overlap = np.where(multipliers > 0.0, excess, np.maximum(excess, 0.0))
     violation = np.where(np.isnan(body.row_clearance), violation, overlap)
     if body.flexibility is not None or np.any(body.row_compliance) or part.rates is None:
-        return violation, np.full_like(violation, np.nan)  # rows that give way have no equation at velocity level
+        return np.array(
+            [violation, np.full_like(violation, np.nan)]
+        )  # rows that give way have no equation at velocity level
     path_rate = part.rates.sum(axis=1)[:, None]  # of the only path, if there is one
-    return violation, body.apply_rows(s, v) + path_rate * body.apply_rows(s, q, derivative=1)
+    return np.array([violation, body.apply_rows(s, v) + path_rate * body.apply_rows(s, q, derivative=1)])
 
 
 @dataclass(frozen=True)

@@ -24,10 +24,10 @@ from typing import Any
 
 import numpy as np
 
-from pmr.compare.outputs import differences
+from pmr.compare.outputs import RoundOffBounds, differences
 from pmr.compare.trials import Sizes, Trials
 from pmr.errors import InputError
-from pmr.files.arrays import Summary
+from pmr.files.arrays import Indices, Summary
 from pmr.results.quantities import COMPARED
 from pmr.scene import Scene
 from pmr.scene.choice import has_giving_walls, model_of
@@ -175,20 +175,19 @@ def mesh_errors(of_scene: Trials, other: Trials, sizes: Sizes, steps: int, share
     `steps`.  Numerical damping is small in both runs, as in `pmr.compare.step_error`.  Raises InputError or
     SimulationError as for `pmr.simulation.SystemSimulator`.
     """
-    (mine, floors), (theirs, _) = of_scene.run_undamped(sizes, steps), other.run_undamped(sizes, steps)
+    mine, theirs = (trials.run_undamped(sizes, steps) for trials in (of_scene, other))
+    floors = RoundOffBounds.for_system(of_scene.system(sizes), of_scene.with_steps(steps), mine.force)
     numbers, other_numbers = _common_displacements(of_scene.output_positions, other.output_positions)
     mine, theirs = mine.select_displacements(numbers), theirs.select_displacements(other_numbers)
     return {kind: share * size for kind, size in differences(theirs, mine, floors, of_scene.wanted).items()}
 
 
-def _common_displacements(
-    places: Sequence[tuple[str, float]], other: Sequence[tuple[str, float]]
-) -> tuple[list[int], list[int]]:
-    """Numbers, in each of two models, of the displacements that both models have.
+def _common_displacements(places: Sequence[tuple[str, float]], other: Sequence[tuple[str, float]]) -> Indices:
+    """Numbers (2, c), in each of two models, of the c displacements that both models have.
 
     `places` and `other` are the names and positions in m of the displacements of the two models.  Displacements are the
     same if name and position are the same.  Of meshes with many nodes, not all nodes are observed.
     """
     at, near = {name: k for k, (name, _) in enumerate(other)}, SAME * np.ptp([x for _, x in places])
     common = [(k, at[name]) for k, (name, x) in enumerate(places) if name in at and abs(other[at[name]][1] - x) <= near]
-    return [number for number, _ in common], [theirs for _, theirs in common]
+    return np.array(common, np.int64).reshape(-1, 2).T

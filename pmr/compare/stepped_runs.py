@@ -142,15 +142,18 @@ class SteppedSystem:
         chosen = self.moved if numbers is None else self.moved[numbers]
         return systems.observe(self._form, self.excitation.on_grid(stepping), chosen.tolist()).y
 
-    def sample(self, stepping: TimeStepping, every: int, rates: bool = False) -> tuple[Sample, SystemTrajectory | None]:
-        """Sample each `every`-th step of a run on a time grid; return the sample and the run (None if not recorded).
+    def record(self, stepping: TimeStepping, rates: bool) -> SystemTrajectory | None:
+        """Run on a time grid; None if it takes too much memory, and has not to be recorded for velocities (`rates`)."""
+        return self.simulate(stepping) if rates or fits_in_memory(self.system, stepping) else None
+
+    def sample(self, run: SystemTrajectory | None, stepping: TimeStepping, every: int, rates: bool) -> Sample:
+        """Sample each `every`-th step of a `run` that `record` returns for a time grid.
 
         Velocities are sampled if `rates` is true.  Displacements that are round-off are set to zero, and so are forces
         near kinks of extensions.  Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
         """
-        excitation, run, of_all = self.excitation.on_grid(stepping), None, ForceHistories()
-        if rates or fits_in_memory(self.system, stepping):
-            run = self.simulate(stepping)
+        excitation, of_all = self.excitation.on_grid(stepping), ForceHistories()
+        if run is not None:
             sampled = outputs_of_run(self.system, run, excitation, every, rates)
             of_all = self._forces(run.select(slice(None, None, every)))
         else:
@@ -158,7 +161,7 @@ class SteppedSystem:
             sampled = outputs_from_columns(self.system, observation.y, observation.multipliers)
         sampled = without_kink_forces(self.system, sampled, excitation, excitation.times[::every], self.given.step)
         moves, _ = zero_round_off(sampled.displacement, sampled.displacement, self.round_off)
-        return Sample(replace(sampled, displacement=moves), of_all), run
+        return Sample(replace(sampled, displacement=moves), of_all)
 
     def _forces(self, run: SystemTrajectory) -> ForceHistories:
         """Histories of all forces of a run, by kind and name, at the times that are not near kinks of the excitation.
@@ -218,7 +221,7 @@ class Runs:
             return first
         if self._stepped.run is None:
             self.taken += self._work
-        return self._stepped.sample(grid, self._stride, self._rates)[0]
+        return self._stepped.sample(self._stepped.record(grid, self._rates), grid, self._stride, self._rates)
 
     def next(self) -> Sample:
         """Sample of the next run, which has half the step of the last run, at the times of comparison.
@@ -227,11 +230,12 @@ class Runs:
         """
         self.halved += 1
         try:
-            sample, self._last = self._stepped.sample(self.last_grid, self._stride * 2**self.halved, self._rates)
+            run, every = self._stepped.record(self.last_grid, self._rates), self._stride * 2**self.halved
+            sample = self._stepped.sample(run, self.last_grid, every, self._rates)
         except SimulationError:
             self.halved -= 1
             raise
-        self.taken += self._work
+        self.taken, self._last = self.taken + self._work, run
         return sample
 
     def band(self) -> float:

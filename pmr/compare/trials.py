@@ -299,16 +299,15 @@ class Trials:
         run_outputs = outputs_of_run(system, run, excitation, rates="velocity" in self.wanted)
         return without_kink_forces(system, run_outputs, excitation, excitation.times, excitation.stepping.step)
 
-    def run_undamped(self, sizes: Sizes, steps: int) -> tuple[Outputs, RoundOffBounds]:
-        """Outputs of a run of `steps` steps with little numerical damping, and bounds of their round-off.
+    def run_undamped(self, sizes: Sizes, steps: int) -> Outputs:
+        """Outputs of a run of `steps` steps with little numerical damping.
 
         The damping is that of `pmr.compare.stepped_runs.reference_rho`.
         """
         system, excitation = self.system(sizes), self.with_steps(steps)
         grid = excitation.stepping
         stepping = TimeStepping(grid.end, grid.step, reference_rho(system, grid.rho_inf))
-        motion = self.motion(sizes, excitation.with_stepping(stepping))
-        return motion, RoundOffBounds.for_system(system, excitation, motion.force)
+        return self.motion(sizes, excitation.with_stepping(stepping))
 
     def seconds_per_step(self, sizes: Sizes) -> float:
         """Shortest time in s that the compiled simulator (``march``) takes for a step on this machine."""

@@ -86,7 +86,7 @@ def write_matlab(npz_path: Path, target: Path, options: Options) -> Path:
 
     The file also has all names.  Raises InputError as `pmr.export.state_space.saved_state_space`.
     """
-    return _write_matrices(*_interpolable(npz_path, options), target)
+    return _write_matrices(npz_path, options, target)
 
 
 def write_python_control(npz_path: Path, target: Path, options: Options) -> Path:
@@ -102,7 +102,7 @@ def write_python_control(npz_path: Path, target: Path, options: Options) -> Path
         raise InputError(
             "command line", "--out", str(target), f"another name is allowed: {data.name} is input of the same run"
         )
-    _write_matrices(*_interpolable(npz_path, options), data)
+    _write_matrices(npz_path, options, data)
     with replacement_file(target) as part:
         part.write_text(_SCRIPT.format(module=target.stem, data=data.name), encoding="utf-8")
     return target
@@ -130,8 +130,8 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
     return target
 
 
-def _interpolable(npz_path: Path, options: Options) -> tuple[StateSpace, tuple[float, float]]:
-    """State space on a grid, and the errors of its interpolation (`interpolation_error`).
+def _write_matrices(npz_path: Path, options: Options, target: Path) -> Path:
+    """Write matrices on a grid, names and the two errors of interpolation (`interpolation_error`) as a .mat file.
 
     Unless the options give the grid, it is refined by factors of two, from `PLACES` points to `MOST_PLACES` at most,
     until the errors are at most `CLOSE`.  Larger errors of the interpolation are logged as a warning.  Raises errors as
@@ -152,10 +152,18 @@ def _interpolable(npz_path: Path, options: Options) -> tuple[StateSpace, tuple[f
             "frequencies off by up to %.2g %%: places that are closer together are more accurate",
             len(space.s), *(100.0 * error for error in off),
         )  # fmt: skip
-    return space, off
+    matrices = {name: np.moveaxis(getattr(space, name), 0, 2) for name in "ABCD"}
+    named = ("paths", "inputs", "outputs", "units", "states")
+    names = {name: np.array(getattr(space, name), dtype=object) for name in named}
+    with replacement_file(target) as part, part.open("wb") as stream:
+        interpolation = dict(zip(("static_gain", "frequency"), off, strict=True))
+        scipy.io.savemat(
+            stream, {"s": space.grid, **matrices, **names, "interpolation": interpolation}, do_compression=True
+        )
+    return target
 
 
-def interpolation_error(system: System, space: StateSpace, source: str) -> tuple[float, float]:
+def interpolation_error(system: System, space: StateSpace, source: str) -> list[float]:
     """Errors of A, B, C and D interpolated linearly, halfway between neighbouring grid points; zero for one point.
 
     The first number is the largest error of a displacement's static gain, over the largest gain from the same input to
@@ -163,7 +171,7 @@ def interpolation_error(system: System, space: StateSpace, source: str) -> tuple
     which have neither static gains nor natural frequencies, are left out.
     """
     if len(space.s) < 2 or not space.paths:
-        return 0.0, 0.0
+        return [0.0, 0.0]
     halfway = state_space(system, dict(zip(space.paths, (space.s[1:] + space.s[:-1]).T / 2.0, strict=True)), source)
     A, B, C, D = ((values[1:] + values[:-1]) / 2.0 for values in (space.A, space.B, space.C, space.D))
     between = replace(halfway, A=A, B=B, C=C, D=D)
@@ -174,20 +182,7 @@ def interpolation_error(system: System, space: StateSpace, source: str) -> tuple
     of_gains = (np.abs(other - exact) / size)[:, displacements].max(initial=0.0)
     bound = halfway.natural > FREE * halfway.natural.max()
     of_frequencies = np.abs(between.natural[bound] / halfway.natural[bound] - 1.0).max(initial=0.0)
-    return float(of_gains), float(of_frequencies)
-
-
-def _write_matrices(space: StateSpace, off: tuple[float, float], target: Path) -> Path:
-    """Write matrices, names and the two errors `off` of interpolation (`interpolation_error`) as a .mat file."""
-    matrices = {name: np.moveaxis(getattr(space, name), 0, 2) for name in "ABCD"}
-    named = ("paths", "inputs", "outputs", "units", "states")
-    names = {name: np.array(getattr(space, name), dtype=object) for name in named}
-    with replacement_file(target) as part, part.open("wb") as stream:
-        interpolation = dict(zip(("static_gain", "frequency"), off, strict=True))
-        scipy.io.savemat(
-            stream, {"s": space.grid, **matrices, **names, "interpolation": interpolation}, do_compression=True
-        )
-    return target
+    return [float(of_gains), float(of_frequencies)]
 
 
 def _response_table(space: StateSpace, f: Array, response: NDArray[np.complex128], output: str) -> str:

@@ -251,7 +251,9 @@ def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> Lagrang
     if cell == "point":
         return LagrangeRule(np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1)))
     kind = getattr(basix.CellType, cell)
-    points, weights = _repeat_rule(cell, parts, *_quadrature(kind, degree))
+    points, weights = _quadrature(kind, degree)
+    pieces = parts ** points.shape[1]
+    points, weights = _repeat_points(cell, parts, points), np.tile(weights, pieces) / pieces
     element = basix.create_element(basix.ElementFamily.P, kind, nodes, basix.LagrangeVariant.gll_warped)
     table = np.asarray(element.tabulate(1, points))[..., 0]
     return LagrangeRule(np.asarray(weights), table[0], table[1:])
@@ -262,15 +264,15 @@ def rule_points(cell: str, degree: int) -> Array:
     return np.asarray(_quadrature(getattr(basix.CellType, cell), degree)[0])
 
 
-def _repeat_rule(cell: str, parts: int, points: Array, weights: Array) -> tuple[Array, Array]:
-    """Points and weights of a rule, repeated on the `parts`^d equal pieces of the reference cell of dimension d.
+def _repeat_points(cell: str, parts: int, points: Array) -> Array:
+    """Points of a quadrature rule, repeated on the `parts`^d equal pieces of the reference cell of dimension d.
 
     The pieces of a triangle are upright and, between these, turned by 180 degrees.  Raises a `ValueError` for
     tetrahedra.
     """
     d = points.shape[1]
     if parts == 1:
-        return points, weights
+        return points
     if cell == "tetrahedron":
         raise ValueError("tetrahedra are not cut in pieces")
     corners = np.stack(np.meshgrid(*[np.arange(parts)] * d, indexing="ij"), axis=-1).reshape(-1, 1, d)
@@ -279,7 +281,7 @@ def _repeat_rule(cell: str, parts: int, points: Array, weights: Array) -> tuple[
         places = np.concatenate([upright + points, turned + 1.0 - points])
     else:
         places = corners + points
-    return places.reshape(-1, d) / parts, np.tile(weights, len(places)) / parts**d
+    return places.reshape(-1, d) / parts
 
 
 def _quadrature(kind: CellType, degree: int) -> tuple[Array, ...]:

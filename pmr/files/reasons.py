@@ -160,7 +160,7 @@ def turned_nodes(body: Resistance, wrong: Mask, near_supports: Mask) -> Reason |
     that are not in this mask are tried first.
     """
     coupled = np.zeros(len(wrong), dtype=bool)
-    row, column, _ = body.entries
+    row, column = body.entries.row, body.entries.col
     coupled[body.node[row[wrong[body.node[column]]]]] = True
     springs = wrong | (coupled & body.spring_nodes)
     for mask in (springs & ~near_supports, springs, wrong):
@@ -343,7 +343,7 @@ def check_density(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
         )
 
 
-def speeds_of_sound(M: sp.csr_matrix, body: Resistance) -> tuple[float, float]:
+def speeds_of_sound(M: sp.csr_matrix, body: Resistance) -> list[float]:
     """Return rough bounds, the least and the largest, of the speed of sound in a body in m/s.
 
     They are 0 and infinity if the speed is not known.  Both bounds follow from stretching the body: the least with its
@@ -351,18 +351,18 @@ def speeds_of_sound(M: sp.csr_matrix, body: Resistance) -> tuple[float, float]:
     nearest coupled node times the node's own frequency (in rad/s).  Stiff links and nodes with little mass therefore do
     not make a body seem too fast.
     """
-    row = body.entries[0]
+    row = body.entries.row
     apart = (body.edges > 0.0) & (body.direction[row] < 3)
     inverse = np.divide(1.0, body.edges, out=np.zeros(len(row)), where=apart)
     nearest = body.on_pattern(inverse).max(axis=1).toarray().ravel()
     connected = nearest > 0.0
     by_stretch = _stretch_speeds(M, body)
     if not connected.any() or not len(by_stretch):
-        return 0.0, np.inf
+        return [0.0, np.inf]
     speeds = np.zeros(len(body.points))
     local = 1.0 / nearest[connected] * np.sqrt(body.K.diagonal()[connected] / M.diagonal()[connected])
     np.maximum.at(speeds, body.node[connected], local)
-    return min(float(np.median(speeds[speeds > 0.0])), float(by_stretch[0, 0])), float(by_stretch.max())
+    return [min(float(np.median(speeds[speeds > 0.0])), float(by_stretch[0, 0])), float(by_stretch.max())]
 
 
 def _stretch_speeds(M: sp.csr_matrix, body: Resistance) -> Array:

@@ -97,15 +97,14 @@ class Resistance:
             object.__setattr__(self, "K", ordered)
 
     @cached_property
-    def entries(self) -> tuple[Indices, Indices, Array]:
-        """Row, column and absolute value of each stored entry of K, as three arrays (e,) for e entries."""
-        entries = self.K.tocoo()
-        return entries.row, entries.col, np.abs(entries.data)
+    def entries(self) -> sp.coo_matrix:
+        """Row, column and absolute value of each of the e stored entries of K."""
+        return abs(self.K).tocoo()
 
     @cached_property
     def edges(self) -> Array:
         """Distances (e,) in m between the nodes of row and column of each of the e stored entries of K."""
-        row, column, _ = self.entries
+        row, column = self.entries.row, self.entries.col
         squares = np.zeros(len(row))
         for x in self.points[self.node].T:
             squares += (x[row] - x[column]) ** 2
@@ -189,7 +188,7 @@ class Resistance:
     @cached_property
     def sums_of_moments(self) -> RoundedSums:
         """G (n, 3) including rounding, and for each row the sum (n,) of the magnitudes of the terms of G."""
-        _, column, size = self.entries
+        column, size = self.entries.col, self.entries.data
         local = np.where(self.direction[column] < 3, self.edges, 1.0)
         sums, middle = self.K @ self.motions, self.points.mean(axis=0)
         moments = sums[:, 3:] - np.einsum("na,nab->nb", sums[:, :3], self._levers(middle))

@@ -184,31 +184,31 @@ def _finish_moves(folder: Path) -> None:
     if not complete.is_dir():
         return
     if (complete / _LIST).is_file():
-        names, gone = _listed_moves(complete / _LIST, folder)
-        for name in gone:
+        moves = _listed_moves(complete / _LIST, folder)
+        for name in moves["gone"]:
             (folder / name).unlink(missing_ok=True)
-        for name in names:
+        for name in moves["names"]:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             with suppress(FileNotFoundError):  # the file was moved before
                 os.replace(complete / name, folder / name)
     shutil.rmtree(complete)
 
 
-def _listed_moves(file: Path, folder: Path) -> tuple[list[str], list[str]]:
-    """Return the files to be moved into the folder and the files to be removed, from a list of unknown origin.
+def _listed_moves(file: Path, folder: Path) -> dict[str, list[str]]:
+    """Return the files to be moved into the folder (names) and to be removed (gone), from a list of unknown origin.
 
     Raises InputError if the list names anything outside of the folder; no file is touched in that case.
     """
     try:
-        moves = json.loads(file.read_text())
-        names, gone = (list(map(str, moves[key])) for key in ("names", "gone"))
-        inside, listed = folder.resolve(), (*names, *gone)
+        content = json.loads(file.read_text())
+        moves = {key: [str(name) for name in content[key]] for key in ("names", "gone")}
+        inside, listed = folder.resolve(), sum(moves.values(), [])
         foreign = [n for n in listed if "\0" in n or not (folder / n).parent.resolve().is_relative_to(inside)]
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise InputError(str(file), "", None, f"not written by pmr ({error}); delete its folder") from None
     if foreign:
         raise InputError(str(file), "", foreign[0], "only files of this folder may be in its list; delete the folder")
-    return names, gone
+    return moves
 
 
 def _new_file_names(new: Path, folder: Path, ours: Sequence[str]) -> list[str]:

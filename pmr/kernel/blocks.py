@@ -286,6 +286,7 @@ MAGIC = b"PMRSYS2\n"
 #: Alignment of arrays in bytes, and size of the block's header and of each array's header.
 LINE = 64
 _INTEGERS, _NUMBERS, _BYTES = range(3)
+_KINDS = {"i": _INTEGERS, "f": _NUMBERS, "u": _BYTES}
 _HEAD, _ARRAY = struct.Struct("=8siiqQ32x"), struct.Struct("=40siiqq")
 
 
@@ -293,9 +294,10 @@ def pack(arrays: Mapping[str, NDArray[Any] | str]) -> bytearray:
     """Pack arrays of integers or real numbers, and texts, into a block whose checksum is zero until `seal` sets it."""
     at, heads, parts = LINE * (1 + len(arrays)), bytearray(), list[tuple[int, bytes]]()
     for name, array in arrays.items():
-        kind, content, count = _encode(array)
+        encoded = _encode(array)
+        content = encoded.tobytes()
         at += -at % LINE
-        heads += _ARRAY.pack(name.encode(), kind, 0, count, at)
+        heads += _ARRAY.pack(name.encode(), _KINDS[encoded.dtype.kind], 0, encoded.size, at)
         parts.append((at, content))
         at += len(content)
     block = bytearray(at)
@@ -316,14 +318,11 @@ def seal(block: bytearray, checksum: int) -> None:
     block[24:32] = struct.pack("=Q", checksum)
 
 
-def _encode(array: NDArray[Any] | str) -> tuple[int, bytes, int]:
-    """Kind (`_INTEGERS`, `_NUMBERS` or `_BYTES`), bytes, and number of entries of an array or text."""
+def _encode(array: NDArray[Any] | str) -> NDArray[Any]:
+    """Array of integers as int32, other numbers as float64, and text as its bytes, uint8."""
     if isinstance(array, str):
-        text = array.encode()
-        return _BYTES, text, len(text)
-    if array.dtype.kind in "iub":
-        return _INTEGERS, np.ascontiguousarray(array, np.int32).tobytes(), array.size
-    return _NUMBERS, np.ascontiguousarray(array, np.float64).tobytes(), array.size
+        return np.frombuffer(array.encode(), np.uint8)
+    return np.asarray(array, np.int32 if array.dtype.kind in "iub" else np.float64)
 
 
 def unpack(block: bytes) -> dict[str, NDArray[Any] | str]:

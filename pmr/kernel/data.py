@@ -20,6 +20,7 @@ from pmr.kernel.further import (
     Supports,
     frame_arrays,
     frame_output_arrays,
+    further_names,
     ground_arrays,
     ground_outputs,
     support_arrays,
@@ -62,8 +63,8 @@ def system_data(
     modes, reactions = [part.modes for part in rows.parts], [name for of in supports for name in of.names]
     arrays |= support_arrays(system, supports, [*forms.values()], modes, round_up(len(reactions)) + LANES)
     scene = None if frame is None else frame.scene
-    of_frame, further = frame_output_arrays(scene, system, rows.paths, reactions, motions)
-    arrays |= of_frame
+    arrays |= frame_output_arrays(scene, system, rows.paths, reactions, motions)
+    further = further_names(reactions, arrays)
     of_ground = {} if frame is None else ground_arrays(frame, system, rows.paths, reactions)
     arrays |= of_ground
     ground = {} if frame is None or not of_ground else ground_outputs(frame.scene)
@@ -106,19 +107,17 @@ class Outputs:
             reactions.append(second)
         return cls(np.concatenate(outputs), np.concatenate(reactions), tuple(map(len, outputs)))
 
-    def split(self, array: Array) -> tuple[Array, Array]:
+    def split(self, array: Array) -> list[Array]:
         """Columns of an array (any, both) for outputs, (any, outputs), and for reactions, (any, reactions).
 
         Both are padded with zeros to whole registers, and by one more register.
         """
         parts = (array[:, numbers] for numbers in (self.outputs, self.reactions))
-        first, second = (np.pad(_fill_rows(columns, columns.shape[1]), ((0, 0), (0, LANES))) for columns in parts)
-        return first, second
+        return [np.pad(_fill_rows(columns, columns.shape[1]), ((0, 0), (0, LANES))) for columns in parts]
 
-    def before(self, part: Part) -> tuple[int, int]:
+    def before(self, part: Part) -> list[int]:
         """Number of a body's first output among all outputs, and of its first reaction among all reactions."""
-        first, second = (np.searchsorted(numbers, part.outputs.start) for numbers in (self.outputs, self.reactions))
-        return int(first), int(second)
+        return [int(np.searchsorted(numbers, part.outputs.start)) for numbers in (self.outputs, self.reactions)]
 
 
 def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supports] = ()) -> CombinedRings:
@@ -276,8 +275,8 @@ def _blocks(rows: Arrangement, split: Outputs) -> Arrays:
         width = max((row.touched.shape[1] for row in block.on_carriers), default=0)
         wide = [_carrier_weights(row, width, on) for row in block.on_carriers]
         head += [len(on), width]
-        for what, k in (("touched", 0), ("weights", 1)):  # interval by interval, each with all rows
-            head.append(store(what, np.stack([arrays[k] for arrays in wide], axis=1) if wide else parts[what][0]))
+        for what in ("touched", "weights"):  # interval by interval, each with all rows
+            head.append(store(what, np.stack([arrays[what] for arrays in wide], axis=1) if wide else parts[what][0]))
         numbers.append(head)
     for k, first in enumerate(rows.blocks):
         for l, second in enumerate(rows.blocks[k + 1 :], k + 1):
@@ -299,15 +298,16 @@ def _carriers(rows: tuple[Row, ...]) -> NDArray[np.int64]:
     return np.unique(np.concatenate([np.zeros(0, np.int64), *(row.touched.ravel() for row in rows)]))
 
 
-def _carrier_weights(row: Row, width: int, carriers: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
-    """Indices in `carriers` of those that a row touches, (intervals, width), and their coefficients.
+def _carrier_weights(row: Row, width: int, carriers: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+    """Indices in `carriers` of those ``touched`` by a row, (intervals, width), and the coefficients as ``weights``.
 
     The coefficients are (intervals, powers, width).  If a row touches fewer than `width` carriers, the last carrier is
     repeated with zero coefficients.
     """
     missing = width - row.touched.shape[1]
     touched = np.searchsorted(carriers, np.pad(row.touched, ((0, 0), (0, missing)), "edge"))
-    return touched, np.pad(row.coefficients, ((0, 0), (0, 0), (0, missing))).swapaxes(0, 1)
+    weights = np.pad(row.coefficients, ((0, 0), (0, 0), (0, missing))).swapaxes(0, 1)
+    return {"touched": touched, "weights": weights}
 
 
 def _terms(system: System, rows: Arrangement) -> Arrays:

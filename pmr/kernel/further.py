@@ -113,7 +113,7 @@ def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, 
         return modal
     reactions = body.reactions
     assert reactions is not None  # the body has supports
-    outputs, (_, i, o) = np.vstack([modal.outputs, supports.of_modes]), _sizes(modal)
+    outputs, i, o = np.vstack([modal.outputs, supports.of_modes]), len(modal.input_names), len(modal.outputs)
     if system.on_one_path:
         pressed = select_columns(
             add_tables(reactions.rows, transpose(body.rows_on(supports.inertia.T)), -1.0), list(form.rows)
@@ -137,14 +137,9 @@ def with_reactions(system: System, name: str, form: Modal, modal: ReducedModel, 
     return replace(modal, outputs=outputs, carriers=replace(carriers, flexibility=residual))
 
 
-def _sizes(body: ReducedModel) -> tuple[int, int, int]:
-    """Number of rows, inputs and outputs of a body."""
-    return len(body.row_names), len(body.input_names), len(body.outputs)
-
-
 def _no_flexibility(body: ReducedModel) -> Flexibility:
     """Residual flexibility of zeros, on the breaks of the body's rows."""
-    m, i, o = _sizes(body)
+    m, i, o = len(body.row_names), len(body.input_names), len(body.outputs)
     rows, inputs, outputs = (
         PPoly(np.zeros((1, len(body.rows.x) - 1, *shape)), body.rows.x) for shape in ((m, m), (m, i), (o, m))
     )
@@ -228,27 +223,29 @@ def cylinder_arrays(scene: Scene, paths: Sequence[str], numbers: Mapping[str, in
 
 def frame_output_arrays(
     scene: Scene | None, system: System, paths: Sequence[str], reactions: Sequence[str], motions: int
-) -> tuple[Arrays, list[str]]:
-    """Arrays of the tip and the luffing cylinder, and names of all further outputs, with the `reactions` first.
+) -> Arrays:
+    """Arrays of the tip and the luffing cylinder, and numbers of all further outputs, with the `reactions` first.
 
     The arrays are empty if there is no `scene` with a frame, or if the number of `motions` that drive the frame is 0.
     """
-    integers, names = np.zeros(0, np.int64), list[str]()
+    integers, sources = np.zeros(0, np.int64), 0
     arrays: Arrays = dict.fromkeys(("tip_numbers", "cylinder_sources", "cylinder_pin"), integers)
     arrays |= dict.fromkeys(("tip_place", "cylinder_hinges", "cylinder_moments"), np.zeros(0))
-    sources = 0
     if scene is not None and scene.frame is not None and motions:
         outputs, last = len(system.output_names), [*system.bodies.values()][-1]
         kinds, first = list(kinds_of(last)), outputs - last.outputs.shape[0]
         tip = [first + kinds.index(f"tip {axis}") if f"tip {axis}" in kinds else -1 for axis in "xyz"]
         place = np.array(scene.frame.tail_position) + [scene.sections[-1].length, 0.0, 0.0]
         arrays |= {"tip_numbers": np.array([*tip, len(scene.sections) - 1]), "tip_place": place}
-        names += [f"tip in space {axis}" for axis in "XYZ"]
         if cylinder := cylinder_arrays(scene, paths, numbers_of_forces(system, reactions), outputs):
             arrays, sources = arrays | cylinder, len(cylinder["cylinder_sources"])
-            names.append(CYLINDER)
-    arrays["further"] = np.array([len(reactions), int(bool(names)), sources])
-    return arrays, [*reactions, *names]
+    return arrays | {"further": np.array([len(reactions), int(len(arrays["tip_numbers"]) > 0), sources])}
+
+
+def further_names(reactions: Sequence[str], arrays: Arrays) -> list[str]:
+    """Names of the `reactions`, the tip in space and the luffing cylinder, as far as `arrays` have them."""
+    tip = [f"tip in space {axis}" for axis in "XYZ"] if len(arrays["tip_numbers"]) else []
+    return [*reactions, *tip, *([CYLINDER] if len(arrays["cylinder_pin"]) else [])]
 
 
 def numbers_of_forces(system: System, reactions: Sequence[str]) -> dict[str, int]:

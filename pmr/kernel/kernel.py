@@ -191,14 +191,11 @@ class Signals:
             },
         )
 
-    def at(self, t: float) -> tuple[Array, Array]:
-        """Values (N,) of the signals at t in s, and their first and second rates (2, N)."""
-        count = len(self.first_strand) - 1
-        u, rates = np.zeros(count), np.zeros((2, count))
-        lib.pmr_signals_at(
-            self.pointer, t, ffi.cast("double *", u.ctypes.data), ffi.cast("double *", rates.ctypes.data)
-        )
-        return u, rates
+    def at(self, t: float) -> Array:
+        """Values of the N signals at t in s, and their first and second rates, (3, N)."""
+        u = np.zeros((3, len(self.first_strand) - 1))
+        lib.pmr_signals_at(self.pointer, t, *(ffi.cast("double *", part.ctypes.data) for part in (u, u[1:])))
+        return u
 
 
 class BankRecord(NamedTuple):

@@ -335,10 +335,10 @@ class Beam(Line, ABC):
         within = cellwise(mesh, mass) * (cellwise(mesh, ends) - x) ** 2 / 2.0
         return arm - force * x - a * (within + first - beyond * x)
 
-    def _element_masses(self) -> tuple[Array, Array, Array, Array]:
-        """Mass per length (kg/m), stations of second node and middle (m), and length (m) of E elements, (E,) each."""
+    def _element_masses(self) -> Array:
+        """Mass per length (kg/m), stations of second node and middle (m), and length (m) of E elements, (4, E)."""
         ends = self.node_stations[self.grid.cells]
-        return self.masses, ends[:, 1], ends.mean(axis=1), np.diff(ends)[:, 0]
+        return np.array([self.masses, ends[:, 1], ends.mean(axis=1), np.diff(ends)[:, 0]])
 
     @staticmethod
     def _beyond(values: Array) -> Array:

@@ -91,14 +91,13 @@ class Beam3D(Beam):
         return self.sections.each[0]
 
     @cached_property
-    def planes(self) -> tuple[Bending, Bending]:
+    def planes(self) -> list[Bending]:
         """Bending along both principal axes of the sections, with shear if the body has it and its areas are known."""
         E, G = self.body.material.young, self.body.material.shear_modulus
         areas, I = self.sections.shear_areas if self.body.shear else None, self.sections.second_moments.T
         if areas is None:
-            return Bending(E * I[0]), Bending(E * I[1])
-        y, z = (Bending(E * second_moment, G * area) for second_moment, area in zip(I, areas.T, strict=True))
-        return y, z
+            return [Bending(E * second_moment) for second_moment in I]
+        return [Bending(E * second_moment, G * area) for second_moment, area in zip(I, areas.T, strict=True)]
 
     @property
     def reference_frequency(self) -> float:

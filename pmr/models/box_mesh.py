@@ -139,8 +139,8 @@ def _triangle_points(first_share: Array, second_share: Array, sides: Sequence[Si
     return np.outer(first_share, sides[k].start) + np.outer(second_share, sides[k].end)
 
 
-def _side_shares(p: Array, sides: Sequence[Side], k: int, depth: float) -> tuple[Array, Array]:
-    """Share xi along side k and depth eta, (N,) each, of points p (N, 2) m.
+def _side_shares(p: Array, sides: Sequence[Side], k: int, depth: float) -> Array:
+    """Share xi along side k and depth eta, the rows of an array (2, N), of points p (N, 2) m.
 
     For points outside of the side xi or eta is not in [0, 1].
     """
@@ -150,12 +150,12 @@ def _side_shares(p: Array, sides: Sequence[Side], k: int, depth: float) -> tuple
         arm, start = p - side.centre, np.subtract(side.start, side.centre)
         radius, angle = np.hypot(*start), np.arctan2(arm[:, 1], arm[:, 0]) - np.arctan2(start[1], start[0])
         angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
-        return angle / side.angle, (radius - np.hypot(*arm.T)) / scale
+        return np.array([angle / side.angle, (radius - np.hypot(*arm.T)) / scale])
     (a, b), (c, d) = shifted_ends(sides, k, lambda _: 0.0), shifted_ends(sides, k, lambda _: -scale)
     along = (b - a) / np.linalg.norm(b - a)
     eta = (p - a) @ [-along[1], along[0]] / scale
     start, end = (np.outer(1.0 - eta, outer) + np.outer(eta, inner) for outer, inner in ((a, c), (b, d)))
-    return (p - start) @ along / np.maximum((end - start) @ along, SLACK * side.length), eta
+    return np.array([(p - start) @ along / np.maximum((end - start) @ along, SLACK * side.length), eta])
 
 
 def _side_points(xi: Array, eta: Array, sides: Sequence[Side], k: int, depth: float) -> Array:

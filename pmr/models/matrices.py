@@ -111,17 +111,18 @@ class Matrices(TracedModel):
         flat = points[:, [axis, across]]
         (low, nearest), (high, farthest) = flat.min(axis=0), flat.max(axis=0)
         extent = Extent((float(low), float(high)), (float(nearest), float(farthest)))
-        cells = [
-            _interval_middles(max(least, start), min(most, end), spacing)
+        x, y = (
+            _divide(max(least, start), min(most, end), spacing)
             for (least, most), (start, end), spacing in zip(
                 ((low, high), (nearest, farthest)), (window.along, window.across), window.spacing, strict=True
             )
-        ]
-        (x, width), (y, breadth) = cells
-        places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+        )
+        middles = [(ends[1:] + ends[:-1]) / 2.0 for ends in (x, y)]
+        places = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 2)
         triangles = Delaunay(flat)
         triangle = triangles.find_simplex(places, tol=1e-9)
-        places, triangle = places[triangle >= 0], triangle[triangle >= 0]
+        inside = triangle >= 0
+        places, triangle = places[inside], triangle[inside]
         corners, T = triangles.simplices[triangle], triangles.transform[triangle]
         shares = np.einsum("qij,qj->qi", T[:, :2], places - T[:, 2])
         shares = np.hstack([shares, 1.0 - shares.sum(axis=1, keepdims=True)])
@@ -133,7 +134,7 @@ class Matrices(TracedModel):
                 "a face is allowed whose nodes have coordinates along its normal: without them a pad holds nothing"
             )
             raise InputError("scene", "pads.on", face, allowed)
-        weights = np.full(len(places), width * breadth)
+        weights = np.outer(np.diff(x), np.diff(y)).ravel()[inside]
         return Strip(places[:, 0], places[:, 1], weights, sp.csr_matrix(interpolation @ value), extent)
 
     def _group(self, name: str) -> Indices:
@@ -143,10 +144,9 @@ class Matrices(TracedModel):
             raise InputError(self.body_matrices.source, "groups", name, allowed)
         return self.body_matrices.groups[name]
 
-    def _values(self, nodes: Indices) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
+    def _values(self, nodes: Indices) -> list[sp.csr_matrix]:
         """Rows (g, n) of the displacements of g nodes, one matrix for each of x, y and z."""
-        x, y, z = (self._of_direction[k][nodes] for k in range(3))
-        return x, y, z
+        return [rows[nodes] for rows in self._of_direction]
 
     @cached_property
     def _of_direction(self) -> list[sp.csr_matrix]:
@@ -199,12 +199,10 @@ class Matrices(TracedModel):
         return orient_outward(face, ways[2], middle, self.body_matrices.points)
 
 
-def _interval_middles(start: float, end: float, spacing: float) -> tuple[Array, float]:
-    """Middles of equal intervals, of a width up to `spacing`, between `start` and `end`; and the width; all in m.
-
-    There are no intervals, and the width is 0, if `end` <= `start`.
-    """
-    if end <= start:
-        return np.empty(0), 0.0
-    count = max(1, int(np.ceil((end - start) / spacing - 1e-9)))
-    return start + (np.arange(count) + 0.5) * (end - start) / count, (end - start) / count
+def _divide(start: float, end: float, spacing: float) -> Array:
+    """Ends in m of equal intervals, of a width up to `spacing`, from `start` to `end`; none if `end` <= `start`."""
+    return (
+        np.linspace(start, end, max(1, int(np.ceil((end - start) / spacing - 1e-9))) + 1)
+        if end > start
+        else np.empty(0)
+    )

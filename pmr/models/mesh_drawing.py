@@ -149,10 +149,9 @@ class Drawing:
         self._model.geo.synchronize()
         return list(self._model.getBoundary(list(entities), combined=True, oriented=False))
 
-    def bounds(self, entity: Entity) -> tuple[Array, Array]:
-        """Lower and upper corner (3,) m of an entity's bounding box."""
-        box = np.array(self._model.getBoundingBox(*entity))
-        return box[:3], box[3:]
+    def bounds(self, entity: Entity) -> Array:
+        """Lower and upper corner (2, 3) in m of an entity's bounding box."""
+        return np.reshape(self._model.getBoundingBox(*entity), (2, 3))
 
     def write(
         self, groups: Mapping[str, Sequence[Entity]], file: Path, move: Callable[[Array], Array] = np.asarray
@@ -183,8 +182,8 @@ class Drawing:
                     kind, vertices = ELEMENTS[int(element)]
                     block = number[nodes.astype(np.int64)].reshape(-1, vertices)
                     if kind == "quad" and top == 2:
-                        points, block = split_quads(points, block)
-                        kind = "triangle"
+                        kind, quads, block = "triangle", block, split_quads(block, len(points))
+                        points = np.concatenate([points, points[quads].mean(axis=1)])
                     cells.append((kind, block))
                     physical.append(np.full(len(block), tag))
         data = {"gmsh:physical": physical, "gmsh:geometrical": physical}

@@ -65,7 +65,8 @@ class MeshFile:
                 for name, members in point_groups.items():
                     inside = np.isin(block.corners, members).all(axis=1)
                     point_groups[name] = np.concatenate([members, centres[inside]])
-                points, corners = split_quads(points, corners)
+                corners = split_quads(block.corners, len(points))
+                points = np.concatenate([points, points[block.corners].mean(axis=1)])
                 lines = [line for line in lines for _ in range(4)]
             blocks.append(Cells(kind, corners, lines))
         pieces = [np.arange(4 if block.kind == "quad" else 1) for block in self.blocks]
@@ -76,14 +77,11 @@ class MeshFile:
         return MeshFile(points, blocks, groups, point_groups)
 
 
-def split_quads(points: Array, quads: Indices) -> tuple[Array, Indices]:
-    """Split each of e quadrilaterals `quads` (e, 4) into four triangles around its centre.
-
-    Returns the points with the centres added behind them, and the triangles (4 e, 3).
-    """
-    centre = len(points) + np.arange(len(quads))
+def split_quads(quads: Indices, first: int) -> Indices:
+    """Triangles (4 e, 3) around the centres of e quadrilaterals `quads` (e, 4), which are numbered from `first` on."""
+    centre = first + np.arange(len(quads))
     triangles = [np.stack([quads[:, i], quads[:, (i + 1) % 4], centre], axis=1) for i in range(4)]
-    return np.concatenate([points, points[quads].mean(axis=1)]), np.stack(triangles, axis=1).reshape(-1, 3)
+    return np.stack(triangles, axis=1).reshape(-1, 3)
 
 
 def read_mesh_file(file: Path) -> MeshFile:

@@ -168,10 +168,10 @@ class NamedMesh:
         return int(np.ptp(self.points, axis=0).argmax())
 
     @cached_property
-    def spans(self) -> tuple[Array, Array]:
-        """Start and end of each cell along the axis, (C,) m each."""
+    def spans(self) -> Array:
+        """Start and end of each cell along the axis, (2, C) m."""
         x = self.points[:, self.axis][self.cells]
-        return x.min(axis=1), x.max(axis=1)
+        return np.array([x.min(axis=1), x.max(axis=1)])
 
     def distribute(self, comm: MPI.Comm) -> Mesh:
         """The mesh as a dolfinx mesh, spread over `comm`; collective."""

@@ -177,18 +177,17 @@ def _zero_round_off(values: Array, size: float) -> Array:
     return np.asarray(np.where(np.abs(values) > ROUND_OFF * size, values, 0.0))
 
 
-def _arc_angles(side: Side, x: Array) -> tuple[Array, float]:
-    """Angles (q,) in rad of points at the shares x (q,) in [0, 1] along an arc, and the angle of the arc's start."""
+def _arc_angles(side: Side, x: Array) -> Array:
+    """Angles (q,) in rad of points at the shares x (q,) in [0, 1] along an arc."""
     y, z = np.subtract(side.start, side.centre or (0.0, 0.0))
-    start = float(np.arctan2(z, y))
-    return start + side.angle * x, start
+    return np.asarray(np.arctan2(z, y) + side.angle * x)
 
 
 def points_along(side: Side, x: Array) -> Array:
     """Points (q, 2) m at the shares x (q,) in [0, 1] along a side."""
     if side.centre is None:
         return np.asarray(side.start + x[:, None] * np.subtract(side.end, side.start))
-    angle, _ = _arc_angles(side, x)
+    angle = _arc_angles(side, x)
     return np.asarray(side.centre + side.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
@@ -196,7 +195,7 @@ def normals(side: Side, x: Array) -> Array:
     """Outward unit vectors (q, 2) at the shares x (q,) in [0, 1] along a side."""
     if side.centre is None:
         return np.tile(side.normal, (len(x), 1))
-    angle, _ = _arc_angles(side, x)
+    angle = _arc_angles(side, x)
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
@@ -208,7 +207,7 @@ def _first_moments(side: Side, x: Array, centroid: Array) -> Array:
     s = (side.length * x)[:, None]
     if side.centre is None:
         return np.asarray(side.thickness * ((side.start - centroid) * s + side.direction * s**2 / 2.0))
-    angle, start = _arc_angles(side, x)
+    angle, start = _arc_angles(side, x), _arc_angles(side, np.zeros(1))
     turned = np.stack([np.sin(angle) - np.sin(start), np.cos(start) - np.cos(angle)], axis=1)
     return np.asarray(side.thickness * ((side.centre - centroid) * s + side.radius**2 * turned))
 
@@ -248,7 +247,7 @@ def _sector(side: Side) -> Integrals:
     p is the vector from the axis.
     """
     r, t, centre = side.radius, side.thickness, np.array(side.centre)
-    (b,), a = _arc_angles(side, np.ones(1))
+    a, b = _arc_angles(side, np.array([0.0, 1.0]))
     c, s, twice = np.sin(b) - np.sin(a), np.cos(a) - np.cos(b), (np.sin(2.0 * b) - np.sin(2.0 * a)) / 4.0
     area, mixed = r * t * side.angle, (np.sin(b) ** 2 - np.sin(a) ** 2) / 2.0
     first = (r**2 * t + t**3 / 12.0) * np.array([c, s])

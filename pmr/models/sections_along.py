@@ -362,8 +362,8 @@ class Bending:
     stiffness: Array  # (K,)
     shear_stiffness: Array | None = None  # (K,)
 
-    def shape_weights(self, h: Array, X: Array, number: Indices) -> tuple[Array, Array]:
-        """Weights (4, q) of w_1, psi_1, w_2, psi_2 in the deflection, and in the section's rotation, in q elements.
+    def shape_weights(self, h: Array, X: Array, number: Indices) -> Array:
+        """Weights (2, 4, q) of w_1, psi_1, w_2, psi_2 in the deflection, then in the section's rotation, in q elements.
 
         w_1 and psi_1 are deflection and rotation at the element's first node, w_2 and psi_2 at its second.  Point i is
         at the share X[i] in [0, 1] of an element of length h[i] in m with section number[i]; h, X and number are (q,).
@@ -371,10 +371,10 @@ class Bending:
         scale = np.stack([np.ones_like(h), h, np.ones_like(h), h])
         value, slope = _evaluate(HERMITE, X) * scale, _evaluate(FIRST, X) * scale / h
         if self.shear_stiffness is None:
-            return value, slope
+            return np.array([value, slope])
         third = _evaluate(THIRD, X) * scale / h**3
         gamma = -(h**2) / 12.0 / (1.0 + (self.shear_stiffness / (12.0 * self.stiffness))[number] * h**2) * third
-        return value + gamma * h * (X - 3 * X**2 + 2 * X**3), slope + gamma * (-6 * X + 6 * X**2)
+        return np.array([value + gamma * h * (X - 3 * X**2 + 2 * X**3), slope + gamma * (-6 * X + 6 * X**2)])
 
     def deflection(self, w: Expr, h: Expr, X: Expr, of_elements: Callable[[Array], Expr]) -> Deflection:
         """Deflection in UFL from the cubic w in elements of length h, at the share X in [0, 1] along each element.

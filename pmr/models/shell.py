@@ -251,7 +251,8 @@ def of(body: Body, mesh: NamedMesh) -> Shell:
     the box's thickness there and the body's material.
     """
     if body.box is not None:
-        plate, regions = plates(body.box, body.material)
+        of_box = shell_body(body.box, body.material)
+        plate, regions = of_box.plate, dict(of_box.regions)
         if body.box.frames:
             regions["frames"] = Plate(material=body.material, thickness=body.box.frame_plate_thickness)
     else:
@@ -309,12 +310,12 @@ def walls_along(box: Box, mesh: NamedMesh) -> Array:
     return thickness
 
 
-def plates(profile: BoxProfile, material: Material) -> tuple[Plate, dict[str, Plate]]:
-    """The thickest plate of a profile, and a dict of thinner plates by the names of their walls."""
+def shell_body(profile: BoxProfile, material: Material) -> ShellBody:
+    """Body of a profile's thickest plate, with thinner plates as regions by the names of their walls."""
     walls = profile.walls
     thickest = max(walls.values())
     thinner = {name: Plate(material=material, thickness=wall) for name, wall in walls.items() if wall < thickest}
-    return Plate(material=material, thickness=thickest), thinner
+    return ShellBody(plate=Plate(material=material, thickness=thickest), regions=thinner)
 
 
 def frames(mesh: NamedMesh) -> Array:

@@ -45,7 +45,7 @@ class Trace:
     name: str  # of the group
     points: Array  # (q, 3) m
     weights: Array  # (q,) m^dim, with the Jacobian: their sum is the group's measure (of points: their number)
-    values: tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]  # (q, n) each: displacement along x, y, z
+    values: Sequence[sp.csr_matrix]  # three matrices (q, n): displacement along x, y, z
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the points' centroid to the point that is measured
 
     @property
@@ -136,7 +136,7 @@ def group_trace(mesh: NamedMesh, nodes: Nodes, name: str, degree: int, parts: in
         name,
         points=(linear @ corners).reshape(-1, 3),
         weights=(measure * weights * np.ones((len(first), 1))).ravel(),
-        values=tuple(sp.csr_matrix((along_x.data, along_x.indices + c, along_x.indptr), shape=size) for c in range(3)),
+        values=[sp.csr_matrix((along_x.data, along_x.indices + c, along_x.indptr), shape=size) for c in range(3)],
     )
 
 
@@ -346,21 +346,21 @@ def face_strip(face: FlatFace, nodes: Nodes, window: Window) -> Strip:
     return Strip(place[within, 0], place[within, 1], points.weights[within], displacement, face.extent)
 
 
-def line_points(window: Window, stations: Array) -> tuple[Array, Array]:
-    """Coordinates (q,) m and weights (q,) m of Gauss' rule on a beam's axis within a window.
+def line_points(window: Window, stations: Array) -> Array:
+    """Coordinates and weights of Gauss' rule on a beam's axis within a window, the rows of an array (2, q) in m.
 
     The rule is exact for a linear weight times a cubic.  The axis is cut at its `stations` (nodes, ascending) and at
-    multiples of the window's spacing from the window's start.  Both arrays are empty if the window is off the axis.
+    multiples of the window's spacing from the window's start.  There are no points if the window is off the axis.
     """
     if window.along[0] >= stations[-1] or window.along[1] <= stations[0]:
-        return np.empty(0), np.empty(0)
+        return np.empty((2, 0))
     start, end = max(window.along[0], stations[0]), min(window.along[1], stations[-1])
     cuts = np.arange(window.along[0], window.along[1], window.spacing[0])
     inner = np.concatenate([stations, cuts])
     ends = np.unique(np.concatenate([[start, end], inner[(inner > start) & (inner < end)]]))
     x, w = np.polynomial.legendre.leggauss(3)
     middle, half = (ends[1:] + ends[:-1])[:, None] / 2.0, np.diff(ends)[:, None] / 2.0
-    return (middle + half * x).ravel(), (half * w).ravel()
+    return np.array([(middle + half * x).ravel(), (half * w).ravel()])
 
 
 def _face_normal(mesh: NamedMesh, group: Group, face: str) -> Array:

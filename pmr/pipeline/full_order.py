@@ -220,7 +220,7 @@ def _states_of_bodies(
         loads, pressed = f[steps, first:last], system.side_multipliers(name, reaching)
         rubbed = friction_on_body(system, name, forces, friction)
         states_of_bodies[name] = BodyStates(
-            states.t, x[steps][:, side_numbers], states.q, states.v, pressed, loads, rows, *rubbed
+            states.t, x[steps][:, side_numbers], states.q, states.v, pressed, loads, rows, **rubbed
         )
         first = last
     return states_of_bodies

@@ -115,7 +115,6 @@ def section_model(
     span, spanned = (
         _spanning_vectors(residual, loads) if inertia and model.matrices else (None, np.zeros((0, loads.shape[1])))
     )
-    matrices, ports, supports = _matrices(model, [V, span, x], motions)
     body.free_factor()
     free_dropped(model.comm)
     values = _carrier_measures(model, shared, basis)
@@ -126,15 +125,8 @@ def section_model(
     if basis.size < model.size:  # all motions of a body leave no flexibility out
         check_independence(flexible, _yielding_rows(flexible))
     inertia_of_any = inertia[0].carrier_flexibility() if inertia else None
-    of_carriers = replace(
-        carriers,
-        inertia=inertia_of_any,
-        answers=answers,
-        matrices=matrices,
-        ports=ports,
-        supports=supports,
-        spanned=spanned,
-    )
+    carriers = replace(carriers, inertia=inertia_of_any, answers=answers, spanned=spanned)
+    of_carriers = _with_matrices(carriers, model, [V, span, x], motions)
     return _with_coordinates(replace(flexible, carriers=of_carriers), coordinates)
 
 
@@ -189,23 +181,23 @@ def _spanning_vectors(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tu
     return Z @ (Q[:, is_spanned] / root), (root[:, None] * Q[:, is_spanned].T) * size
 
 
-def _matrices(
-    model: FullModel, vectors: list[Array | None], motions: Array | None
-) -> tuple[dict[str, Array], dict[str, Array], dict[str, Array]]:
-    """Matrices of the model between all `vectors`, ports on these vectors, and work of the matrices on motions.
+def _with_matrices(
+    carriers: CarrierRows, model: FullModel, vectors: list[Array | None], motions: Array | None
+) -> CarrierRows:
+    """Rows on carriers with matrices between all `vectors`, ports on these, and work of the matrices on motions.
 
     `vectors` are blocks of columns (n_local, any), or None for an empty block.  `motions` (n_local, h) belong to h
-    rigid supports; None if there are none.  The three results are dicts by name, empty for a model without matrices;
-    the work has the shape (h, number of vectors).
+    rigid supports; None if there are none.  The work has the shape (h, number of vectors).  Nothing is added for a
+    model without matrices.
     """
     if not model.matrices:
-        return {}, {}, {}
+        return carriers
     every = np.hstack([block for block in vectors if block is not None])
     products = {name: times(A, every) for name, A in model.matrices.items()}
     matrices = {name: inner(every, block, model.comm) for name, block in products.items()}
     supports = {} if motions is None else {name: inner(motions, block, model.comm) for name, block in products.items()}
     ports = {name: model.comm.allreduce(row[:, model.share] @ every)[0] for name, row in model.ports.items()}
-    return matrices, ports, supports
+    return replace(carriers, matrices=matrices, ports=ports, supports=supports)
 
 
 def _cylinder_values(

@@ -120,20 +120,20 @@ def terms(A: PETSc.Mat, X: Array) -> Array:
     return sums
 
 
-def _diagonalise(model: FullModel, W: Array) -> tuple[Array, Array]:
-    """Combinations W (n_local, k) of the given columns W, and K W over the diagonal of W^T K W, (n_local, k).
+def _diagonalise(model: FullModel, W: Array) -> Array:
+    """Combinations W of the given columns W, and K W over the diagonal of W^T K W, (2, n_local, k).
 
     The combinations satisfy W^T M W = I, and their W^T K W is diagonal.  For a column that is an eigenvector up to
     round-off, the second result is M W, which is more accurate.  Collective.
     """
     if W.shape[1] == 0:
-        return W, W
+        return np.array([W, W])
     comm = model.comm
     theta, Q = scipy.linalg.eigh(inner(W, times(model.K, W), comm), inner(W, times(model.M, W), comm))
     W = np.ascontiguousarray(W @ Q)
     KW, MW, of_K = times(model.K, W), times(model.M, W), terms(model.K, W)
     differs, size = (np.diagonal(inner(x, x, comm)) for x in (KW - theta * MW, of_K))
-    return W, np.where(differs <= (ROUND_OFF * np.finfo(float).eps) ** 2 * size, MW, KW / theta)
+    return np.array([W, np.where(differs <= (ROUND_OFF * np.finfo(float).eps) ** 2 * size, MW, KW / theta)])
 
 
 Pattern: TypeAlias = sp.csr_matrix | None

@@ -81,7 +81,8 @@ class SectionForces:
         loads and contact forces at these times; None if nothing acts.
         """
         a, supports = self._whole.acceleration(q, acting)
-        on_pieces, displaced = self._pieces.loads(q, a, supports, acting)
+        displaced = self._pieces.displacement(q)
+        on_pieces = self._pieces.loads(displaced, a, supports, acting)
         if self._between is not None:
             displaced = (
                 displaced + (self._cut_displacements @ self._between.solve(self._cut_displacements.T @ on_pieces.T)).T
@@ -148,22 +149,22 @@ class _BeamPieces:
         self._held = {row.name: row.at(row.breaks[0]) for row in restraints.rows if row.is_fixed}
         self._displacement = sp.csr_matrix(cut.coordinates @ couple(structure).T)
 
-    def loads(self, q: Array, a: Array, supports: dict[str, Array], acting: BodyStates | None) -> tuple[Array, Array]:
-        """Loads, inertia included, and displacements on the c coordinates of the pieces, both (S, c).
+    def displacement(self, q: Array) -> Array:
+        """Displacements (S, c) of the c coordinates of the pieces, without delta, for coordinates q (S, n)."""
+        return (self._displacement @ q.T).T
 
-        The displacements do not include delta.  The coordinates q and accelerations a of the beam are (S, n);
-        `supports` has the forces (S,) of rigid supports by name; supports that do not hold this beam are left out.
+    def loads(self, displaced: Array, a: Array, supports: dict[str, Array], acting: BodyStates | None) -> Array:
+        """Loads (S, c), inertia included, on the c coordinates of the pieces with the displacements `displaced` (S, c).
+
+        The accelerations a of the beam are (S, n); `supports` has the forces (S,) of rigid supports by name; supports
+        that do not hold this beam are left out.
         """
-        displaced = (self._displacement @ q.T).T
-        forces = (
-            _state_loads(self._B, self._rows, acting, len(q))
-            - displaced @ self._springs
-            - (self._displacement @ a.T).T @ self._M
-        )
+        forces = _state_loads(self._B, self._rows, acting, len(a))
+        forces = forces - displaced @ self._springs - self.displacement(a) @ self._M
         for name, force in supports.items():
             if name in self._held:
                 forces -= force[:, None] * self._held[name].toarray()
-        return forces, displaced
+        return forces
 
 
 def _state_loads(B: sp.csr_matrix, rows: Iterable[Row], acting: BodyStates | None, count: int) -> Array:

@@ -311,13 +311,13 @@ class PlaceOnBoom(NamedTuple):
     number: int
 
 
-def rope_places(scene: Scene) -> tuple[PlaceOnBoom, PlaceOnBoom]:
+def rope_places(scene: Scene) -> list[PlaceOnBoom]:
     """Places of the head and of the winch of a scene's hoist."""
     assert scene.hoist is not None
     tail = np.zeros(3) if scene.frame is None else np.array(scene.frame.tail_position)
     places = {name: (m.number, place) for m in members(scene) for name, place in m.rope_places.items()}
     on_boom = {name: PlaceOnBoom((*(tail + place.at).tolist(),), number) for name, (number, place) in places.items()}
-    return on_boom["head"], on_boom.get("winch", PlaceOnBoom(scene.hoist.winch.at, 0))
+    return [on_boom["head"], on_boom.get("winch", PlaceOnBoom(scene.hoist.winch.at, 0))]
 
 
 def distance_along(scene: Scene, t: float) -> float:

@@ -207,9 +207,9 @@ EXTENDS = {
 IN_PART = ", in part"
 
 
-def scene_form_schemas() -> tuple[Schema, Schema]:
+def scene_form_schemas() -> list[Schema]:
     """Return the schemas of the two forms of a scene file: with a body at the top, and with a list of sections."""
-    return BodyFile.model_json_schema(), Scene.model_json_schema(mode="validation")
+    return [BodyFile.model_json_schema(), Scene.model_json_schema(mode="validation")]
 
 
 def scene_file_schema() -> Schema:

@@ -288,7 +288,7 @@ def _merge(
             _merge(old, value, source, origins, location)
         elif isinstance(value, Mapping) and isinstance(old, list):
             for name, part in value.items():
-                number = _entry(old, name, (source, *_innermost_key(dotted_key([*location, name]), part)))
+                number = _entry(old, name, source, dotted_key([*location, name]), part)
                 if isinstance(part, Mapping):
                     _merge(old[number], part, source, origins, (*location, str(number)))
                 else:
@@ -300,12 +300,16 @@ def _merge(
             origins[location] = source
 
 
-def _entry(entries: list[object], name: str, place: tuple[str, str, object]) -> int:
-    """Return the number of a list's entry from its name or number; `place` is source, key and value for messages.
+def _entry(entries: list[object], name: str, source: str, key: str, value: object) -> int:
+    """Return the number of a list's entry from its name or number; `source`, `key` and `value` are for messages.
+
+    Messages name the innermost one of nested tables that hold one key each.
 
     Raises InputError if there is no such entry.
     """
-    source, key, value = place
+    while isinstance(value, Mapping) and len(value) == 1:
+        ((part, value),) = value.items()
+        key = f"{key}.{part}"
     names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
     tables = [number for number, entry in enumerate(entries) if isinstance(entry, dict)]
     if names.count(name) == 1:
@@ -321,11 +325,3 @@ def _entry(entries: list[object], name: str, place: tuple[str, str, object]) -> 
         first = next((str(entry_name) for entry_name in names if entry_name is not None), "0")
         allowed = f"this is a list; which of its entries is said before {name}, as in {before}{first}.{name}: {listed}"
     raise InputError(source, key, value, allowed)
-
-
-def _innermost_key(key: str, value: object) -> tuple[str, object]:
-    """Return the dotted key and the value of the innermost one of nested tables that hold one key each."""
-    while isinstance(value, Mapping) and len(value) == 1:
-        ((part, value),) = value.items()
-        key = f"{key}.{part}"
-    return key, value

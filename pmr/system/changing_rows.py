@@ -85,11 +85,11 @@ class RowDerivatives:
     slopes: ContactRows  # (P, ...): first derivatives by each path coordinate
     curves: ContactRows  # (P, P, ...): second derivatives by two path coordinates
 
-    def time_derivatives(self, rates: Array) -> tuple[ContactRows, ContactRows]:
+    def time_derivatives(self, rates: Array) -> list[ContactRows]:
         """First and second derivatives of the rows with respect to time, for P paths with constant `rates` in m/s."""
         first = (np.tensordot(rates, A, 1) for A in vars(self.slopes).values())
         second = (np.tensordot(rates, np.tensordot(rates, A, 1), 1) for A in vars(self.curves).values())
-        return ContactRows(*first), ContactRows(*second)
+        return [ContactRows(*first), ContactRows(*second)]
 
 
 def _zero_rows(m: int, n: int, i: int, *paths: int) -> ContactRows:

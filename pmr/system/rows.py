@@ -432,7 +432,7 @@ class StraightRows:
     end: float
     names: tuple[str, str]
 
-    def rows(self, point: Row) -> tuple[Row, Row]:
+    def rows(self, point: Row) -> list[Row]:
         """Rows w(p) + (s - p) w'(p) - w(s) and (s - p) w'(s) - w(s) + w(p), in this order, with p = `end`.
 
         `point` is the row w(s) of the deflection at the moving point.  The first row is the gap at s between the
@@ -454,8 +454,7 @@ class StraightRows:
         changing[1:] += ahead * rates
         touched = np.hstack([point.touched, np.broadcast_to(point.touched[j], point.touched.shape)])
         parts = [(-point.coefficients, sloping), (changing - point.coefficients, constant)]
-        first, second = (
+        return [
             replace(point, name=name, touched=touched, coefficients=np.concatenate(part, axis=2))
             for name, part in zip(self.names, parts, strict=True)
-        )
-        return first, second
+        ]

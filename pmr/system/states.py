@@ -99,23 +99,22 @@ class BodyStates:
         return replace(self, p=self.p[:, columns], v=self.v[:, columns])
 
 
-def friction_on_body(
-    system: BodySystem[Body], name: str, forces: Array, friction: Array | None
-) -> tuple[Array, Array] | tuple[None, None]:
+def friction_on_body(system: BodySystem[Body], name: str, forces: Array, friction: Array | None) -> dict[str, Array]:
     """Moments (S, rows) in N m and forces along the boom (S, rows) in N of friction on the rows of a body.
 
-    They are the `friction_moments` and `friction_forces` of the `BodyStates` of the body called `name`.  `forces` (S,
-    m) in N are those of all contacts, `friction` (S, n) in N that of all pads.  Both results are None if there is no
-    friction.
+    They are the `friction_moments` and `friction_forces` of the `BodyStates` of the body called `name`, by these names.
+    `forces` (S, m) in N are those of all contacts, `friction` (S, n) in N that of all pads.  The result is empty if
+    there is no friction.
     """
     rubbing = Friction.from_contacts(system.contacts)
     if rubbing is None or friction is None:
-        return None, None
+        return {}
     sides, of_contacts = [system.sides[number] for number in system.sides_of(name)], np.zeros(forces.shape)
     of_contacts[:, rubbing.pads] = friction
     on = [side.contact for side in sides]
     ways = np.array([side.sign * system.contacts[side.contact].direction for side in sides])  # 1 for the inner section
-    return system.side_multipliers(name, rubbing.moments(friction, forces)), of_contacts[:, on] * ways
+    moments = system.side_multipliers(name, rubbing.moments(friction, forces))
+    return {"friction_moments": moments, "friction_forces": of_contacts[:, on] * ways}
 
 
 def states_of(system: System, trajectory: SystemTrajectory, steps: Indices) -> dict[str, BodyStates]:
@@ -124,10 +123,8 @@ def states_of(system: System, trajectory: SystemTrajectory, steps: Indices) -> d
     for name, body in system.bodies.items():
         motion, last = at_steps.bodies[name], first + len(body.input_names)
         rows = tuple(system.sides[number].place.row for number in system.sides_of(name))
-        loads, rubbed = (
-            at_steps.loads[:, first:last],
-            friction_on_body(system, name, at_steps.forces, at_steps.friction),
-        )
-        states[name] = BodyStates(at_steps.t, motion.s, motion.q, motion.v, motion.multipliers, loads, rows, *rubbed)
+        rubbed = friction_on_body(system, name, at_steps.forces, at_steps.friction)
+        part = motion.s, motion.q, motion.v, motion.multipliers, at_steps.loads[:, first:last]
+        states[name] = BodyStates(at_steps.t, *part, rows, **rubbed)
         first = last
     return states

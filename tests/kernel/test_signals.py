@@ -33,7 +33,7 @@ def test_values_and_rates_are_those_of_the_signals() -> None:
     for k, (name, signal) in enumerate(SIGNALS.items()):
         second = np.zeros(len(TIMES)) if name == "acceleration" else signal.second_rate(TIMES)
         expected = np.array([signal.value(TIMES), signal.rate(TIMES), second])
-        seen = np.array([[u[k], *rates[:, k]] for u, rates in found]).T
+        seen = np.array([signals_at_time[:, k] for signals_at_time in found]).T
         for one, other in zip(seen, expected, strict=True):
             np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-11 * np.abs(other).max() + 1e-14, err_msg=name)
 

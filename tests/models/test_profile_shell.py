@@ -14,10 +14,10 @@ from pmr.models import DIRECTIONS
 from pmr.models.beam3d import Beam3D
 from pmr.models.box_mesh import BoxBoom, write_shell
 from pmr.models.named_mesh import read_mesh
-from pmr.models.shell import Shell, plates
+from pmr.models.shell import Shell, shell_body
 from pmr.models.trace import Window
 from pmr.scene.profile import BoxProfile
-from pmr.scene.structures import Beam3DBody, Material, PointMass, ShellBody
+from pmr.scene.structures import Beam3DBody, Material, PointMass
 
 pytest.importorskip("gmsh")
 LENGTH = 8.0
@@ -31,8 +31,7 @@ PROFILES = {
 
 def shell(profile: BoxProfile, folder: Path, length: float, size: float, along: float) -> Shell:
     write_shell(BoxBoom(profile.sides, length, size, along), folder / "m.msh")
-    plate, regions = plates(profile, Material())
-    return Shell(ShellBody(plate=plate, regions=regions), read_mesh(folder / "m.msh", ("triangle",)))
+    return Shell(shell_body(profile, Material()), read_mesh(folder / "m.msh", ("triangle",)))
 
 
 def answers(model) -> np.ndarray:

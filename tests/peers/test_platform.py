@@ -26,9 +26,9 @@ from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Structure
 from pmr.models.box_mesh import BoxBoom, write_shell
 from pmr.models.named_mesh import read_mesh
-from pmr.models.shell import Shell, plates
+from pmr.models.shell import Shell, shell_body
 from pmr.scene.profile import BoxProfile
-from pmr.scene.structures import Material, ShellBody
+from pmr.scene.structures import Material
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import side_positions
 from pmr.system.assembly import Assembly
@@ -204,8 +204,7 @@ def test_a_section_twists_on_slanted_pads_as_in_calculix(
         width=width, height=height, chamfer=chamfer, wall={"bottom": bottom, "sides": sides, "top": top}
     )
     write_shell(BoxBoom(profile.sides, length, size, along), tmp_path / "m.msh")
-    plate, regions = plates(profile, Material())
-    shell = Shell(ShellBody(plate=plate, regions=regions), read_mesh(tmp_path / "m.msh", ("triangle",)))
+    shell = Shell(shell_body(profile, Material()), read_mesh(tmp_path / "m.msh", ("triangle",)))
     pads = tuple(
         Pad(f"{x} {face} {y}", face, x, y, width=WIDTH)
         for x in places
@@ -269,8 +268,7 @@ def test_free_torsion_is_that_of_the_closed_form_here_and_in_calculix(tmp_path: 
         width=width, height=height, chamfer=chamfer, wall={"bottom": bottom, "sides": beside, "top": top}
     )
     write_shell(BoxBoom(profile.sides, length, size, along), tmp_path / "m.msh")
-    plate, regions = plates(profile, Material())
-    shell = Shell(ShellBody(plate=plate, regions=regions), read_mesh(tmp_path / "m.msh", ("triangle",)))
+    shell = Shell(shell_body(profile, Material()), read_mesh(tmp_path / "m.msh", ("triangle",)))
     springs = tuple(Support(d, "tail", d, stiffness=1e9) for d in ("x", "y", "z", "rx", "ry", "rz"))
     model = structural_model(Structure(shell, pads=Pads((), supports=springs), loads=(Action("F", "tip", "z"),)))
     rows = np.array([flow(tube, shell.mesh.points, x, (0.5, 0.5)).ravel() for x in places])

@@ -120,18 +120,18 @@ class CubicSignal(SignalBase):
         return (Strand(breaks, np.ascontiguousarray(polynomials)),)
 
     def value(self, t: ArrayLike) -> Array:
-        at, (x, x1, x2, x3) = self._pieces(t)
+        at, x, x1, x2, x3 = self._pieces(t)
         return np.asarray(x + at * (x1 + at / 2.0 * (x2 + at / 3.0 * x3)))
 
     def rate(self, t: ArrayLike) -> Array:
-        at, (_, x1, x2, x3) = self._pieces(t)
+        at, _, x1, x2, x3 = self._pieces(t)
         return np.asarray(x1 + at * (x2 + at / 2.0 * x3))
 
-    def _pieces(self, t: ArrayLike) -> tuple[Array, Array]:
-        """Time (...) in s since the current step began, and value and rates (4, ...) at its beginning."""
+    def _pieces(self, t: ArrayLike) -> Array:
+        """Time in s since the current step began, and value and three rates at its beginning, (5, ...)."""
         at, rates = np.asarray(t, float), np.array(self.rates)
         number = np.clip(np.floor(at / self.step + 1e-9).astype(int), 0, rates.shape[1] - 1)
-        return at - number * self.step, rates[:, number]
+        return np.array([at - number * self.step, *rates[:, number]])
 
 
 def _cubic_excitation(drivers: Drivers, excitation: Excitation, inputs: Array) -> Excitation:

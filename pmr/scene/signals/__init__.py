@@ -69,9 +69,9 @@ class _Knots(SignalBase):
         return self.times
 
     @property
-    def _rises(self) -> tuple[Array, Array]:
-        """Durations in s of the intervals between knots, and increases of the value in these intervals."""
-        return np.diff(self.times), np.diff(self.values)
+    def _rises(self) -> Array:
+        """Durations in s of the k intervals between knots, and increases of the value in these intervals, (2, k)."""
+        return np.diff([self.times, self.values])
 
     def _coefficients(self) -> Array:
         """Return the coefficients of the polynomials between knots, in the order of `_Curve`."""
