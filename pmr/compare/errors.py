@@ -202,11 +202,12 @@ def _without_round_off(pair: ResponsePair, least: float, force: float) -> Respon
     The round-off of displacements is `least` in m.  The round-off of forces is the larger of `force` in N and
     `ROUND_OFF` times the largest force.
     """
-    x, y = zero_round_off(*(response.displacement for response in pair), round_off=least)
+    signal, reference = pair
+    x, y = zero_round_off(signal.displacement, reference.displacement, least)
     size = max(float(largest_absolute(response.slider_force, None)) for response in pair)
-    f, g = zero_round_off(*(response.slider_force for response in pair), round_off=max(force, ROUND_OFF * size))
-    changes = zip(pair, (x, y), (f, g), strict=True)
-    return ResponsePair(*(replace(of, displacement=moves, slider_force=forces) for of, moves, forces in changes))
+    f, g = zero_round_off(signal.slider_force, reference.slider_force, max(force, ROUND_OFF * size))
+    signal = replace(signal, displacement=x, slider_force=f)
+    return ResponsePair(signal, replace(reference, displacement=y, slider_force=g))
 
 
 #: Histories (T,) of forces or moments: by kind and unit, such as ``("pad_force", "N")``, then by name.

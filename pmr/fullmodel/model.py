@@ -14,7 +14,7 @@ coordinates of its rigid motions: r_x, r_y, r_z under unit translations along th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -28,10 +28,10 @@ from pmr.models import StructuralModel, is_assembled
 from pmr.models.mover import Mover
 from pmr.scene.keys import ALONE, input_name
 from pmr.scene.structures import PointMass
-from pmr.system.body import FullBody, RowProperties
+from pmr.system.body import FullBody, FullOrderBody
 from pmr.system.body_matrices import Rayleigh
 from pmr.system.contacts import Contact, Place
-from pmr.system.rows import Row, Rows, SharedCarriers
+from pmr.system.rows import Row, SharedCarriers
 from pmr.system.system import BodySystem, System, consecutive, ground_contacts
 from pmr.system.terms import Term
 
@@ -105,7 +105,7 @@ class RigidMotions:
 
 
 @dataclass(frozen=True)
-class FullModel(RowProperties):
+class FullModel(FullOrderBody):
     r"""Full model of a body, with operators distributed over `comm`, in SI units.
 
     The coordinates q (n,) follow the inputs f (i,) and the path coordinate s by
@@ -122,20 +122,11 @@ class FullModel(RowProperties):
     K: PETSc.Mat  # (n, n); its pattern contains that of M
     inputs: PETSc.Mat  # B (n, i): one column for each load
     outputs: PETSc.Mat  # O^T (n, o): one column for each output
-    rows: Rows  # supports first, then the sliders; the same on every rank
-    input_names: tuple[str, ...]
-    output_positions: Array  # (o,) m along the axis
     reference_frequency: float  # rad/s: scale of the lowest frequencies, by which eigensolvers shift
-    output_names: tuple[str, ...] = ()
-    output_units: tuple[str, ...] = ()
-    output_kinds: tuple[str, ...] = ()
     # None: unknown; such a model can be simulated, but not be reduced to free modes
     rigid: RigidMotions | None = None
-    node_stations: Array | None = None  # (N,) m: coordinates of a beam's nodes along its axis; None: no beam
     # (n, n): planes of symmetry (`pmr.fullmodel.structural`), the same on every rank
     mirrors: tuple[sp.csr_matrix, ...] = ()
-    # rows (1, n), the same on every rank, that measure motions where something may be attached, by place and direction
-    ports: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
     # (n, n): matrices of a moving frame and of axial forces, by the names of `pmr.system.body_matrices`; zero ones
     # are left out
     matrices: Mapping[str, PETSc.Mat] = field(default_factory=dict)
@@ -184,22 +175,9 @@ class FullModel(RowProperties):
             return None
         M, D, K, inputs, outputs = parts
         assert M is not None and D is not None and K is not None and inputs is not None and outputs is not None
-        return FullBody(
-            M,
-            D,
-            K,
-            inputs.toarray(),
-            outputs.T.tocsr(),
-            self.rows,
-            self.input_names,
-            self.output_positions,
-            self.output_units,
-            self.output_names,
-            self.rayleigh,
-            self.output_kinds,
-            {name: A for name, A in matrices.items() if A is not None},
-            self.ports,
-        )
+        common = {of.name: getattr(self, of.name) for of in fields(FullOrderBody)}
+        on_first_rank = {name: A for name, A in matrices.items() if A is not None}
+        return FullBody(M, D, K, inputs.toarray(), outputs.T.tocsr(), self.rayleigh, on_first_rank, **common)
 
 
 @dataclass(frozen=True)

@@ -64,13 +64,8 @@ class Region(SceneTable):
     thickness: Thickness | None = Field(default=None, description="Thickness of the region, in a shell")
 
 
-class Body(ShorthandTable):
-    """A section: a box boom, a beam given by its stiffnesses, or the mesh of a file.
-
-    With `model` ``auto`` a run takes the smallest structural model whose results are near enough to those of a shell,
-    which it measures.  The density of `material` includes `attached_mass_per_length` (m') of a box: it is rho + m' L /
-    V, with the box's length L and the volume V of its walls.
-    """
+class Geometry(ShorthandTable):
+    """Structural model, material and shape of a section."""
 
     model: ModelName = Field(
         default="auto", description="Structural model; `auto` takes the smallest that is near enough to a shell"
@@ -83,6 +78,16 @@ class Body(ShorthandTable):
     regions: dict[Name, Region] = Field(
         default={}, description="Named regions of the mesh with a material or thickness of their own"
     )
+
+
+class Body(Geometry):
+    """A section: a box boom, a beam given by its stiffnesses, or the mesh of a file.
+
+    With `model` ``auto`` a run takes the smallest structural model whose results are near enough to those of a shell,
+    which it measures.  The density of `material` includes `attached_mass_per_length` (m') of a box: it is rho + m' L /
+    V, with the box's length L and the volume V of its walls.
+    """
+
     shear: Switch = Field(default=True, description="Whether beams in space have shear deformation and rotary inertia")
     shear_correction: Annotated[float, Field(gt=0.0, strict=True), Quantity("1", 1e-3, 1e6)] = Field(
         default=5.0 / 6.0, description="Shear correction factor kappa of shells"

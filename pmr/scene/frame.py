@@ -216,8 +216,8 @@ class FrameAngles(NamedTuple):
     slewing: SignalBase
 
 
-class Frame(SceneTable):
-    """A frame that luffs and slews about a pivot: the whole boom moves with it, and gravity keeps pointing down."""
+class BoomAngles(SceneTable):
+    """Angles of a boom about a pivot."""
 
     pivot: Annotated[Point, Usual(0.0, 5.0, "reach")] | None = Field(
         default=None, description="Position of the base's tail relative to the pivot, in the axes of the boom"
@@ -237,6 +237,11 @@ class Frame(SceneTable):
         default=None, description="Slewing angle over time, about the upward vertical"
     )
     unit: Literal["rad", "degrees"] = Field(default="rad", description="Unit of all angles")
+
+
+class Frame(BoomAngles):
+    """A frame that luffs and slews about a pivot: the whole boom moves with it, and gravity keeps pointing down."""
+
     base: BaseMotion | None = Field(default=None, description="Motion of the machine below the pivot")
     machine: Machine | None = Field(
         default=None, description="Machine below the pivot as a rigid body, whose motion in free directions is computed"

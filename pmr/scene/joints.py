@@ -44,12 +44,8 @@ SHEAR_STIFFNESS = 1e8
 STRIBECK_SPEED = 0.01
 
 
-class JointPads(SceneTable):
-    """A ring of pads at one end of a joint, between a section and the next outer one.
-
-    Without `faces`, which only planar beams allow, a ring is a point on the axis; if it only pushes, there is one point
-    above and one below.
-    """
+class PadPlaces(SceneTable):
+    """Places, sizes and stiffness of a ring of pads."""
 
     name: NameOrNone = Field(default="", description="Name of the ring, where one end has several")
     at: Distance = Field(description="Distance of the pads' centre from the tail, or from the mouth")
@@ -64,6 +60,15 @@ class JointPads(SceneTable):
     clearance: Annotated[Distance | dict[Face, Distance], Usual(0.0, 0.2)] = Field(
         default=0.0, description="Gap between pads that only push and the undeformed section, of all faces or by face"
     )
+
+
+class JointPads(PadPlaces):
+    """A ring of pads at one end of a joint, between a section and the next outer one.
+
+    Without `faces`, which only planar beams allow, a ring is a point on the axis; if it only pushes, there is one point
+    above and one below.
+    """
+
     friction: Friction = Field(default=0.0, description="Coulomb's coefficient of friction along the boom")
     static_friction: Friction = Field(
         default=0.0,

@@ -137,7 +137,24 @@ class Fatigue(SceneTable):
         return self.spectrum or (SpectrumLine(cycles=self.cycles),)
 
 
-class Reduction(SceneTable):
+class BasisChoice(SceneTable):
+    """Which vectors the coordinates multiply, and whether the flexibility that they leave out is added."""
+
+    basis: BasisName = Field(
+        default="free_modes",
+        description="Which vectors the coordinates multiply (see above), or the name of one that an installed "
+        "package adds",
+    )
+    file: ExistingFile | None = Field(
+        default=None, description="npz file with an array V, whose columns are vectors on the full model's coordinates"
+    )
+    flexibility: Switch = Field(
+        default=False, description="Whether residual flexibility is added; true by default for free modes"
+    )
+    estimate: Switch = Field(default=True, description="Whether the error of the reduction is estimated")
+
+
+class Reduction(BasisChoice):
     """The basis of the reduced model and the number of its `coordinates`.
 
     `basis` ``free_modes`` takes the lowest eigenmodes without sliders and moving pads (free-interface modes).
@@ -156,18 +173,6 @@ class Reduction(SceneTable):
     and moments there join the coordinates, so that the static answer to these forces is exact.
     """
 
-    basis: BasisName = Field(
-        default="free_modes",
-        description="Which vectors the coordinates multiply (see above), or the name of one that an installed "
-        "package adds",
-    )
-    file: ExistingFile | None = Field(
-        default=None, description="npz file with an array V, whose columns are vectors on the full model's coordinates"
-    )
-    flexibility: Switch = Field(
-        default=False, description="Whether residual flexibility is added; true by default for free modes"
-    )
-    estimate: Switch = Field(default=True, description="Whether the error of the reduction is estimated")
     snapshots: Count = Field(default=5, description="Slider positions at which eigenmodes are taken")
     modes: Count = Field(default=6, description="Eigenmodes at each position")
     coordinates: Count = Field(

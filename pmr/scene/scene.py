@@ -28,8 +28,8 @@ from pmr.scene.structures import Damping, PointMass
 from pmr.scene.tomlfiles import merge_tables
 
 
-class CommonTables(SceneTable):
-    """Tables about all bodies together."""
+class Surroundings(SceneTable):
+    """Weight, moving frame, hoist, start and damping of all bodies together."""
 
     title: Text = Field(description="Title of the report")
     gravity: Gravity | None = Field(
@@ -49,6 +49,11 @@ class CommonTables(SceneTable):
         "begins at rest by default, several sections in equilibrium: loose in their pads they would begin with a fall",
     )
     damping: Damping = Field(default=Damping(), description="Damping of the structure")
+
+
+class CommonTables(Surroundings):
+    """Tables about all bodies together."""
+
     time: run_settings.TimeChoice = Field(description="Simulated time and its steps")
     recovery: run_settings.Recovery | None = Field(
         default=None, description="Fields of displacement and stress on the whole mesh"

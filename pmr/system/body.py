@@ -169,10 +169,19 @@ def clear_rates_without_inertia(body: SlidingBody, v: Array) -> Array:
     return rates
 
 
-class RowProperties:
-    """Properties of a body that follow from the rows of its full model."""
+@dataclass(frozen=True, kw_only=True)
+class FullOrderBody:
+    """Rows of a body in full order, names and places of its inputs and outputs, and what follows from the rows."""
 
-    rows: Rows
+    rows: Rows  # supports first, then the sliders
+    input_names: tuple[str, ...]
+    output_positions: Array  # (o,) m along the axis
+    output_names: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
+    output_kinds: tuple[str, ...] = ()
+    # rows (1, n) that measure motions where something may be attached, by place and direction
+    ports: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
+    node_stations: Array | None = None  # (N,) m: coordinates of a beam's nodes along its axis; None: no beam
 
     @property
     def flexibility(self) -> None:
@@ -222,7 +231,7 @@ class RowProperties:
 
 
 @dataclass(frozen=True)
-class FullBody(RowProperties):
+class FullBody(FullOrderBody):
     """Sparse full model on one process, as the simulation of the full-order reference takes it.
 
     It has n coordinates, i inputs, o outputs and m rows: M, D, K (n, n), B (n, i), `outputs` (o, n).  The other fields
@@ -234,16 +243,9 @@ class FullBody(RowProperties):
     K: sp.csr_matrix
     B: Array
     outputs: sp.csr_matrix
-    rows: Rows
-    input_names: tuple[str, ...]
-    output_positions: Array
-    output_units: tuple[str, ...] = ()
-    output_names: tuple[str, ...] = ()
     rayleigh: Rayleigh | None = None
-    output_kinds: tuple[str, ...] = ()
-    # by name: matrices (n, n) and rows (1, n) as in `pmr.fullmodel.model.FullModel`
+    # by name: matrices (n, n) as in `pmr.fullmodel.model.FullModel`
     matrices: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
-    ports: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
 
     @property
     def size(self) -> int:

@@ -69,7 +69,7 @@ def description_2(model: ModelAttributes, variables: Sequence[Variable]) -> str:
     listed, number = ET.SubElement(root, "ModelVariables"), {v.reference: k + 1 for k, v in enumerate(variables)}
     for variable in variables:
         scalar = ET.SubElement(listed, "ScalarVariable", _variable_attributes(variable))
-        if variable.is_choice:
+        if variable.kind == "choice":
             ET.SubElement(scalar, "Enumeration", declaredType="Start", start=str(int(variable.start or 0)))
             continue
         real = ET.SubElement(scalar, "Real", _real_attributes(variable))
@@ -96,7 +96,7 @@ def description_3(model: ModelAttributes, variables: Sequence[Variable]) -> str:
     _add_experiment(root, model)
     listed = ET.SubElement(root, "ModelVariables")
     for variable in variables:
-        if variable.is_choice:
+        if variable.kind == "choice":
             start = str(int(variable.start or 0))
             attributes = {**_variable_attributes(variable), "declaredType": "Start", "start": start}
             ET.SubElement(listed, "Enumeration", attributes)
@@ -173,10 +173,8 @@ def _variable_attributes(variable: Variable) -> dict[str, str]:
         "name": variable.name,
         "valueReference": str(variable.reference),
         "description": variable.description,
-        "causality": variable.causality,
-        "variability": variable.variability,
     }
-    return attributes | ({"initial": variable.initial} if variable.initial else {})
+    return attributes | {name: value for name, value in variable.role._asdict().items() if value}
 
 
 def _real_attributes(variable: Variable) -> dict[str, str]:
@@ -195,9 +193,9 @@ def _number_text(value: float) -> str:
 def _model_structure(variables: Sequence[Variable]) -> list[list[Variable]]:
     """Lists of variables for the ModelStructure: outputs, derivatives of states, and unknowns of the initialisation."""
     return [
-        [v for v in variables if v.causality == "output"],
+        [v for v in variables if v.role.causality == "output"],
         [v for v in variables if v.derivative_of is not None],
-        [v for v in variables if v.initial in ("approx", "calculated")],
+        [v for v in variables if v.role.initial in ("approx", "calculated")],
     ]
 
 

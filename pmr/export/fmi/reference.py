@@ -183,14 +183,15 @@ def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
 
 def inputs_csv(run: Reference, variables: Sequence[Variable]) -> str:
     """Text of resources/reference_in.csv: time and inputs at every step, under the variables' names."""
-    inputs = [each for each in variables if each.causality == "input" and each.reference < run.inputs.shape[1]]
+    shown = [variable for variable in variables if variable.role.causality == "input"]
+    inputs = [variable for variable in shown if variable.reference < run.inputs.shape[1]]
     return _csv(["time", *(v.name for v in inputs)], run.inputs[:, [0, *(v.reference for v in inputs)]])
 
 
 def outputs_csv(run: Reference, drivers: Drivers, variables: Sequence[Variable]) -> str:
     """Text of resources/reference_out.csv: time, body outputs and contact forces, under the variables' names."""
     titles = {*drivers.system.output_names, *map(force_name, drivers.system.contact_names)}
-    outputs = [v for v in variables if v.causality == "output" and not v.is_rate]
+    outputs = [v for v in variables if v.role.causality == "output" and v.kind != "rate"]
     names = [v.name for v in outputs if v.description.partition("; ")[0] in titles]
     return _csv(["time", *names], np.hstack([run.t[:, None], run.outputs]))
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -165,6 +165,14 @@ ORDERS = 4
 STARTS = {"at rest": 0, "static": 1, "as given": 2}
 
 
+class Role(NamedTuple):
+    """What a variable of an FMU is to the importing program, in the words of the standard."""
+
+    causality: str = "output"
+    variability: str = "continuous"
+    initial: str = "calculated"  #: Empty if the causality determines it
+
+
 @dataclass(frozen=True)
 class Variable:
     """One variable of an FMU: its value reference and its attributes in the model description."""
@@ -172,16 +180,14 @@ class Variable:
     name: str
     reference: int
     description: str
-    causality: str = "output"
-    variability: str = "continuous"
-    initial: str = "calculated"  #: Empty if the causality determines it
+    role: Role = Role()
     unit: str = ""  #: Empty for a number
     start: float | None = None
     nominal: float | None = None
     derivative_of: int | None = None  #: Value reference of the state of which this variable is the derivative
     within: tuple[float, float] | None = None  #: Smallest and largest value
-    is_choice: bool = False  #: Whether it is the kind of start, the only variable that is no real number
-    is_rate: bool = False  #: Whether it is the rate of an output
+    # ``choice``: the kind of start, the only variable that is no real number; ``rate``: the rate of an output
+    kind: Literal["quantity", "choice", "rate"] = "quantity"
 
 
 class FurtherVariables(Protocol):
@@ -208,14 +214,15 @@ def variables(
         what = f"{qualified_name(body, f'{called} {mode}')}, modal mass 1 kg"
         name = names(f"{qualified_name(body, f'mode {mode}')}{' rate' * rate}")
         size = float(nominal[k])
-        listed.append(Variable(name, first + k, what, "local", initial="approx", unit=unit, start=0.0, nominal=size))
+        role = Role("local", initial="approx")
+        listed.append(Variable(name, first + k, what, role, unit, start=0.0, nominal=size))
     states = listed[-2 * modes :]
     for k, state in enumerate(states):
         unit = "m/s2" if k >= modes else "m/s"
         reference = first + 2 * modes + k
         name = names(f"der_{state.name}")
         listed.append(
-            Variable(name, reference, f"derivative: {state.description}", "local", unit=unit, derivative_of=first + k)
+            Variable(name, reference, f"derivative: {state.description}", Role("local"), unit, derivative_of=first + k)
         )
     listed += _output_variables(drivers, names, first + 4 * modes)
     if further is not None:
@@ -281,7 +288,7 @@ def _drivers(drivers: Drivers) -> Iterator[_Driver]:
 def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -> Iterator[Variable]:
     """Yield time, the inputs with their rates of order one to three, and the parameters, as variables."""
     fixed = [names(name) for name in ("internal_step", "rho_inf", "start")]  # before those of loads
-    yield Variable(names("time"), 0, "time", "independent", initial="", unit="s")
+    yield Variable(names("time"), 0, "time", Role("independent", initial=""), "s")
     orders = list[tuple[_Driver, int, str]]()
     for driver in _drivers(drivers):
         suffixes = ("", "_rate", "_rate_2", "_rate_3")[: 2 if driver.only_starts else ORDERS]
@@ -292,8 +299,8 @@ def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -
             ("", "rate of ", "second rate of ", "third rate of ")[order],
         )
         unit, within = rate_unit(driver.unit, order), None if order else driver.within
-        kind = ("parameter", "fixed", "exact") if driver.only_starts else ("input", "continuous", "")
-        yield Variable(name, at, what + driver.what, *kind, unit, float(start[at]), within=within)
+        role = Role("parameter", "fixed", "exact") if driver.only_starts else Role("input", initial="")
+        yield Variable(name, at, what + driver.what, role, unit, float(start[at]), within=within)
     first = 1 + ORDERS * drivers.count
     how = "undeformed and at rest, in equilibrium with the loads, or as the start values of the modes say"
     parameters = (
@@ -302,8 +309,10 @@ def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -
         (how, ""),
     )
     for k, (what, unit) in enumerate(parameters):
-        parameter = Variable(fixed[k], first + k, what, "parameter", "fixed", "exact", unit, float(start[first + k]))
-        yield replace(parameter, is_choice=what is how)
+        parameter = Variable(
+            fixed[k], first + k, what, Role("parameter", "fixed", "exact"), unit, float(start[first + k])
+        )
+        yield replace(parameter, kind="choice") if what is how else parameter
 
 
 def output_kinds(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
@@ -330,7 +339,7 @@ def _output_variables(drivers: Drivers, names: Identifiers, first: int) -> Itera
     for k, (what, unit, moves) in enumerate(called):
         if moves and drivers.has_derivatives:
             name = names(f"{outputs[k]}_rate")
-            yield Variable(name, first + count + k, f"rate of {what}", unit=rate_unit(unit, 1), is_rate=True)
+            yield Variable(name, first + count + k, f"rate of {what}", unit=rate_unit(unit, 1), kind="rate")
     for k, contact in enumerate(system.contacts):
         on = "on the body with the opposite sign" if contact.outer is None else f"pushes {contact.inner.body} away"
         what = f"{force_name(contact.name)}; {on}"
