@@ -248,16 +248,15 @@ def two_digits(value: float) -> str:
     return f"{float(f'{value:.2g}'):g}"
 
 
-def percent(fraction: float, whole: str = "") -> str:
+def percent(fraction: float, quantity: str = "") -> str:
     """Return an error, given as a fraction, as words in per cent.
 
-    If `whole` names the quantity that the fraction refers to, fractions from 10 on are given as a multiple of it.
+    If the `quantity` is named that the fraction refers to, fractions from 10 on are given as a multiple of it.
     """
     if not isfinite(fraction):
         return "an unknown amount"
-    return (
-        f"{two_digits(fraction)} times {whole}" if whole and fraction >= 10.0 else f"{two_digits(100.0 * fraction)} %"
-    )
+    many = quantity and fraction >= 10.0
+    return f"{two_digits(fraction)} times {quantity}" if many else f"{two_digits(100.0 * fraction)} %"
 
 
 def two_digits_below(value: float) -> str:

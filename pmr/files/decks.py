@@ -29,7 +29,7 @@ class _Assembly:
 
     source: str
     outside: Deck
-    whole: Deck
+    joined: Deck
     parts: dict[str, Deck] = field(default_factory=dict)
     instances: dict[str, Numbers] = field(default_factory=dict)  # by name; "" for what stands outside
     open: tuple[Card, Deck] | None = None  # an instance that is being read, and its content
@@ -54,7 +54,7 @@ class _Assembly:
         if part and part not in self.parts:
             raise card.place.error(f"PART={part} is no part that stands further up")
         content = self.parts[part].copy() if part else Deck()
-        if self.instances and len(self.whole.nodes) + len(content.nodes) > MOST_NODES:
+        if self.instances and len(self.joined.nodes) + len(content.nodes) > MOST_NODES:
             raise card.place.error(f"instances that have {MOST_NODES} nodes together are allowed")
         self.open = card, content
         return content
@@ -80,48 +80,48 @@ class _Assembly:
                 self.open = Card(Place(self.source, 1), "INSTANCE", {"NAME": name}, ()), part
                 self.end_instance()
         self._join("", self.outside, Place(self.source, 1))
-        self.whole.sets = self.outside.sets
-        read_sets(self.whole, self.instances)
+        self.joined.sets = self.outside.sets
+        read_sets(self.joined, self.instances)
         if len(self.instances) == 2:  # the sets of the only instance are those of the whole
-            for sets in (self.whole.node_sets, self.whole.element_sets):
+            for sets in (self.joined.node_sets, self.joined.element_sets):
                 for name in [f"{instance}.{of}" for instance in self.instances if instance for of in sets]:
                     sets.pop(name, None)
-        return self.whole
+        return self.joined
 
     def _join(self, name: str, content: Deck, place: Place) -> None:
         """Add nodes, elements and sets of the instance `name` to the whole.
 
         Nodes and elements keep their numbers unless the whole has one of them already; `place` is that of the instance.
         """
-        whole, numbers = self.whole, Numbers.of(content)
-        if not whole.nodes.keys().isdisjoint(numbers.nodes):
-            whole.renumbered = whole.renumbered or place
+        joined, numbers = self.joined, Numbers.of(content)
+        if not joined.nodes.keys().isdisjoint(numbers.nodes):
+            joined.renumbered = joined.renumbered or place
             numbers = replace(numbers, nodes={part: self.last[0] + k for k, part in enumerate(numbers.nodes, 1)})
-        if not whole.element_numbers.isdisjoint(numbers.elements):
+        if not joined.element_numbers.isdisjoint(numbers.elements):
             numbers = replace(numbers, elements={part: self.last[1] + k for k, part in enumerate(numbers.elements, 1)})
         self.last = (
             max(self.last[0], max(numbers.nodes.values(), default=0)),
             max(self.last[1], max(numbers.elements.values(), default=0)),
         )
-        whole.nodes |= {numbers.nodes[number]: point for number, point in content.nodes.items()}
-        whole.element_numbers |= set(numbers.elements.values())
+        joined.nodes |= {numbers.nodes[number]: point for number, point in content.nodes.items()}
+        joined.element_numbers |= set(numbers.elements.values())
         for block in content.elements:
             for line, number, of in zip(block.lines, block.numbers, block.nodes, strict=True):
                 if missing := [node for node in of if node not in numbers.nodes]:
                     raise line.error(f"element {number} has node {missing[0]}, which is not in the file")
-            whole.elements.append(block.renumber(numbers.nodes, numbers.elements))
+            joined.elements.append(block.renumber(numbers.nodes, numbers.elements))
         for ours, theirs, new in (
-            (whole.node_sets, content.node_sets, numbers.nodes),
-            (whole.surfaces, content.surfaces, numbers.nodes),
-            (whole.element_sets, content.element_sets, numbers.elements),
+            (joined.node_sets, content.node_sets, numbers.nodes),
+            (joined.surfaces, content.surfaces, numbers.nodes),
+            (joined.element_sets, content.element_sets, numbers.elements),
         ):
             for set_name, members in theirs.items():
-                members_of_whole = {new[number] for number in members}
+                new_members = {new[number] for number in members}
                 for key in {set_name, f"{name.lower()}.{set_name}" if name else set_name}:
-                    ours.setdefault(key, set()).update(members_of_whole)
+                    ours.setdefault(key, set()).update(new_members)
         for set_name, spelling in content.set_spellings.items():
-            whole.set_spellings.setdefault(set_name, spelling)
-            whole.set_spellings.setdefault(f"{name.lower()}.{set_name}", f"{name}.{spelling}")
+            joined.set_spellings.setdefault(set_name, spelling)
+            joined.set_spellings.setdefault(f"{name.lower()}.{set_name}", f"{name}.{spelling}")
         self.instances[name.lower()] = numbers
 
 
@@ -136,13 +136,13 @@ def read_deck(path: Path) -> Deck:
         if card.keyword in REFUSED:
             raise card.place.error(f"*{card.keyword} is not read; {REFUSED[card.keyword]}")
         if card.keyword == TURNED and deck is assembly.outside:
-            assembly.whole.turned.append(card)
+            assembly.joined.turned.append(card)
         elif card.keyword in (*CONSTRAINTS, *CONTACTS):
-            assembly.whole.constraints.append((card.place, card.keyword))
+            assembly.joined.constraints.append((card.place, card.keyword))
         if card.keyword == TIED:
-            assembly.whole.ties.append(card)
+            assembly.joined.ties.append(card)
         elif card.keyword == "EQUATION" and deck is assembly.outside:
-            assembly.whole.equations.append(card)
+            assembly.joined.equations.append(card)
         if card.keyword in ("PART", "INSTANCE", "END PART", "END INSTANCE", "ASSEMBLY", "END ASSEMBLY"):
             assembly.end_instance()
             begin = {"PART": assembly.begin_part, "INSTANCE": assembly.begin_instance}.get(card.keyword)
@@ -152,7 +152,7 @@ def read_deck(path: Path) -> Deck:
         elif card.keyword in READERS:
             READERS[card.keyword](deck, card)
         elif card.keyword not in (*CONSTRAINTS, *CONTACTS) and not HARMLESS.fullmatch(card.keyword):
-            assembly.whole.unread.setdefault(card.keyword, card.place)
+            assembly.joined.unread.setdefault(card.keyword, card.place)
     return assembly.end()
 
 

@@ -114,7 +114,9 @@ class _Nodes:
         }
         if not nodes:
             return self
-        explained = {place for place, own in self.dependent.items() if {node for node, _ in own} <= nodes}
+        explained = {
+            place for place, coordinates in self.dependent.items() if {node for node, _ in coordinates} <= nodes
+        }
         constraints = [(place, keyword) for place, keyword in self.constraints if place not in explained]
         return replace(self.only(np.setdiff1d(self.numbers, [*nodes])), constraints=constraints)
 
@@ -140,8 +142,8 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
         raise InputError(str(files.dofs), "", len(pairs), allowed)
     if M.shape == K.shape:  # a rotation that nothing resists or carries does not exist, as of a node of solids
         sizes = sum(np.asarray(abs(A).sum(axis=1)).ravel() for A in (K, M))
-        there = np.flatnonzero((sizes > 0.0) | (pairs[:, 1] < 4))
-        K, M, pairs = K[there][:, there], M[there][:, there], pairs[there]
+        used = np.flatnonzero((sizes > 0.0) | (pairs[:, 1] < 4))
+        K, M, pairs = K[used][:, used], M[used][:, used], pairs[used]
     modal = pairs[:, 1] == 0  # a scalar point: it has no node
     if modal.any() or nodes.condensed:
         nodes = nodes.only(np.unique(pairs[~modal, 0]))

@@ -172,17 +172,17 @@ def _read_text4(lines: Sequence[str]) -> dict[str, sp.csr_matrix]:
             at += 1
             places, values = list[tuple[int, int]](), list[float]()
             while True:
-                column, row, left = integers(3)[:3]
-                while left > 0:
-                    length = left
+                column, row, remaining = integers(3)[:3]
+                while remaining > 0:
+                    length = remaining
                     if row == 0 or rows < 0:
                         first = integers(1)
                         length, start = (
                             (first[0] - 1, first[1]) if rows < 0 else (first[0] // 65536 - 1, first[0] % 65536)
                         )
-                        left -= length + (2 if rows < 0 else 1)
+                        remaining -= length + (2 if rows < 0 else 1)
                     else:
-                        start, left = row, 0
+                        start, remaining = row, 0
                     part = numbers(length, words, width)
                     if column <= columns and not (1 <= start and start + len(part) - 1 <= abs(rows) and column >= 1):
                         raise ValueError

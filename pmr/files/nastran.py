@@ -88,10 +88,10 @@ def _read_bulk(path: Path, lines: Lines) -> Bulk:
     is_super = bool(parts) and parts[0][1] == "SUPER"
     try:
         with redirect_stdout(StringIO()), TemporaryDirectory() as folder:
-            whole = Path(folder, path.name)  # with the files that it includes in place
+            bulk = Path(folder, path.name)  # with the files that it includes in place
             first = parts[0][0] + 1 if is_super else 0  # pyNastran reads superelements only beside a residual structure
-            whole.write_text("\n".join(text for _, text in lines[first:]), encoding="utf-8")
-            deck.read_bdf(str(whole), xref=False, punch=is_super or not parts)
+            bulk.write_text("\n".join(text for _, text in lines[first:]), encoding="utf-8")
+            deck.read_bdf(str(bulk), xref=False, punch=is_super or not parts)
             deck.cross_reference(**dict.fromkeys(NOT_NEEDED, False))
     except (Exception, SystemExit) as error:  # pyNastran raises many kinds of errors
         raise _unreadable_bulk(lines, str(error)) from None

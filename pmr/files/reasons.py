@@ -387,6 +387,6 @@ def _stretch_speeds(M: sp.csr_matrix, body: Resistance) -> Array:
         energy, masses = float(u @ (body.K @ u - springs * u)), (M @ along.astype(float))[moves]
         typical = float(np.median(masses)) if len(masses) else 0.0
         if energy > 0.0 and typical > 0.0 and masses.sum() > 0.0:
-            whole, bare = (np.sqrt(energy / m.sum()) for m in (masses, np.minimum(masses, 4.0 * typical)))
-            speeds.append((float(np.ptp(distance)), whole, bare))
+            with_payload, bare = (np.sqrt(energy / m.sum()) for m in (masses, np.minimum(masses, 4.0 * typical)))
+            speeds.append((float(np.ptp(distance)), with_payload, bare))
     return np.array(sorted(speeds, reverse=True)).reshape(-1, 3)[:, 1:]

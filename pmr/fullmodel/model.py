@@ -101,7 +101,7 @@ class RigidMotions:
     held_measures: (
         Array  # (h, k) m or rad: what clamps and springs measure of each; a motion is free if its column is zero
     )
-    whole: bool = True  # False with clamped coordinates, on which the model has no loads, or with inner supports
+    complete: bool = True  # False with clamped coordinates, on which the model has no loads, or with inner supports
 
 
 @dataclass(frozen=True)

@@ -326,8 +326,8 @@ def _mirrored_faces(mesh: NamedMesh, mirror: Mirror) -> dict[str, str]:
     for name, places in middles.items():
         mirrored = places.copy()
         mirrored[:, mirror.axis] = 2.0 * mirror.middle - places[:, mirror.axis]
-        for other, there in middles.items():
-            if len(there) == len(places) and cKDTree(there).query(mirrored)[0].max() <= apart:
+        for other, other_places in middles.items():
+            if len(other_places) == len(places) and cKDTree(other_places).query(mirrored)[0].max() <= apart:
                 images[name] = other
     return images
 

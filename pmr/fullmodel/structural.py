@@ -256,7 +256,7 @@ def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, inn
     ]
     of_rank = coupling.rigid[slice(*K.getOwnershipRange())].copy()
     held = np.vstack([coupling.clamped, inner_supports, *springs])
-    return RigidMotions(of_rank, held, whole=not len(coupling.clamped) and not len(inner_supports))
+    return RigidMotions(of_rank, held, complete=not len(coupling.clamped) and not len(inner_supports))
 
 
 def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, addition: sp.csr_matrix) -> PETSc.Mat:

@@ -287,7 +287,7 @@ def galerkin(model: FullModel, basis: Basis, provenance: dict[str, object]) -> R
 
 def _rigid_work(model: FullModel) -> Array | None:
     """Work R^T B (k, i) of the inputs on the k rigid motions R; None for a model with clamps or without known R."""
-    if model.rigid is None or not model.rigid.whole:
+    if model.rigid is None or not model.rigid.complete:
         return None
     return np.asarray(model.comm.allreduce(model.rigid.coordinates.T @ local_csr(model.inputs)))
 

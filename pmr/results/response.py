@@ -168,8 +168,8 @@ class Response:
     def force_floor(self) -> float:
         """Force in N up to which a force may be mere round-off: a billionth of the largest of contacts and supports."""
         reactions = [k for k, unit in enumerate(self.other_units) if unit == "N"]
-        others = np.empty((0, 0)) if self.others is None else self.others[:, reactions]
-        largest = max(float(np.abs(forces).max(initial=0.0)) for forces in (self.slider_force, others))
+        support_forces = np.empty((0, 0)) if self.others is None else self.others[:, reactions]
+        largest = max(float(np.abs(forces).max(initial=0.0)) for forces in (self.slider_force, support_forces))
         return max(self.force_round_off, ROUND_OFF * largest)
 
     def clear_round_off(self, force: Array) -> Array:

@@ -71,7 +71,7 @@ class UnitObserver:
         listed = list[Variable]()
         for name in self.sensors:
             what = f"measured {name}; NaN where nothing was measured"
-            variable = Variable(names(f"measured_{name}"), 0, what, "input", initial="", unit=self._unit(name))
+            variable = Variable(names(f"measured_{name}"), 0, what, Role("input", initial=""), self._unit(name))
             listed.append(replace(variable, start=float("nan")))
         for group in (self.outputs, self.unknowns):
             for what in ("estimate", "standard deviation"):
