@@ -6,7 +6,7 @@ and a pad at the outer one's mouth, both 0.15 m from the end.  The tip carries 2
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
@@ -28,7 +28,7 @@ from pmr.reduction.snapshots import free_modes
 from pmr.scene.structures import Profile
 from pmr.simulation.modal import modal_form
 from pmr.system.body import FullBody, SlidingBody
-from pmr.system.contacts import Joint, JointPad
+from pmr.system.contacts import Contact, Place, pad_at_mouth, pad_at_tail
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Rows, fixed_row, sparse_row
 from pmr.system.system import System
@@ -99,25 +99,22 @@ def with_round_off(noise: float) -> System:
 
 def joined(boom: Nested, bodies: Sequence[SlidingBody]) -> System:
     """Join sections that extend by the paths "1" to "3"."""
-    contacts = [contact for one in joints(boom) for contact in one.contacts]
-    return System(dict(zip(NAMES, bodies, strict=False)), tuple(contacts))
+    return System(dict(zip(NAMES, bodies, strict=False)), tuple(joints(boom)))
 
 
-def joints(boom: Nested) -> list[Joint]:
-    """Joints of all sections but the first."""
+def joints(boom: Nested) -> Iterator[Contact]:
+    """Contacts of the joints of all sections but the first."""
     ways = {"": 1.0} if boom.clearance is None else {" top": 1.0, " bottom": -1.0}
 
-    def pads(name: str) -> tuple[JointPad, ...]:
+    def pads(name: str, section: str) -> Iterator[Contact]:
         """Pads at one end: one, or with a clearance one above and one below."""
-        return tuple(
-            JointPad(name + way, "w", FROM_END, direction, boom.compliance, boom.clearance)
-            for way, direction in ways.items()
-        )
+        for way, direction in ways.items():
+            place = Place(section, "w", FROM_END)
+            yield Contact(name + way, place, None, direction, boom.compliance, boom.clearance)
 
-    return [
-        Joint(inner, outer, LENGTH, LENGTH, inner, pads(f"tail {inner}"), pads(f"mouth {outer}"))
-        for outer, inner in pairwise(NAMES[: boom.count])
-    ]
+    for outer, inner in pairwise(NAMES[: boom.count]):
+        yield from (pad_at_tail(pad, outer, inner) for pad in pads(f"tail {inner}", inner))
+        yield from (pad_at_mouth(pad, outer, inner, LENGTH) for pad in pads(f"mouth {outer}", inner))
 
 
 @dataclass(frozen=True)

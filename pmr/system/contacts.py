@@ -45,7 +45,7 @@ it is also a moment e f on both sections; with the pad's row c(x), the work of t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -144,7 +144,7 @@ def contact_error(contact: str, key: str, value: object, allowed: str) -> InputE
     return InputError("system", f"contacts.{contact}.{key}", value, allowed)
 
 
-#: Keys of friction: of a ring of pads in a scene, of a `JointPad` and of a `Contact`.
+#: Keys of friction: of a ring of pads in a scene, and of a `Contact`.
 FRICTION = ("friction", "shear_stiffness", "static_friction", "stribeck_speed")
 
 
@@ -164,72 +164,29 @@ def friction_law(contact: Contact) -> FrictionLaw:
     return FrictionLaw(contact.friction, contact.static_friction or contact.friction, contact.stribeck_speed)
 
 
-@dataclass(frozen=True)
-class JointPad:
-    """Pad of a joint; the field `direction` and the fields after it have the same meaning as in `Contact`."""
+def pad_at_tail(pad: Contact, outer: str, path: str) -> Contact:
+    r"""Contact of a pad that moves with the tail of the inner of two neighbouring sections of a telescope.
 
-    name: str
-    row: str  # name of the row that measures the displacement, on both sections
-    from_end: float  # m: distance of the pad from the tail or mouth
-    direction: float = 1.0
-    compliance: float = 0.0
-    clearance: float | None = None
-    friction: float = 0.0
-    arm: float = 0.0
-    shear_stiffness: float = SHEAR_STIFFNESS
-    static_friction: float = 0.0
-    stribeck_speed: float = STRIBECK_SPEED
+    The inner place of `pad` is its distance d in m from the inner section's tail, which is at s on the section `outer`:
 
+    .. math:: x_{in} = d,\; x_{out} = s + d
 
-#: Fields that a contact of a joint takes over from its `JointPad`.
-OF_PAD = ("direction", "compliance", "clearance", "arm", *FRICTION)
-
-
-@dataclass(frozen=True)
-class Joint:
-    r"""Pads between two neighbouring sections of a telescope.
-
-    The tail of the inner section is at s on the outer section, which has the length L_out.  A pad at a distance d from
-    the tail of the inner section has the first pair of coordinates on both sections, a pad at a distance d from the
-    mouth of the outer section the second pair:
-
-    .. math:: x_{in} = d,\; x_{out} = s + d \qquad \text{and} \qquad x_{in} = L_{out} - d - s,\; x_{out} = L_{out} - d
-
-    Attributes
-    ----------
-    inner, outer : str
-        Bodies of the system.
-    inner_length, outer_length : float, m
-        Lengths of these sections.
-    path : str
-        Name of the path s(t): the position of the inner tail on the outer section, in m from the outer tail.
-    tail, mouth : tuples of JointPad
-        Pads that move with the tail of the inner section, and pads that stay at the mouth of the outer one.
+    `path` is the name of the path s(t), in m from the outer tail.
     """
+    return replace(pad, outer=Place(outer, pad.inner.row, pad.inner.at, path))
 
-    inner: str
-    outer: str
-    inner_length: float
-    outer_length: float
-    path: str
-    tail: tuple[JointPad, ...]
-    mouth: tuple[JointPad, ...]
 
-    @property
-    def contacts(self) -> tuple[Contact, ...]:
-        """Contacts of all pads: first pads at the tail of the inner section, then at the mouth of the outer section."""
-        at_tail = [
-            (pad, Place(self.inner, pad.row, pad.from_end), Place(self.outer, pad.row, pad.from_end, self.path))
-            for pad in self.tail
-        ]
-        places = [(pad, self.outer_length - pad.from_end) for pad in self.mouth]
-        at_mouth = [
-            (pad, Place(self.inner, pad.row, x, self.path, -1.0), Place(self.outer, pad.row, x)) for pad, x in places
-        ]
-        return tuple(
-            Contact(pad.name, inner, outer, **{key: getattr(pad, key) for key in OF_PAD})
-            for pad, inner, outer in (*at_tail, *at_mouth)
-        )
+def pad_at_mouth(pad: Contact, outer: str, path: str, length: float) -> Contact:
+    r"""Contact of a pad that stays at the mouth of the outer of two neighbouring sections of a telescope.
+
+    The inner place of `pad` is its distance d in m from the mouth of the section `outer`, whose `length` is L in m:
+
+    .. math:: x_{in} = L - d - s,\; x_{out} = L - d
+
+    `path` is the name of the path s(t), the position of the inner section's tail in m from the outer tail.
+    """
+    row, x = pad.inner.row, length - pad.inner.at
+    return replace(pad, inner=Place(pad.inner.body, row, x, path, -1.0), outer=Place(outer, row, x))
 
 
 @dataclass(frozen=True)

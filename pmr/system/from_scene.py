@@ -35,7 +35,7 @@ from pmr.scene.mechanism import Drive, rope_shares
 from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, body_ring, footprint, member_at, members
 from pmr.system.body import SlidingBody
 from pmr.system.carriers import CarrierFlexibility, CarrierRows
-from pmr.system.contacts import FRICTION, Contact, Joint, JointPad, Place
+from pmr.system.contacts import FRICTION, Contact, Place, pad_at_mouth, pad_at_tail
 from pmr.system.hoist import hoist_of
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Row, dense_entries
@@ -117,17 +117,15 @@ def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator
     joint, inner, outer = scene.sections[number].joint, scene.names[number], scene.names[number - 1]
     assert joint is not None  # as the scene's checks say
     rows = set(bodies[inner].row_names) & set(bodies[outer].row_names)
-    yield from Joint(
-        inner,
-        outer,
-        scene.sections[number].length,
-        scene.sections[number - 1].length,
-        inner,
-        tuple(pad for ring in joint.tail for pad in _pads(scene, number, ring, f"{inner} tail", rows)),
-        tuple(pad for ring in joint.mouth for pad in _pads(scene, number, ring, f"{inner} mouth", rows)),
-    ).contacts
+    length = scene.sections[number - 1].length
+    for ring in joint.tail:
+        yield from (pad_at_tail(pad, outer, inner) for pad in _pads(scene, number, ring, f"{inner} tail", rows))
+    for ring in joint.mouth:
+        yield from (
+            pad_at_mouth(pad, outer, inner, length) for pad in _pads(scene, number, ring, f"{inner} mouth", rows)
+        )
     if joint.rigid_overlap:
-        within = Place(inner, "", scene.sections[number - 1].length - min(ring.at for ring in joint.mouth), inner, -1.0)
+        within = Place(inner, "", length - min(ring.at for ring in joint.mouth), inner, -1.0)
         around = Place(outer, "", min(ring.at for ring in joint.tail), inner)
         for place, names in ((within, WITHIN), (around, AROUND)):
             yield from (Contact(f"{place.body} {name}", replace(place, row=name), kind="straight") for name in names)
@@ -152,15 +150,17 @@ def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator
         )
 
 
-def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str]) -> Iterator[JointPad]:
+def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str]) -> Iterator[Contact]:
     """Pads of one ring in the joint of section `number`, without those that have none of the `rows` of both sections.
+
+    Their inner places are their distances from the tail or the mouth.
 
     A planar beam has no rows for sideways motion.  A ring without faces is one pad, or two, above and below, if it only
     pushes; a carriage's wheel without clearance is one pad that lifts off.  The names of the pads begin with `prefix`.
     """
     prefix = " ".join(filter(None, (prefix, ring.name)))
     compliance = 0.0 if ring.stiffness == "rigid" else 1.0 / ring.stiffness
-    law = {key: getattr(ring, key) for key in FRICTION}
+    law, section = {key: getattr(ring, key) for key in FRICTION}, scene.names[number]
     if ring.faces is None:
         clearance, runs = ring.clearance_on("") if ring.unilateral else None, not scene.joint(number).mouth
         ways = {" above": 1.0, " below": -1.0}
@@ -168,7 +168,8 @@ def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str
             ways = {"": -1.0 if runs else 1.0}  # a carriage presses down on what it runs on
         for way, direction in ways.items():
             arm = _arm(scene.sections[number], "top") if ring.friction else 0.0
-            yield JointPad(prefix + way, POINT, ring.at, direction, compliance, clearance, arm=arm, **law)
+            place = Place(section, POINT, ring.at)
+            yield Contact(prefix + way, place, None, direction, compliance, clearance, arm=arm, **law)
         return
     pads = body_ring(ring, footprint(scene, ring))
     named = pads.model_copy(update={"name": prefix})  # contacts have these names too
@@ -176,7 +177,7 @@ def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str
         if row in rows:
             clearance = ring.clearance_on(face) if ring.unilateral else None
             arm = _arm(scene.sections[number], face) if ring.friction else 0.0
-            yield JointPad(name, row, ring.at, 1.0, compliance, clearance, arm=arm, **law)
+            yield Contact(name, Place(section, row, ring.at), None, 1.0, compliance, clearance, arm=arm, **law)
 
 
 def _arm(part: BoomSection, face: str) -> float:
