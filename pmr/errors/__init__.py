@@ -113,7 +113,7 @@ class TooManyModesError(ConvergenceError):
         )
         self.count, self.most = count, most
 
-    def __reduce__(self) -> tuple[type[TooManyModesError], tuple[int, int]]:
+    def __reduce__(self) -> tuple[type[TooManyModesError], tuple[int, ...]]:
         return TooManyModesError, (self.count, self.most)
 
 

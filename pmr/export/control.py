@@ -18,7 +18,7 @@ from pmr.errors import InputError
 from pmr.errors.environment import check_installed
 from pmr.export.fmi.variables import Identifiers
 from pmr.export.formats import Options
-from pmr.export.state_space import PLACES, StateSpace, load_with_positions, state_space
+from pmr.export.state_space import PLACES, StateSpace, path_positions, saved_system, state_space
 from pmr.files.arrays import Array
 from pmr.files.whole import replacement_file
 from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
@@ -115,7 +115,8 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
     picture is written next to the table.  Raises InputError as `write_matlab`.
     """
     check_installed("matplotlib")
-    system, s = load_with_positions(npz_path, options)
+    system = saved_system(npz_path, options)
+    s = path_positions(system, options.at)
     space, assembly = state_space(system, s, npz_path.name), Assembly(system)
     output = max(k for k, unit in enumerate(space.units) if unit == "m")
     natural = space.natural
@@ -135,9 +136,10 @@ def _write_matrices(npz_path: Path, options: Options, target: Path) -> Path:
 
     Unless the options give the grid, it is refined by factors of two, from `PLACES` points to `MOST_PLACES` at most,
     until the errors are at most `CLOSE`.  Larger errors of the interpolation are logged as a warning.  Raises errors as
-    `load_with_positions` and `state_space`.
+    `pmr.export.state_space.saved_state_space`.
     """
-    system, s = load_with_positions(npz_path, options)
+    system = saved_system(npz_path, options)
+    s = path_positions(system, options.at)
     count = PLACES
     while True:
         space = state_space(system, s, npz_path.name)
@@ -269,7 +271,8 @@ def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
     name = target.stem
     if not (name.isascii() and name.isidentifier()) or name in RESERVED or target.suffix != ".mo":
         raise InputError("command line", "--out", str(target), "a name of letters, digits and _, with .mo, is allowed")
-    system, s = load_with_positions(npz_path, options)
+    system = saved_system(npz_path, options)
+    s = path_positions(system, options.at)
     space, names = state_space(system, s, npz_path.name), Identifiers({name, *RESERVED})
     inputs = zip(space.inputs, system.input_units, strict=True)
     outputs = zip(space.outputs, space.units, strict=True)

@@ -189,22 +189,19 @@ PLACES = 21
 
 
 def saved_state_space(npz_path: Path, options: Options) -> StateSpace:
-    """State space of a saved system; errors as `load_with_positions` and `state_space`."""
-    return state_space(*load_with_positions(npz_path, options), npz_path.name)
+    """State space of a saved system; errors as `saved_system`, `path_positions` and `state_space`."""
+    system = saved_system(npz_path, options)
+    return state_space(system, path_positions(system, options.at), npz_path.name)
 
 
-def load_with_positions(npz_path: Path, options: Options) -> tuple[System, Mapping[str, Array]]:
-    """Saved system and its path coordinates (`path_positions`); or one of its sections alone, without path coordinates.
-
-    Raises InputError as `path_positions` and `section_alone`.
-    """
+def saved_system(npz_path: Path, options: Options) -> System:
+    """Saved system, or one of its sections alone; raises InputError as `section_alone`, or for places of a section."""
     if options.section is None:
-        system = System.load(npz_path).ensure_constant(npz_path.name)
-        return system, path_positions(system, options.at)
+        return System.load(npz_path).ensure_constant(npz_path.name)
     if options.at is not None:
         allowed = "none is allowed with --section: without its joints nothing of a section depends on a place"
         raise InputError("command line", "--at", options.at, allowed)
-    return section_alone(npz_path, options.section), {}
+    return section_alone(npz_path, options.section)
 
 
 def section_alone(npz_path: Path, name: str) -> System:

@@ -79,12 +79,12 @@ class Shortening:
     G: Array  # (n, n)
     cylinder: int | None = None
 
-    def factor(self, extended: Extensions) -> tuple[float, float, float]:
+    def factor(self, extended: Extensions) -> list[float]:
         """Factor f with its first and second rate, at the extensions `extended`; 1, 0 and 0 without a cylinder."""
         if self.cylinder is None:
-            return 1.0, 0.0, 0.0
+            return [1.0, 0.0, 0.0]
         l, v, a = (getattr(extended, order)[self.cylinder] for order in ("value", "rate", "second"))
-        return -1.0 / l, v / l**2, a / l**2 - 2.0 * v**2 / l**3
+        return [-1.0 / l, v / l**2, a / l**2 - 2.0 * v**2 / l**3]
 
 
 @dataclass(frozen=True)
@@ -190,8 +190,8 @@ class BoomState:
         moments = np.outer(_E[0], X @ self.own).T + self.d.T @ mu[:, 0] + mu[:, 1:].sum(axis=0)
         return _skew_part(moments)
 
-    def _inertia(self) -> tuple[Array, Array]:
-        """Moment of inertia Theta (3, 3) about the pivot O, and its rate in the boom's axes."""
+    def _inertia(self) -> Array:
+        """Moment of inertia Theta about the pivot O, and its rate, in the boom's axes, (2, 3, 3)."""
         of, d, mu, mu_rate = self.of, self.d, self.mu, self.mu_rate
         rigid, along = of.masses[:, None] * d, np.zeros((3, 3))  # sums over sections of d S^T, v S^T and the like
         A = d.T @ (rigid / 2.0 + of.first + mu[:, 0]) + mu[:, 1:].sum(axis=0)
@@ -200,7 +200,8 @@ class BoomState:
         self.Nq = of.carried @ self.q
         A += self.Nq @ self.q / 2.0
         A_rate += self.Nq @ self.rate
-        return _inertia_of_second_moments(A + A.T) + of.inertia, _inertia_of_second_moments(A_rate + A_rate.T)
+        inertia = _inertia_of_second_moments(A + A.T) + of.inertia
+        return np.array([inertia, _inertia_of_second_moments(A_rate + A_rate.T)])
 
     def mass(self) -> Array:
         """Mass matrix (6 + n + P, 6 + n + P) for the accelerations (a, alpha, q'', s'') of `BaseEquations`."""

@@ -66,7 +66,6 @@ from pmr.simulation.floating import (
 from pmr.simulation.frame_motion import skew
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows
-from pmr.system.contact_rows import ContactRows
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
@@ -261,7 +260,7 @@ class EliminatedContacts:
                     near.rows.select(gives),
                     (part.select(gives) for part in near.time_derivatives(at.rate)),
                 )
-                answer, bent = _solve_rows(rows)
+                bent, answer = np.split(rows.force_coefficients, [rows.C.shape[1]], axis=1)
                 answer_rate = np.linalg.solve(rows.F, first.H - first.F @ answer)
                 B_curve = -second.C.T @ answer - 2.0 * first.C.T @ answer_rate
                 B_curve -= bent.T @ (second.H - second.F @ answer - 2.0 * first.F @ answer_rate)
@@ -277,15 +276,9 @@ class EliminatedContacts:
             if self._gives.any():
                 near = self._along.evaluate(s)
                 rows, slopes = near.rows.select(self._gives), near.slopes.select(self._gives)
-                answer, bent = _solve_rows(rows)
+                bent, answer = np.split(rows.force_coefficients, [rows.C.shape[1]], axis=1)
                 turned = slopes.H - slopes.F @ answer
                 B, B_slope = B - rows.C.T @ answer, -slopes.C.transpose(0, 2, 1) @ answer - bent.T @ turned
                 E, E_slope = E - rows.H.T @ answer, -answer.T @ turned - slopes.H.transpose(0, 2, 1) @ answer
             self._stored = dict(list(self._stored.items())[-4:]) | {key: InputResponse(B, E, B_slope, E_slope)}
         return self._stored[key]
-
-
-def _solve_rows(rows: ContactRows) -> tuple[Array, Array]:
-    """Matrices F^-1 H (m, i) and F^-1 C (m, n) of contact rows."""
-    bent, answer = np.split(rows.force_coefficients, [rows.C.shape[1]], axis=1)
-    return answer, bent

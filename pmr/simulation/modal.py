@@ -58,13 +58,13 @@ def product(A: Long, B: Long) -> Long:
     return np.asarray(exact + (A_high @ B_low + A_low @ (B_high + B_low)))
 
 
-def _split(A: Long, bits: int, axis: int) -> tuple[Array, Array]:
-    """Parts of A: the leading `bits` of each entry, counted from the largest entry along `axis`, and the remainder."""
+def _split(A: Long, bits: int, axis: int) -> Array:
+    """Leading `bits` of each entry of A, counted from the largest entry along `axis`, and the remainders, (2, ...)."""
     _, exponent = np.frexp(np.abs(A).max(axis=axis, keepdims=True, initial=0.0).astype(float))
     rounds = np.ldexp(1.5, exponent + (52 - bits))
     plain = A.astype(float)
     high = (plain + rounds) - rounds
-    return high, (A - high).astype(float)
+    return np.array([high, (A - high).astype(float)])
 
 
 #: Coordinates up to which a body is diagonalised densely.

@@ -147,23 +147,23 @@ def _describe_needed_step(f: float) -> str:
     return f"steps of {two_digits_below(1.0 / (STEPS_A_PERIOD * f))} s or less follow it"
 
 
-def _overshoot(signal: SignalBase, stepping: TimeStepping) -> tuple[float, float]:
+def _overshoot(signal: SignalBase, stepping: TimeStepping) -> list[float]:
     """Largest overshoot of a signal at its breaks beyond its values at the neighbouring steps, and its time in s.
 
-    The overshoot is a share of the signal's whole range; (0, 0) if the signal has no breaks or is constant.
+    The overshoot is a share of the signal's whole range; both are 0 if the signal has no breaks or is constant.
     """
     steps, h, breaks = stepping.steps, stepping.step, np.array(signal.breaks)
     breaks = breaks[(breaks > 0.0) & (breaks < stepping.end)]
     low, high = signal.bounds(0.0, stepping.end)
     if not len(breaks) or high <= low:
-        return 0.0, 0.0
+        return [0.0, 0.0]
     x = breaks / h
     first, last = np.ceil(x - 1e-9) - 1.0, np.floor(x + 1e-9) + 1.0  # a break on a step lies between its neighbours
     around = signal.value(h * np.clip([first, np.clip(np.round(x), first, last), last], 0, steps))
     at_breaks = np.stack([signal.value(breaks), signal.value(np.nextafter(breaks, -np.inf))])
     beyond = np.maximum(at_breaks - around.max(axis=0), around.min(axis=0) - at_breaks).max(axis=0)
     worst = int(np.argmax(beyond))
-    return float(max(beyond[worst], 0.0) / (high - low)), float(breaks[worst])
+    return [float(max(beyond[worst], 0.0) / (high - low)), float(breaks[worst])]
 
 
 @dataclass(frozen=True)

@@ -207,17 +207,17 @@ class _Path:
         self._path: Any = path  # of any of these three kinds
         self._h, self._mbs = h, mbs
 
-    def evaluate(self, t: float) -> tuple[float, float, float]:
+    def evaluate(self, t: float) -> list[float]:
         """Value in m, rate and second rate at t s."""
         half = self._h / 2.0
         if not hasattr(self._path, "rate"):
             middle = max(t, half)  # the path is not evaluated before the start
             before, now, after = (float(self._path(self._mbs, at)) for at in (middle - half, middle, middle + half))
             second = (after - 2.0 * now + before) / half**2
-            return float(self._path(self._mbs, t)), (after - before) / self._h + second * (t - middle), second
+            return [float(self._path(self._mbs, t)), (after - before) / self._h + second * (t - middle), second]
         last, first = t + half, max(t - half, 0.0)
         second = (float(self._path.rate(last)) - float(self._path.rate(first))) / (last - first)
-        return float(self._path.value(t)), float(self._path.rate(t)), second
+        return [float(self._path.value(t)), float(self._path.rate(t)), second]
 
 
 #: Most values that are computed in advance at once, which bounds the memory of a long simulation.

@@ -171,7 +171,8 @@ def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inpu
     """
     if not equations.system.contacts:
         return add_with_springs(mbs, equations, inputs, start)
-    n, contacts, (m, i) = equations.size, Contacts(equations, inputs), _counts(equations)
+    n, contacts = equations.size, Contacts(equations, inputs)
+    m, i = len(equations.system.contacts), equations.B.shape[1]
     gives, rigid = np.flatnonzero(contacts.gives), np.diag(contacts.rigid.astype(float))
 
     def side_by_side(x: Array) -> Array:
@@ -223,7 +224,7 @@ def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inpu
 
 def add_with_callbacks(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
     """Add the items of a system of rigid contacts, with Python callbacks in every iteration as in Weyrer et al."""
-    m, _ = _counts(equations)
+    m = len(equations.system.contacts)
     rows = inputs.function_of_time(lambda x: equations.rows(x).C, equations.size * m)
 
     def force(mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array) -> Array:
@@ -246,11 +247,6 @@ def add_with_callbacks(mbs: exu.MainSystem, equations: Equations, inputs: Inputs
         constraintUserFunction=constraint,
         jacobianUserFunction=jacobian,
     )
-
-
-def _counts(equations: Equations) -> tuple[int, int]:
-    """Number of contacts, and number of inputs."""
-    return len(equations.system.contacts), equations.B.shape[1]
 
 
 def zero_jacobian(equations: Equations, steps: Steps) -> Callable[..., exu.MatrixContainer]:

@@ -228,8 +228,8 @@ class _Joint:
         by_paths = sliding + np.outer(e, carried - by)
         return UnloadedPoint(at + answers.E[self._on] @ loads, rows - np.outer(e, bent), by_paths)
 
-    def start(self, z: Array, z_t: Array) -> tuple[Array, Array]:
-        """Position in m and velocity in m/s, (3,) each, that the boom's point has in space at t = 0 without the hook.
+    def start(self, z: Array, z_t: Array) -> Array:
+        """Position in m and velocity in m/s, (2, 3), that the boom's point has in space at t = 0 without the hook.
 
         z and z_t are coordinates and rates of base, boom and nodes of extensions, in this order.  Those of the hook,
         and of w, by which the boom's point gives way to the hook, are not among them.
@@ -240,7 +240,7 @@ class _Joint:
         at, by_q, by_s = self._unloaded_point(0.0, q, s, R)
         relative = by_q @ z_t[k : k + n] + by_s @ base.extensions(0.0, z[k + n :], z_t[k + n :]).rate
         velocity = turned[:3] @ z_t[:k] + skew(motion.omega) @ at + relative
-        return np.asarray(base.origin(x) + R @ at), np.asarray(R @ velocity)
+        return np.array([base.origin(x) + R @ at, R @ velocity])
 
     def gap(self, t: float, z: Array) -> Array:
         """Gap g (3,) in m of the constraint at coordinates z (N,) that a marker returns."""

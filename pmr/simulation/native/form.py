@@ -154,18 +154,18 @@ def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]
     return [*paths, *loads, *terms, *hoist]
 
 
-def start_modes(form: SystemForm, x: Array, x_rate: Array, initial: Mapping[str, InitialState]) -> tuple[Array, Array]:
-    """Modal coordinates and rates of initial states, both with the kernel's padding.
+def start_modes(form: SystemForm, x: Array, x_rate: Array, initial: Mapping[str, InitialState]) -> Array:
+    """Modal coordinates and rates of initial states, (2, modes) with the kernel's padding.
 
     x (sides,) in m are the positions of the contacts' sides and `x_rate` in m/s their rates.  A velocity that violates
     rigid contacts is corrected (`pmr.simulation.start`); errors as there.
     """
-    z, v = np.zeros((2, form.kernel.modes))
+    modes = np.zeros((2, form.kernel.modes))
     states = consistent_start(Assembly(form.system), x, x_rate, initial)
     for name, columns in form.columns.items():
         start = form.forms[name].start(states[name])
-        z[columns], v[columns] = start.q, start.v
-    return z, v
+        modes[:, columns] = start.q, start.v
+    return modes
 
 
 def static_start(system: System, excitation: Excitation) -> dict[str, InitialState]:

@@ -16,9 +16,9 @@ import scipy.sparse as sp
 from pmr.errors import SimulationError, call_on_first_rank
 from pmr.fem.compat import MPI
 from pmr.fem.factor import BLOCK, MatrixFactor
-from pmr.files.arrays import Array, Mask
+from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullSystem
-from pmr.kernel.laws import ContactError, SchemeFactors, solve_contact
+from pmr.kernel.laws import ContactError, ContactForces, SchemeFactors, solve_contact
 from pmr.simulation.petsc.rows import (
     BlockFactor,
     Course,
@@ -77,7 +77,7 @@ class ContactState:
         Raises ContactError if contacts depend on each other, or if it can't be settled which contacts are closed.
         """
 
-        def solution() -> tuple[Array, Mask]:
+        def solution() -> ContactForces:
             """Multipliers and mask of closed contacts."""
             return solve_contact(matrix, motion - self._clearance, self.pushes, self._closed)
 

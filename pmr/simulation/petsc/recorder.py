@@ -190,10 +190,10 @@ class Recorder:
         self.multipliers[row], self.peaks[row], self.friction[row] = state.multipliers, peak, state.grip.forces
         slopes = rows.slopes(state.q) if self._now is None else self._now.slope
         drift = rows.apply(state.v) + rows.of_contacts(at.rates[step] * slopes)
-        energy = self._energy(state, at.f[step]) if self.recording.energies else (0.0, 0.0, 0.0)
+        energy = self._energy(state, at.f[step]) if self.recording.energies else [0.0, 0.0, 0.0]
         self.sums[row] = np.concatenate([self._outputs @ state.q, rows.apply(state.q), drift, [*energy, work]])
 
-    def _energy(self, state: State, f: Array) -> tuple[float, float, float]:
+    def _energy(self, state: State, f: Array) -> list[float]:
         """This rank's contributions to kinetic energy, strain energy and potential of the loads f (i,), in J."""
 
         def half_form(matrices: Sequence[PETSc.Mat], x: Array) -> float:
@@ -206,7 +206,7 @@ class Recorder:
             return energy
 
         motion = self._inputs @ state.q if self._now is None else self._now.motion
-        return half_form(self._M, state.v), half_form(self._K, state.q), -float(f @ motion)
+        return [half_form(self._M, state.v), half_form(self._K, state.q), -float(f @ motion)]
 
     def history(self, at: SampledExcitation, seconds: float, preparation: float) -> History:
         """History of all records, in a run under the excitation `at`; collective.

@@ -74,12 +74,12 @@ class _ForcedMotion:
         free = np.cos(angle) @ (of * self._amplitude) + np.sin(angle) @ (of * self._rate)
         return np.asarray(free + of @ self._constant + t * (of @ self._growing))
 
-    def state(self, t: float) -> tuple[Array, Array]:
-        """Displacements x (n,) and rates x' (n,) at a time t in s."""
+    def state(self, t: float) -> Array:
+        """Displacements x and rates x' (2, n) at a time t in s."""
         angle = self._w * (t - self._since)
         x = self._amplitude * np.cos(angle) + self._rate * np.sin(angle) + self._constant + self._growing * t
         v = self._w * (self._rate * np.cos(angle) - self._amplitude * np.sin(angle)) + self._growing
-        return self._shapes @ x, self._shapes @ v
+        return np.array([self._shapes @ x, self._shapes @ v])
 
 
 def lift_off(form: Form, load: float, rope: Rope, gravity: float) -> float:
