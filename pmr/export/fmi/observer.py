@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.export.fmi.variables import Drivers, Identifiers, Variable
+from pmr.export.fmi.variables import Drivers, Identifiers, Role, Variable
 from pmr.files.arrays import Array
 from pmr.kernel.filter import FilterData
 
