@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmr.errors import InputError
 from pmr.files import npz
 from pmr.results import Response
 from pmr.scene import Compare, Damping, Reduction, Scene, Simulation, TimeChoice
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
     from pmr.fullmodel.build import AssembledBody
     from pmr.fullmodel.model import FullModel
     from pmr.reduction.snapshots import Snapshots
-    from pmr.system.body import FullBody
     from pmr.system.system import System
 
 #: Rough effort in s for the beam of Weyrer et al.
@@ -49,26 +47,9 @@ def scene_of(arguments: Arguments) -> Scene:
     return Scene.model_validate(arguments["scene"])
 
 
-def refuse_second_order(scene: Scene) -> None:
-    """Raise InputError if the scene is a single body with second-order terms.
-
-    Only studies of the kind ``scenes`` compute these.
-    """
-    if len(scene.sections) == 1 and scene.frame is not None and scene.frame.second_order:
-        allowed = "false is allowed in a study of a body alone; studies of kind 'scenes' follow second order"
-        raise InputError("scene", "frame.second_order", scene.frame.second_order, allowed)
-
-
 def model_of(scene: Scene) -> FullModel:
     """Return the full model of a scene's single body; it is stored for later tasks by `bodies_of`."""
     return bodies_of(scene)[ALONE].model
-
-
-def body_of(scene: Scene) -> FullBody:
-    """Return the full model of a scene's single body with SciPy matrices, complete as a task runs on one rank."""
-    body = model_of(scene).gather()
-    assert body is not None
-    return body
 
 
 def full_system(scene: Scene) -> System:

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from pmr import scene as scenes
 from pmr.errors import InputError
-from pmr.studies import call, shared
+from pmr.studies import call
 from pmr.studies.kinds.scenes import Study, run_case
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -138,15 +137,8 @@ def test_a_bad_collection_is_refused(folder: Path, text: str, says: str) -> None
 CANTILEVER = Path(__file__).parents[1] / "pipeline" / "cantilever.toml"
 
 
-def test_kinds_that_do_not_follow_it_refuse_a_body_alone_with_second_order() -> None:
-    with pytest.raises(InputError, match=r"frame.second_order = True: false is allowed in a study of a body") as said:
-        shared.refuse_second_order(scenes.load_any(CANTILEVER, []))
-    assert "\n" not in str(said.value)
-    shared.refuse_second_order(scenes.load_any(CANTILEVER, ["frame.second_order=false"]))
-
-
 @pytest.mark.slow
-def test_runs_of_scenes_follow_it() -> None:
+def test_runs_of_scenes_follow_second_order() -> None:
     plan = Study(kind="scenes", title="columns", scenes=(CANTILEVER,)).plan()
     assert [task.function for task in plan.runs] == [run_case]
     record = run_case(plan.runs[0].arguments, {}).record

@@ -362,6 +362,13 @@ def test_methods_sizes_and_steps_are_traded(short_residual: str, tmp_path: Path)
         list(trade.tasks(trade.SETTINGS | {"scenes": [short_residual], "steps": [3.0, 1.0]}))
 
 
+def test_a_trade_refuses_a_body_alone_with_second_order() -> None:
+    with pytest.raises(pmr.InputError, match="frame.second_order = True: false is allowed for a body alone"):
+        list(
+            trade.tasks(trade.SETTINGS | {"scenes": [str(Path(__file__).parents[1] / "pipeline" / "cantilever.toml")]})
+        )
+
+
 def test_sizes_and_steps_of_sections_are_traded(two: Path, tmp_path: Path) -> None:
     few = {"coordinates": [1, 3], "steps": [2.0, 1.0], "studies": []}
     (chapter,) = trade.main(trade.SETTINGS | few | {"scenes": [str(two)]}, tmp_path, 0)

@@ -104,7 +104,8 @@ class FullMotion:
     def simulate(cls, scene: Scene) -> FullMotion:
         """Build the full models of a scene and simulate their motion."""
         alone = len(scene.sections) == 1
-        full = pmr.System.of(modal_form(shared.body_of(scene)).body) if alone else shared.full_system(scene)
+        body = shared.model_of(scene).gather() if alone else None
+        full = shared.full_system(scene) if body is None else pmr.System.of(modal_form(body).body)
         excitation = divide_steps(full, Excitation.from_scene(scene))
         motion = run_from_start(full, excitation)
         return cls(scene, full, excitation, motion, with_forces_on_machine(scene, evaluate_motion(full, motion)))
@@ -336,7 +337,9 @@ def tasks(settings: Settings) -> Iterator[dict[str, object]]:
     for name in settings["scenes"]:
         scene = load(name)
         alone, count = len(scene.sections) == 1, scene.time.steps
-        shared.refuse_second_order(scene)
+        if alone and scene.frame is not None and scene.frame.second_order:
+            allowed = "false is allowed for a body alone; studies of kind 'scenes' follow second order"
+            raise pmr.InputError("scene", "frame.second_order", scene.frame.second_order, allowed)
         ratios = [count / steps[0], *(steps[0] / factor for factor in steps)]
         if any(ratio != round(ratio) for ratio in ratios) or 1.0 not in steps:
             allowed = f"1 and factors that divide the largest, and that one the {count} steps, are allowed"
