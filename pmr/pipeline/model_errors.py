@@ -16,7 +16,7 @@ from pmr.compare.model_part import FREQUENCIES, Motion, frequency_error, largest
 from pmr.compare.moving_frame import decide_second_order as with_order
 from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, call_on_first_rank
 from pmr.errors.environment import Clock
-from pmr.fem.compat import MPI
+from pmr.fem.compat import MPI, has_compiled_code
 from pmr.fullmodel.build import build_bodies, log_warnings
 from pmr.reduction.bodies import Reduction, reduce_bodies, with_stress_flags
 from pmr.reduction.cache import Cache, SystemCache, cache_in
@@ -102,6 +102,22 @@ class RunMotion:
         f, exact = (self.frequencies.models[name][:, :FREQUENCIES] for name in ("reduced", "full"))
         error = frequency_error(f[:, : exact.shape[1]], exact) or 0.0
         return replace(Motion.compute(scene, self.system, replace(self.reduced, **of_full)), frequency_error=error)
+
+
+def start_compiling(scene: Scene, helper: Executor) -> None:
+    """Let another process compile the forms of beams while this one compiles those of the shell of their walls.
+
+    Nothing is done if forms were compiled before, or if no walls give way.
+    """
+    if any(part.body.walls == "give" for part in scene.sections) and not has_compiled_code():
+        with suppress(InputError, BrokenExecutor, OSError):  # no such scene, or no process can be started
+            helper.submit(_assemble, scene.vary_sections(lambda _: {"body": {"walls": "rigid"}}))
+
+
+def _assemble(scene: Scene) -> None:
+    """Assemble a scene's bodies, whose forms are then compiled; errors are those of the run."""
+    with suppress(*UNNEEDED):
+        build_bodies(scene, MPI.COMM_WORLD)
 
 
 def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] | None:

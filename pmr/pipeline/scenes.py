@@ -29,7 +29,15 @@ from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.probes import probe_summary
 from pmr.fullmodel.walls import summary as summary_of_walls
 from pmr.pipeline.bodies import Bodies, Motions, Precomputed
-from pmr.pipeline.model_errors import RunMotion, decide_models, measure_mesh, measure_model, reduce_scene, start_richer
+from pmr.pipeline.model_errors import (
+    RunMotion,
+    decide_models,
+    measure_mesh,
+    measure_model,
+    reduce_scene,
+    start_compiling,
+    start_richer,
+)
 from pmr.reduction.bodies import Reduction
 from pmr.reduction.cache import Cache, cache_in
 from pmr.reduction.from_scene import Vectors, with_array_basis
@@ -101,7 +109,7 @@ def run(
     of mesh and structural model, even if the scene does not ask for them; the folder keeps what takes longest.  They
     are measured last; before, `keep` is called on rank 0 with the outcome without these errors.  `shared` are results
     of a single body's full model that other runs have computed.  `helper` has another process, which meanwhile reduces
-    the richer model for this measurement.
+    the richer model for this measurement and, before that, compiles forms.
 
     Raises
     ------
@@ -116,6 +124,8 @@ def run(
         check_installed(scene)
         chosen = decide_models(scene, comm, clock, cache)
         scene = chosen.scene
+        if helper is not None:
+            start_compiling(scene, helper)
         with clock.stage("assemble"):
             built = build_bodies(scene, comm)
             free_motions = free_motion_warnings(scene, built) if scene.free_motions == "allowed" else []
