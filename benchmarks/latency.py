@@ -133,8 +133,8 @@ loads = {name: motion[0] for name, motion in given(frame.loads, 0).items()}
 for what, outputs in (("all outputs", None), ("one output", system.output_names[-1:])):
     stepper = pmr.Stepper(system, excitation.stepping.step, steps[0][0], loads, frame=steps[0][1], outputs=outputs)
     times[f"crane in its frame, {what}"] = least(lambda n: stepper.step(steps[n + 1][0], frame=steps[n + 1][1]))
-system = System.load(f"{folder}/machine.npz")
-frame, excitation = stepped_frame(system, "machine"), read_scene(system, "machine", free=True).excitation
+machine = System.load(f"{folder}/machine.npz")
+frame, excitation = stepped_frame(machine, "machine"), read_scene(machine, "machine", free=True).excitation
 motions = frame.motions(excitation, 1e-3 * numpy.arange(4001)).tolist()
 drives = [name for name in frame.loads if name.startswith("luffing drive")]
 steps = []
@@ -142,9 +142,9 @@ for k in range(4001):
     F = {name: motion[0] for name, motion in given(frame.loads, k).items()} | {
         name: motion[:2] for name, motion in given(drives, k).items()}
     steps.append((given(frame.paths, k), F, given(["slewing"], k)))
-of_machine = [*frame.luffing.outputs, "fly: tip z", "force of the hoist rope", "use of the support polygon"]
-for what, outputs in (("machine's outputs", of_machine), ("one output", ["fly: tip z"])):
-    stepper = pmr.Stepper(system, 1e-3, *steps[0][:2], frame=steps[0][2], outputs=outputs)
+of_machine = ["luffing angle", "force of the hoist rope", "fly: tip z", "use of the support polygon"]
+for what, outputs in (("four outputs", of_machine), ("one output", ["fly: tip z"])):
+    stepper = pmr.Stepper(machine, 1e-3, *steps[0][:2], frame=steps[0][2], outputs=outputs)
     times[f"hoist, oil and outriggers, {what}"] = least(lambda n: stepper.step(*steps[n + 1]))
 truck = [
     "compare.against=[]", "frame.machine={mass=2e4, center=[0.0, 0.0, -1.0], inertia=[2e4, 6e4, 6e4]}",
@@ -172,7 +172,11 @@ def booms(earlier: Path | None = None) -> dict[str, list[float]]:
         pythons = [sys.executable, *([] if earlier is None else [str(earlier / ".venv" / "bin" / "python")])]
         runs = [
             subprocess.run(
-                [python, "-c", _STEPS, folder, str(beams.CRANE)], check=True, capture_output=True, text=True, cwd=folder
+                [python, "-c", _STEPS, folder, str(beams.CRANE)],
+                check=True,
+                stdout=subprocess.PIPE,
+                text=True,
+                cwd=folder,
             )
             for python in pythons
         ]

@@ -48,14 +48,15 @@ static turning slew(const course *c)
     return turn_on(&slewed, &raised);
 }
 
-static turning turn(const course *c)
+/* The boom on its base. */
+static turning turn(const course *c, turning *base)
 {
     const int32_t *angles = c->system->frame_angles;
     const turning boom = slew(c);
-    turning base;
+    *base = (turning){.R = {{{1.0, 0.0}}, {{0.0, 0.0}, {1.0, 0.0}}, {{0.0, 0.0}, {0.0, 0.0}, {1.0, 0.0}}}};
     if (angles[2] < 0 && angles[3] < 0 && angles[4] < 0) return boom;
-    base = rock(c);
-    return turn_on(&base, &boom);
+    *base = rock(c);
+    return turn_on(base, &boom);
 }
 
 static void read_turning(const turning *from, pmr_turning *to)
@@ -71,7 +72,8 @@ static void read_turning(const turning *from, pmr_turning *to)
 void pmr_frame_turning(const pmr_system *y, const double *motions, pmr_turning *boom, pmr_turning *base)
 {
     const course c = {y, motions, NULL};
-    const turning of_base = rock(&c), slewed = slew(&c), of_boom = turn_on(&of_base, &slewed);
+    turning of_base;
+    const turning of_boom = turn(&c, &of_base);
     read_turning(&of_boom, boom);
     read_turning(&of_base, base);
 }
@@ -98,7 +100,8 @@ void pmr_frame_along(const pmr_system *y, const double *motions, const double *s
                      double *along, double *work)
 {
     const course c = {y, motions, seed};
-    const turning turned = turn(&c);
+    turning base;
+    const turning turned = turn(&c, &base);
     number *quantities = (number *)work;
     int32_t k, n;
     for (k = 0; k < y->quantities; k++) quantities[k] = quantity(&c, &turned, y->quantity_list + 3 * k);
@@ -234,7 +237,8 @@ int pmr_frame_outputs(const pmr_system *y, const double *motions, const double *
     const course c = {y, motions, seed};
     int n = y->reactions, i, k;
     if (y->has_tip) {
-        const turning turned = turn(&c);
+        turning base;
+        const turning turned = turn(&c, &base);
         number r[3], at;
         for (k = 0; k < 3; k++) {
             r[k] = constant(y->tip_place[k]);

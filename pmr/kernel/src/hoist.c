@@ -188,7 +188,7 @@ static double displaced(const pmr_state *st, int k, const double *z, const doubl
     const int l = y->hoist_inputs[k];
     double sum = dot(y->B + (size_t)l * y->modes, z, 0, y->modes);
     int n;
-    for (n = 0; n < y->inputs; n++) sum += y->load_energy[l * y->ip + n] * st->loads[n];
+    sum += dot(y->load_energy + (size_t)l * y->ip, st->loads, 0, y->ip);
     for (n = 0; n < y->rows; n++) sum -= (rows ? rows[n] : st->H[n * y->ip + l]) * st->lambda[n];
     return sum;
 }

@@ -28,15 +28,17 @@ static void add_cross(double factor, const double *a, const double *b, double *s
     for (i = 0; i < 3; i++) sum[i] += factor * c[i];
 }
 
-/* x of A x = b (3, 3), or of A^T x = b. */
+/* x of A x = b (3, 3), or of A^T x = b, by Cramer's rule. */
 static void solve_three(const double *A, int transposed, const double *b, double *x)
 {
-    double matrix[9], room[3 * 5];
+    double columns[3][3], minors[3][3], size = 0.0;
     int i, j;
     for (i = 0; i < 3; i++)
-        for (j = 0; j < 3; j++) matrix[3 * i + j] = transposed ? A[3 * j + i] : A[3 * i + j];
-    for (i = 0; i < 3; i++) x[i] = b[i];
-    if (solve_dense(3, matrix, x, room)) x[0] = x[1] = x[2] = NAN;
+        for (j = 0; j < 3; j++) columns[i][j] = transposed ? A[3 * i + j] : A[3 * j + i];
+    for (i = 0; i < 3; i++) cross(columns[(i + 1) % 3], columns[(i + 2) % 3], minors[i]);
+    for (i = 0; i < 3; i++) size += columns[0][i] * minors[0][i];
+    for (i = 0; i < 3; i++) columns[0][i] = (minors[i][0] * b[0] + minors[i][1] * b[1] + minors[i][2] * b[2]) / size;
+    copy(x, columns[0], 3);
 }
 
 /* Rows of the contacts where the paths stand at step k, with their rates as the paths move; F of those that give way is
@@ -255,10 +257,11 @@ static void find_boom(pmr_machine_run *ms, int64_t k, const double *const z[3])
             f2 = e[2] / (e[0] * e[0]) - 2.0 * e[1] * e[1] / (e[0] * e[0] * e[0]);
         }
         multiply_modes(ms, ROTATING + SECOND + n, z[0]);
-        zz = dot(ms->product, z[0], 0, r), zv = dot(ms->product, z[1], 0, r), za = dot(ms->product, z[2], 0, r);
+        zz = dot(ms->product, z[0], 0, r), zv = dot(ms->product, z[1], 0, r);
         c->mu[0][of[1]][0] += f * zz / 2.0;
         c->mu[1][of[1]][0] += f * zv + f1 * zz / 2.0;
         if (ms->orders < 3) continue;
+        za = dot(ms->product, z[2], 0, r);
         multiply_modes(ms, ROTATING + SECOND + n, z[1]);
         vv = dot(ms->product, z[1], 0, r);
         c->mu[2][of[1]][0] += f * (za + vv) + 2.0 * f1 * zv + f2 * zz / 2.0;
@@ -274,14 +277,14 @@ static void find_boom(pmr_machine_run *ms, int64_t k, const double *const z[3])
             boom->s[2][j] += c->mu[2][0][j] + (j ? 0.0 : m->masses[n] * c->length[2]);
         }
     }
-    first_moments(ms, 1, A);
-    turning_of(A, boom->h);
-    first_moments(ms, 2, A);
-    turning_of(A, boom->h_rate);
-    for (j = 0; j < 3; j++) {
-        multiply_modes(ms, j, z[0]);
-        boom->h[j] += dot(ms->product, z[1], 0, r);
-        boom->h_rate[j] += dot(ms->product, z[2], 0, r);
+    for (o = 1; o < ms->orders; o++) {
+        double *h = o == 1 ? boom->h : boom->h_rate;
+        first_moments(ms, o, A);
+        turning_of(A, h);
+        for (j = 0; j < 3; j++) {
+            multiply_modes(ms, j, z[0]);
+            h[j] += dot(ms->product, z[o], 0, r);
+        }
     }
     for (l = 0; l < 9; l++) second[l] = rate[l] = 0.0;
     for (n = 0; n < m->sections; n++) {
@@ -299,7 +302,7 @@ static void find_boom(pmr_machine_run *ms, int64_t k, const double *const z[3])
         for (j = i; j < 3; j++) {
             double zz, zv;
             multiply_modes(ms, ROTATING + 3 * i + j, z[0]);
-            zz = dot(ms->product, z[0], 0, r) / 2.0, zv = dot(ms->product, z[1], 0, r);
+            zz = dot(ms->product, z[0], 0, r) / 2.0, zv = ms->orders < 3 ? 0.0 : dot(ms->product, z[1], 0, r);
             second[3 * i + j] += zz, rate[3 * i + j] += zv;
             if (i != j) second[3 * j + i] += zz, rate[3 * j + i] += zv;
         }

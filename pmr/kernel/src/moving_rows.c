@@ -31,6 +31,24 @@ static void add_moved(double *const table[3], size_t at, double factor, moved va
     if (table[2]) table[2][at] += factor * value.second;
 }
 
+/* Add `width` polynomials side by side at x to tables from `at` on. */
+static void add_polynomials(double *const table[3], size_t at, const double *c, int powers, int stride, int width, moved x)
+{
+    int n, p;
+    for (n = 0; n + VL <= width; n += VL) {
+        vec value = {0.0}, rate = {0.0}, second = {0.0};
+        for (p = 0; p < powers; p++) {
+            second = second * x.at + rate * (2.0 * x.rate) + value * x.second;
+            rate = rate * x.at + value * x.rate;
+            value = value * x.at + CONST_LOOSE(c + (size_t)p * stride + n);
+        }
+        if (table[0]) LOOSE(table[0] + at + n) += value;
+        if (table[1]) LOOSE(table[1] + at + n) += rate;
+        if (table[2]) LOOSE(table[2] + at + n) += second;
+    }
+    for (; n < width; n++) add_moved(table, at + n, 1.0, polynomial(c + n, powers, stride, x));
+}
+
 /* Entries k, l and l, k of A. */
 static void add_both(const moved_tables *to, int mp, int k, int l, moved value)
 {
@@ -48,12 +66,8 @@ static void move_block(const pmr_state *st, int number, const double *of_A, move
                  *H = in_interval(st, number, y->table_H, b->at_H, b->powers_H, m * i), *S = of_A + b->powers_G * m * g;
     int k, n;
     for (k = 0; k < m; k++) {
-        for (n = 0; n < w; n++)
-            add_moved(to->C, (size_t)on[k] * y->modes + b->first_mode + n, 1.0,
-                      polynomial(C + k * w + n, b->powers_C, m * w, x));
-        for (n = 0; n < b->inputs; n++)
-            add_moved(to->H, (size_t)on[k] * y->ip + b->first_input + n, 1.0,
-                      polynomial(H + k * i + n, b->powers_H, m * i, x));
+        add_polynomials(to->C, (size_t)on[k] * y->modes + b->first_mode, C + k * w, b->powers_C, m * w, w, x);
+        add_polynomials(to->H, (size_t)on[k] * y->ip + b->first_input, H + k * i, b->powers_H, m * i, b->inputs, x);
         for (n = 0; n <= k; n++) {
             moved value = polynomial(of_A + k * g + n, b->powers_G, m * g, x);
             if (n == k) value = times_moved(value, (moved){0.5, 0.0, 0.0});

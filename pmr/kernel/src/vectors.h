@@ -51,6 +51,17 @@ INLINE double dot(const double *a, const double *b, int begin, int end)
     return sum_of(sum);
 }
 
+/* The same of any memory and number. */
+INLINE double dot_loose(const double *a, const double *b, int count)
+{
+    vec sum = {0.0};
+    double rest = 0.0;
+    int n;
+    for (n = 0; n + VL <= count; n += VL) sum += CONST_LOOSE(a + n) * CONST_LOOSE(b + n);
+    for (; n < count; n++) rest += a[n] * b[n];
+    return sum_of(sum) + rest;
+}
+
 INLINE void copy(double *to, const double *from, int count)
 {
     int n;

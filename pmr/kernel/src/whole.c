@@ -92,13 +92,10 @@ static void push(const pmr_machine_run *ms, int64_t k, const double *R, const do
     const double *pushed = m->external + 6 * (size_t)k, weight[3] = {0.0, 0.0, -m->weight[k]};
     const int inputs = ms->state->system->inputs;
     double force[3] = {0.0, 0.0, 0.0}, moment[3] = {0.0, 0.0, 0.0}, first[3], by_springs[3];
-    int n, j, l;
+    int n, j;
     for (n = 0; n < m->sections; n++) {
         double own[6];
-        for (j = 0; j < 6; j++) {
-            own[j] = 0.0;
-            for (l = 0; l < inputs; l++) own[j] += m->loads[(size_t)(6 * n + j) * inputs + l] * f[l];
-        }
+        for (j = 0; j < 6; j++) own[j] = dot_loose(m->loads + (size_t)(6 * n + j) * inputs, f, inputs);
         for (j = 0; j < 3; j++) force[j] += own[j], moment[j] += own[3 + j];
         add_cross(1.0, ms->of[n].d, own, moment);
     }
