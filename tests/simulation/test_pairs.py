@@ -103,7 +103,7 @@ class Pair:
     @property
     def driven(self) -> list[str]:
         """Names of what drives the frame in each step."""
-        return [name for name in self.frame.drivers if not (self.frame.luffing is not None and name == LUFFING)]
+        return [name for name in self.frame.drivers if not (self.frame.computed is not None and name == LUFFING)]
 
     @property
     def outputs(self) -> list[str]:
