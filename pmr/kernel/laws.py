@@ -202,8 +202,8 @@ def slide_pads(
     cylinder : JointCylinder
         The joint's cylinder, which gives way to the friction.
     """
-    if np.shape(laws) != (len(old), lib.PMR_LAW):
-        raise ValueError(f"{lib.PMR_LAW} constants of each of {len(old)} pads are allowed, not {np.shape(laws)}")
+    if np.shape(laws) != (len(old), constants := lib.pmr_law_constants()):
+        raise ValueError(f"{constants} constants of each of {len(old)} pads are allowed, not {np.shape(laws)}")
     arrays = [np.ascontiguousarray(array, float) for array in (stiffness, laws, forces, old)]
     limits, new = np.zeros((2, len(old)))
     joint = ffi.new("pmr_cylinder *", cylinder._asdict())

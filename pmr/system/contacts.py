@@ -149,7 +149,7 @@ FRICTION = ("friction", "shear_stiffness", "static_friction", "stribeck_speed")
 
 
 class FrictionLaw(NamedTuple):
-    """Coefficients of friction and Stribeck speed in m/s, ordered as in src/friction.c."""
+    """Coefficients of friction and Stribeck speed in m/s, ordered as in src/law.h."""
 
     sliding: float
     at_rest: float

@@ -11,11 +11,8 @@
    pad touches, an arm e from the axis, friction makes a moment -e sign(lambda) f: the multiplier of a row C' behind
    the contacts.
 
-   A new law is another `friction_limit`, its constants those of `friction_law` in pmr/system/contacts.py. */
-
-/* Constants of a pad's law: coefficients of a pad that slides and of one at rest, speed in m/s by which it falls from
-   the latter to the former. */
-enum { SLIDING, AT_REST, FALLS_BY };
+   law.h has mu(v) |N|. */
+#include "law.h"
 
 /* Of the lengths that a slip is found from: what is round-off; and how often it is improved at most. */
 #define SLIP_ROUND_OFF 1e-15
@@ -57,20 +54,6 @@ static double slide(int count, const double *kappa, const double *old, const dou
     return total;
 }
 
-/* Largest friction of a pad that presses with a force, mu(v) |N|, and how it changes with the speed,
-
-       mu(v) = mu_k + (mu_s - mu_k) exp(-v / v_s)
-
-   (Stribeck 1902, in the form of Bo and Pavelescu 1982); Coulomb's law where mu_s = mu_k. */
-INLINE double friction_limit(const double *law, double force, double speed, double *slope)
-{
-    const double more = law[AT_REST] - law[SLIDING];
-    double falls = 0.0;
-    if (more != 0.0) falls = more * exp(-speed / law[FALLS_BY]);
-    if (slope) *slope = more != 0.0 ? -falls / law[FALLS_BY] * fabs(force) : 0.0;
-    return (law[SLIDING] + falls) * fabs(force);
-}
-
 /* New friction of a joint's pads after the old one, with their limits, where the joint's path has moved so far; returns
    its sum. */
 static double slide_joint(int count, const double *kappa, const double *old, const double *limits, double moved,
@@ -89,7 +72,7 @@ static double friction_alone(int n, const double *kappa, const double *laws, con
                              double moved, double speed, const pmr_cylinder *c, double *limits, double *f)
 {
     int j;
-    for (j = 0; j < n; j++) limits[j] = friction_limit(laws + PMR_LAW * j, forces[j], speed, NULL);
+    for (j = 0; j < n; j++) limits[j] = friction_limit(laws + LAW_CONSTANTS * j, forces[j], speed, NULL);
     return slide_joint(n, kappa, old, limits, moved, c, f);
 }
 
@@ -136,7 +119,7 @@ static void find_friction(pmr_state *st, double h)
         for (j = first; j < first + count; j++) {
             const double *row = st->C + (size_t)(y->contacts + j) * y->modes;
             const double force = st->lambda[y->pad_contacts[j]];
-            const double limit = friction_limit(y->pad_laws + PMR_LAW * j, force, fabs(moved) / h, NULL);
+            const double limit = friction_limit(y->pad_laws + LAW_CONSTANTS * j, force, fabs(moved) / h, NULL);
             const double moment = y->pad_arms[j] * limit;
             st->limits[j] = limit;
             square += moment * moment * dot(row, row, 0, y->modes);
@@ -176,8 +159,8 @@ static void follow_friction(pmr_state *st, double h, const double *lambda, const
             const int k = y->pad_contacts[j];
             const double pushed = st->lambda[k] < 0.0 ? -lambda[k] : lambda[k], way = st->friction[j] < 0.0 ? -1.0 : 1.0;
             double by_speed, by_force;
-            friction_limit(y->pad_laws + PMR_LAW * j, st->lambda[k], fabs(moved) / h, &by_speed);
-            by_force = friction_limit(y->pad_laws + PMR_LAW * j, 1.0, fabs(moved) / h, NULL);
+            friction_limit(y->pad_laws + LAW_CONSTANTS * j, st->lambda[k], fabs(moved) / h, &by_speed);
+            by_force = friction_limit(y->pad_laws + LAW_CONSTANTS * j, 1.0, fabs(moved) / h, NULL);
             st->along[j] = way * (by_force * pushed + by_speed * faster); /* of one that slides */
             if (sticks(st, j))
                 slope += softness * y->pad_stiffness[j];

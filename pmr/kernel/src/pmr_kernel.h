@@ -447,10 +447,10 @@ typedef struct {
     double friction;   /* N: sum of the pads' friction under which that was found */
     double drive;      /* N: force plus friction at the end of the last step */
 } pmr_cylinder;
-/* Constants of a pad's law of friction (friction.c). */
-enum { PMR_LAW = 3 };
+/* Number l of constants of a pad's law of friction (law.h). */
+int pmr_law_constants(void);
 /* Friction f (n,) N of the pads of one joint at the end of a step, of elements that stick with stiffness kappa (n,) N/m
-   and slide at limits (n,) N, by `laws` (n, PMR_LAW) and the pads' forces (n,) N; from the `old` one (n,) N, where the
+   and slide at limits (n,) N, by `laws` (n, l) and the pads' forces (n,) N; from the `old` one (n,) N, where the
    path of the joint has moved by `moved` m, at a speed of `speed` m/s.  Returns their sum. */
 double pmr_friction(int n, const double *kappa, const double *laws, const double *forces, const double *old,
                     double moved, double speed, const pmr_cylinder *cylinder, double *limits, double *f);

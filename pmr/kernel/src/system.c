@@ -1,5 +1,6 @@
 /* A system: what stands where in its block of bytes, and whether that is sound. */
 #include "internal.h"
+#include "law.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -382,7 +383,7 @@ static int read_arrays(pmr_system *y, char *why)
     TAKE(joint_gives, PMR_NUMBERS, y->joints);
     TAKE(first_pad, PMR_INTEGERS, y->joints + 1);
     TAKE(pad_contacts, PMR_INTEGERS, y->pads);
-    TAKE(pad_laws, PMR_NUMBERS, PMR_LAW * y->pads);
+    TAKE(pad_laws, PMR_NUMBERS, LAW_CONSTANTS * y->pads);
     TAKE(pad_stiffness, PMR_NUMBERS, y->pads);
     TAKE(pad_arms, PMR_NUMBERS, y->pads);
     y->quantities = (int32_t)(pmr_block_count(y, "quantity_list") / 3);
