@@ -233,7 +233,8 @@ static void multiply(const double *A, const double *B, int rows, int m, int stri
         const int at[4] = {i, i + 1 < last ? i + 1 : last, i + 2 < last ? i + 2 : last, i + 3 < last ? i + 3 : last};
         const double *a = A + at[0] * stride, *b = A + at[1] * stride, *c = A + at[2] * stride, *d = A + at[3] * stride;
         for (n = 0; n + 2 * VL <= width; n += 2 * VL) {
-            vec sums[8] = {{0.0}};
+            vec sums[8];
+            for (q = 0; q < 8; q++) sums[q] = (vec){0.0};
             for (q = 0; q < m; q++) {
                 const vec x = CONST_LOOSE(B + q * stride + n), y = CONST_LOOSE(B + q * stride + n + VL);
                 sums[0] += a[q] * x, sums[1] += a[q] * y, sums[2] += b[q] * x, sums[3] += b[q] * y;
@@ -245,7 +246,8 @@ static void multiply(const double *A, const double *B, int rows, int m, int stri
             }
         }
         for (; n < width; n += VL) {
-            vec sums[4] = {{0.0}};
+            vec sums[4];
+            for (q = 0; q < 4; q++) sums[q] = (vec){0.0};
             for (q = 0; q < m; q++) {
                 const vec x = CONST_LOOSE(B + q * stride + n);
                 sums[0] += a[q] * x, sums[1] += b[q] * x, sums[2] += c[q] * x, sums[3] += d[q] * x;
