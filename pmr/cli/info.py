@@ -329,8 +329,8 @@ def allowed(value: Schema) -> str:
 def units(value: Schema | Sequence[Schema]) -> list[str]:
     """Return the units of the numbers that a value may hold, each once; those without one have "1"."""
     if isinstance(value, dict):
-        own = [value["unit"]] if isinstance(value.get("unit"), str) and value["unit"] != "1" else []
-        every = own + [unit for part in value.values() if isinstance(part, dict | list) for unit in units(part)]
+        in_table = [value["unit"]] if isinstance(value.get("unit"), str) and value["unit"] != "1" else []
+        every = in_table + [unit for part in value.values() if isinstance(part, dict | list) for unit in units(part)]
     else:
         every = [unit for part in value if isinstance(part, dict | list) for unit in units(part)]
     return list(dict.fromkeys(every))

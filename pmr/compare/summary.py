@@ -218,8 +218,8 @@ def _utilisations(part: Body, peak: Summary, regions: Summary) -> Iterator[dict[
 
 def parts_of_forces(scene: Scene, system: System, response: Response) -> list[SummaryPart]:
     """Parts on forces of pads, supports, ropes, cylinders, hoist and outriggers, and on fatigue, in a response."""
-    others = ropes_part, luffing_part, extension_part, hoist_part, ground_part, fatigue_part
-    return [forces_part(scene, system, response), *(of(scene, response) for of in others)]
+    further_parts = ropes_part, luffing_part, extension_part, hoist_part, ground_part, fatigue_part
+    return [forces_part(scene, system, response), *(of(scene, response) for of in further_parts)]
 
 
 def warnings_of_response(scene: Scene, system: System, response: Response) -> tuple[str, ...]:

@@ -72,7 +72,7 @@ class CheckedPositions:
 
 @dataclass(frozen=True)
 class RigidBody:
-    """What the rows of a body measure of its six rigid motions; columns of motions that its model lacks are zero."""
+    """Measures of a body's six rigid motions by its rows; columns of motions that its model lacks are zero."""
 
     carrier_motions: Array  # (K, 6): what the K carrier rows measure of the motions
     carrier_sizes: Array  # (K, 6): the same sums of absolute values, by which round-off is judged
@@ -164,7 +164,7 @@ def describe_free_motions(
 def _contacts(
     system: FullSystem, bodies: Mapping[str, RigidBody], positions: CheckedPositions, shifts: Mapping[str, Array]
 ) -> Array:
-    """What the m contacts measure of the rigid motions of b bodies at T positions, (T, m, 6 b).
+    """Measures (T, m, 6 b) of the rigid motions of b bodies by the m contacts at T positions.
 
     A row is set to zero if it is a sum of terms that cancel up to round-off.
     """

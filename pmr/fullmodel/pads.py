@@ -314,7 +314,7 @@ class _Place(NamedTuple):
     width: float
 
     def rounded(self) -> _Place:
-        """The same place without the round-off of a mirrored centre."""
+        """Return this place without the round-off of a mirrored centre."""
         return self._replace(across=round(self.across, DIGITS) + 0.0)
 
 

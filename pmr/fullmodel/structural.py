@@ -68,7 +68,7 @@ def mirror_images(model: StructuralModel, T: sp.csr_matrix, M: PETSc.Mat, K: PET
 
 
 def _commuting_images(mirrors: Sequence[sp.csr_matrix], A: PETSc.Mat) -> list[sp.csr_matrix]:
-    """Those mirror images P for which A P x = P A x on random vectors x, maybe none; collective."""
+    """List the mirror images P for which A P x = P A x on random vectors x, maybe none; collective."""
     if not mirrors:
         return []
     comm, share = A.comm.tompi4py(), slice(*A.getOwnershipRange())
@@ -238,7 +238,7 @@ def _frame_matrices(names: Sequence[str], coupling: Coupling, moving: FrameAssem
 
 
 def _inner_supports(model: StructuralModel) -> Array:
-    """What supports inside given matrices measure of the k rigid motions, (h, k); no rows for other models."""
+    """Measures (h, k) of the k rigid motions by supports inside given matrices; no rows for other models."""
     return model.body_matrices.held if isinstance(model, Matrices) else np.empty((0, len(model.directions)))
 
 

@@ -69,7 +69,7 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Base:
-    """What a boom stands on: its free directions, mass and springs; the fields are those of `pmr_machine`."""
+    """Machine that a boom stands on: its free directions, mass and springs; the fields are those of `pmr_machine`."""
 
     axes: Integers
     free: Integers

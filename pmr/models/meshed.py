@@ -75,7 +75,7 @@ class MeshedModel(TracedModel):
     transformation: None = None  # the space's coordinates are the model's
 
     def cut(self, parts: int) -> None:
-        """None, for any number of `parts`: a body that is no beam is not cut."""
+        """Return None for any number of `parts`: a body that is no beam is not cut."""
 
     @property
     @abstractmethod

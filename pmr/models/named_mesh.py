@@ -34,7 +34,7 @@ FOLDED = -0.99
 
 @dataclass(frozen=True)
 class Fault:
-    """What is wrong with a mesh, in words, and the number of the first cell of which this is so."""
+    """Fault of a mesh, in words, and the number of the first cell that has it."""
 
     text: str
     cell: int

@@ -201,7 +201,7 @@ def mean_section(stretch: Stretch, poisson: float) -> BeamSection:
 
 
 def _inner_nodes(stretch: Stretch, stations: Array) -> list[float]:
-    """Those `stations` strictly inside a stretch if its profile changes along it, otherwise none."""
+    """List the `stations` strictly inside a stretch if its profile changes along it, otherwise none."""
     inside = (stations > stretch.start) & (stations < stretch.end) & (stretch.first is not stretch.last)
     return [float(at) for at in stations[inside]]
 

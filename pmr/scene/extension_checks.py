@@ -50,15 +50,15 @@ def check_free_extension(scene: Scene) -> None:
 
 def moved_sections(scene: Scene, number: int) -> dict[int, tuple[float, float]]:
     """Ratio and offset in m of each section that moves with the free extension of section `number`, by its number."""
-    moved = {number: (1.0, 0.0)}
+    ratios_and_offsets = {number: (1.0, 0.0)}
     for k in range(number + 1, len(scene.sections)):
         follows = scene.joint(k).follows
         leader = None if follows is None else scene.names.index(follows)
-        if leader in moved:
-            ratio, offset = moved[leader]
+        if leader in ratios_and_offsets:
+            ratio, offset = ratios_and_offsets[leader]
             joint = scene.joint(k)
-            moved[k] = joint.ratio * ratio, joint.ratio * offset + joint.offset
-    return moved
+            ratios_and_offsets[k] = joint.ratio * ratio, joint.ratio * offset + joint.offset
+    return ratios_and_offsets
 
 
 def _check_sections(scene: Scene, number: int, free: str) -> None:

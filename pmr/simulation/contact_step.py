@@ -64,8 +64,8 @@ def contact_frequency_at(system: System, x: Array) -> float:
     assembly = Assembly(system)
     factor, rows = spla.splu(assembly.M.tocsc()), assembly.contact_rows_over_time(x, effects=False)
     C = rows.C[:, pushing]
-    moved = factor.solve(C.reshape(-1, assembly.size).T).T.reshape(C.shape)  # M^-1 C^T of all positions at once
-    return row_frequency(rows.F[:, pushing][:, :, pushing], C @ moved.transpose(0, 2, 1))
+    mobilities = factor.solve(C.reshape(-1, assembly.size).T).T.reshape(C.shape)  # M^-1 C^T of all positions at once
+    return row_frequency(rows.F[:, pushing][:, :, pushing], C @ mobilities.transpose(0, 2, 1))
 
 
 def row_frequency(F: Array, mobility: Array) -> float:

@@ -287,7 +287,7 @@ class BodySystem(Generic[AnyBody]):
 
     @cached_property
     def _travel(self) -> PlacesOnPaths:
-        """Where the places of all sides are on their bodies, and how they travel."""
+        """Positions of the places of all sides on their bodies, and the paths by which they travel."""
         places, paths = [side.place for side in self.sides], self.paths
         low, high = np.array([self.range_of(place) for place in places]).reshape(-1, 2).T
         numbers = [len(paths) if place.path is None else paths.index(place.path) for place in places]

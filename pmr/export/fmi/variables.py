@@ -168,7 +168,7 @@ STARTS = {"at rest": 0, "static": 1, "as given": 2}
 
 
 class Role(NamedTuple):
-    """What a variable of an FMU is to the importing program, in the words of the standard."""
+    """Role of a variable of an FMU in the importing program, in the words of the standard."""
 
     causality: str = "output"
     variability: str = "continuous"

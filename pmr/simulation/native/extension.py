@@ -49,16 +49,16 @@ def with_extension_data(frame: MovingFrame, scene: Scene, system: System, form: 
     (number, extension), *_ = scene.free_extensions.items()
     contacts, rubbing = form.modal.contact_names, Friction.from_contacts(system.contacts)
     joints = () if rubbing is None else rubbing.joints
-    moved, ratios, paths = list[int](), list[float](), form.modal.paths
+    numbers, ratios, paths = list[int](), list[float](), form.modal.paths
     for k, ratio in moved_sections(scene, number).items():
         name = scene.names[k]
         joint = joints.index(name) if name in joints else -1
-        moved += [frame.drivers.index(name), paths.index(name), contacts.index(cylinder_name(name)), joint]
+        numbers += [frame.drivers.index(name), paths.index(name), contacts.index(cylinder_name(name)), joint]
         ratios += ratio
     drive = next((k for k, name in enumerate(frame.drivers) if name.startswith(EXTENSION_DRIVE)), -1)
     cylinder = kernel_cylinder(extension, np.zeros(0))
     arrays = {
-        "extension_integers": np.array([drive, cylinder.kind, len(ratios) // 2, *moved]),
+        "extension_integers": np.array([drive, cylinder.kind, len(ratios) // 2, *numbers]),
         "extension_numbers": np.array([*extension.reach, *cylinder_numbers(cylinder), *ratios]),
     }
     name = scene.names[number]
