@@ -83,7 +83,7 @@ def export(
     with err.status(Text(f"writing {escape_controls(to)}")):  # shown on a terminal only
         estimator = None
         if observer is not None:
-            from pmr.observe.unit import read_unit_observer
+            from pmr.observe.measured import read_unit_observer
 
             estimator = read_unit_observer(observer, model)
         written = write(to, model, out_file, Options(fmi, at, section, platforms, sources or None, estimator))

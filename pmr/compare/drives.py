@@ -22,8 +22,7 @@ from pmr.scene.mechanism import CYLINDER, FrameTerm, frame_terms, supports_at_lu
 from pmr.simulation import Excitation
 from pmr.simulation.balance import row_products, step_means
 from pmr.simulation.frame_motion import ComputedMotion, FrameRotation
-from pmr.simulation.native.cylinder import CYLINDER_UNITS
-from pmr.simulation.native.extension import ACCELERATION, STOP, column_name
+from pmr.simulation.native.extension import ACCELERATION, CYLINDER_UNITS, STOP, column_name
 from pmr.system.body import SlidingBody
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System

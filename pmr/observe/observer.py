@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.kernel.filter import AS_EXPECTED
-from pmr.observe.alarms import CHANGED, find_drift, watch
-from pmr.observe.filter import FilterModel
+from pmr.observe.filter import CHANGED, FilterModel, find_drift, watch
 from pmr.observe.linear import SPECIFIC_FORCE, LinearMotion
 from pmr.observe.unknowns import Estimates, Parameter, Payload, Sensor, UnknownLoad
 

@@ -33,8 +33,7 @@ from pmr.scene.signals import Constant
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples, with_computed_motion
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.moving import DRIVE, GRAVITY, OF_FRAME, MovingFrame, held_at_start, read_scene
-from pmr.simulation.native.cylinder import cylinder_numbers, kernel_cylinder
-from pmr.simulation.native.extension import ExtensionRun, with_extension_data
+from pmr.simulation.native.extension import ExtensionRun, cylinder_numbers, kernel_cylinder, with_extension_data
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.machine import MachineRun, machine_motion
 from pmr.simulation.stepping import TimeStepping

@@ -19,9 +19,8 @@ from pmr.errors import InputError
 from pmr.export.fmi import fmu
 from pmr.export.fmi.fmu import fmu_contents, write_fmu
 from pmr.export.fmi.variables import Drivers
-from pmr.observe.measured import ObserverFile
+from pmr.observe.measured import ObserverFile, read_unit_observer
 from pmr.observe.observer import Estimates
-from pmr.observe.unit import read_unit_observer
 from pmr.simulation.moving import read_scene
 from pmr.system.system import System
 
