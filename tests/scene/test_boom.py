@@ -96,7 +96,7 @@ REFUSED = [
     ("sections.fly.bodi=1", r"unknown key; did you mean 'body'\?"),
     ("mesh.elements=3", r"unknown key; did you mean 'sections.mesh'\? allowed: title, gravity, .* and 10 more$"),
     ("simulaton.repeats=3", r"did you mean 'simulation'\? allowed: simulation, title, [a-z, ]{,60} and 10 more$"),
-    ("sections.fly.joint.frction=1", r"did you mean 'sections.joint.tail.friction'\? allowed: extension, overlap"),
+    ("sections.fly.joint.strnds=1", r"did you mean 'sections.joint.rope.strands'\? allowed: extension, overlap"),
 ]  # fmt: skip
 
 
