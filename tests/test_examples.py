@@ -66,7 +66,7 @@ def crane(found: Found) -> None:
     steel = [7850.0 * 6.0 * 2.0 * (width + height) * wall for width, height, wall in boxes]  # kg
     for hook, force in found["luffing"].items():
         moment = sum(m * (k * out + 3.0) for k, m in enumerate(steel)) + hook * (2.0 * out + 6.0)
-        hoisted = 1000.0 * np.clip(t - 0.5, 0.0, 1.0) * (2.0 * out + 6.0)
+        hoisted = 1000.0 * (2.0 * out + 6.0)
         lug, foot = (2.0 - 0.25j) * np.exp(1j * np.deg2rad(raised)), 0.6 - 1.2j
         arm = (foot.conjugate() * lug).imag / np.abs(lug - foot)  # of the cylinder about the pivot
         held = 9.81 * np.cos(np.deg2rad(raised)) * (moment + hoisted) / arm  # statics about the pivot

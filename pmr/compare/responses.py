@@ -20,7 +20,7 @@ from pmr.errors.environment import Clock, import_package
 from pmr.files.arrays import Array, Indices
 from pmr.results import Response
 from pmr.scene import Scene
-from pmr.scene.choice import SIMULATORS, transverse_axes
+from pmr.scene.choice import SIMULATORS, observed_places, transverse_axes
 from pmr.scene.keys import ALONE
 from pmr.scene.members import member_at
 from pmr.simulation import Excitation, Progress, TimeStepping, contact_step, exudyn
@@ -173,8 +173,8 @@ def compared_quantities(scene: Scene, response: Response) -> Mapping[str, Respon
     """
     if ALONE not in scene.bodies:
         return boom_quantities(Excitation.from_scene(scene), response)
-    tips = len(transverse_axes(member_at(scene)))
-    return observed_quantities(tips, slice(None) if scene.observe.stations is None else slice(-tips))
+    tips, places = len(transverse_axes(member_at(scene))), observed_places(member_at(scene))
+    return observed_quantities(tips, slice(None) if places is None else slice(-tips))
 
 
 def full_simulator(scene: Scene, size: int) -> str:

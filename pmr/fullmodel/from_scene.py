@@ -33,6 +33,7 @@ from pmr.scene.choice import (
     is_accelerated,
     model_of,
     motion_directions,
+    observed_places,
     pad_faces,
     transverse_axes,
 )
@@ -70,7 +71,7 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
 
         pads = replace(pads, walls=walls_of(member, (*pads.fixed, *pads.moving), comm))
     across, observe, supports = transverse_axes(member), member.part.observe, _supports(member)
-    stations: Sequence[float] | Array | None = observe.stations
+    stations: Sequence[float] | Array | None = observed_places(member)
     if stations is None:
         assert model.node_stations is not None  # the scene's check
         nodes = model.node_stations[:-1]  # the last one is the tip

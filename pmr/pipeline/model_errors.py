@@ -7,26 +7,32 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from pmr.compare import mesh_part
 from pmr.compare.model_part import FREQUENCIES, Motion, frequency_error, largest_model_error, model_budget
 from pmr.compare.moving_frame import decide_second_order as with_order
+from pmr.compare.simulated import simulate_with_states
 from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, call_on_first_rank
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI, has_compiled_code
+from pmr.files.arrays import Array
 from pmr.fullmodel.build import build_bodies, log_warnings
 from pmr.reduction.bodies import Reduction, reduce_bodies, with_stress_flags
 from pmr.reduction.cache import Cache, SystemCache, cache_in
 from pmr.reduction.from_scene import Vectors
+from pmr.reduction.recovery import recover_reduced, recovered_steps
 from pmr.results import Frequencies, Response
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
 from pmr.scene.model_ladder import candidate_scenes, comparable_scene, model_comparison
+from pmr.scene.run_settings import Recovery
 from pmr.system.system import System
 
 
@@ -104,6 +110,69 @@ class RunMotion:
         return replace(Motion.compute(scene, self.system, replace(self.reduced, **of_full)), frequency_error=error)
 
 
+@dataclass(frozen=True)
+class ComparedScene:
+    """A scene with whose motion another one is compared; its bodies are reduced unless the cache has their system."""
+
+    scene: Scene
+    comm: MPI.Comm
+    cache: SystemCache | None
+
+    @cached_property
+    def reduction(self) -> Reduction:
+        """Full and reduced models of the scene's bodies; collective."""
+        return reduce_scene(self.scene, self.comm)
+
+    @cached_property
+    def system(self) -> System:
+        """System of the reduced bodies; collective."""
+        if self.cache is None:
+            return self.reduction.system
+        return self.cache.system_of(self.scene, lambda: self.reduction.system)
+
+    def motion(self) -> Motion | None:
+        """Simulate the scene; return its motion on rank 0, None on other ranks; collective."""
+        system = self.system
+        return call_on_first_rank(self.comm, lambda: Motion.compute(self.scene, system))
+
+    def wall_stress(self, recovery: Recovery | None) -> dict[str, Any]:
+        """Entry ``wall_stress`` of ``budget.model``: the largest von Mises stress of a scene of shells; collective.
+
+        It has ``value`` in Pa, ``t`` in s, ``position`` in m, ``section`` and ``region``, and length and width of the
+        section's ``cells`` in m.  The stresses are those at the times of a `recovery`, from the reduced shells.  The
+        entry is missing without a recovery of stresses, and for models other than shells.
+        """
+        if recovery is None or not recovery.stress or any(model_of(of) != "shell" for of in members(self.scene)):
+            return {}
+        made = partial(self._peak_numbers, recovery)
+        if self.cache is None:
+            section, side, value, t, *position = made().tolist()
+        else:
+            request = {"scene": self.scene.model_dump_json(exclude={"title"}), "every": recovery.every}
+            section, side, value, t, *position = self.cache.arrays("stress", request, made).tolist()
+        part = self.scene.sections[int(section)]
+        assert part.body.box is not None  # a shell is made of one
+        return {"wall_stress": {"value": value, "t": t, "position": position, "section": part.name,
+                                "region": [*(side.name for side in part.body.box.sides), ""][int(side)],
+                                "cells": [part.mesh.along or part.mesh.size, part.mesh.size]}}  # fmt: skip
+
+    def _peak_numbers(self, recovery: Recovery) -> Array:
+        """Number of the section and of the side of its box (-1: none), stress in Pa, time in s, place (3,) in m."""
+        reduction = self.reduction
+        scene = reduction.scene.model_copy(update={"recovery": recovery})
+        simulated = call_on_first_rank(
+            self.comm, lambda: simulate_with_states(scene, reduction.system, recovered_steps(scene).tolist()).states
+        )
+        fields = recover_reduced(scene, reduction.built, reduction.bodies, self.comm.bcast(simulated)).values()
+        peaks = [body.reduced.stress.peak for body in fields if body.reduced.stress is not None]
+        number = max(range(len(peaks)), key=lambda k: peaks[k].value)
+        peak, box = peaks[number], scene.sections[number].body.box
+        assert box is not None
+        sides = [side.name for side in box.sides]
+        side = sides.index(peak.region) if peak.region in sides else -1
+        return np.array([number, side, peak.value, peak.t, *peak.position])
+
+
 def start_compiling(scene: Scene, helper: Executor) -> None:
     """Let another process compile the forms of beams while this one compiles those of the shell of their walls.
 
@@ -131,15 +200,19 @@ def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] |
     with suppress(InputError, BrokenExecutor, OSError):  # no comparison, or no process can be started
         richer = model_comparison(scene).richer
         if not cache.has_system(richer):
-            return helper.submit(_store_system, richer, cache.folder, cache.content)
+            return helper.submit(_store_richer, richer, scene.recovery, cache.folder, cache.content)
     return None
 
 
-def _store_system(scene: Scene, folder: Path, content: str) -> None:
-    """Reduce a scene and store its system in the folder of a `SystemCache`; errors are those of `measure_model`."""
-    cache = SystemCache(folder, content, MPI.COMM_WORLD)
+def _store_richer(scene: Scene, recovery: Recovery | None, folder: Path, content: str) -> None:
+    """Reduce a scene and store system and largest stress in the folder of a `SystemCache`.
+
+    Errors are those of `measure_model`.
+    """
+    richer = ComparedScene(scene, MPI.COMM_WORLD, SystemCache(folder, content, MPI.COMM_WORLD))
     with suppress(*UNNEEDED):  # the process that measures meets them too
-        cache.system_of(scene, lambda: reduce_scene(scene, cache.comm).system)
+        richer.system  # noqa: B018  (is stored)
+        richer.wall_stress(recovery)
 
 
 def measure_model(
@@ -154,12 +227,13 @@ def measure_model(
     label = "richer model"
     try:
         of_scene, other, label = model_comparison(scene)
-        richer = _motion_on_first(other, comm, cache)
+        richer = ComparedScene(other, comm, cache)
+        richer_motion = richer.motion()
         if of_run is None:
-            motion = _motion_on_first(of_scene, comm, cache)
+            motion = ComparedScene(of_scene, comm, cache).motion()
         else:
             motion = call_on_first_rank(comm, partial(of_run.motion, scene))
-        return _model_budget(scene, motion, richer, label, comm)
+        return _model_budget(scene, motion, richer_motion, label, comm) | richer.wall_stress(scene.recovery)
     except UNNEEDED as error:
         return _unknown_model_error(error, label)
 
@@ -181,7 +255,7 @@ def measure_mesh(
         """
         try:
             motion = call_on_first_rank(comm, lambda: Motion.compute(scene, system, response))
-            other_motion = _motion_on_first(make(), comm, cache)
+            other_motion = ComparedScene(make(), comm, cache).motion()
         except UNNEEDED as error:
             return _unknown_model_error(error, label)
         return _model_budget(scene, other_motion, motion, label, comm)
@@ -211,15 +285,16 @@ def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None) -> 
         return _chosen_model(scene) | {"tolerance": scene.compare.model_tolerance, "tried": tried} | more
 
     try:
-        best = _motion_on_first(comparable_scene(shell), comm, cache)
+        richest = ComparedScene(comparable_scene(shell), comm, cache)
+        best = richest.motion()
         for beam in beams:
-            motion = _motion_on_first(comparable_scene(beam), comm, cache)
+            motion = ComparedScene(comparable_scene(beam), comm, cache).motion()
             part = _model_budget(beam, motion, best, "shell", comm)
             tried.append(_chosen_model(beam) | {"error": largest_model_error(part)})
             if comm.rank == 0:
                 _log.info("%(name)s, walls %(walls)s: the error is %(error).2g of a shell's result", tried[-1])
             if tried[-1]["error"] <= beam.compare.model_tolerance:
-                return ModelDecision(beam, part, chosen_figures(beam))
+                return ModelDecision(beam, part | richest.wall_stress(beam.recovery), chosen_figures(beam))
     except UNKNOWN as error:
         reason = str(error)
         return ModelDecision(beams[0], {"beside": None, "reason": reason}, chosen_figures(beams[0], reason=reason))
@@ -237,17 +312,6 @@ def _model_budget(
     part = None if motion is None or other is None else model_budget(scene, motion, other, label)
     errors: dict[str, Any] = comm.bcast(part)
     return errors
-
-
-def _motion_on_first(scene: Scene, comm: MPI.Comm, cache: Cache | None) -> Motion | None:
-    """Reduce and simulate a scene; return its motion on rank 0, None on other ranks."""
-
-    def reduced_system() -> System:
-        """Reduce the scene's bodies and join them."""
-        return reduce_scene(scene, comm).system
-
-    system = reduced_system() if cache is None else cache.system_of(scene, reduced_system)
-    return call_on_first_rank(comm, lambda: Motion.compute(scene, system))
 
 
 def _chosen_model(scene: Scene) -> dict[str, Any]:

@@ -131,6 +131,19 @@ class SystemCache:
             self._write(file, {}, system)
         return system
 
+    def arrays(self, kind: str, request: Mapping[str, object], make: Callable[[], Array]) -> Array:
+        """Return the array of this kind for this request; if it is not stored, call `make` and store its result.
+
+        It is the same on every rank; collective.
+        """
+        file = self._file(kind, request)
+        stored = self._read(file)
+        if stored is not None:
+            return np.asarray(stored["array"], float)
+        array = make()
+        self._write(file, {"array": array})
+        return array
+
     def has_system(self, scene: Scene) -> bool:
         """Whether the folder has a file for the system of this scene, or for the refusal to reduce it."""
         return any(file.is_file() for file in self._system_files(scene))
@@ -225,19 +238,6 @@ class Cache(SystemCache):
             model = self.model.comm.bcast(make())
             self._write(file, {}, model)
         return model
-
-    def arrays(self, kind: str, request: Mapping[str, object], make: Callable[[], Array]) -> Array:
-        """Return the array of this kind for this request; if it is not stored, call `make` and store its result.
-
-        It is the same on every rank; collective.
-        """
-        file = self._file(kind, request)
-        stored = self._read(file)
-        if stored is not None:
-            return np.asarray(stored["array"], float)
-        array = make()
-        self._write(file, {"array": array})
-        return array
 
     def _load_body(self, file: Path, arrays: Mapping[str, NDArray[Any]]) -> ReducedBody | None:
         """Body from its model's file and stored `arrays` (S, V, omega, ...); None if the model's file can't be used.

@@ -35,6 +35,7 @@ from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.renderer import NoPictureError, Piece, Shot, frame_shots, render_shots
 from pmr.report.subject import is_alone
 from pmr.results import RunResult
+from pmr.results.quantities import stress_name
 from pmr.scene.members import body_ring
 
 WIDTH = 1500  # px, of a picture
@@ -280,7 +281,8 @@ class _Views:
         displacements.
         """
         deformed = f"displacements {format_input(self.scale)} times their size"
-        stress = f", largest von Mises stress {format_quantity(moment.peak, 'Pa')}" if self.stressed else ""
+        largest = stress_name(self.result.scene)
+        stress = f", {largest} {format_quantity(moment.peak, 'Pa')}" if self.stressed else ""
         length = f"{moment.extension:.2f}{SPACE}m"
         out = f"{length} beyond the mouth" if is_alone(self.result) else f"A reach of {length}"
         around = "" if is_alone(self.result) else " Pads are drawn on the outside of the section that they slide in."

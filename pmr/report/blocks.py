@@ -244,9 +244,10 @@ class Block:
     errors: ErrorTable | None = None
     player: Player | None = None
     pictures: tuple[Picture, ...] = ()
-    tables: Sequence[Table] = ()  # in three columns on paper, in two if the block begins a new page
+    tables: Sequence[Table] = ()  # in three columns on paper, or in two
     software: Sequence[str] = ()
-    page: bool = False  # whether the block begins a new page on paper
+    table: Table | None = None  # of the whole width
+    two_columns: bool = False  # whether the tables stand in two columns on paper
 
     @property
     def rows(self) -> list[list[Drawing]]:

@@ -32,7 +32,7 @@ from pmr.report.numbers import (
 )
 from pmr.report.subject import force_words, is_alone, scope_words
 from pmr.results import RunResult
-from pmr.results.quantities import COMPARED, QUANTITIES, error_label, reduction_error
+from pmr.results.quantities import COMPARED, QUANTITIES, error_label, reduction_error, stress_name
 from pmr.results.tables import REACTION_OF
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
@@ -178,12 +178,16 @@ def _format_norm(unit: str, value: float) -> str:
 def _stress_rows(result: RunResult) -> Iterator[Row]:
     """Yield rows with the largest von Mises stress of the reduced and the full model, and with their difference."""
     largest: Mapping[str, float] = result.summary.get("max_von_mises", {})
+    called = stress_name(result.scene)
     for name in ("reduced", "full"):
         if name in largest:
-            yield Row("largest von Mises stress", NAMES[name], format_quantity(largest[name], "Pa", 4))
+            yield Row(called, NAMES[name], format_quantity(largest[name], "Pa", 4))
     if {"full", "reduced"} <= set(largest) and largest["full"] > 0.0:
         apart = signed_deviation(largest["reduced"], largest["full"])
-        yield Row("largest von Mises stress", "reduced to full", apart)
+        yield Row(called, "reduced to full", apart)
+    model = result.summary.get("budget", {}).get("model") or {}
+    if (walls := model.get("wall_stress")) is not None:
+        yield Row("largest von Mises stress in walls", "a shell", format_quantity(walls["value"], "Pa", 4))
 
 
 def _comparison_row(comparison: str, place: str, error: float, other: float, decimals: int) -> Row:
@@ -257,15 +261,11 @@ def trust_table(result: RunResult) -> Table:
     texts |= _sum_of_errors(parts)
     stressed = "reduced" in summary.get("max_von_mises", {})
     walls = [WALLS] if stressed and any(model_of(of).startswith("beam") for of in members(result.scene)) else []
-    times = []
-    if stressed and (recovery := result.scene.recovery) is not None:
-        times = [f"stresses of the body between times {format_input(recovery.every, 's')} apart (recovery.every)"]
     missing = {
-        "not in the model's bar": model.get("not_covered") or walls,
-        "not in the mesh's bar": budget.get("mesh_not_covered") or (),
-        "not in the time step's bar": step.get("not_covered") or (),
-        "not in the reduction's bar": estimate.get("not_covered") or (),
-        "not looked at": times,
+        "model": model.get("not_covered") or walls,
+        "mesh": budget.get("mesh_not_covered") or (),
+        "time step": step.get("not_covered") or (),
+        "reduction": estimate.get("not_covered") or (),
     }
     largest = {name: most for name, errors in parts.items() if (most := max(errors.values(), default=0.0))}
     decades = max(ceil(log10(max(largest.values(), default=1.0) / LEAST) - 1e-9), 5)
@@ -274,8 +274,9 @@ def trust_table(result: RunResult) -> Table:
     note = f"How far off figures are, from small on the left to large: {format_input(100.0 * LEAST, '%')} to {top}, "
     note += f"ten times as much from mark to mark. Displacements are those {scope_words(result)}; "
     note += "stresses may be further off."
-    gaps = ((name, "; ".join(dict.fromkeys(clauses))) for name, clauses in missing.items() if clauses)
-    return Table("How far to trust it", (*texts.items(), *gaps), bars, decades, note if bars else "")
+    gaps = "; ".join(f"{name}: {', '.join(dict.fromkeys(clauses))}" for name, clauses in missing.items() if clauses)
+    rows = (*texts.items(), *([("not in these bars", gaps)] if gaps else []))
+    return Table("How far to trust it", rows, bars, decades, note if bars else "")
 
 
 def _sum_of_errors(parts: Mapping[str, Mapping[str, float]]) -> dict[str, str]:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pmr.files.arrays import Summary
 from pmr.report import errors, overview, sentences
 from pmr.report.blocks import Table
 from pmr.report.columns import axis_points, is_round_off, tip_displacements
@@ -23,6 +24,7 @@ from pmr.report.subject import (
     crossing,
     direction_words,
     drive_of,
+    elevation,
     has_free_luffing,
     has_pushing_pads,
     is_alone,
@@ -32,10 +34,11 @@ from pmr.report.subject import (
 from pmr.report.subject import reach as reach_of
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
-from pmr.results.quantities import QUANTITIES, stress_remark
+from pmr.results.quantities import QUANTITIES, stress_name, stress_remark
 from pmr.results.response import Extreme, Extremes
 from pmr.results.tables import FORCE_OF
 from pmr.scene.keys import cylinder_name, qualified_name
+from pmr.scene.left_out import left_out
 from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
 
 Rows = Iterator[tuple[str, str]]
@@ -64,8 +67,19 @@ def first_page_tables(result: RunResult) -> tuple[Table, ...]:
         Table("What was asked", tuple(overview.system_rows(result))),
         Table("What it carries", tuple(capacity_rows(result))),
         errors.trust_table(result),
+        Table("What is not in this model", tuple(_left_out_rows(result))),
     )
     return tuple(table for table in all_tables if table.rows)
+
+
+def _left_out_rows(result: RunResult) -> Rows:
+    """Yield a row for each subject with what the scene's model leaves out (`pmr.scene.left_out`)."""
+    rows, recovery = left_out(result.scene), result.scene.recovery
+    if recovery is not None and "reduced" in result.summary.get("max_von_mises", {}):
+        rows["strength"] += f", stresses between times {format_input(recovery.every, 's')} apart (recovery.every)"
+    if "loads" in rows:
+        rows["loads"] += ", factors of a standard (dynamic, safety)"
+    yield from rows.items()
 
 
 def capacity_rows(result: RunResult) -> Rows:
@@ -94,6 +108,7 @@ def _stress_rows(result: RunResult) -> Rows:
     """Yield a row with the largest von Mises stress and its share of the yield stress.
 
     If the largest share of the yield stress occurs at another point than the largest stress, it has its own row.
+    Stresses of beams have no share, as local bending adds to them; before them stands the stress of a shell, if known.
     """
     summary = result.summary
     largest = summary.get("max_von_mises", {}).get("reduced")
@@ -101,7 +116,18 @@ def _stress_rows(result: RunResult) -> Rows:
         yield "stress", "not computed: a table [recovery] asks for it"
         return
     peak, used = (summary.get(name, {}).get("reduced") for name in ("stress_peak", "utilisation"))
-    stress_text = f"{format_quantity(largest, 'Pa')} {stress_remark(result.scene)}".strip()
+    stress_text = format_quantity(largest, "Pa")
+    if stress_remark(result.scene):
+        model = summary.get("budget", {}).get("model") or {}
+        local = "bending of walls under pads comes on top, "
+        if (shell := model.get("wall_stress")) is not None:
+            yield "largest von Mises stress in walls", _wall_stress_text(result, shell)
+            local += "the row above has it"
+        else:
+            local += "by how much is not known: compare.richer = 'shell' computes it"
+        where = "" if peak is None else f", {_peak_clause(result, peak)}"
+        yield stress_name(result.scene), f"{stress_text}{where}; {local}"
+        return
     share = (
         f"{format_percent(used['value'])} of the yield stress of {format_quantity(used['yield'], 'Pa')}" if used else ""
     )
@@ -110,6 +136,23 @@ def _stress_rows(result: RunResult) -> Rows:
     yield "largest von Mises stress", stress_text if peak is None else f"{stress_text}, {_peak_clause(result, peak)}"
     if used:
         yield "largest stress over yield stress", f"{share}, {_peak_clause(result, used)}"
+
+
+def _wall_stress_text(result: RunResult, shell: Summary) -> str:
+    """Describe the largest stress of the shells that the model is compared with: value, share, place, time, cells."""
+    part = result.scene.bodies[shell["section"]]
+    region = part.body.regions.get(shell["region"])
+    allowed = (region and region.material or part.body.material).yield_stress
+    long, wide = (format_input(round(1e3 * size, 1)) for size in shell["cells"])
+    at = PeakSummary(t=shell["t"], position=shell["position"], section=shell["section"])
+    at["region"] = f"{shell['region']} wall" if shell["region"] else "walls"
+    share = "" if allowed is None else (
+        f", {format_percent(shell['value'] / allowed)} of the yield stress of {format_quantity(allowed, 'Pa')}"
+    )  # fmt: skip
+    return (
+        f"{format_quantity(shell['value'], 'Pa')}{share}, {_peak_clause(result, at)}; on a shell of the same machine "
+        f"with cells of {long} × {wide}{SPACE}mm: under pads shorter cells give more, and welds are not in it"
+    )
 
 
 def _peak_clause(result: RunResult, peak: PeakSummary) -> str:
@@ -270,8 +313,12 @@ def _deflection_rows(result: RunResult) -> Rows:
     }
     for direction, values in sizes.items():
         largest = Extremes.from_history(values, response.t, result.abscissa_at(response.t)).largest
-        row = f"{called}, {direction_words(result, direction)}"
-        yield row, f"{_deflection_text(direction, largest.value)}, {_extreme_clause(result, largest)}"
+        row, size = f"{called}, {direction_words(result, direction)}", _deflection_text(direction, largest.value)
+        if row.endswith("boom, z"):  # neither up nor down in space
+            side = "above" if largest.value > 0.0 else "below"
+            size, angle = f"{format_length(abs(largest.value))} {side} its straight axis", elevation(result, largest.t)
+            size += "" if angle is None else f", {format_length(abs(largest.value) * np.cos(angle))} of it vertical"
+        yield row, f"{size}, {_extreme_clause(result, largest)}"
     for line in axis_points(result, response)[:-1] if mover else ():
         deflections = line.displacements(response)
         k = int(np.abs(deflections).max(axis=0).argmax())

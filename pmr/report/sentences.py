@@ -31,7 +31,7 @@ from pmr.report.subject import (
 from pmr.report.subject import reach as reach
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
-from pmr.results.quantities import QUANTITIES
+from pmr.results.quantities import QUANTITIES, stress_name
 
 #: Largest number of further points with the largest stress that are named; if there are more, only their number is
 #: stated.
@@ -110,7 +110,7 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     peak = summary.get("max_von_mises", {})
     if "reduced" in peak:
         full = f"full model {format_quantity(peak['full'], 'Pa')}" if "full" in peak else ""
-        yield KeyNumber(format_quantity(peak["reduced"], "Pa"), "largest von Mises stress", full)
+        yield KeyNumber(format_quantity(peak["reduced"], "Pa"), stress_name(result.scene), full)
     if damages := summary.get("fatigue"):
         worst = damages[0]
         yield KeyNumber(significant(worst["damage"]), QUANTITIES["damage"].reported, f"of one run, {worst['name']}")
@@ -225,7 +225,7 @@ def frame_sentences(result: RunResult) -> str:
         f"{way} {_angle_range(angle)}" for way, angle in angles.items() if angle["max"] > angle["min"] or angle["max"]
     ]
     turns = f"The boom is {' and '.join(angle_texts)}. " if angle_texts else ""
-    axes = "Deflections are measured in its own axes, which turn with it: x along it, z upwards where it lies level. "
+    axes = "Deflections are measured in its own axes, which turn with it: x along it, z perpendicular to it. "
     buckling = result.summary.get("buckling", {"factor": None})
     if not motion["second_order"]:
         size = f" ({format_percent(buckling['share'])} of the stiffness at most)" if "share" in buckling else ""

@@ -18,6 +18,7 @@ from pmr.report.numbers import NOTHING, SPACE, Unit, format_input, format_quanti
 from pmr.report.subject import places_at
 from pmr.results import Response, RunResult
 from pmr.results.fatigue import rainflow_cycles
+from pmr.results.quantities import stress_remark
 from pmr.results.response import Extremes
 from pmr.results.tables import probe_extremes, stress_peaks, summaries_by_section
 from pmr.scene.keys import ALONE, qualified_name
@@ -39,7 +40,8 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
         anchor = f"{prefix}-stress" if name == ALONE else f"{prefix}-stress-{number}"
         drawings.append(drawing(anchor, figures.stress_figure, caption, result, body))
     grids = (*_section_grids(result), *_region_grids(result))
-    return Block(heading="Stress", drawings=drawings, grids=grids) if drawings or grids else None
+    heading = " ".join(filter(None, ("Stress", stress_remark(result.scene))))
+    return Block(heading=heading, drawings=drawings, grids=grids) if drawings or grids else None
 
 
 def section_force_block(result: RunResult, prefix: str) -> Block | None:

@@ -57,9 +57,17 @@ class AppliedLoad:
 
 
 def direction_words(result: RunResult, direction: str) -> str:
-    """Words for a direction across the axis; z is called vertical unless a boom is raised or in a frame."""
+    """Words for a direction across the axis; z is vertical unless a boom is raised or in a frame."""
     raised = result.frame is not None or is_raised(result)
-    return "in the plane of luffing, z" if direction == "z" and raised else _ACROSS[direction]
+    return "perpendicular to the boom, z" if direction == "z" and raised else _ACROSS[direction]
+
+
+def elevation(result: RunResult, t: float) -> float | None:
+    """Angle in rad by which the boom is raised at `t` in s; None on a base that moves or is inclined."""
+    if result.frame is None:
+        gravity = result.scene.gravity
+        return None if gravity is None else float(np.deg2rad(gravity.elevation))
+    return float(result.frame.angles[0].value(np.array([t]))[0]) if result.frame.base is None else None
 
 
 def is_raised(result: RunResult) -> bool:

@@ -334,6 +334,11 @@ def stress_remark(scene: Scene) -> str:
     return UNBENT_WALLS if any(member.part.body.box for member in beams) else ""
 
 
+def stress_name(scene: Scene) -> str:
+    """Return the name of the largest stress that a run states: on beams of boxes it is that of the beams alone."""
+    return QUANTITIES["stress"].reported + (" of the beams" if stress_remark(scene) else "")
+
+
 #: All quantities, by their keys.
 QUANTITIES: Mapping[str, Quantity] = {
     quantity.key: quantity

@@ -26,6 +26,8 @@ from pmr.scene.signals import Constant
 
 #: Share of a wall's lowest frequency up to which its response is assumed to be quasi-static.
 QUASI_STATIC = 1.0 / 3.0
+#: Distance of the first and last observed position from the ends of a body, as a share of its length.
+FROM_AN_END = 0.05
 #: Models whose motion is in the vertical plane.
 PLANAR = ("beam2d", "mover")
 #: Pairs of faces that mirror each other at y = 0.
@@ -69,6 +71,21 @@ def is_undecided(member: Member) -> bool:
 def model_of(member: Member) -> str:
     """Name of the structural model that `choose_model` returns for a body."""
     return choose_model(member).model
+
+
+def observed_places(member: Member) -> tuple[float, ...] | None:
+    """Positions along the axis in m at which a body's motion is observed; None for the nodes of a beam or a mover.
+
+    Without ``observe.start`` they are `observe.count` places between `FROM_AN_END` of the length from either end.
+    Raises an `InputError` if the length of another model than a beam is not known.
+    """
+    observe, length = member.part.observe, member.part.body.length
+    if observe.stations is not None or model_of(member) in ("beam2d", "beam3d", "mover"):
+        return observe.stations
+    if length is None:
+        allowed = "places in m are needed, from observe.start to observe.end: the body has no length without a mesh"
+        raise InputError("scene", "observe.start", None, allowed)
+    return tuple(np.linspace(FROM_AN_END * length, (1.0 - FROM_AN_END) * length, observe.count).tolist())
 
 
 def has_giving_walls(member: Member) -> bool:

@@ -21,7 +21,7 @@ from pydantic import ValidationError
 
 from pmr.errors import InputError
 from pmr.scene.checks import check_scene
-from pmr.scene.choice import has_axial_motion, has_giving_walls, model_of
+from pmr.scene.choice import has_axial_motion, has_giving_walls, model_of, observed_places
 from pmr.scene.members import Member, member_at, members
 from pmr.scene.scene import BodyFile, Scene
 from pmr.scene.structure_checks import scene_error
@@ -180,7 +180,7 @@ def _unused_body_keys(member: Member, compared: bool) -> Iterator[UnusedKey]:
     if not member.part.reduction.uses_pod:
         why = f"basis = {member.part.reduction.basis!r} has no eigenmodes at several positions"
         yield from (UnusedKey(key, "reduction.basis", why) for key in POOLED)
-    if member.part.observe.stations is None:
+    if observed_places(member) is None:
         yield UnusedKey("observe.count", "observe", "without observe.start and observe.end a beam's nodes are observed")
 
 

@@ -256,7 +256,8 @@ def _check_holding_cylinder(scene: Scene, frame: Frame) -> None:
     key, base = "frame.cylinder.stiffness", members(scene)[0]
     assert frame.cylinder is not None
     if not base.has_joint or model_of(base) not in ("beam2d", "beam3d"):
-        raise scene_error(key, None, "a boom of several sections whose base is a beam is allowed with it")
+        allowed = "a boom of several sections whose base is a beam is allowed with it: body.model = 'beam3d' in the "
+        raise scene_error(key, None, f"{allowed}section {scene.names[0]!r} makes it one; the others may be shells")
     if frame.luffing is None:
         raise scene_error("frame.luffing", None, f"the angle that the boom is raised by is needed with {key}")
     if LUFFING in scene.names:

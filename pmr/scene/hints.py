@@ -22,6 +22,7 @@ from pydantic import BaseModel
 from pmr.scene.built import GRAVITY
 from pmr.scene.joints import BoomSection
 from pmr.scene.keys import Hinted, Schema, Usual, quantity_of, usual_ranges
+from pmr.scene.left_out import hung_force_remark
 from pmr.scene.scene import BodyFile, Scene
 from pmr.scene.signals import SignalBase
 
@@ -80,12 +81,12 @@ class _UnusualNumber:
 
 
 def hints(scene: Scene) -> list[str]:
-    """Return a sentence for each key of a scene whose number is outside of its usual range."""
+    """Return a sentence for each key of a scene whose number is unusual, and one on hung forces without a mass."""
     numbers = list(_unusual_in_table(scene, "", _boom_scales(scene)))
     for number, part in enumerate(scene.sections):
         key = f"sections[{number}]." if scene.sections[0].name else ""
         numbers += _unusual_in_table(part, key, _boom_scales(scene) | _section_scales(part))
-    return _sentences(numbers)
+    return [*_sentences(numbers), *filter(None, [hung_force_remark(scene)])]
 
 
 def table_hints(table: BaseModel, scene: Scene) -> list[str]:

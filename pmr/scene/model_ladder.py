@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from pmr.errors import InputError
 from pmr.scene.checks import check_scene
-from pmr.scene.choice import is_undecided, model_of
+from pmr.scene.choice import FROM_AN_END, is_undecided, model_of
 from pmr.scene.joints import BoomSection
 from pmr.scene.members import members
 from pmr.scene.run_settings import Observe, Reduction, Simulation
@@ -14,9 +14,8 @@ from pmr.scene.scene import Scene
 
 #: Structural models from the poorest to the richest.
 ORDER = ("beam2d", "beam3d", "shell")
-#: For comparisons of models: coordinates of a body, observed positions, and the distance of the first and last
-#: position from the ends as a share of the length.
-COORDINATES, PLACES, FROM_AN_END = 20, 9, 0.05
+#: For comparisons of models: coordinates of a body, and observed positions.
+COORDINATES, PLACES = 20, 9
 #: For shells that no scene names: length of cells over that of the scene, for beams with rigid walls; most cells.
 COARSE, MOST_RECTANGLES = 2.0, 2500
 #: Estimated time in s of a comparison, and of each cell of its shells; measured with boxes of 5 and 6 m.

@@ -15,7 +15,7 @@ import numpy as np
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.box import Box
 from pmr.scene.built import WEIGHT, Face, PadRing
-from pmr.scene.choice import axis_loads, inertia_fields, is_planar, model_of, motion_directions
+from pmr.scene.choice import axis_loads, inertia_fields, is_planar, model_of, motion_directions, observed_places
 from pmr.scene.frame import INERTIA
 from pmr.scene.joints import Joint, OneBody
 from pmr.scene.members import Member
@@ -114,9 +114,7 @@ def _check_points_wind_and_temperatures(member: Member) -> None:
 def _check_places(member: Member) -> None:
     """Refuse loads, supports and observed positions off the body; models other than beams need observed positions."""
     observe, length = member.part.observe, member.part.body.length
-    if observe.stations is None and model_of(member) not in (*BEAMS, "mover"):
-        allowed = "places in m are needed, from observe.start to observe.end: nodes are observed of beams only"
-        raise scene_error("observe.start", None, allowed)
+    observed_places(member)  # refuses models whose places are not known
     places = [(f"loads[{i}].on", load.on) for i, load in enumerate(member.part.loads)]
     places += [(f"supports[{i}].on", support.on) for i, support in enumerate(member.part.supports)]
     if observe.start is not None and observe.end is not None:

@@ -159,6 +159,10 @@ class PointMass(SceneTable):
         default="average", description="Whether the group may deform (average) or moves rigidly with the mass (rigid)"
     )
 
+    payload: Switch = Field(
+        default=False, description="Whether it is the load that is carried, which a load chart leaves out for its own"
+    )
+
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
         return {"inertia": self.mass * scales.get("length", 0.0) ** 2}
 

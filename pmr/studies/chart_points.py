@@ -23,6 +23,7 @@ from pmr.results.run import SummaryPart, grave_warnings
 from pmr.scene import Scene
 from pmr.scene.built import force_name
 from pmr.scene.keys import SceneTable, Usual
+from pmr.scene.left_out import is_hung
 from pmr.simulation.statics.loaded import LoadedState, LoadedStates
 from pmr.simulation.statics.postures import HOOK, DeflectionOutputs, PostureMatrices
 from pmr.simulation.statics.swings import DecelerationLoads, stopping_swing
@@ -33,6 +34,8 @@ from pmr.system.contacts import Contact
 
 #: Names of the errors in a budget, by the kind of outputs and contacts.
 KINDS = {"tip": "tip", "pad": "pad_force", "cylinder": "cylinder_force", "support": "support_force"}
+#: Kinds of outputs and contacts that limits use, by the limits' quantities; the others are eigenvalues, or use none.
+USED = {"pad": "pad", "deflection": "tip", "cylinder": "cylinder", "rope": "cylinder", "support": "support"}
 
 
 @dataclass(frozen=True)
@@ -84,12 +87,14 @@ def warnings_of_row(
     loads: Array,
     cases: Array,
     first: int,
+    limited: Sequence[str],
 ) -> tuple[str, ...]:
     """Return a run's warnings at the points of a row of a chart, without a load and just below the least allowed load.
 
     `loads` (p, l) in kg are the loads that l limits allow at p points, and `cases` (p, l) the numbers of the load cases
     in which these loads are smallest.  `first` is the number of the row's first point.  ``places(postures, number)``
-    returns, for the postures of a model and the number of a point, a `Place` for each load case.
+    returns, for the postures of a model and the number of a point, a `Place` for each load case.  Errors of mesh and
+    model are those of the kinds that the limits on the quantities `limited` use.
     """
     reach, compared = models.reach, models.comparisons
     equilibria, of_compared = list[Equilibrium](), {part: list[Equilibrium]() for part in compared}
@@ -109,20 +114,30 @@ def warnings_of_row(
         SummaryPart(grave=large_motion_warnings(float(reach.max()), [response])),
     ]
     budget = {}
-    for part, other in compared.items():
+    kinds = dict.fromkeys(USED[of] for of in limited if of in USED)
+    for part, other in compared.items() if kinds else ():
         other_model = {"beside": other.label} if part == "model" else {}
-        budget[part] = _relative_errors(equilibria, of_compared[part], other.share) | other_model
+        budget[part] = _relative_errors(equilibria, of_compared[part], other.share, list(kinds)) | other_model
     hints = [*unknown_force_warnings(scene, response), *missing_reaction_warnings(scene)]
     return (*grave_warnings(parts), *budget_warnings(scene, budget), *hints)
 
 
 def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
-    """Yield a line for each load that acts in runs of the scene but is listed in ``loads`` of no case of the chart."""
-    named = {HOOK} | {name for case in cases for name in case["loads"]}
-    for part in scene.sections:
-        for load in part.loads:
-            if load.name not in named and any(load.signal.bounds(0.0, scene.time.end)):
-                yield f"load {load.name!r} acts in runs of this scene, but the chart lacks it: no load case names it"
+    """Yield a line on loads that act in runs of the scene but are in ``loads`` of no case of the chart.
+
+    Forces that pull the tip down in space are left out, as the load that is looked for takes their place.
+    """
+    named = {HOOK, *(name for case in cases for name in case["loads"])}
+    lacking = [
+        load.name
+        for part in scene.sections
+        for load in part.loads
+        if load.name not in named and any(load.signal.bounds(0.0, scene.time.end)) and not is_hung(load, scene)
+    ]
+    if lacking:
+        some, it = ("loads", "act") if len(lacking) > 1 else ("load", "acts")
+        names = ", ".join(map(repr, dict.fromkeys(lacking)))
+        yield f"{some} {names} {it} in runs of this scene, but not in the chart: no load case names them"
 
 
 def replaced_mass_warnings(original: Scene, scene: Scene, point: tuple[float, float, float] | None = None) -> list[str]:
@@ -167,9 +182,9 @@ def _response_at_equilibria(equilibria: Sequence[Equilibrium]) -> RestingRespons
 
 
 def _relative_errors(
-    equilibria: Sequence[Equilibrium], counterparts: Sequence[Equilibrium], share: float
+    equilibria: Sequence[Equilibrium], counterparts: Sequence[Equilibrium], share: float, kinds: Sequence[str]
 ) -> dict[str, Any]:
-    """Return the relative error of each kind of output and contact force, by the name of the error.
+    """Return the relative error of each of the `kinds` of outputs and contact forces, by the name of the error.
 
     The error is `share` times the difference to another model; `counterparts` are the equilibria of that model at the
     same places and loads as `equilibria`.  A kind is left out if a model lacks it or if the two models have different
@@ -178,13 +193,13 @@ def _relative_errors(
     pairs = [(at_rest.state, counterpart.state) for at_rest, counterpart in zip(equilibria, counterparts, strict=True)]
     pairs = [(mine, theirs) for mine, theirs in pairs if theirs.in_equilibrium]
     differences = dict[str, float]()
-    for kind, called in KINDS.items():
+    for kind in kinds:
         y, reference = (
             np.array([_values_of_kind(at_rest.place.postures, pair[n], kind) for pair in pairs])
             for n, at_rest in enumerate((equilibria[0], counterparts[0]))
         )
         if y.size and y.shape == reference.shape and np.any(reference):
-            differences[called] = share * relative_error(y, reference)
+            differences[KINDS[kind]] = share * relative_error(y, reference)
     return differences
 
 

@@ -16,6 +16,7 @@ from pmr.files import npz
 from pmr.files.arrays import Array, Summary
 from pmr.results.quantities import stress_remark
 from pmr.scene import Scene
+from pmr.scene.left_out import left_out
 from pmr.simulation.statics.loaded import LoadedStructure
 from pmr.simulation.statics.postures import HOOK, WEIGHT, DeflectionOutputs, PostureMatrices
 from pmr.simulation.statics.swings import Rope, lift_off
@@ -32,6 +33,15 @@ from pmr.studies.chart_points import (
 from pmr.studies.limits import Limit
 from pmr.studies.tasks import Arguments, Needs, TaskResult
 
+#: Limits that a machine usually has, in words, with the quantities of limits that look at them.
+USUAL_LIMITS = {
+    "stress": {"stress", "field"},
+    "pad forces": {"pad"},
+    "forces of cylinders": {"cylinder", "rope", "luffing"},
+    "forces of supports": {"support"},
+    "deflection": {"deflection"},
+    "tipping": {"tipping", "overturning"},
+}
 #: Factors on an error that another model indicates: in general, and where buckling decides (docs/load_chart.md).
 MARGIN, MARGIN_OF_BUCKLING = 1.25, 2.0
 #: Sources of error whose parts make up an error bar.
@@ -162,7 +172,8 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     - ``passed`` (p, c, l): whether the limit is exceeded without a load in a case out of service.
     - ``at.<name>``: arrays of `pmr.studies.chart_points.governing_details` at the points ``at.place`` (l,), where each
       limit governs the largest load of the row; ``at.place`` is -1 for a limit that governs at none.
-      ``at.remarks`` (l,): what the quantity of each limit leaves out, in words.
+      ``at.remarks`` (l,): what the quantity of each limit leaves out, in words; ``at.left_out`` (n, 2): what the chart
+      leaves out, as pairs of a subject and clauses.
 
     Record: ``load.least`` and ``load.most``, the extremes over the points of the smallest load over all limits, in kg.
     """
@@ -192,17 +203,30 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     at_best = [chart.places(at, first + k)[case[k, n]] if k >= 0 else None for n, k in enumerate(best.tolist())]
     pages = governing_details(chart.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
     remarks = [stress_remark(scene) if limit.of == "stress" else "" for limit in chart.limits]
-    pages |= {"place": best, "remarks": np.array([*remarks, ""])}
+    left_out_rows = np.array(list(left_out_of_chart(scene, chart.limits).items()))
+    pages |= {"place": best, "remarks": np.array([*remarks, ""]), "left_out": left_out_rows}
     arrays |= {f"at.{name}": values for name, values in pages.items()}
     arrays["not_covered"] = np.array(["; ".join(models.not_covered(chart.limits))] * len(rows))
     contacts = CONTACTS.validate_json(str(needs["postures"].arrays["contacts"]))
     loads, cases_of_loads = np.nan_to_num(arrays["load"], nan=chart.up_to), arrays["case"]
-    of_places = warnings_of_row(scene, contacts, chart.places, models, loads, cases_of_loads, first)
+    limited = [limit.of for limit in chart.limits]
+    of_places = warnings_of_row(scene, contacts, chart.places, models, loads, cases_of_loads, first, limited)
     arrays |= {"place": np.column_stack([radius, tip[:, 2]]), "luffing": at.place.luffing[first:last]}
     left_out = unnamed_loads(scene, [*cases, *arguments["left"]])
     return TaskResult(
         record, arrays, warnings=(*of_places, *left_out, *arguments.get("warnings", ()), *needs["postures"].warnings)
     )
+
+
+def left_out_of_chart(scene: Scene, limits: Sequence[Limit]) -> dict[str, str]:
+    """Return what a chart of a scene leaves out, as clauses by subject: limits, motion, and what the model lacks."""
+    kinds = {limit.of for limit in limits}
+    lacking = [name for name, of in USUAL_LIMITS.items() if not kinds & of]
+    rows = {"limits, of which there is none here": ", ".join(lacking)} if lacking else {}
+    rows["motion"] = (
+        "inertia and swings by hoisting, luffing, slewing and telescoping; factors of cases and stops stand for it"
+    )
+    return rows | left_out(scene)
 
 
 def _point_arrays(

@@ -23,6 +23,8 @@ from pmr.scene.keys import SceneTable, Usual
 from pmr.studies.charting import governing_limit, lower_bounds
 from pmr.studies.study import csv_text
 
+#: Words in place of a limit where none is reached up to the largest load that is tried.
+NOT_LIMITED = "not limited by what is looked at"
 #: Distances in m between the radii of a table, times a power of ten, and the largest number of radii.
 STEPS, MOST_RADII = (1.0, 2.0, 5.0), 30
 
@@ -57,7 +59,7 @@ class LeastLoads(NamedTuple):
 class DutyTable:
     """Allowed loads at R radii for E boom lengths; NaN outside the radii that a boom length reaches.
 
-    Where no limit is reached, the load is the largest one that was tried.
+    Where no limit is reached, the load is `up_to`, the largest one that was tried: the allowed load is larger.
     """
 
     radii: Array  # (R,) m
@@ -65,6 +67,11 @@ class DutyTable:
     load: Array  # (R, E) kg
     lower: Array  # (R, E) kg: the load less its error bars
     which: NDArray[np.int64]  # (R, E), number of the limit that governs; -1 where no limit is reached
+    up_to: float  # kg
+
+    def load_text(self, load: float, digits: str = ".0f") -> str:
+        """Return a load in kg as text: ``>`` and the largest load that was tried where the search ends there."""
+        return f">{self.up_to:{digits}}" if load >= self.up_to else f"{load:{digits}}"
 
     @classmethod
     def from_loads(cls, least: LeastLoads, up_to: float) -> DutyTable:
@@ -90,7 +97,7 @@ class DutyTable:
         outside, rows = nearest < 0, np.arange(E)
         allowed, bound = (np.where(outside, np.nan, array[rows, nearest]) for array in (load, lower))
         lengths = np.linalg.norm(least.place[:, 0], axis=1)
-        return cls(radii, lengths, allowed, bound, np.where(outside, -1, which[rows, nearest]))
+        return cls(radii, lengths, allowed, bound, np.where(outside, -1, which[rows, nearest]), up_to)
 
     def csv(self, names: Sequence[str]) -> str:
         """Return the table as text in CSV; `names` are the names of the limits."""
@@ -102,8 +109,8 @@ class DutyTable:
             row = [f"{radius:.9g}"]
             for e in range(len(self.lengths)):
                 reached = np.isfinite(self.load[r, e])
-                by = names[self.which[r, e]] if self.which[r, e] >= 0 else "none"
-                cells = (f"{self.load[r, e]:.9g}", f"{self.lower[r, e]:.9g}", by)
+                by = names[self.which[r, e]] if self.which[r, e] >= 0 else NOT_LIMITED
+                cells = (*(self.load_text(of[r, e], ".9g") for of in (self.load, self.lower)), by)
                 row += cells if reached else ("", "", "")
             rows.append(row)
         return csv_text(heads, rows)
@@ -111,8 +118,9 @@ class DutyTable:
     def workbook(self, title: str, names: Sequence[str]) -> bytes:
         """Return the table as an XLSX file with the given title, and sheets of loads, lower bounds and limits.
 
-        A cell holds the load as a number, and shows the letter of its limit behind it.  `names` are those of the
-        limits.  Raises InputError if openpyxl is not installed.
+        A cell holds the load as a number, and shows the letter of its limit behind it; where no limit is reached it
+        holds ``>`` and the largest load that was tried, as text.  `names` are those of the limits.  Raises InputError
+        if openpyxl is not installed.
         """
         book = import_package("openpyxl").Workbook()
         book.properties.title = title
@@ -120,7 +128,9 @@ class DutyTable:
             sheet.title = "Loads in kg" if values is self.load else "Lower bounds in kg"
             sheet.append(["radius in m, boom length in m →", *(round(float(length), 3) for length in self.lengths)])
             for radius, row in zip(self.radii, values, strict=True):
-                sheet.append([float(radius), *(float(cell) if np.isfinite(cell) else None for cell in row)])
+                loads = (None if np.isnan(cell) else float(cell) for cell in row)
+                cells = (self.load_text(cell) if cell is not None and cell >= self.up_to else cell for cell in loads)
+                sheet.append([float(radius), *cells])
             for r, row in enumerate(self.which, start=2):
                 for e, number in enumerate(row, start=2):
                     sheet.cell(r, e).number_format = f'0" {letters(int(number))}"' if number >= 0 else "0"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pmr.errors import letters
-from pmr.studies.duty import DutyTable, LeastLoads
+from pmr.studies.duty import NOT_LIMITED, DutyTable, LeastLoads
 
 UP_TO = 5000.0
 
@@ -50,6 +50,8 @@ def test_where_no_limit_is_reached_the_largest_load_that_was_tried_stands_withou
     duty = table((8.0,), (0.0, 10.0), 1e9)
     assert duty.which[np.isfinite(duty.load)].tolist() == [-1] * int(np.isfinite(duty.load).sum())
     assert set(duty.load[np.isfinite(duty.load)]) == {UP_TO}
+    (row,) = [row for row in csv.DictReader(io.StringIO(duty.csv(["tipping", "tip"]))) if row["radius [m]"] == "8"]
+    assert row["8 m: load [kg]"] == ">5000" and row["8 m: governed by"] == NOT_LIMITED
     single = table((8.0, 6.0), (0.0,), 9000.0)
     assert single.radii == pytest.approx([6.0, 8.0])
     assert np.isfinite(single.load).tolist() == [[True, False], [False, True]]

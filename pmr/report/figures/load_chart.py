@@ -37,7 +37,7 @@ from pmr.report.numbers import enlargement
 #: Largest number of curves of constant load; largest number of cells that show a text under a pointer.
 CURVES, MOST_CELLS = 12, 4000
 #: Largest number of boom lengths with a line of allowed loads over the radius.
-LINES = 8
+LINES = 9
 #: Loads in kg for which curves of constant load are drawn, times a power of ten.
 STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 #: Share (0 to 1) in which the colours of limits are mixed with white.
@@ -53,13 +53,15 @@ class LoadChart:
     """Load chart for E reaches and A angles.
 
     `place` (E, A, 2) is the position of the tip in m, as radius and height from the pivot.  `load` (E, A) is the load
-    in kg. `which` (E, A) is the number of the governing limit in `names`, or -1 if no limit governs.
+    in kg. `which` (E, A) is the number of the governing limit in `names`, or -1 if no limit governs.  `up_to` in kg is
+    the load at which the search ends.
     """
 
     place: Array
     load: Array
     which: NDArray[np.int64]
     names: Sequence[str]
+    up_to: float
 
     @property
     def governing_limits(self) -> list[int]:
@@ -70,7 +72,7 @@ class LoadChart:
     def labels(self) -> list[str]:
         """Letters and names of the governing limits, and words for positions at which no limit is reached."""
         named = [f"{letters(k)} {self.names[k]}" for k in self.governing_limits]
-        return named + ["no limit reached"] * bool((self.which < 0).any())
+        return named + [f"more than {self.up_to:g} kg (search ends there)"] * bool((self.which < 0).any())
 
     @property
     def colours(self) -> dict[int, str]:
@@ -149,9 +151,10 @@ def _draw_chart(chart: LoadChart) -> DrawnChart:
 def duty_lines(chart: LoadChart) -> Figure:
     """Draw the allowed load over the radius, a line for each of up to `LINES` boom lengths, as manuals print it.
 
-    Colour and letter of a piece of a line say which limit governs.  Where no limit is reached, no load is drawn.
+    Colour and letter of a piece of a line say which limit governs.  Where no limit is reached, arrows at the load at
+    which the search ends point up.
     """
-    names = chart.labels[: len(chart.governing_limits)]
+    names = chart.labels
     rows = legend_rows(names, WIDE)
     figure, axes = make_sheet(WIDE, 3.4 + ROW * rows, margins={"left": 0.6, "right": 0.5, "top": 0.12 + ROW * rows})
     ax: Axes = axes[0, 0]
@@ -159,7 +162,8 @@ def duty_lines(chart: LoadChart) -> Figure:
     for e in spread_indices(len(chart.load), LINES):
         radius, load, which = chart.place[e, :, 0], chart.load[e], chart.which[e]
         ax.plot(radius, load, color="0.75", linewidth=0.5, zorder=1.0)
-        reached = np.flatnonzero(which >= 0)
+        reached, beyond = np.flatnonzero(which >= 0), which < 0
+        ax.plot(radius[beyond], np.full(beyond.sum(), chart.up_to), color=MUTED, marker="^", linestyle="none")
         for k in np.unique(which[reached]):
             of_limit = np.where(which == k, load, np.nan)
             ax.plot(radius, of_limit, color=chart.colours[int(k)], marker=".", markersize=4.0, linewidth=1.4)
@@ -168,8 +172,7 @@ def duty_lines(chart: LoadChart) -> Figure:
             text, at = f"{letters(int(k))}{length}", (radius[first], load[first])
             ax.annotate(text, at, (2.0, 3.0), textcoords="offset points", fontsize=7.0)
     ax.set_ylim(bottom=0.0)
-    colours = [chart.colours[k] for k in chart.governing_limits]
-    entries = zip(colours, names, strict=True)
+    entries = zip(chart.colours.values(), names, strict=True)
     add_legend(figure, [Line2D([], [], color=of, linewidth=2.0, label=name) for of, name in entries], rows)
     return figure
 
@@ -237,7 +240,7 @@ def _midpoints(values: Array, axis: int) -> Array:
 
 
 #: Largest displacement in the drawing as a share of the reach; largest height of the picture over its width.
-BENT, SIDE_TALLEST = 0.06, 0.42
+BENT, SIDE_TALLEST = 0.06, 0.3
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ from pmr.report.figures.shapes import exaggeration
 from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.subject import changing_angles, reach
 from pmr.results import RunResult
+from pmr.results.quantities import stress_name
 
 #: Number of moments at which a boom is drawn; they are evenly spaced along the path of its tip.
 MOMENTS = 4
@@ -103,7 +104,7 @@ def view_caption(result: RunResult, view: str) -> str:
     )
     when = f"at {len(steps)} moments" if len(steps) > 1 else f"at {float(t[steps[0]]):.3g}{SPACE}s"
     worst = largest_stress(result)
-    mark = "; the ring is the place of the largest stress" if worst is not None else ""
+    mark = f"; the ring is the place of the {stress_name(result.scene)}" if worst is not None else ""
     if worst is not None and len(steps) > 1:
         mark += f", at {float(t[worst.step]):.3g}{SPACE}s; other moments are paler"
     way = "; dashed: the path of its tip" if float(np.ptp(result.abscissa)) > 0.0 or len(steps) > 1 else ""

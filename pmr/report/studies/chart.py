@@ -12,18 +12,16 @@ from pmr.files.arrays import Array
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Table
 from pmr.report.columns import spread_indices
 from pmr.report.figures.canvas import drawing
-from pmr.report.figures.load_chart import BentBoom, LoadChart, bent_boom, duty_lines, load_chart, pointer_cells
+from pmr.report.figures.load_chart import LINES, BentBoom, LoadChart, bent_boom, duty_lines, load_chart, pointer_cells
 from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.studies.finished import FinishedStudy
 from pmr.results.response import FORCES
 from pmr.scene.keys import ALONE
 from pmr.studies import charting
 from pmr.studies.charting import governing_limit
-from pmr.studies.duty import DutyTable, LeastLoads, LoadCase
+from pmr.studies.duty import NOT_LIMITED, DutyTable, LeastLoads, LoadCase
 from pmr.studies.limits import KINDS, STABILITY
 
-#: Largest number of boom lengths in the table of loads.
-COLUMNS = 9
 #: Endings of the names of the arrays with error bars: for the sum of all parts, then for each part.
 PARTS = ("", *(f".{of}" for of in charting.PARTS))
 #: Text in place of a load if no load up to the largest one that was tried reaches the limit.
@@ -48,19 +46,21 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
             Block("Limits", grids=(_limit_grid(study, names, parts),)),
             Block("Load cases", grids=(_case_grid(study),)),
         )
-        return Chapter(anchor=prefix, title=study.title, headline=_headline(study, least), blocks=[limits, cases])
+        blocks = [_left_out_block(parts), limits, cases]
+        return Chapter(anchor=prefix, title=study.title, headline=_headline(study, least), blocks=blocks)
     error = np.where(which >= 0, np.take_along_axis(table.error, np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
-    chart = LoadChart(table.place, least, which, names)
+    up_to = float(study.study_file["up_to"])
+    chart, beyond = LoadChart(table.place, least, which, names, up_to), bool((which < 0).any())
+    ends = f" Where it is grey, the search ends at {_format_load(up_to)}: it carries more." if beyond else ""
     caption = (
         "Load in kg over radius and height of the tip, from the pivot, undeformed, with curves of constant load. "
-        "Colours and letters say which limit governs, grey that none does up to the largest load that is looked for. "
-        "A pointer on the picture shows values."
+        f"Colours and letters say which limit governs.{ends} A pointer on the picture shows values."
     )
     picture = drawing(f"{prefix}-chart", load_chart, caption, chart)
     caption = "Allowed load over the radius of the tip for boom lengths from the pivot; letters and colours as above."
     lines, duty = (
         drawing(f"{prefix}-duty", duty_lines, caption, chart),
-        DutyTable.from_loads(table, float(study.study_file["up_to"])),
+        DutyTable.from_loads(table, up_to),
     )
     not_covered = str(parts[0]["not_covered"][0])
     texts = [_cell_text(study, table, chart, error, number) for number in range(least.size)]
@@ -71,14 +71,25 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
         title=study.title,
         headline=_headline(study, least),
         key_numbers=_key_numbers(study, least, error, parts),
-        paragraphs=_paragraphs(study, parts),
         blocks=[
-            Block("Load chart", (picture, lines), grids=tuple(_duty_grids(study, duty, not_covered))),
-            Block("Limits", grids=(_limit_grid(study, names, parts), *_error_bar_grids(study, names, parts))),
+            Block("Load chart", (picture,)),
+            _left_out_block(parts),
+            Block("Load over radius", (lines,), grids=tuple(_duty_grids(study, duty, not_covered))),
+            Block(
+                "Limits",
+                text=" ".join(_paragraphs(study, parts)),
+                grids=(_limit_grid(study, names, parts), *_error_bar_grids(study, names, parts)),
+            ),
             Block("Load cases", grids=(_case_grid(study),)),
             *governing_pages(study, names, parts, prefix),
         ],
     )
+
+
+def _left_out_block(parts: Parts) -> Block:
+    """Build the block with what the chart leaves out, by subject."""
+    rows = tuple((str(subject), str(clauses)) for subject, clauses in parts[0]["at.left_out"])
+    return Block("What is not in this chart", table=Table("", rows))
 
 
 def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error: Array, number: int) -> str:
@@ -94,7 +105,7 @@ def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error:
         lines.append(f"{name.removeprefix('extension.')} out {float(value):.3g} m")
     lines.append(f"raised by {np.rad2deg(table.luffing[k]):.3g}°")
     if chart.which[i, k] < 0:
-        return "\n".join([*lines, f"no limit up to {study.study_file['up_to']:g} kg"])
+        return "\n".join([*lines, f"load {_ceiling(study)}, {NOT_LIMITED}"])
     bar = f"{SPACE}±{SPACE}{error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
     lines.append(f"load {chart.load[i, k]:.5g}{bar} kg, by {chart.names[chart.which[i, k]]}")
     loads_of_limits = zip(chart.names, table.load[i, k], strict=True)
@@ -108,6 +119,11 @@ def _format_load(load: float | np.floating) -> str:
     return f"{format_input(float(f'{load:.4g}'))}{SPACE}kg"
 
 
+def _ceiling(study: FinishedStudy) -> str:
+    """Words for a load that no limit allows at most: the search ends before one is reached."""
+    return f"more than {_format_load(study.study_file['up_to'])} (search ends there)"
+
+
 def _headline(study: FinishedStudy, least_loads: Array) -> str:
     """Sentence on the range of `least_loads` (E, A) in kg, which are NaN where no limit is reached."""
     if not np.isfinite(least_loads).any():
@@ -118,8 +134,9 @@ def _headline(study: FinishedStudy, least_loads: Array) -> str:
         )
         most = f"{study.study_file['up_to']:g}{SPACE}kg"
         return f"No limit is reached up to {most} at any of {least_loads.size} points.{hint}"
-    low, high = np.nanmin(least_loads), np.nanmax(least_loads)
-    return f"It carries {_format_load(low)} to {_format_load(high)}, depending on extension and angle."
+    beyond = np.isnan(least_loads).any()
+    high = _ceiling(study) if beyond else _format_load(np.nanmax(least_loads))
+    return f"It carries {_format_load(np.nanmin(least_loads))} to {high}, depending on extension and angle."
 
 
 def _key_numbers(study: FinishedStudy, least_loads: Array, error: Array, parts: Parts) -> list[KeyNumber]:
@@ -130,7 +147,8 @@ def _key_numbers(study: FinishedStudy, least_loads: Array, error: Array, parts: 
     """
     count = len(study.study_file["limits"]) + 1
     key_numbers = [KeyNumber(str(least_loads.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
-    key_numbers.append(KeyNumber(_format_load(np.nanmax(least_loads)), "most"))
+    governed = "most that a limit governs" if np.isnan(least_loads).any() else "most"
+    key_numbers.append(KeyNumber(_format_load(np.nanmax(least_loads)), governed))
     key_numbers.append(KeyNumber(_format_load(np.nanmin(least_loads)), "least"))
     if np.isfinite(error).any():
         largest, doubt = _format_load(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])
@@ -215,8 +233,8 @@ def _limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
         )
     heads = ("limit", "of", "amount", "factor", "governs", "not reached", "at no load")
     return Grid(
-        "Limits, the number of points at which they govern, are not reached up to the largest load that is looked for, "
-        "or are passed without a load.",
+        "Limits, the number of points at which they govern, at which no load up to the end of the search reaches "
+        "them, and at which the boom passes them without a load.",
         heads,
         tuple(rows),
     )
@@ -233,24 +251,18 @@ def _error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> li
     rows = []
     for k, name in enumerate(names):
         some = load[:, k] > 0.0
+        if not some.any():
+            continue  # no load of the chart reaches this limit
         shares = [np.concatenate([p[f"error{of}"][:, k] for p in parts])[some] / load[some, k] for of in PARTS]
         rows.append(
             (
                 name,
-                *(_format_share(np.median(share)) for share in shares if len(share)),
-                *_largest_share_cells(shares[0]),
+                *(_format_share(np.median(share)) for share in shares),
+                _format_share(shares[0].max()),
             )
         )
     caption = "Half width of the error bars as a share of the load: the median of all points, of each part by itself."
     return [Grid(caption, ("limit", "in all", "reduction", "mesh", "model", "large rotations", "largest"), tuple(rows))]
-
-
-def _largest_share_cells(shares: Array) -> tuple[str, ...]:
-    """Cell with the largest of `shares`, the error bars as shares of the load.
-
-    If there are no shares, the cells fill the row and say that the limit is not reached.
-    """
-    return (_format_share(shares.max()),) if len(shares) else (NOT_REACHED, *["–"] * len(PARTS))
 
 
 def _format_share(share: float) -> str:
@@ -304,7 +316,7 @@ def _duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Iter
 
     The caption of the lower bounds says what is `not_covered` by them.
     """
-    columns = spread_indices(len(duty.lengths), COLUMNS)
+    columns = spread_indices(len(duty.lengths), LINES)
 
     def cell(r: int, e: int, values: Array) -> str:
         """Entry of `values`, in kg, at radius number `r` and boom length number `e`, with the letter of its limit.
@@ -313,14 +325,21 @@ def _duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Iter
         """
         if np.isnan(values[r, e]):
             return ""
+        if values[r, e] >= duty.up_to:
+            return duty.load_text(values[r, e])
         letter = letters(int(duty.which[r, e])) if duty.which[r, e] >= 0 else "–"
         return f"{np.floor(values[r, e]):.0f}{SPACE}{letter}"
 
+    ends = (
+        f" >{duty.up_to:.0f} is more than that: {NOT_LIMITED}, the search ends there."
+        if (duty.load >= duty.up_to).any()
+        else ""
+    )
+    more = " All boom lengths are in duty.csv." if len(columns) < len(duty.lengths) else ""
     caption = (
         "Allowed load in kg over radius and boom length, from the pivot, undeformed. The letter is that of the limit "
-        "that governs; – means that none is reached up to the largest load that is looked for. Between two luffing "
-        "angles of the chart the smaller of both loads stands; where nothing stands, the tip does not come. All boom "
-        "lengths are in duty.csv."
+        f"that governs.{ends} Between two luffing angles of the chart the smaller of both loads stands; where nothing "
+        f"stands, the tip does not come.{more}"
     )
     named = {caption: duty.load}
     if study.study_file["error_bars"]:
@@ -340,7 +359,7 @@ ROUND_OFF = 1e-9
 def governing_pages(study: FinishedStudy, names: list[str], arrays: Parts, prefix: str) -> Iterator[Block]:
     """Yield a block for each limit of `names` that governs anywhere: about the largest load that it governs.
 
-    Each block begins a new page on paper.  `prefix` begins the identifiers of the figures.
+    `prefix` begins the identifiers of the figures.
     """
     for n in range(len(names)):
         best = [(float(a["load"][k, n]) if (k := int(a["at.place"][n])) >= 0 else -1.0) for a in arrays]
@@ -372,7 +391,7 @@ def _governing_page(
     )
     caption = (
         f"The boom at rest under {load:.5g}{SPACE}kg, seen from the side, displacements drawn {boom.scale:g} times as "
-        "large; thin where it is without any load."
+        "large; the thin line is the boom without any load."
     )
     stands = ", ".join(f"{name} out {value:.3g}{SPACE}m" for name, value in out.items())
     bar = f"{SPACE}±{SPACE}{format_input(float(f'{error:.2g}'))}" if np.isfinite(error) else ""
@@ -386,7 +405,7 @@ def _governing_page(
     text += "".join(f" {name}" for name in _stop_sentences(study, names[n], arrays["at.stops"][n]))
     drawn = drawing(anchor, bent_boom, caption, boom)
     return Block(
-        f"Governed by {names[n]}", (drawn,), text=text, tables=_use_tables(names, n, arrays, sections), page=True
+        f"Governed by {names[n]}", (drawn,), text=text, tables=_use_tables(names, n, arrays, sections), two_columns=True
     )
 
 
@@ -429,11 +448,11 @@ def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections:
             )
         )
     direction, of, bent = arrays["at.direction.names"], arrays["at.bent.section"], _zero_round_off(arrays["at.bent"][n])
-    for d, way in (("z", "upwards"), ("y", "to the left")):
+    for d, way in (("z", "perpendicular to the boom, up where it lies level"), ("y", "to the left")):
         if (direction == d).any():
             deflections = [float(bent[(of == k) & (direction == d)][-1]) for k in range(len(sections))]
             tips = tuple((name, format_quantity(value, "m")) for name, value in zip(sections, deflections, strict=True))
-            tables.append(Table(f"Tips of sections, across the boom {way}", tips))
+            tables.append(Table(f"Tips of sections, {way}", tips))
     forces = zip(arrays["at.forces.names"], arrays["at.kinds"], _zero_round_off(arrays["at.forces"][n]), strict=True)
     some = tuple((str(name), format_quantity(float(f), "N")) for name, kind, f in forces if kind in FORCES)
     return [*tables, Table("Forces, positive where they push", some)] if some else tables

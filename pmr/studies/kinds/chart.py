@@ -27,7 +27,7 @@ from pmr.studies import shared
 from pmr.studies.chart_models import compute_postures, compute_richer_postures
 from pmr.studies.chart_points import Stop, replaced_mass_warnings
 from pmr.studies.charting import allow_row, governing_limit, limits_in_doubt, lower_bounds
-from pmr.studies.duty import CLASSES, DutyTable, LeastLoads, LoadCase, hoisting_factor
+from pmr.studies.duty import CLASSES, NOT_LIMITED, DutyTable, LeastLoads, LoadCase, hoisting_factor
 from pmr.studies.limits import STABILITY, Limit
 from pmr.studies.study import Count, StudyBase, StudyResults, csv_text
 from pmr.studies.tasks import Plan, Scalar, Task
@@ -91,8 +91,8 @@ class Hoist(SceneTable):
 class Study(StudyBase):
     """Loads that `limits` and stability allow at all `extensions` and angles, in all `cases`.
 
-    `change` holds keys of the scene: a payload that the scene carries at the tip has to be removed there, for instance
-    by ``sections.fly.masses = []``.
+    `change` holds keys of the scene.  Masses with ``payload = true`` are left out, as the load that is looked for takes
+    their place.
 
     Figures, which are numbers: ``points`` and ``limits``, of all points and limits.  For each limit, numbers of points:
     ``governs.<name>``, at which the limit allows the smallest load; ``never.<name>``, at which no load up to `up_to`
@@ -228,10 +228,11 @@ class Study(StudyBase):
             alone = f"; only the limit {STABILITY} was evaluated; [[limits]] of the study adds others"
             hint = "" if self.limits else alone
             return f"no limit is reached up to {self.up_to:g} kg at any of {points} points{hint}"
-        low, high = float(np.nanmin(columns[0])), float(np.nanmax(columns[1]))
-        return (
-            f"it carries {low:.0f} to {high:.0f} kg at {points} points, by all limits{self._error_bar_clause(results)}"
-        )
+        most = f"{float(np.nanmax(columns[1])):.0f} kg"
+        if (governing_limit(self.table(results)["load"]) < 0).any():
+            most = f"more than {self.up_to:g} kg, where the search ends,"
+        low = f"it carries {float(np.nanmin(columns[0])):.0f} to {most}"
+        return f"{low} at {points} points, by all limits{self._error_bar_clause(results)}"
 
     def _error_bar_clause(self, results: StudyResults) -> str:
         """Return a clause: by how many kg at most error bars lower the loads, and which errors they do not cover."""
@@ -318,9 +319,9 @@ class Study(StudyBase):
             (f"slewing [{angle}]", slewing),
             ("radius [m]", table["place"][k, 0]),
             ("height [m]", table["place"][k, 1]),
-            ("load [kg]", load[which] if is_limited else ""),
-            ("lower bound [kg]", lower if is_limited or lower < self.up_to else ""),
-            ("governed by", names[which] if is_limited else "none"),
+            ("load [kg]", load[which] if is_limited else f">{self.up_to:.9g}"),
+            ("lower bound [kg]", lower if is_limited or lower < self.up_to else f">{self.up_to:.9g}"),
+            ("governed by", names[which] if is_limited else NOT_LIMITED),
             ("governing member", str(table["member"][k])),
             ("case", self._in_service[int(table["case"][k, which])].name if is_limited else ""),
             ("may govern", " | ".join(names[doubt])),
@@ -356,6 +357,7 @@ class Study(StudyBase):
     def _scene(self) -> Scene:
         """The scene with `change` applied and second-order terms; raises InputError if no chart can be made of it."""
         scene = scenes.vary(self.scene, [Change(self.change, "change")])
+        scene = scene.vary_sections(lambda part: {"masses": tuple(mass for mass in part.masses if not mass.payload)})
         if scene.frame is None or scene.frame.luffing is None:
             raise InputError("study", "scene", str(self.scene), "a scene whose [frame] has a luffing angle is allowed")
         if scene.gravity is None:

@@ -25,6 +25,7 @@ def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_n
         "place": np.array([(10.0, 4.0), (8.0, 7.0), (5.0, 9.0)]),
         "luffing": np.deg2rad([20.0, 40.0, 60.0]),
         "at.remarks": np.array([""]),
+        "at.left_out": np.array([["machine", "play in hinges"]]),
     }
     runs = [SimpleNamespace(key=key, parameters={}, figures={}) for key in "ab"]
     figures = {"governs.stability": 0, "never.stability": 6, "at_no_load.stability": 0}
@@ -33,7 +34,7 @@ def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_n
         title="Chart", study_file=asked | {"cases": [{"name": "rest"}]}, results=results, figures=figures
     )
     chapter = build_chapter(study, "part-1")
-    assert [block.heading for block in chapter.blocks] == ["Limits", "Load cases"]
+    assert [block.heading for block in chapter.blocks] == ["What is not in this chart", "Limits", "Load cases"]
     assert not any(block.drawings for block in chapter.blocks) and not chapter.key_numbers
     assert "not reached" not in str([grid.rows for block in chapter.blocks for grid in block.grids])
     start = "No limit is reached up to 20000\u00a0kg at any of 6 points. Only the limit stability was evaluated"
@@ -47,7 +48,7 @@ def test_colours_end_where_the_machine_does(reaches: int, angles: int) -> None:
     place = reach[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     names = ["tip", "pads"]
     load, which = np.full(place.shape[:2], 500.0), np.zeros(place.shape[:2], dtype=int)
-    drawn = load_chart(LoadChart(place, load, which, names))
+    drawn = load_chart(LoadChart(place, load, which, names, 2e4))
     corners = np.concatenate([patch.get_path().vertices for patch in drawn.axes[0].patches])
     far = np.linalg.norm(corners, axis=1)
     assert far.max() == pytest.approx(reach[-1], rel=1e-12)
@@ -72,9 +73,9 @@ def test_labels_of_a_steep_boom_do_not_overlap(luffing: float) -> None:
 
 def test_the_legend_names_the_colour_of_places_where_no_limit_is_reached() -> None:
     place = np.array([[[1.0, 0.0], [0.7, 0.7]], [[2.0, 0.0], [1.4, 1.4]]])
-    chart = LoadChart(place, np.array([[np.nan, 5.0], [4.0, 3.0]]), np.array([[-1, 0], [0, 0]]), ["tip"])
+    chart = LoadChart(place, np.array([[np.nan, 5.0], [4.0, 3.0]]), np.array([[-1, 0], [0, 0]]), ["tip"], 2000.0)
     labels = [text.get_text() for text in load_chart(chart).legends[0].get_texts()]
-    assert labels == ["A tip", "no limit reached"]
+    assert labels == ["A tip", "more than 2000 kg (search ends there)"]
 
 
 def test_lines_of_duty_have_length_and_letter_and_end_where_the_tip_does() -> None:
@@ -82,10 +83,13 @@ def test_lines_of_duty_have_length_and_letter_and_end_where_the_tip_does() -> No
     angle = np.deg2rad([10.0, 40.0, 70.0])
     place = np.array([8.0, 12.0])[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     load = np.array([[900.0, 1200.0, np.nan], [500.0, 700.0, 1500.0]])
-    chart = LoadChart(place, load, np.array([[1, 1, -1], [0, 0, 1]]), ["tip", "pads"])
+    chart = LoadChart(place, load, np.array([[1, 1, -1], [0, 0, 1]]), ["tip", "pads"], 2000.0)
     ax = duty_lines(chart).axes[0]
     assert sorted(text.get_text() for text in ax.texts) == ["A 12 m", "B", "B 8 m"]
     drawn = np.concatenate([line.get_xydata() for line in ax.lines if line.get_marker() == "."])
     drawn = drawn[np.isfinite(drawn[:, 1])]
     assert np.allclose(sorted(drawn[:, 0]), sorted([*place[0, :2, 0], *place[1, :, 0]]))
-    assert [text.get_text() for text in ax.figure.legends[0].get_texts()] == ["A tip", "B pads"]
+    (beyond,) = [line.get_xydata() for line in ax.lines if line.get_marker() == "^" and len(line.get_xydata())]
+    assert np.allclose(beyond, [[place[0, 2, 0], 2000.0]])
+    more = "more than 2000 kg (search ends there)"
+    assert [text.get_text() for text in ax.figure.legends[0].get_texts()] == ["A tip", "B pads", more]

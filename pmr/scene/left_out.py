@@ -1,0 +1,116 @@
+"""What a scene's model leaves out, in words for the first page of a run and for a load chart."""
+
+from __future__ import annotations
+
+from pmr.scene.built import Load, PadRing
+from pmr.scene.choice import model_of
+from pmr.scene.joints import JointPads
+from pmr.scene.keys import qualified_name
+from pmr.scene.members import member_at, members
+from pmr.scene.scene import Scene
+from pmr.scene.structures import PointMass
+
+#: Least share of a hung load's mass that point masses at its place must have, so that the load counts as having a mass.
+HAS_MASS = 0.5
+
+
+def left_out(scene: Scene) -> dict[str, str]:
+    """Return effects that the model of a scene does not contain, as clauses by subject.
+
+    The list follows from the scene: what has a key of its own, such as wind or friction, is named only where the scene
+    does not use it.
+    """
+    clauses = {"strength": _strength(scene), "pads": _pads(scene), "loads": _loads(scene), "machine": _machine(scene)}
+    return {subject: ", ".join(parts) for subject, parts in clauses.items() if parts}
+
+
+def hung_forces(scene: Scene) -> dict[str, float]:
+    """Return forces that pull the last section's tip down in space and lack a mass, as mass in kg by name of the load.
+
+    Masses at the tip count as the mass of these forces from the share `HAS_MASS` of it on.
+    """
+    part = scene.sections[-1]
+    gravity = scene.gravity.acceleration if scene.gravity is not None else 0.0
+    at_tip = sum(mass.mass for mass in part.masses if mass.on == "tip")
+    hung = {
+        qualified_name(part.name, load.name): -load.signal.bounds(0.0, scene.time.end)[0] / gravity
+        for load in part.loads
+        if gravity and is_hung(load, scene)
+    }
+    return hung if at_tip < HAS_MASS * sum(hung.values()) else {}
+
+
+def is_hung(load: Load, scene: Scene) -> bool:
+    """Return whether a load is a force that pulls the tip of a section down in space, and never up."""
+    low, high = load.signal.bounds(0.0, scene.time.end)
+    is_down = (load.acts, load.axes, load.direction, load.on) == ("force", "ground", "z", "tip")
+    return is_down and low < 0.0 >= high
+
+
+def hung_force_remark(scene: Scene) -> str:
+    """Return a sentence that names the forces of `hung_forces`; empty without any."""
+    hung = hung_forces(scene)
+    names = " and ".join(f"{name} ({mass:.4g} kg)" for name, mass in hung.items())
+    return (
+        f"{names} is a force without mass: frequencies, accelerations and the forces that they cause lack its inertia; "
+        "[[masses]] with payload = true, or [hoist], has it"
+        if hung
+        else ""
+    )
+
+
+def _strength(scene: Scene) -> list[str]:
+    """Effects on strength that no stress contains."""
+    if all(part.body.profile is not None or part.body.mover is not None for part in scene.sections):
+        return []  # lines without a section, which have no stress
+    clauses, boxes = list[str](), [member for member in members(scene) if member.part.body.box is not None]
+    if any(model_of(member).startswith("beam") and member.pads for member in boxes):
+        clauses.append("local bending of walls under pads in the stress of beams")
+    if boxes:
+        clauses.append("buckling of plates")
+    clauses += ["welds, bolts and cut-outs", "plastic deformation"]
+    return clauses if scene.fatigue is not None else [*clauses, "fatigue"]
+
+
+def _pads(scene: Scene) -> list[str]:
+    """Effects in pads that the scene does not use."""
+    rings: list[PadRing | JointPads] = [ring for number in range(len(scene.sections)) for ring in _rings(scene, number)]
+    if not rings:
+        return []
+    clauses = [] if any(getattr(ring, "friction", 0.0) for ring in rings) else ["friction"]
+    clauses += [] if any(ring.clearance for ring in rings) else ["play"]
+    return [*clauses, "wear", "spread of the pressure under a pad"]
+
+
+def _rings(scene: Scene, number: int) -> list[PadRing | JointPads]:
+    """Rings of pads of section `number`, on the ground and in its joint."""
+    part = member_at(scene, number).part
+    return [*part.pads, *((*part.joint.tail, *part.joint.mouth) if part.joint is not None else ())]
+
+
+def _loads(scene: Scene) -> list[str]:
+    """Loads and their dynamic effects that the scene does not have."""
+    loads = [load for part in scene.sections for load in part.loads]
+    masses: list[PointMass] = [mass for part in scene.sections for mass in part.masses]
+    if scene.frame is None and not any(part.body.box for part in scene.sections):
+        return []
+    acting = {load.acts for load in loads}
+    clauses = [] if "wind" in acting else ["wind on the sections"]
+    clauses += [] if "temperature" in acting else ["temperature"]
+    if any(mass.payload for mass in masses):
+        clauses.append("swing of the payload, which is fixed to the tip, and its rope")
+    return clauses
+
+
+def _machine(scene: Scene) -> list[str]:
+    """Parts of the machine that the model holds rigid or leaves out."""
+    frame = scene.frame
+    if frame is None and len(scene.sections) == 1:
+        return []
+    clauses = ["play in hinges"]
+    if frame is not None and frame.machine is None:
+        stands = frame.ground is not None
+        clauses.append("ground and chassis that give way" if stands else "what the machine stands on, and its tipping")
+    if frame is None or frame.cylinder is None or frame.cylinder.oil is None:
+        clauses.append("oil and valves: drives follow the given motion")
+    return [*clauses, "buckling of cylinders"]

@@ -1,0 +1,39 @@
+"""What a model leaves out follows from its scene, and a hung force without a mass is named."""
+
+from pathlib import Path
+
+import pytest
+
+from pmr import scene as scenes
+from pmr.cli.app import TEMPLATES
+from pmr.scene.choice import observed_places
+from pmr.scene.hints import hints
+from pmr.scene.left_out import left_out
+from pmr.scene.members import member_at
+
+CRANE = Path(str(TEMPLATES / "crane.toml"))
+HUNG = "sections.fly.loads.wind={axes='ground', direction='z', signal=-9810.0}"
+
+
+def test_what_is_left_out_follows_from_the_scene() -> None:
+    crane = left_out(scenes.load_any(CRANE))
+    assert "local bending of walls" in crane["strength"] and "fatigue" in crane["strength"]
+    assert "friction" in crane["pads"] and "swing of the payload" in crane["loads"] and "ground" in crane["machine"]
+    rubbing = scenes.load_any(CRANE, ["section.joint.tail.0.friction=0.1", "sections.fly.masses=[]"])
+    other = left_out(rubbing)
+    assert "friction" not in other["pads"] and "swing" not in other["loads"]
+    assert left_out(scenes.load_any(Path("workflows/paper_simple.toml"))) == {}
+
+
+def test_a_hung_force_without_a_mass_is_named_in_one_remark() -> None:
+    assert hints(scenes.load_any(CRANE)) == []
+    (remark,) = hints(scenes.load_any(CRANE, [HUNG, "sections.fly.masses=[]"]))
+    assert "fly: wind (1000 kg) is a force without mass" in remark
+    assert hints(scenes.load_any(CRANE, [HUNG])) == []  # 1150 kg hang there
+
+
+def test_a_shell_is_observed_between_its_ends_unless_the_scene_says_where() -> None:
+    shell = scenes.load_any(CRANE, ["sections.fly.body.model=shell"])
+    places = observed_places(member_at(shell, 2))
+    assert places is not None and (len(places), places[0], places[-1]) == (29, pytest.approx(0.3), pytest.approx(5.7))
+    assert observed_places(member_at(shell, 0)) is None
