@@ -67,7 +67,7 @@ class KalmanFilter:
         self._places = {name: (pointer(array), array[0].size) for name, array in self._steps.items()}
         self._step = ffi.new("pmr_filter_step *")
 
-    def _at(self, k: int) -> Any:
+    def _step_data(self, k: int) -> Any:
         """Linear model of step k."""
         for name, (first, size) in self._places.items():
             setattr(self._step, name, first + k * size)
@@ -82,18 +82,18 @@ class KalmanFilter:
         measured, innovations = np.ascontiguousarray(measured, float), np.zeros(len(measured))
         used = np.ascontiguousarray(use, np.int32)
         arguments = (pointer(measured), integer_pointer(used), pointer(innovations))
-        lib.pmr_filter_update(self._filter, pointer(self.memory), self._at(k), *arguments)
+        lib.pmr_filter_update(self._filter, pointer(self.memory), self._step_data(k), *arguments)
         return innovations
 
     def outputs(self, k: int) -> tuple[Array, Array]:
         """Mean and variance (q,) of the outputs at step k, after `update`, with the errors of the model."""
         values = np.zeros((2, self.outputs_count))
-        lib.pmr_filter_outputs(self._filter, pointer(self.memory), self._at(k), *map(pointer, values))
+        lib.pmr_filter_outputs(self._filter, pointer(self.memory), self._step_data(k), *map(pointer, values))
         return values[0], values[1]
 
     def predict(self, k: int) -> None:
         """Advance state and covariance from step k to the next."""
-        lib.pmr_filter_predict(self._filter, pointer(self.memory), self._at(k))
+        lib.pmr_filter_predict(self._filter, pointer(self.memory), self._step_data(k))
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class LinearSteps:
 
     def take(self, state: State, k: int, u: Array) -> None:
         """Take a step of the `state` to drivers u (N,), and store it as step k.  A StepError is raised if it fails."""
-        work, step = np.zeros(lib.pmr_linear_work(state.pointer)), self._at(k)
+        work, step = np.zeros(lib.pmr_linear_work(state.pointer)), self._step_data(k)
         u, where = np.ascontiguousarray(u, float), f"step {state.step_number + 1}"
         arguments = (state.pointer, self._data, pointer(u), pointer(work), step)
         state.raise_unless_done(lib.pmr_linear_matrices(*arguments), where)
@@ -135,11 +135,11 @@ class LinearSteps:
     def follow_rates(self, h: float) -> None:
         """Put rates of outputs into the matrices and the reference of all steps, which are h s apart."""
         if self._chosen.orders.any():
-            steps = [ffi.NULL, *(self._at(k) for k in range(len(self.reference))), ffi.NULL]
+            steps = [ffi.NULL, *(self._step_data(k) for k in range(len(self.reference))), ffi.NULL]
             for before, now, after in zip(steps[:-2], steps[1:-1], steps[2:], strict=True):
                 lib.pmr_output_rates(self._data, h, before, now, after)
 
-    def _at(self, k: int) -> Any:
+    def _step_data(self, k: int) -> Any:
         """Addresses of the arrays of step k."""
         at = {name: pointer(array[min(k, len(array) - 1)]) for name, array in self._arrays.items()}
         return ffi.new("pmr_linear_step *", at)

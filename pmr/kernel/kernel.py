@@ -206,13 +206,22 @@ class BankRecord(NamedTuple):
     level: Array  # (T,)
 
 
+class Following(NamedTuple):
+    """Numbers by which likelihoods and the level of innovations follow, as in `PositionSettings`."""
+
+    temper: float
+    attack: float
+    decay: float
+    floor: float
+
+
 @dataclass(frozen=True)
 class Bank:
     """S places, D speeds and n states; arrays and probabilities of a step, as `pmr_bank` (src/pmr_kernel.h).
 
     `up` and `down` are, for each speed, the chances to move to the next place and to the one before.  `rest` and
     `active` are the transition matrices between speeds where nothing moves, and in motion; `activity` in
-    `advance_bank` is the share of the second.  The other numbers are as in `pmr.observe.position.PositionSettings`.
+    `advance_bank` is the share of the second.
     """
 
     F: Array  # (S, n, n)
@@ -223,26 +232,24 @@ class Bank:
     down: Array  # (D,)
     rest: Array  # (D, D)
     active: Array  # (D, D)
-    temper: float
-    attack: float
-    decay: float
-    floor: float
+    following: Following
 
 
 def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array) -> BankRecord:
     """Take T steps from equally likely places, with measurements y (T,), NaN where there is none.
 
     `activity` (T,), 0 to 1, is how much the slider is in motion.  The level of the innovations, a running mean of their
-    squares over their variance, scales all variances; it never falls below `least_level` (T,) and ``bank.floor``.
+    squares over their variance, scales all variances; it never falls below `least_level` (T,) and
+    ``bank.following.floor``.
     """
     S, n = bank.H.shape
     arrays = {
         name: np.ascontiguousarray(getattr(bank, name), float)
         for name in ("F", "H", "gain", "variance", "up", "down", "rest", "active")
     }
-    numbers = {name: getattr(bank, name) for name in ("temper", "attack", "decay", "floor")}
     sizes = {"places": S, "speeds": len(bank.up), "states": n}
-    data = ffi.new("pmr_bank *", sizes | numbers | {name: pointer(array) for name, array in arrays.items()})
+    numbers = sizes | bank.following._asdict()
+    data = ffi.new("pmr_bank *", numbers | {name: pointer(array) for name, array in arrays.items()})
     memory = np.zeros(lib.pmr_bank_memory(data))
     lib.pmr_bank_start(data, pointer(memory))
     record = BankRecord(np.zeros((len(y), S)), np.zeros((len(y), n)), np.zeros(len(y)))

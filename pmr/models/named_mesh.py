@@ -69,7 +69,7 @@ def mesh_fault(cell: str, points: Array, cells: Indices) -> Fault | None:
         where = "edges" if cell == "triangle" else "faces"
         text = f"the cells form {len(sizes)} parts that share no {where} (of {shown} cells)"
         return Fault(f"{text}; one connected body is allowed", int((part == sizes.argmin()).argmax()))
-    folded = _folded(corners, cells, facet_codes) if cell == "triangle" else np.empty(0, np.int64)
+    folded = _fold_pairs(corners, cells, facet_codes) if cell == "triangle" else np.empty(0, np.int64)
     if folded.size:
         return Fault(f"{len(folded)} pairs of neighbouring triangles lie folded on each other", int(folded[0]))
     return None
@@ -107,7 +107,7 @@ def _connected_parts(facet_codes: Indices) -> Indices:
     return np.asarray(connected_components(incidence @ incidence.T, directed=False)[1], np.int64)
 
 
-def _folded(corners: Array, cells: Indices, edge_codes: Indices) -> Indices:
+def _fold_pairs(corners: Array, cells: Indices, edge_codes: Indices) -> Indices:
     """Number of the first triangle of each pair of triangles with a common edge that are folded on each other.
 
     Such triangles lie on the same side of the edge.  `corners` (C, 3, 3) are the positions and `cells` (C, 3) the
