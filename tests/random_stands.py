@@ -1,7 +1,7 @@
 """Random booms on a machine that stands on outriggers, and the sum of all forces on the machine in NumPy.
 
-Shares no formula with `pmr.simulation.ground`: rotations are products of exponentials, each with its first and second
-derivative by Leibniz' rule, and bodies with inertia are six points.
+Shares no formula with `pmr.simulation.reactions`: rotations are products of exponentials, each with its first and
+second derivative by Leibniz' rule, and bodies with inertia are six points.
 """
 
 from __future__ import annotations

@@ -70,7 +70,9 @@ class Geometry(ShorthandTable):
     model: ModelName = Field(
         default="auto", description="Structural model; `auto` takes the smallest that is near enough to a shell"
     )
-    material: Material = Field(default=Material(), description="Material, except in regions that have their own")
+    material: Material = Field(
+        default=Material.model_construct(), description="Material, except in regions that have their own"
+    )
     box: Box | None = Field(default=None, description="A box boom by its dimensions")
     profile: Profile | None = Field(default=None, description="A planar beam by its stiffnesses")
     mover: MoverBody | None = Field(default=None, description="A mass that crosses the section before it on a wheel")

@@ -111,12 +111,18 @@ class Machine(SceneTable):
     free: tuple[Direction, ...] = Field(
         default=(), description="Directions that are not held: their motion is found, far as it may go"
     )
-    stiffness: Springs = Field(default=Springs(), description="Of springs in free directions")
-    damping: Dampers = Field(default=Dampers(), description="Of dampers in free directions")
-    force: PivotLoad = Field(default=PivotLoad(), description="Forces at the pivot, along axes of the ground")
-    moment: PivotLoad = Field(default=PivotLoad(), description="Moments, about axes of the ground")
-    start: InitialDisplacements = Field(default=InitialDisplacements(), description="Where free directions begin")
-    rate: InitialRates = Field(default=InitialRates(), description="How fast free directions move at the start")
+    stiffness: Springs = Field(default=Springs.model_construct(), description="Of springs in free directions")
+    damping: Dampers = Field(default=Dampers.model_construct(), description="Of dampers in free directions")
+    force: PivotLoad = Field(
+        default=PivotLoad.model_construct(), description="Forces at the pivot, along axes of the ground"
+    )
+    moment: PivotLoad = Field(default=PivotLoad.model_construct(), description="Moments, about axes of the ground")
+    start: InitialDisplacements = Field(
+        default=InitialDisplacements.model_construct(), description="Where free directions begin"
+    )
+    rate: InitialRates = Field(
+        default=InitialRates.model_construct(), description="How fast free directions move at the start"
+    )
 
     @model_validator(mode="after")
     def _check_free_directions(self) -> Self:
@@ -185,7 +191,7 @@ class BaseMotion(SceneTable):
         default=None, description="Yaw angle of the base, about its Z, in frame.unit"
     )
     acceleration: GroundAcceleration = Field(
-        default=GroundAcceleration(),
+        default=GroundAcceleration.model_construct(),
         description="Recorded acceleration of the pivot, added to the motion by x, y and z",
     )
 

@@ -93,7 +93,9 @@ class Payload(SceneTable):
 
     payload: Annotated[Mass, Usual(1e-3, 1e3, "boom")] = Field(description="Mass that hangs on the hook")
     hook: Annotated[Mass, Usual(0.0, 1e2, "boom")] = Field(default=0.0, description="Mass of the hook with its sheaves")
-    wind: PivotLoad = Field(default=PivotLoad(), description="Forces on the payload along axes of the ground")
+    wind: PivotLoad = Field(
+        default=PivotLoad.model_construct(), description="Forces on the payload along axes of the ground"
+    )
     swing: tuple[_ANGLE, _ANGLE] = Field(
         default=(0.0, 0.0), description="Angles of the rope at t = 0 along and across the boom; by default it hangs"
     )
@@ -120,7 +122,7 @@ class Hoist(Payload, Rope):
     offset: Annotated[tuple[Place, Place], Usual(0.0, 0.2, "reach")] = Field(
         default=(0.0, 0.0), description="Place of the head sheaves off the section's axis, along y and z"
     )
-    winch: Winch = Field(default=Winch(), description="Where the rope is wound up")
+    winch: Winch = Field(default=Winch.model_construct(), description="Where the rope is wound up")
     pivot_height: Annotated[Place, Usual(0.0, 2.0, "reach")] = Field(
         default=0.0,
         description="Height of the pivot, or without a frame of the base's tail, from which the hook's is measured",

@@ -164,7 +164,7 @@ class Joint(SceneTable):
         default=(), description="Pads at the mouth of the next outer section; a carriage on that section has none"
     )
     cylinder: Cylinder = Field(
-        default=Cylinder(), description="Cylinder that holds and drives the section along the boom"
+        default=Cylinder.model_construct(), description="Cylinder that holds and drives the section along the boom"
     )
     rope: Rope | None = Field(
         default=None, description="Rope or chain that moves the section, in place of its cylinder"
@@ -238,7 +238,7 @@ class OneBody(SceneTable):
     """A body with x along it and z up, and everything that holds, loads, observes or reduces it."""
 
     body: Body = Field(description="Shape, material and structural model of the section")
-    mesh: MeshChoice = Field(default=MeshChoice(), description="Mesh")
+    mesh: MeshChoice = Field(default=MeshChoice.model_construct(), description="Mesh")
     supports: tuple[Support, ...] = Field(
         default=(), description="Supports to the ground, which do not move along the section"
     )
@@ -247,7 +247,7 @@ class OneBody(SceneTable):
     masses: tuple[PointMass, ...] = Field(default=(), description="Rigid bodies attached to the section")
     loads: tuple[Load, ...] = Field(default=(), description="Forces and moments")
     observe: run_settings.Observe = Field(
-        default=run_settings.Observe(), description="Where motions are compared and drawn"
+        default=run_settings.Observe.model_construct(), description="Where motions are compared and drawn"
     )
     probes: tuple[Probe, ...] = Field(default=(), description="Points at which stress, strain or motion is recorded")
     reduction: run_settings.Reduction = Field(default=run_settings.Reduction(), description="How the model is reduced")

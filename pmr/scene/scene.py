@@ -48,7 +48,7 @@ class Surroundings(SceneTable):
         description="Initial state: undeformed and at rest, or in equilibrium under the loads at t = 0.  A single body "
         "begins at rest by default, several sections in equilibrium: loose in their pads they would begin with a fall",
     )
-    damping: Damping = Field(default=Damping(), description="Damping of the structure")
+    damping: Damping = Field(default=Damping.model_construct(), description="Damping of the structure")
 
 
 class CommonTables(Surroundings):
@@ -62,10 +62,10 @@ class CommonTables(Surroundings):
         default=None, description="Fatigue damage at probes that measure stress"
     )
     simulation: run_settings.Simulation = Field(
-        default=run_settings.Simulation(), description="Programs that simulate the models"
+        default=run_settings.Simulation.model_construct(), description="Programs that simulate the models"
     )
     compare: run_settings.Compare = Field(
-        default=run_settings.Compare(), description="What the reduced model is compared with"
+        default=run_settings.Compare.model_construct(), description="What the reduced model is compared with"
     )
     accuracy: run_settings.Accuracy | None = Field(
         default=None, description="Allowed error, in place of a number of coordinates and a step"

@@ -135,7 +135,7 @@ class Damping(ShorthandTable):
 class Plate(SceneTable):
     """Material and thickness of a region of a shell."""
 
-    material: Material = Field(default=Material(), description="Of the plate")
+    material: Material = Field(default=Material.model_construct(), description="Of the plate")
     thickness: Length = Field(description="Of the plate")
 
 
@@ -279,7 +279,9 @@ class ShellBody(SceneTable):
 class SolidBody(SceneTable):
     """A solid: its material, and other materials in named regions of the mesh."""
 
-    material: Material = Field(default=Material(), description="Of all that no region says otherwise of")
+    material: Material = Field(
+        default=Material.model_construct(), description="Of all that no region says otherwise of"
+    )
     regions: dict[Name, Material] = Field(default={}, description="Named regions of the mesh that differ")
 
 
@@ -317,7 +319,7 @@ class Beam3DBody(SceneTable):
     length: Length = Field(description="Length along x")
     section: BeamSection | None = Field(default=None, description="By its properties")
     profile: BoxProfile | None = Field(default=None, description="By its dimensions")
-    material: Material = Field(default=Material(), description="Of the beam")
+    material: Material = Field(default=Material.model_construct(), description="Of the beam")
     shear: Switch = Field(default=False, description="Shear deformation and rotary inertia")
     elements: Count = Field(default=60, description="Over the whole length")
 

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field
-from importlib import resources
 from os.path import isdir, isfile
 from pathlib import Path
 from typing import Any, TypeVar
@@ -21,7 +20,7 @@ from pmr.scene.keys import Refusal, dotted_key, iterate_keys
 Model = TypeVar("Model", bound=BaseModel)
 
 
-_HERE = Path(str(resources.files("pmr")))
+_HERE = Path(__file__).resolve().parents[1]
 
 
 def workflows() -> dict[str, Path]:

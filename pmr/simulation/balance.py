@@ -80,7 +80,7 @@ def round_off(mobility: Array, loads: Array, step: float) -> float:
 
     `mobility` is B^T diag(M)^-1 B, (i, i) in 1/kg; `step` is in s.
     """
-    energy = ((loads @ mobility) * loads).sum(axis=1).max(initial=0.0) * step**2 / 2.0
+    energy = np.einsum("ti,ti->t", loads @ mobility, loads).max(initial=0.0) * step**2 / 2.0
     return ROUND_OFF * float(energy)
 
 

@@ -118,8 +118,8 @@ def _share_of_quantity(limit: Limit, at: PostureMatrices, k: int, amounts: Seque
 def _share_of_ground(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on forces of outriggers or on tipping.
 
-    Forces on the ground are those of runs (`pmr.simulation.ground`), at the k-th posture of `at`, where the components
-    ``at.loads`` act by `amounts` (w,).
+    Forces on the ground are those of runs (`pmr.simulation.reactions`), at the k-th posture of `at`, where the
+    components ``at.loads`` act by `amounts` (w,).
     """
     at_rest = limit.stand_in(at)
     measure = limit.measure(at_rest.columns)

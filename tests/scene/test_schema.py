@@ -191,3 +191,15 @@ def test_the_schema_tells_units() -> None:
     assert known["Box"]["properties"]["length"]["unit"] == "m"
     assert known["Profile"]["properties"]["bending_stiffness"]["unit"] == "N m^2"
     assert known["Box"]["properties"]["length"]["description"] == "Length along x"
+
+
+def test_a_table_that_is_left_out_is_what_an_empty_one_gives() -> None:
+    kinds, defaults = [SceneTable], dict[str, BaseModel]()
+    for kind in kinds:  # grows while it is read
+        kinds += kind.__subclasses__()
+        for name, field in kind.model_fields.items():
+            if isinstance(field.default, BaseModel):
+                defaults[f"{kind.__name__}.{name}"] = field.default
+    assert len(defaults) > 15
+    for name, default in defaults.items():
+        assert default == type(default)(), name

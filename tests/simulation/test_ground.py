@@ -19,10 +19,9 @@ from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.ground import Ground, convex_hull, polygon_area
 from pmr.simulation import Excitation
-from pmr.simulation.ground import outputs_of_ground
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.reactions import with_forces_on_machine
+from pmr.simulation.reactions import outputs_of_ground, with_forces_on_machine
 from pmr.studies import shared
 
 G, COUNT = 9.80665, 60

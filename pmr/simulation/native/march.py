@@ -163,9 +163,8 @@ class March:
             self._advance((first - 1) * every, last - first, every, record)
 
         def hand_over(first: int, last: int) -> None:
-            """Check records `first` to `last` - 1, and hand them, with the one before as the first, to `take`."""
+            """Hand records `first` to `last` - 1, with the one before as the first, to `take`."""
             steps = room.at(slice(last - first + 1))
-            self._check_finite(steps.z, first - 1, every)
             for forces in (steps.multipliers, steps.peaks):
                 if forces is not None and self.pushing.any():
                     without_pull(forces, self.pushing)
@@ -209,8 +208,10 @@ class March:
             else:
                 self._advance_sampled(first, steps, every, schedule, record)
         except StepError as error:
-            if error.failure == Failure.NOT_FINITE:
-                self._check_finite(record["z"][: rows + 1], first // every, every)
+            finite = np.isfinite(record["z"][: rows + 1]).all(axis=1)
+            if error.failure == Failure.NOT_FINITE and not finite.all():
+                where = self._step_text((first // every + int(np.argmin(finite))) * every)
+                raise SimulationError(f"march failed at {where}: not finite") from None
             raise self._failure(error, self.state.step_number + 1) from None
 
     def _advance_sampled(
@@ -247,16 +248,6 @@ class March:
         """Error of a failed step for the user."""
         x = side_positions(self.form.modal, self.excitation, [step])[0]
         return step_failure(self._step_text(step), self.form, error, x)
-
-    def _check_finite(self, recorded: Array, first: int, every: int) -> None:
-        """Raise SimulationError for the first row of `recorded` that is not finite.
-
-        Row 0 is step number `first` times `every`; each further row is `every` steps later.
-        """
-        if np.isfinite([recorded.min(initial=0.0), recorded.max(initial=0.0)]).all():
-            return
-        where = self._step_text((first + int(np.argmin(np.isfinite(recorded).all(axis=1)))) * every)
-        raise SimulationError(f"march failed at {where}: not finite")
 
     def _step_text(self, step: int) -> str:
         """Text with number and time of a step, and the path coordinates."""

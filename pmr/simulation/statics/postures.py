@@ -32,7 +32,7 @@ from pmr.simulation.at_rest import (
 )
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.frame_motion import FrameRotation
-from pmr.simulation.ground import machine_wrench, outputs_of_ground
+from pmr.simulation.reactions import machine_wrench, outputs_of_ground
 from pmr.simulation.statics.loaded import Equations
 from pmr.system.assembly import Assembly
 from pmr.system.body import kinds_of
