@@ -74,7 +74,7 @@ class Motion:
             with refuse_growth(scene):
                 response = march_once(scene, system, excitation)
         assembly, kinds = Assembly(system), [kind for body in system.bodies.values() for kind in body.output_kinds]
-        frequencies, motions, along = list[Array](), list[Array](), assembly.contact_rows_over_time(x)
+        frequencies, motions, along = list[Array](), list[Array](), assembly.contact_rows_over_time(x, effects=False)
         for k, amplitudes in enumerate(c):
             omega, phi = assembly.modes(along.at_time(k), MODES, amplitudes)
             frequencies.append(omega / (2.0 * np.pi))

@@ -332,20 +332,6 @@ class State:
         self.raise_unless_done(failed, "an evaluation")
         return values
 
-    def output_shapes(self, at: ArrayLike, modes: NDArray[np.int64]) -> Array:
-        """Outputs (o, r) for a unit of each of r `modes`, under drivers or motions of a frame `at` (`evaluate`)."""
-        kernel = self.kernel
-        drivers = self._check_array("drivers", np.ravel(at), 3 * kernel.motions or kernel.drivers)
-        shapes, unit, still = np.zeros((len(modes), kernel.outputs)), np.zeros(kernel.modes), np.zeros(kernel.modes)
-        at_rest = 0.0 * drivers
-        fixed = [pointer(array) for array in (drivers, at_rest, unit, still)]
-        for mode, row in zip(modes, shapes, strict=True):
-            unit[mode] = 1.0
-            out = ffi.new("pmr_values *", {"outputs": pointer(row)})
-            self.raise_unless_done(lib.pmr_evaluate_along(self._state, *fixed, 0, out), "an evaluation")
-            unit[mode] = 0.0
-        return shapes.T
-
     def linearize(self, u: ArrayLike) -> Jacobian:
         """Derivatives of the next step, to drivers u (N,); contacts stay open or closed, pads keep sticking or sliding.
 

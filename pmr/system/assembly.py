@@ -322,7 +322,7 @@ class Assembly:
         """
         if x.ndim == 1:
             return np.asarray(self.frequencies(x[None], count, None if c is None else c[None])[0])
-        rows, hertz = self.contact_rows_over_time(x), np.full((len(x), count), np.nan)
+        rows, hertz = self.contact_rows_over_time(x, effects=False), np.full((len(x), count), np.nan)
         amplitudes = np.zeros((len(x), len(self.terms))) if c is None else c
         C: Array | None = None  # of rigid contacts
         M, Z = self.M.toarray(), None
@@ -371,7 +371,7 @@ class Assembly:
         """
         ratios, D = np.full((len(x), count), np.nan), self.damping()
         for of_place, at in zip(ratios, x, strict=True):
-            omega, phi = self.modes(self.contact_rows(at), count)
+            omega, phi = self.modes(self.contact_rows(at, effects=False), count)
             of_place[: len(omega)] = np.sum(phi * (D @ phi), axis=0) / (2.0 * omega)
         return ratios
 

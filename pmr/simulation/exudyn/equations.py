@@ -120,7 +120,7 @@ class Equations:
 
         `rho_inf` is the spectral radius of the time integration.
         """
-        return needs_of(self.system, self.assembly.contact_rows(x[0]).rigid, x, rho_inf)
+        return needs_of(self.system, self.assembly.contact_rows(x[0], effects=False).rigid, x, rho_inf)
 
 
 @dataclass(frozen=True)

@@ -236,7 +236,7 @@ def failure_reason(system: System, error: StepError, x: Array) -> str:
     if error.failure == Failure.UNCONVERGED:
         return describe_divergence(system.term_names, system.contacts)
     if error.failure == Failure.DEPENDENT:  # at the start the kernel does not say which rows depend on each other
-        C = Assembly(system).contact_rows(x).C
+        C = Assembly(system).contact_rows(x, effects=False).C
         return describe_dependence(C[: error.contact + 1] if error.contact >= 0 else C, system.contact_names)
     return "not finite" if error.failure == Failure.NOT_FINITE else str(error)
 
