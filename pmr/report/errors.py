@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from math import ceil, log10
 from typing import Any
 
+from pmr.files.arrays import Summary
 from pmr.report.blocks import (
     SAME,
     WITHIN,
@@ -277,6 +278,19 @@ def trust_table(result: RunResult) -> Table:
     gaps = "; ".join(f"{name}: {', '.join(dict.fromkeys(clauses))}" for name, clauses in missing.items() if clauses)
     rows = (*texts.items(), *([("not in these bars", gaps)] if gaps else []))
     return Table("How far to trust it", rows, bars, decades, note if bars else "")
+
+
+def summed_error(summary: Summary, kinds: Collection[str]) -> float | None:
+    """Sum over model, mesh, time step and reduction of the largest relative error of the `kinds`.
+
+    It is None unless errors of both model and mesh are known.
+    """
+    budget = summary.get("budget") or {}
+    parts = [budget.get("model") or {}, budget.get("mesh") or {}]
+    if any(not isinstance(part, Mapping) or all(part.get(kind) is None for kind in kinds) for part in parts):
+        return None
+    parts += [summary.get("step") or {}, reduction_error(summary).by_kind]
+    return sum(max((part[kind] for kind in kinds if part.get(kind) is not None), default=0.0) for part in parts)
 
 
 def _sum_of_errors(parts: Mapping[str, Mapping[str, float]]) -> dict[str, str]:

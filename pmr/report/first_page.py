@@ -368,7 +368,22 @@ def _ground_rows(result: RunResult) -> Rows:
         value = quantity.value(extremes[name])
         text = significant(value.value) if quantity.unit == "1" else format_quantity(value.value, quantity.unit)
         of = "" if key == "tipping" else f", {name}"
-        yield quantity.reported, f"{text}{of}, {_extreme_clause(result, value)}"
+        error = _margin_error(result) if key == "tipping_margin" else ""
+        yield quantity.reported, f"{text}{of}, {_extreme_clause(result, value)}{error}"
+
+
+def _margin_error(result: RunResult) -> str:
+    """Clause with the error of a margin against tipping: that of the boom's moment, of pin and luffing cylinder.
+
+    The moments of the machine's masses are exact for their given places.
+    """
+    error = errors.summed_error(result.summary, ("reaction", "support_force"))
+    names = [f"{PIVOT}{axis}" for axis in ("rx", "ry")]
+    moments = [Extremes.from_summary(of).size for of in result.summary.get("reactions", ()) if of["name"] in names]
+    if error is None or not moments:
+        return "; its error is not known"
+    size = format_quantity(error * max(moments), "N m", 2)
+    return f"; ± {size} by errors of the boom's moment; masses of the machine, ground and chassis are as given"
 
 
 def _frequency_rows(result: RunResult) -> Rows:
