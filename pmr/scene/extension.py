@@ -61,8 +61,8 @@ class FreeExtension(DrivenCylinder):
     stop_travel: Annotated[Distance, Usual(0.0, 0.5)] = Field(
         default=0.005, description="How far the stops may give way; the boom is reduced for as much beyond the stroke"
     )
-    friction: Force = Field(default=0.0, description="Dry friction of the cylinder while it slides")
-    static_friction: Force = Field(
+    dry_friction: Force = Field(default=0.0, description="Dry friction of the cylinder while it slides")
+    dry_friction_at_rest: Force = Field(
         default=0.0, description="Dry friction at rest, from which it falls to that of sliding; 0: no other"
     )
     stribeck_speed: Annotated[Speed, Usual(1e-5, 1.0)] = Field(
@@ -72,15 +72,18 @@ class FreeExtension(DrivenCylinder):
 
     @model_validator(mode="after")
     def _check_stroke(self) -> Self:
-        """Refuse ends of the stroke in the wrong order, a start beyond them, and too small a friction at rest."""
+        """Refuse a stroke without room for its stops, a start beyond its ends, and too small a friction at rest."""
         low, high = self.stroke
         if low >= high:
             raise key_error("stroke", list(self.stroke), "a smallest extension below the greatest one is allowed")
+        if low < self.stop_travel:
+            allowed = f"a smallest extension of stop_travel, {self.stop_travel:g} m, or more is allowed"
+            raise key_error("stroke", list(self.stroke), allowed)
         if not low <= self.start <= high:
             raise key_error("start", self.start, f"an extension within the stroke, {low:g} to {high:g} m, is allowed")
-        if self.static_friction and not 0.0 < self.friction <= self.static_friction:
-            allowed = "as much as friction, which is above 0, or more is allowed"
-            raise key_error("static_friction", self.static_friction, allowed)
+        if self.dry_friction_at_rest and not 0.0 < self.dry_friction <= self.dry_friction_at_rest:
+            allowed = "as much as dry_friction, which is above 0, or more is allowed"
+            raise key_error("dry_friction_at_rest", self.dry_friction_at_rest, allowed)
         return self
 
     @property

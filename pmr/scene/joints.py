@@ -127,13 +127,13 @@ class Rope(SceneTable):
 
 
 def _extension_tag(data: object) -> str:
-    """``free`` for an extension of this kind, ``signal`` for all others."""
+    """``free`` for an extension of this kind, ``over time`` for all others, which is no key that errors could name."""
     kind = data.get("kind") if isinstance(data, dict) else getattr(data, "kind", None)
-    return "free" if kind == "free" else "signal"
+    return "free" if kind == "free" else "over time"
 
 
 Extension = Annotated[
-    Annotated[Signal, Usual(0.0, 2.0, "reach", "m"), Tag("signal")] | Annotated[FreeExtension, Tag("free")],
+    Annotated[Signal, Usual(0.0, 2.0, "reach", "m"), Tag("over time")] | Annotated[FreeExtension, Tag("free")],
     Discriminator(_extension_tag),
 ]
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import free_boom
 import numpy as np
 import pytest
 from free_extension import RIGID, G, free, scene, simulated, system
@@ -52,6 +54,22 @@ def test_a_section_slides_down_a_slope_against_a_damper() -> None:
 def test_a_section_swings_on_a_spring_at_the_frequency_of_a_mass() -> None:
     run = simulated(*RIGID, free("length=0.6, spring=2e4, rate=0.1"), "time.end=1.0", "time.step=5e-4")
     assert frequency(run) == pytest.approx(np.sqrt(2e4 / run.mass) / (2.0 * np.pi), rel=1e-5)
+
+
+def test_a_section_that_follows_moves_with_the_free_one(tmp_path: Path) -> None:
+    """With X_2 = 1.5 s + 0.1 of the second one, both masses slide as m_1 + 1.5^2 m_2."""
+    text = free_boom.FILE.read_text().replace("second_order = true", "second_order = false")
+    follower = '[[sections]]\nname = "end"\nbody.box = { length = 2.0, width = 0.18, height = 0.14, wall = 0.003 }\n'
+    follower += "\n".join(f"joint.{key}" for key in ('follows = "fly"', "ratio = 0.5", "offset = 0.1"))
+    file = tmp_path / "three.toml"
+    file.write_text(text.replace("[gravity]", f"{follower}\n\n[gravity]"))
+    three = pmr.load_scene(file, [*RIGID, free("damping=400.0"), "time.end=0.2", "time.step=5e-4", "time.rho_inf=0.9"])
+    boom = pmr.reduce(three).system
+    response = pmr.simulate(three, boom)
+    _, first, second = (section.mass for section in FreeBase(three, boom).boom.sections)
+    m, weight, c = first + 1.5**2 * second, (first + 1.5 * second) * G * SLOPE, 400.0
+    exact = 0.6 - weight / c * response.t + m * weight / c**2 * (1.0 - np.exp(-c * response.t / m))
+    assert np.abs(response.other("extension of fly") - exact).max() < 1e-6 * np.ptp(exact)
 
 
 def test_a_boom_that_slews_throws_its_section_out() -> None:
@@ -120,7 +138,6 @@ def errors(step: float) -> Array:
 def test_a_valve_moves_a_rigid_section_as_a_stiff_solver_has_it() -> None:
     fine = errors(1e-4)
     np.testing.assert_allclose(errors(2e-4) / fine, 4.0, rtol=0.1)
-    assert fine.max() < 1e-4 * 20.0
     assert errors(2.5e-5).max() < 1e-4
 
 
@@ -163,7 +180,7 @@ def test_dry_friction_holds_a_section_up_to_its_limit() -> None:
     ends = []
     for more in (-10.0, 10.0):
         signal = f"{{kind='smooth_ramp', times=[0.0, 0.1], values=[{weight}, {weight + 100.0 + more}]}}"
-        drive = f"force={signal}, friction=100.0, shear_stiffness=1e7"
+        drive = f"force={signal}, dry_friction=100.0, shear_stiffness=1e7"
         ends.append(simulated(*RIGID, free(drive), "time.end=0.3", "time.step=1e-3", "time.rho_inf=0.8").s[:, -1])
     (at, rate), (_, slides) = ends[0][:2], ends[1][:2]
     assert at == pytest.approx(0.6 + 90.0 / 1e7, rel=1e-5)
@@ -200,8 +217,10 @@ REFUSED = {
     "simulation.simulators=['exudyn']": "march is allowed: exudyn computes no motion that is free (extension of fly)",
     "sections.fly.joint.extension.start=1.5": "an extension within the stroke, 0.3 to 1.2 m, is allowed",
     "sections.fly.joint.extension.stroke=[1.2, 0.3]": "a smallest extension below the greatest one is allowed",
+    "sections.fly.joint.extension.stroke=[0.01, 1.2]": "a smallest extension of stop_travel, 0.02 m, or more is",
+    "sections.fly.joint.extension.kind='fre'": "sections[1].joint.extension.kind = 'fre': constant, ramp,",
     "sections.fly.joint.extension.length=0.6": "length and spring are allowed together",
-    "sections.fly.joint.extension.static_friction=1.0": "as much as friction, which is above 0, or more is allowed",
+    "sections.fly.joint.extension.dry_friction_at_rest=1.0": "as much as dry_friction, which is above 0, or",
 }
 
 

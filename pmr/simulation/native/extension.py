@@ -71,8 +71,8 @@ def kernel_cylinder(cylinder: LuffingCylinder | FreeExtension, t: Array) -> Cyli
     if isinstance(cylinder, LuffingCylinder):
         apart = {"foot": cylinder.foot, "lug": cylinder.lug}
     else:
-        at_rest = max(cylinder.friction, cylinder.static_friction)
-        apart["friction"] = cylinder.friction, at_rest, cylinder.stribeck_speed
+        at_rest = max(cylinder.dry_friction, cylinder.dry_friction_at_rest)
+        apart["friction"] = cylinder.dry_friction, at_rest, cylinder.stribeck_speed
         apart["shear_stiffness"] = cylinder.shear_stiffness
     drive: SignalBase | None = next(iter(cylinder.drive_signals.values()), None)
     further = dict[str, Any]()
