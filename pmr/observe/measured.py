@@ -15,7 +15,7 @@ import pydantic
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, missing_file_reason
-from pmr.export.fmi.observer import UnitObserver
+from pmr.export.fmi.observer import ALLOWED, UnitObserver
 from pmr.files.arrays import Array, Summary
 from pmr.files.whole import replacement_file
 from pmr.observe.budget import output_errors
@@ -245,6 +245,8 @@ def read_unit_observer(file: Path, model: Path) -> UnitObserver:
     if "scene" not in system.provenance:
         raise InputError(model.name, "provenance.scene", None, "a file that contains its scene is allowed")
     scene = stored_scene(system.provenance["scene"], "provenance.scene", RECORDED)
+    if scene.frame is not None or system.hoist:
+        raise InputError("command line", "--observer", None, ALLOWED)
     summary: Any = json.loads(budget.read_text(encoding="utf-8")) if budget.is_file() else {}
     return unit_observer(description.observer(scene, system, summary), scene, system)
 

@@ -13,6 +13,8 @@ from pmr.export.fmi.variables import Drivers, Identifiers, Role, Variable
 from pmr.files.arrays import Array
 from pmr.kernel.filter import FilterData
 
+#: Systems for which an observer can be part of an FMU.
+ALLOWED = "a system without a moving frame and without a hoist is allowed"
 #: Sizes and numbers of a filter in the order in which source/estimator.c reads them.
 SIZES = ("states", "outputs", "sensors", "inputs", "loads", "parameters", "biased", "scaled", "off", "payload")
 NUMBERS = ("gravity", "gate", "refused", "alarm", "share", "following")
@@ -47,7 +49,7 @@ class UnitObserver:
         Raises InputError for an observer with parameters, and for a system in a frame that moves or with a hoist.
         """
         if drivers.frame is not None or drivers.system.hoist:
-            raise InputError("command line", "--observer", None, "a system without a moving frame and hoist is allowed")
+            raise InputError("command line", "--observer", None, ALLOWED)
         if self.data.sizes["parameters"]:
             raise InputError("command line", "--observer", None, "an observer without parameters is allowed")
         numbers, data = drivers.system.input_names, self.data

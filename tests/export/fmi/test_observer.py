@@ -130,6 +130,14 @@ def test_steps_that_are_no_multiple_of_the_observers_are_refused(case: Case, tmp
         instance.step(0.0, 1.5 * H)
 
 
+def test_a_moving_frame_is_refused(case: Case, tmp_path: Path) -> None:
+    system = System.load(case.model)
+    luffing = {**system.provenance["scene"], "frame": {"luffing": 0.5, "pivot": [0.0, 0.0, 0.0]}}
+    file = replace(system, provenance={**system.provenance, "scene": luffing}).save(tmp_path / "system.npz")
+    with pytest.raises(InputError, match="--observer: a system without a moving frame and without a hoist is allowed"):
+        read_unit_observer(case.sensors, file)
+
+
 def test_an_observer_with_parameters_is_refused(case: Case) -> None:
     observer = read_unit_observer(case.sensors, case.model)
     sizes = {**observer.data.sizes, "parameters": 1}
