@@ -66,8 +66,8 @@ def first_page_tables(result: RunResult) -> tuple[Table, ...]:
     all_tables = (
         Table("What was asked", tuple(overview.system_rows(result))),
         Table("What it carries", tuple(capacity_rows(result))),
-        errors.trust_table(result),
         Table("What is not in this model", tuple(_left_out_rows(result))),
+        errors.trust_table(result),
     )
     return tuple(table for table in all_tables if table.rows)
 
