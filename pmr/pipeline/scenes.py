@@ -251,11 +251,13 @@ def _measure(
     """
     comm, clock, scene = next(iter(bodies.built.values())).model.comm, bodies.clock, bodies.written_scene
     is_wanted, of_mesh, of_model = scene.compare.richer not in ("auto", "none"), dict[str, Any](), dict[str, Any]()
+    if not is_wanted and cache is None:
+        return {}
     with clock.stage("mesh and model"):
         if cache is not None and scene.goal is None:
             response = None if motions.reduced is None else motions.reduced.first.response
             of_mesh = measure_mesh(scene, bodies.system, response, comm, cache)
-        if is_wanted or (cache is not None and "model" not in budget):
+        if is_wanted or "model" not in budget:
             with_full = "full" in scene.compare.against and "full" not in motions.references.missing
             responses = {} if motions.reduced is None else motions.responses
             of_run = RunMotion(bodies.system, responses.get("reduced"), responses.get("full"), frequencies)
