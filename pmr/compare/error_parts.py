@@ -69,7 +69,7 @@ class ReductionError:
     sections: Mapping[str, float] = field(default_factory=dict)  # by section of a boom: error along it, a fraction
 
     def of_section(self, name: str) -> dict[str, Any]:
-        """Contents of summary.json for the section `name`: ``estimate``, the error along it; empty if there is none."""
+        """Return the part of summary.json on the section `name`: its error as ``estimate``, or nothing."""
         return {"estimate": self.sections[name]} if name in self.sections else {}
 
 

@@ -103,7 +103,7 @@ class Estimate:
 
     @property
     def tip(self) -> float:
-        """Error of the tip's displacements, a fraction with margin."""
+        """Estimated relative error of the tip's displacements, with the margin; 0.01 is 1 %."""
         return self.error_of("tip")
 
     @property

@@ -147,10 +147,11 @@ class SteppedSystem:
         return self.simulate(stepping) if rates or fits_in_memory(self.system, stepping) else None
 
     def sample(self, run: SystemTrajectory | None, stepping: TimeStepping, every: int, rates: bool) -> Sample:
-        """Sample each `every`-th step of a `run` that `record` returns for a time grid.
+        """Sample each `every`-th step of `run`, which `record` returned for the same `stepping`.
 
-        Velocities are sampled if `rates` is true.  Displacements that are round-off are set to zero, and so are forces
-        near kinks of extensions.  Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
+        If `run` is None, the system is simulated now and only these steps are stored.  Velocities are sampled if
+        `rates` is true.  Displacements that are round-off are set to zero, and so are forces near kinks of extensions.
+        Raises InputError or SimulationError as for `pmr.simulation.SystemSimulator`.
         """
         excitation, of_all = self.excitation.on_grid(stepping), ForceHistories()
         if run is not None:

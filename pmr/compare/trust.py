@@ -151,9 +151,10 @@ def effects_not_covered(
     `signals` are pairs (name, signal) of loads and path.  For modes beyond the enrichment modes, the estimate contains
     the quasi-static motion and the next term of a series in frequency, which converges below the lowest of these modes
     (docs/moving_residual_flexibility.md, section 10).  So it leaves out motions that a load excites beyond the
-    enrichment modes.  Time stepping with the step h moves a natural frequency :math:`\omega` to :math:`\Omega`,
-    :math:`\tan(\Omega h / 2) = \omega h / 2`, with rho_inf = 1 and hardly less with other values, so these frequencies
-    are compared with the load as the steps sample it.
+    enrichment modes.  Time steps h turn a natural frequency :math:`\omega` into :math:`\Omega`,
+    :math:`\tan(\Omega h / 2) = \omega h / 2`; this is exact for rho_inf = 1 and nearly so for other values.  The
+    highest :math:`\Omega` is compared with each signal as the steps sample it.  Two more clauses name damping of modes
+    beyond the enrichment modes that is not Rayleigh's, and stresses away from probes.
 
     If an estimate lacks a kind of output, callers add `SLIDER_IMPACTS`, `SLIDER_RINGING`, `LOAD_JUMPS` or one of
     `UNSETTLED_KINDS`.

@@ -284,7 +284,7 @@ def _make_locked(folder: Path, is_whole: Callable[[Path], bool], make: Callable[
 
 
 def _publish(part: Path, folder: Path, is_whole: Callable[[Path], bool]) -> None:
-    """Rename the complete temporary folder `part` to `folder`, unless another process has completed `folder` by now.
+    """Rename the complete temporary folder `part` to `folder`, unless another process has completed `folder` meanwhile.
 
     `is_whole` tells whether a folder is complete; an incomplete `folder` is replaced.
     """

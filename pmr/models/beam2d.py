@@ -217,7 +217,7 @@ class Beam2D(Beam):
         return stresses_along(self.sections, np.repeat(self.number, 2), forces, element, fibre_stress_factors)
 
     def on_nodes(self, stations: Array) -> Beam2D:
-        """Copy of this beam with nodes at `stations` (N,) m, cut where two nodes are at the same point."""
+        """Copy of this beam with nodes at `stations` (N,) m; the beam is cut through where two stations are equal."""
         return replace(self, nodes=stations)
 
     def bending_stiffness(self, direction: str) -> dict[int, Array]:
@@ -254,9 +254,9 @@ class Beam2D(Beam):
 
     @property
     def deflection(self) -> Array:
-        """Coefficients (4, E, 4) of the deflection w on each element, a cubic in the distance from its first node.
+        """Coefficients (4, E, 4) of the deflection w on E elements, a cubic in the distance from the first node.
 
-        The first axis counts the powers, the highest first.  The last axis counts the coordinates in `bending_dofs`.
+        The first axis has the powers 3, 2, 1, 0, the last axis the element's coordinates in `bending_dofs`.
         """
         h = np.diff(self.nodes[self.grid.cells])[:, 0]
         powers = h ** -np.arange(3.0, -1.0, -1.0)[:, None]  # (x / h)^p

@@ -73,10 +73,10 @@ def find_stuck(values: Array, step: float) -> NDArray[np.bool_]:
 
 
 def find_silent(values: Array, step: float) -> NDArray[np.bool_]:
-    """Whether, at each step of `step` s, a sensor (T, p) has had no measurement for too long.
+    """Mask (T, p), true where a sensor has had no measurement for too long, at T steps of `step` s and p sensors.
 
-    That is longer than `SILENT` s and than `INTERVALS` times the median interval of its measurements.  The start counts
-    as a measurement.
+    `values` (T, p) are not finite where nothing was measured.  Too long is longer than `SILENT` s and than `INTERVALS`
+    times the median interval of the sensor's measurements.  The start counts as a measurement.
     """
     silent = np.zeros(values.shape, bool)
     steps = np.arange(len(values))

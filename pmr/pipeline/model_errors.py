@@ -305,9 +305,9 @@ def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None) -> 
 def _model_budget(
     scene: Scene, motion: Motion | None, other: Motion | None, label: str, comm: MPI.Comm
 ) -> dict[str, Any]:
-    """Return, on every rank, the difference of a scene's `motion` to the motion `other`, which only rank 0 has.
+    """Return, on every rank, the differences of a scene's `motion` from the motion `other` of the scene `label`.
 
-    `label` is the name of the other scene.
+    Rank 0 has both motions; they are None on the other ranks.
     """
     part = None if motion is None or other is None else model_budget(scene, motion, other, label)
     errors: dict[str, Any] = comm.bcast(part)

@@ -101,7 +101,7 @@ class BackgroundReport:
 
 @contextmanager
 def helper_process() -> Iterator[Executor | None]:
-    """Yield an executor with one process, which starts with its first task, or None if no core is free for it."""
+    """Yield an executor of one process, which starts at the first task; yield None if no core is free."""
     pool = ProcessPoolExecutor(1, get_context("spawn"), _begin_to_help) if has_free_core() else None
     try:
         yield pool

@@ -177,7 +177,7 @@ def _unique_key_paths(schema: Schema) -> dict[str, str]:
 
 
 def _table_schemas(node: object, parts: Schema) -> Iterator[Schema]:
-    """Yield the schemas of all tables with keys that a node of a schema allows; `parts` are schemas by name."""
+    """Yield the schema of each table with keys that can be reached from `node`; `parts` are schemas by name."""
     if isinstance(node, dict):
         if "properties" in node:
             yield node

@@ -159,7 +159,7 @@ class Member:
 
     @property
     def ring_ranges(self) -> dict[str, Interval]:
-        """Range of s in m where a moving ring of a joint has rows, by name; other rings have the range `travel`."""
+        """Range of s in m in which a moving ring of a joint has rows, by the name of the ring."""
         return {name: pads.travel for name, pads in self.moving_pads.items()}
 
     @property

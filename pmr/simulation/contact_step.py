@@ -155,7 +155,7 @@ def warnings(omega: float, stepping: TimeStepping) -> list[str]:
 
 @dataclass(frozen=True)
 class StepParts:
-    """Numbers of parts (T,) of T steps, N - 1 parts in all; the largest number is a multiple of all others."""
+    """Numbers (T,) of equal parts of T steps, in all N - 1 parts; the largest number is a multiple of all others."""
 
     stepping: TimeStepping
     parts: Indices

@@ -227,7 +227,7 @@ class BoomState:
         return _skew_part(np.tensordot(self.d, J[:, 0], (0, 0)) + J[:, 1:].sum(axis=0))
 
     def forces(self) -> Array:
-        """Left sides (6 + n + P,) of the equations at zero accelerations a, alpha, q'', s'', with the weight."""
+        """Forces (6 + n + P,) of velocities and weight: left sides of the equations with accelerations of zero."""
         omega, e, S = self.omega, _E[0], len(self.masses)
         spin = skew(omega)
         A = spin @ spin

@@ -222,7 +222,7 @@ class CarrierRows:
         return cls(np.asarray(values), breaks, touched, coefficients, np.zeros((len(values), 0)), flexibility)
 
     def row(self, number: int, name: str) -> Row:
-        """Row with the given `number`, called `name`, as a row of the r coordinates: its carriers are U V (K, r)."""
+        """Return the row with the given `number` as a row, called `name`, of the r coordinates alone."""
         k = str(number)
         return Row(name, self.breaks[k], self._sparse_values, self.touched[k], self.coefficients[k])
 

@@ -195,7 +195,7 @@ def _draw_stress_ring(
 ) -> None:
     """Draw a ring around the point of the largest stress, and its value beside it, clear of all lines and `labels`.
 
-    `view` is the name of the view, `moment` the number of the drawn position of the body among those in this view.
+    `view` is the name of the view.  It shows the body at several times; the ring is drawn at the one numbered `moment`.
     """
     places = getattr(body, view)[moment]
     at = np.array([np.interp(worst.x, body.x, places[:, 0]), np.interp(worst.x, body.x, places[:, 1])])

@@ -52,7 +52,7 @@ class Steps(NamedTuple):
     hoist: Array | None = None  # (T, 10): outputs of a hoist
 
     def at(self, rows: NDArray[np.int64] | slice) -> Steps:
-        """Steps with the numbers `rows`, from 0 on, or in this slice."""
+        """Return the steps that `rows` chooses: numbers, counted from 0, or a slice."""
         return Steps._make(None if array is None else array[rows] for array in self)
 
 
@@ -237,7 +237,7 @@ class March:
             taken, per = taken + done, needed or max(self.state.settings.parts[0], per // 2)
 
     def sample_drivers(self, first: int, last: int, per: int) -> Array:
-        """Drivers (K, N) from step `first` to step `last`, both included, at `per` points in each step."""
+        """Values (K, N) of the drivers from step `first` to step `last`: K = (last - first) per + 1, `per` a step."""
         begun = perf_counter()
         t = np.arange(first * per, last * per + 1) * (float(self.t[1]) / per)
         u = np.column_stack([np.empty((len(t), 0)), *(signal.value(t) for signal in self._drivers)])

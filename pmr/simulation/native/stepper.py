@@ -289,7 +289,7 @@ class Stepper:
 
     @property
     def multipliers(self) -> Array:
-        """Forces (m,) of the contacts in N, positive where they push; cylinders' include the pads' friction."""
+        """Forces (m,) of the contacts in N, positive where they push; a cylinder's includes the friction of pads."""
         return self._state.outputs()[1]
 
     @property

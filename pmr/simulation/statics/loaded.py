@@ -274,7 +274,7 @@ class Form:
 
     @cached_property
     def condensed(self) -> Condensed:
-        """Matrices on the motions that rigid contacts leave free; K includes the stiffness of all other contacts."""
+        """Matrices on the motions that rigid closed contacts leave free; K includes the other closed contacts."""
         e, closed = self.equations, self.closed
         T, H, E = e.load_inputs
         n, d = T.shape
@@ -299,7 +299,7 @@ class Form:
 
     @property
     def lifting_direction(self) -> Array:
-        """Unit vector (d,) opposite to the pull of the load, in the directions of its inputs."""
+        """Unit vector (d,) opposite to the pull of the load; it has one component for each input of the load."""
         pull = np.linalg.lstsq(self.equations.load_inputs[0], self.equations.b[1], rcond=None)[0]
         return np.asarray(-pull / np.linalg.norm(pull))
 

@@ -270,9 +270,9 @@ class Study(StudyBase):
     def table(self, results: StudyResults) -> dict[str, Any]:
         """Return the arrays, by name, of all points of the finished runs, in the order of the plan.
 
-        The arrays are those of `pmr.studies.charting.allow_row` but ``at.<name>``; for P points and l limits they are
-        for instance ``load`` (P, l) in kg, ``error`` (P, l) in kg and ``case`` (P, l).  Raises IndexError if no run is
-        done.
+        The arrays are those of `pmr.studies.charting.allow_row` without those called ``at.<name>``; for P points and l
+        limits they are for instance ``load`` (P, l) in kg, ``error`` (P, l) in kg and ``case`` (P, l).  Raises
+        IndexError if no run is done.
         """
         parts = [results.arrays(run.key) for run in results.runs if run.status == "done"]
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0] if name[:3] != "at."}
