@@ -228,15 +228,22 @@ TIPPING = """
 name = "tipping"
 of = "tipping"
 most = 1.0      # use of the support polygon: at 1 the machine tips
-factor = 1.0    # the safety factor of your standard
+factor = 1.33   # so that at most three quarters of it are used; your standard has the factor of your machine
+"""
+#: Limit of a chart whose scene has probes of stress and a yield stress, in Pa.
+STRESS = """
+[[limits]]
+name = "stress at probes"
+of = "stress"
+most = {most:.6g}    # Pa, the least yield stress
+factor = 1.5    # of beams: bending of walls under pads comes on top, which limits of pads keep small
 """
 LIMITS = """
-# Limits that the load must keep, each with your own safety factor.
-# Without limits the chart shows the load that buckles the boom.
+# Further limits that the load must keep, each with your own safety factor.
 # [[limits]]
-# name = "stress"
-# of = "stress"                # or pad, cylinder, support, deflection, buckling, frequency, overturning
-# most = 355e6                 # Pa, von Mises at the probes of the scene
+# name = "pads"
+# of = "pad"                   # or stress, luffing, cylinder, support, deflection, buckling, frequency, overturning
+# most = 50e3                  # N, what a pad and the walls under it bear
 # factor = 1.5
 #
 # [[cases]]
@@ -292,16 +299,20 @@ def _chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
         at = (f"{name} = {low + share * (high - low):.6g}" for name, (low, high) in zip(names, bounds, strict=True))
         rows.append(f"  {{ {', '.join(at)} }},\n")
     least, most = scene.frame.luffing.bounds(0.0, end)
+    slewing = sorted(set(scene.frame.slewing.bounds(0.0, end))) if scene.frame.slewing is not None else [0.0]
+    is_probed = any("stress" in probe.measures for section in scene.sections for probe in section.probes)
+    yields = [part.body.material.yield_stress for part in scene.bodies.values() if part.body.material.yield_stress]
     return "".join(
         [
             'kind = "chart"\n',
             f"title = {json.dumps(f'Load chart: {scene.title}')}\n",
             f"scene = {json.dumps(str(file.resolve()))}\n",
-            "# change.sections.fly.masses = []   # a payload of the scene counts as weight until it goes\n",
             f"up_to = {float(up_to)!r}  # kg\n",
             f"extensions = [\n{''.join(rows)}]\n" if rows else "",
             f"luffing = {{ least = {least:.6g}, most = {most:.6g}, count = {ANGLES if most > least else 1} }}\n",
+            f"slewing = [{', '.join(f'{angle:.6g}' for angle in slewing)}]  # the least load of all counts\n",
             TIPPING if scene.frame.ground is not None else "",
+            STRESS.format(most=min(yields)) if is_probed and yields else "",
             LIMITS,
         ]
     )

@@ -33,7 +33,7 @@ from pmr.report.bodies import (
 from pmr.report.columns import rope_places
 from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.renderer import NoPictureError, Piece, Shot, frame_shots, render_shots
-from pmr.report.subject import is_alone
+from pmr.report.subject import is_alone, walls_clause
 from pmr.results import RunResult
 from pmr.results.quantities import stress_name
 from pmr.scene.members import body_ring
@@ -282,7 +282,7 @@ class _Views:
         """
         deformed = f"displacements {format_input(self.scale)} times their size"
         largest = stress_name(self.result.scene)
-        stress = f", {largest} {format_quantity(moment.peak, 'Pa')}" if self.stressed else ""
+        stress = f", {largest} {format_quantity(moment.peak, 'Pa')}{walls_clause(self.result)}" if self.stressed else ""
         length = f"{moment.extension:.2f}{SPACE}m"
         out = f"{length} beyond the mouth" if is_alone(self.result) else f"A reach of {length}"
         around = "" if is_alone(self.result) else " Pads are drawn on the outside of the section that they slide in."

@@ -33,7 +33,7 @@ from pmr.report.numbers import (
 )
 from pmr.report.subject import force_words, is_alone, scope_words
 from pmr.results import RunResult
-from pmr.results.quantities import COMPARED, QUANTITIES, error_label, reduction_error, stress_name
+from pmr.results.quantities import COMPARED, QUANTITIES, error_label, reduction_error, stress_name, wall_stress
 from pmr.results.tables import REACTION_OF
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
@@ -186,8 +186,7 @@ def _stress_rows(result: RunResult) -> Iterator[Row]:
     if {"full", "reduced"} <= set(largest) and largest["full"] > 0.0:
         apart = signed_deviation(largest["reduced"], largest["full"])
         yield Row(called, "reduced to full", apart)
-    model = result.summary.get("budget", {}).get("model") or {}
-    if (walls := model.get("wall_stress")) is not None:
+    if (walls := wall_stress(result.summary)) is not None:
         yield Row("largest von Mises stress in walls", "a shell", format_quantity(walls["value"], "Pa", 4))
 
 

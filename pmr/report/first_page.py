@@ -34,7 +34,7 @@ from pmr.report.subject import (
 from pmr.report.subject import reach as reach_of
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
-from pmr.results.quantities import QUANTITIES, stress_name, stress_remark
+from pmr.results.quantities import QUANTITIES, stress_name, stress_remark, wall_stress
 from pmr.results.response import Extreme, Extremes
 from pmr.results.tables import FORCE_OF
 from pmr.scene.keys import cylinder_name, qualified_name
@@ -118,9 +118,8 @@ def _stress_rows(result: RunResult) -> Rows:
     peak, used = (summary.get(name, {}).get("reduced") for name in ("stress_peak", "utilisation"))
     stress_text = format_quantity(largest, "Pa")
     if stress_remark(result.scene):
-        model = summary.get("budget", {}).get("model") or {}
         local = "bending of walls under pads comes on top, "
-        if (shell := model.get("wall_stress")) is not None:
+        if (shell := wall_stress(summary)) is not None:
             yield "largest von Mises stress in walls", _wall_stress_text(result, shell)
             local += "the row above has it"
         else:

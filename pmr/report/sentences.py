@@ -31,7 +31,7 @@ from pmr.report.subject import (
 from pmr.report.subject import reach as reach
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
-from pmr.results.quantities import QUANTITIES, stress_name
+from pmr.results.quantities import QUANTITIES, stress_name, wall_stress
 
 #: Largest number of further points with the largest stress that are named; if there are more, only their number is
 #: stated.
@@ -110,7 +110,12 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     peak = summary.get("max_von_mises", {})
     if "reduced" in peak:
         full = f"full model {format_quantity(peak['full'], 'Pa')}" if "full" in peak else ""
-        yield KeyNumber(format_quantity(peak["reduced"], "Pa"), stress_name(result.scene), full)
+        stress_text, name = format_quantity(peak["reduced"], "Pa"), stress_name(result.scene)
+        if (walls := wall_stress(summary)) is not None:
+            of_walls = format_quantity(walls["value"], "Pa")
+            yield KeyNumber(of_walls, "largest von Mises stress in walls", f"of a shell; of the beams {stress_text}")
+        else:
+            yield KeyNumber(stress_text, name, full)
     if damages := summary.get("fatigue"):
         worst = damages[0]
         yield KeyNumber(significant(worst["damage"]), QUANTITIES["damage"].reported, f"of one run, {worst['name']}")

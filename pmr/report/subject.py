@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pmr.files.arrays import Array, Summary
-from pmr.report.numbers import format_input, format_percent
+from pmr.report.numbers import format_input, format_percent, format_quantity
 from pmr.results import BodyResult, RunResult
+from pmr.results.quantities import wall_stress
 from pmr.scene.built import PadRing
 from pmr.scene.choice import choose_model, input_directions
 from pmr.scene.joints import JointPads
@@ -54,6 +55,12 @@ class AppliedLoad:
     values: Array  # (T,): N, N m, K, or N/m of wind
     axis_of: str = ""  # for a component, the name in the scene of the whole load
     unit: str = "N"  # of the whole load: N, N m, K or Pa
+
+
+def walls_clause(result: RunResult) -> str:
+    """Clause of a caption on the stress in walls, which no picture of beams shows; empty if it is not known."""
+    walls = wall_stress(result.summary)
+    return "" if walls is None else f"; walls under pads reach {format_quantity(walls['value'], 'Pa')}, not drawn"
 
 
 def direction_words(result: RunResult, direction: str) -> str:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -339,6 +339,13 @@ def stress_name(scene: Scene) -> str:
     return QUANTITIES["stress"].reported + (" of the beams" if stress_remark(scene) else "")
 
 
+def wall_stress(summary: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Return the largest stress in walls, of the shell that a run is compared with, from its summary.json, or None."""
+    model = summary.get("budget", {}).get("model") or {}
+    stress: Mapping[str, Any] | None = model.get("wall_stress")
+    return stress
+
+
 #: All quantities, by their keys.
 QUANTITIES: Mapping[str, Quantity] = {
     quantity.key: quantity
@@ -410,18 +417,20 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity("support_moment", "moments of supports", "N m", "support", (), "largest moment of a support"),
         Quantity(
-            "machine_force", "forces on the machine", "N", "machine", (), "largest net force of the boom on its machine"
+            "machine_force", "forces on the machine", "N", "machine", (),
+            "largest component of the net force of the boom on its machine",
         ),
         Quantity(
             "machine_moment", "moments on the machine", "N m", "machine", (),
-            "largest net moment of the boom on its machine, about the pivot",
+            "largest component of the net moment of the boom on its machine, about the pivot",
         ),
         Quantity(
-            "ground_force", "forces on the ground", "N", "ground", (), "largest net force of the machine on the ground"
+            "ground_force", "forces on the ground", "N", "ground", (),
+            "largest component of the net force of the machine on the ground",
         ),
         Quantity(
             "ground_moment", "moments on the ground", "N m", "ground", (),
-            "largest net moment of the machine on the ground",
+            "largest component of the net moment of the machine on the ground",
         ),
         Quantity(
             "outrigger_force", "outrigger forces", "N", "ground", ("outrigger",), "largest force of an outrigger",

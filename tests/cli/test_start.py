@@ -25,7 +25,6 @@ from pmr.errors import InputError
 from pmr.scene.members import member_at, members
 from pmr.simulation.frame import load_signals
 from pmr.studies import call
-from pmr.studies.limits import Limit
 
 RUN = CliRunner()
 
@@ -243,12 +242,11 @@ def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.Mo
     called(monkeypatch, capsys, "new", "crane", "mine")
     called(monkeypatch, capsys, "chart", "mine", "--up-to", "20000")
     study = call.load(tmp_path / "reports" / "chart_mine" / "chart.toml").parts[0].study
-    (limit,) = study.limits
-    assert (limit.of, limit.most, limit.factor) == ("tipping", 1.0, 1.0)  # the scene has outriggers
+    limits = [(limit.of, limit.most, limit.factor) for limit in study.limits]
+    assert limits == [("tipping", 1.0, 1.33), ("stress", 355e6, 1.5)]  # the scene has outriggers and a probe of stress
+    assert study.slewing == (0.0, 90.0)
     scene = json.dumps(study.plan().runs[0].arguments)
     assert "hook block" in scene and '"name": "payload"' not in scene  # the load that is looked for hangs in its place
-    stress = Limit(name="stress", of="stress", most=355e6, factor=1.5)
-    study.model_copy(update={"limits": (limit, stress)}).plan()  # the scene has a probe
 
 
 @pytest.mark.parametrize(

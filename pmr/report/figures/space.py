@@ -34,7 +34,7 @@ from pmr.report.figures.canvas import (
 from pmr.report.figures.histories import Timeline
 from pmr.report.figures.shapes import exaggeration
 from pmr.report.numbers import SPACE, format_input, format_quantity
-from pmr.report.subject import changing_angles, reach
+from pmr.report.subject import changing_angles, reach, walls_clause
 from pmr.results import RunResult
 from pmr.results.quantities import stress_name
 
@@ -107,6 +107,7 @@ def view_caption(result: RunResult, view: str) -> str:
     mark = f"; the ring is the place of the {stress_name(result.scene)}" if worst is not None else ""
     if worst is not None and len(steps) > 1:
         mark += f", at {float(t[worst.step]):.3g}{SPACE}s; other moments are paler"
+    mark += walls_clause(result)
     way = "; dashed: the path of its tip" if float(np.ptp(result.abscissa)) > 0.0 or len(steps) > 1 else ""
     way += "; square: the payload on its rope" if rope_axis(result, steps) is not None else ""
     return f"The boom {view} {when}{way}; deflection is drawn {scale} times its size{mark}."
