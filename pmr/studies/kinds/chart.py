@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 from pmr import scene as scenes
 from pmr.errors import InputError
 from pmr.errors.environment import check_installed
+from pmr.results.quantities import UNBENT_WALLS, stress_remark
 from pmr.scene import Scene
 from pmr.scene.choice import is_planar
 from pmr.scene.hints import table_hints
@@ -399,6 +400,11 @@ class Study(StudyBase):
             lines.append(
                 "the limits are those of the ground alone: whether stresses and forces of pads, cylinders and supports "
                 "are allowed is not looked at"
+            )
+        elif "stress" in kinds and "pad" not in kinds and stress_remark(self._scene):
+            lines.append(
+                "no limit of pad forces is set: walls may yield under pads at smaller loads, as stresses of beams are "
+                f"{UNBENT_WALLS}"
             )
         return lines
 
