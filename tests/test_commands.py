@@ -57,6 +57,9 @@ TESTED = {
     "pmr observe SYSTEM.npz --scene SCENE.toml --measured day.csv --observer sensors.toml --leave-out": (
         "tests/observe/test_measured.py"
     ),
+    "pmr export SYSTEM.npz --to fmu --observer sensors.toml": (
+        "tests/export/fmi/test_observer.py::test_the_command_writes_it_and_other_formats_refuse_an_observer"
+    ),
     "mpiexec -n 65 python -m mpi4py.futures -m pmr study coordinates": "tests/cli/test_study.py",
 }
 #: Of which something is left out where the text goes on about it.
