@@ -21,6 +21,7 @@ from pmr.models import StructuralModel
 from pmr.models.box_mesh import DIMENSIONS, BoxBoom, write_shell, write_solid
 from pmr.models.matrices import Matrices
 from pmr.models.mesh_drawing import NotDrawnError, graded_nodes, read_nodes
+from pmr.models.mesh_faces import add_faces
 from pmr.models.mover import Mover
 from pmr.models.named_mesh import NamedMesh, read_mesh
 from pmr.scene.box import Box
@@ -287,7 +288,7 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
     being drawn.
     """
     if member.part.mesh.file is not None:
-        return read_mesh(member.part.mesh.file, kinds)
+        return add_faces(read_mesh(member.part.mesh.file, kinds), member.part.mesh.faces)
     from pmr.models.shell import draw_box
 
     box, mesh = _box(member), member.part.mesh

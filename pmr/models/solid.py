@@ -32,10 +32,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import ufl
 
-from pmr.fem.compat import cell_topology, cellwise, lagrange_rule, lagrange_space, rule_points
-from pmr.files.arrays import Array, Indices
+from pmr.fem.compat import cellwise, lagrange_rule, lagrange_space, rule_points
 from pmr.models import Forms, UnitState
-from pmr.models.mesh_nodes import codes
+from pmr.models.mesh_faces import skin
 from pmr.models.meshed import (
     FACES,
     CellProperties,
@@ -162,29 +161,3 @@ def of(body: Body, mesh: NamedMesh) -> Solid:
     """The solid model of a scene's body on a mesh."""
     regions = {name: region.material or body.material for name, region in body.regions.items()}
     return Solid(SolidBody(material=body.material, regions=regions), mesh)
-
-
-@dataclass(frozen=True)
-class Skin:
-    """The f facets of a solid's surface: cell (f,) and vertices (f, k) of each, and outward unit normals (f, 3)."""
-
-    cell: Indices
-    vertices: Indices
-    normals: Array
-
-
-def skin(mesh: NamedMesh) -> Skin:
-    """Facets that belong to only one cell of a solid's mesh, with this cell and their outward normals."""
-    facets = np.array(cell_topology(mesh.cell)[2])
-    vertices = mesh.cells[:, facets]
-    flat = vertices.reshape(-1, vertices.shape[2])
-    code = codes(np.sort(flat, axis=1), len(mesh.points))
-    _, inverse, count = np.unique(code, return_inverse=True, return_counts=True)
-    shown = np.flatnonzero(count[inverse.reshape(-1)] == 1)
-    cell = shown // len(facets)
-    a, b, c = (mesh.points[flat[shown, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
-    out = mesh.points[flat[shown]].mean(axis=1) - mesh.points[mesh.cells[cell]].mean(axis=1)
-    normals *= np.sign(np.sum(normals * out, axis=1))[:, None]
-    return Skin(cell, flat[shown], normals)

@@ -140,12 +140,23 @@ class Body(Geometry):
         return described.length if described else None
 
 
+class FaceNormal(SceneTable):
+    """A flat face of a mesh that is read: the outermost facets whose normals point in a direction."""
+
+    normal: Annotated[Vector, AfterValidator(unit_vector)] = Field(
+        description="Normal of the face, out of the body; any length"
+    )
+    angle: Annotated[float, Field(ge=0.01, le=45.0, strict=True), Quantity("degrees", 0.01, 45.0)] = Field(
+        default=1.0, description="Largest angle between this normal and that of a facet"
+    )
+
+
 class MeshChoice(SceneTable):
     """How fine the mesh is, or a file that holds a mesh, in any format of meshio.
 
     A box boom takes `size` and `along`; beams take `elements`.  A file for a planar beam holds a chain of lines.  Any
     other file holds cells and named groups, to which pads, loads and supports refer: tail and tip, bottom, top, left
-    (+y) and right.
+    (+y) and right.  A face that is no group of the file has its normal in `faces`.
     """
 
     size: Annotated[Size, Usual(0.0, 1.0, "length")] = Field(
@@ -165,6 +176,9 @@ class MeshChoice(SceneTable):
     file: ExistingFile | None = Field(
         default=None,
         description="Mesh file, in place of the keys above; with model `matrices` the file that `pmr matrices` wrote",
+    )
+    faces: dict[Name, FaceNormal] = Field(
+        default={}, description="Faces of the mesh file by their normals, such as `bottom.normal = [0, 0, -1]`"
     )
 
 

@@ -88,16 +88,16 @@ def _leave_out(data: object, keys: Sequence[str]) -> None:
 _CELLS = ("size", "along", "tail_layer", "cells")
 #: Keys without effect, by model.
 UNUSED = {
-    "beam2d": (*(f"mesh.{key}" for key in _CELLS), "body.shear_correction", "body.shear"),
-    "beam3d": (*(f"mesh.{key}" for key in _CELLS), "body.shear_correction"),
+    "beam2d": (*(f"mesh.{key}" for key in (*_CELLS, "faces")), "body.shear_correction", "body.shear"),
+    "beam3d": (*(f"mesh.{key}" for key in (*_CELLS, "faces")), "body.shear_correction"),
     "shell": ("mesh.elements", "mesh.cells", "body.shear", "body.walls"),
     "solid": ("mesh.elements", "body.shear", "body.shear_correction", "body.walls"),
     "mover": (
-        *(f"mesh.{key}" for key in (*_CELLS, "elements")),
+        *(f"mesh.{key}" for key in (*_CELLS, "elements", "faces")),
         *(f"body.{key}" for key in ("material", "regions", "shear", "shear_correction", "walls")),
     ),
     "matrices": (
-        *(f"mesh.{key}" for key in (*_CELLS, "elements")),
+        *(f"mesh.{key}" for key in (*_CELLS, "elements", "faces")),
         *(f"body.{key}" for key in ("material", "thickness", "regions", "shear", "shear_correction", "walls")),
     ),
 }
@@ -175,6 +175,8 @@ def _unused_body_keys(member: Member, compared: bool) -> Iterator[UnusedKey]:
         yield from (UnusedKey(key, "", f"{model} has no frames; beam3d and shell have them") for key in STIFFENERS)
     if member.part.mesh.file is not None:
         yield from (UnusedKey(f"mesh.{key}", "mesh.file", "the mesh is read from a file") for key in _CELLS)
+    else:
+        yield UnusedKey("mesh.faces", "mesh.file", "only faces of a mesh that is read are found by their normals")
     if member.part.body.profile is not None:
         yield UnusedKey("body.material", "body.profile", "a profile holds stiffness and mass itself")
     if not member.part.reduction.uses_pod:

@@ -6,6 +6,7 @@ import importlib.util
 import os
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 from deck_boom import ACROSS, ALONG, HEIGHT, LENGTH, UP, WALL, WIDTH, write_boom
@@ -14,8 +15,14 @@ from fuzz.mutations import scratched
 import pmr
 from pmr.errors import InputError
 from pmr.files.decks import read_deck
+from pmr.fullmodel.from_scene import structure_of
+from pmr.models import StructuralModel
+from pmr.models.mesh_faces import add_faces
 from pmr.models.mesh_file import read_mesh_file
 from pmr.models.named_mesh import read_mesh
+from pmr.models.trace import Window
+from pmr.scene.built import FaceNormal
+from pmr.scene.members import members
 
 FACES = "{ bottom = [-0.1, 0.1], top = [-0.1, 0.1], left = [0.0], right = [0.0] }"
 SCENE = f"""
@@ -235,3 +242,60 @@ def test_an_inverted_cell_is_refused_with_its_line(tmp_path: Path) -> None:
     (tmp_path / "cells.inp").write_text("\n".join(lines) + "\n")
     with pytest.raises(InputError, match="cells.inp: line 16: 1 of 2 cells are inverted"):
         read_mesh(tmp_path / "cells.inp", ("hexahedron",))
+
+
+NORMALS = {"bottom": [0, 0, -1], "top": [0, 0, 2], "left": [0, 1, 0], "right": [0, -1, 0], "tail": [-1, 0, 0]}
+
+
+def faces_by_normals(**normals: list[float]) -> str:
+    return "\n[mesh.faces]\n" + "".join(f"{name}.normal = {normal}\n" for name, normal in normals.items())
+
+
+def read_model(folder: Path, body: str) -> StructuralModel:
+    (folder / "boom.toml").write_text(SCENE + body)
+    return structure_of(members(pmr.load_scene(folder / "boom.toml"))[0]).model
+
+
+def test_faces_by_normals_are_the_groups_of_a_deck(tmp_path: Path) -> None:
+    """The boom's mesh as a file without groups: pads meet the same displacements, and the ends are its rim."""
+    by_groups = read_model(tmp_path, READ.replace("boom.inp", write_boom(tmp_path).name))
+    read = read_mesh_file(tmp_path / "boom.inp")
+    cells = [(block.kind, block.corners) for block in read.blocks if block.kind == "quad"]
+    meshio.write(tmp_path / "plain.vtu", meshio.Mesh(read.points, cells))
+    plain = READ.replace("boom.inp", "plain.vtu")
+    by_normals = read_model(tmp_path, plain + faces_by_normals(**NORMALS, tip=[1, 0, 0]))
+    window = Window((0.7, 1.1), (-0.12, 0.12), (0.05, 0.05))
+    for face in ("bottom", "top", "left", "right"):
+        strip, expected = (model.strip(face, window) for model in (by_normals, by_groups))
+        np.testing.assert_allclose(strip.weights, expected.weights, rtol=1e-12)
+        assert len(strip.weights) and abs(strip.normal - expected.normal).max() <= 1e-12
+    for end in ("tail", "tip"):
+        numbers, expected = (model.coordinates_on(end, ("x", "ry")) for model in (by_normals, by_groups))
+        assert len(numbers) and set(numbers) == set(expected)
+    for body, normal, says in (
+        (
+            plain,
+            [0, 3, 4],
+            r"normal = \[0.0, 0.6, 0.8\]: a normal within 1 degrees of .*; the nearest face has \[0.0, 0.0, 1",
+        ),
+        (plain, [0, 0, 0], "three numbers, not all of them zero"),
+        (READ, [0, 0, 1], "a name is allowed that is no group of .*boom.inp: "),
+    ):
+        with pytest.raises(InputError, match=says) as refused:
+            read_model(tmp_path, body + faces_by_normals(top=normal))
+        assert "mesh.faces.top" in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_a_face_of_a_hollow_solid_is_the_outermost_with_its_normal(tmp_path: Path) -> None:
+    """A tube of cubes has the inside of its top, which looks downwards as its bottom does."""
+    cubes = [(x, y, z) for x in range(5) for y in range(3) for z in range(3) if (y, z) != (1, 1)]
+    corners = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)])
+    points, numbers = np.unique((np.array(cubes)[:, None] + corners).reshape(-1, 3), axis=0, return_inverse=True)
+    meshio.write(tmp_path / "tube.vtu", meshio.Mesh(1.0 * points, [("hexahedron", numbers.reshape(-1, 8))]))
+    mesh = read_mesh(tmp_path / "tube.vtu", ("hexahedron",))
+    with_faces = add_faces(mesh, {name: FaceNormal(normal=normal) for name, normal in NORMALS.items()})
+    planes = (("bottom", 15, 2, 0.0), ("top", 15, 2, 3.0), ("left", 15, 1, 3.0), ("tail", 8, 0, 0.0))
+    for name, count, axis, level in planes:
+        group = with_faces.groups[name]
+        assert group.dim == 2 and len(group.entities) == count
+        assert np.all(mesh.points[group.entities][..., axis] == level)
