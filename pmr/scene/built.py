@@ -146,9 +146,9 @@ class FaceNormal(SceneTable):
     normal: Annotated[Vector, AfterValidator(unit_vector)] = Field(
         description="Normal of the face, out of the body; any length"
     )
-    angle: Annotated[float, Field(ge=0.01, le=45.0, strict=True), Quantity("degrees", 0.01, 45.0)] = Field(
-        default=1.0, description="Largest angle between this normal and that of a facet"
-    )
+    angle: Annotated[
+        float, Field(ge=0.01, le=45.0, strict=True), Quantity("degrees", 0.01, 45.0), Usual(0.01, 45.0)
+    ] = Field(default=1.0, description="Largest angle between this normal and that of a facet")
 
 
 class MeshChoice(SceneTable):
