@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors import SimulationError
 from pmr.files.arrays import Array
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.kernel import integer_pointer, pointer
@@ -17,6 +18,8 @@ from pmr.kernel.state import State
 #: How a measurement is used (`pmr_filter_update` in src/pmr_kernel.h).
 IF_POSSIBLE, IF_NEAR = lib.PMR_IF_POSSIBLE, lib.PMR_IF_NEAR
 AS_EXPECTED, NOT_USED = lib.PMR_AS_EXPECTED, lib.PMR_NOT_USED
+#: Most that a normalised innovation counts in the running mean square.
+MOST_SQUARE = float(lib.PMR_MOST_SQUARE)
 
 
 @dataclass(frozen=True)
@@ -77,12 +80,13 @@ class KalmanFilter:
         """Correct the state at step k; return innovations (p,) over their standard deviations.
 
         Measurements (p,) that are not finite are missing; each is used as `use` (p,) says.  The innovation of a missing
-        one is NaN.
+        one is NaN.  Raises a SimulationError if the covariance of the measurements is not positive definite.
         """
         measured, innovations = np.ascontiguousarray(measured, float), np.zeros(len(measured))
         used = np.ascontiguousarray(use, np.int32)
         arguments = (pointer(measured), integer_pointer(used), pointer(innovations))
-        lib.pmr_filter_update(self._filter, pointer(self.memory), self._step_data(k), *arguments)
+        if lib.pmr_filter_update(self._filter, pointer(self.memory), self._step_data(k), *arguments) != lib.PMR_DONE:
+            raise SimulationError(f"step {k}: the covariance of the measurements is not finite, or has no inverse")
         return innovations
 
     def outputs(self, k: int) -> tuple[Array, Array]:

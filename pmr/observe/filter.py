@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.files.arrays import Array
-from pmr.kernel.filter import IF_NEAR, IF_POSSIBLE, NOT_USED, FilterData, FilterSteps, KalmanFilter
+from pmr.kernel.filter import IF_NEAR, IF_POSSIBLE, MOST_SQUARE, NOT_USED, FilterData, FilterSteps, KalmanFilter
 from pmr.observe.linear import LinearMotion
 from pmr.observe.unknowns import Parameter, Payload, Sensor, UnknownLoad
 
@@ -49,8 +49,6 @@ REPLAYED, JUDGED = 0.8, 0.2
 #: Mean square of innovations below which sensors agree, and ratio by which it is larger without a sensor that is right.
 #: Beside a model that lacks fast modes the ratio for a good accelerometer was up to 3.4; for faulty ones it is 9 up.
 AGREED, APART = 3.0, 6.0
-#: Largest square of a normalised innovation in a mean, as in the kernel.
-MOST_SQUARE = 1e3
 #: Seconds in which a sensor that vibrates does not have one and the same value.
 STUCK = 0.25
 #: Seconds without a measurement, and multiple of the sensor's median interval, beyond which a sensor is silent.

@@ -58,6 +58,10 @@ class Observer:
             self.model.output_number(sensor.output)
             if not sensor.noise > 0.0 or sensor.bias < 0.0 or sensor.gain < 0.0:
                 raise InputError("observe", f"sensors.{sensor.output}", None, "noise above 0, bias and gain from 0 on")
+        names = {"sensors": [each.output for each in self.sensors], "loads": [load.input for load in self.loads]}
+        for key, listed in names.items():
+            if repeated := next((name for name in listed if listed.count(name) > 1), None):
+                raise InputError("observe", f"{key}.{repeated}", None, "one of each name is allowed")
         for load in self.loads:
             self.model.input_number(load.input)
             if not (load.deviation > 0.0 and load.time > 0.0):

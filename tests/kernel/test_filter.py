@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pmr.kernel.filter import AS_EXPECTED, IF_NEAR, NOT_USED, FilterData, FilterSteps, KalmanFilter
+from pmr.errors import SimulationError
+from pmr.kernel.filter import AS_EXPECTED, IF_NEAR, IF_POSSIBLE, NOT_USED, FilterData, FilterSteps, KalmanFilter
 
 Array = NDArray[np.float64]
 N, n, q, p, i = 11, 5, 3, 2, 2  # states X = (xi, load, payload, parameter, bias, gain, error): 5 + 6
@@ -93,3 +94,32 @@ def test_how_measurements_are_used() -> None:
     assert np.all(kalman.update(0, np.repeat(np.nan, p), np.full(p, AS_EXPECTED)) == 0.0)
     np.testing.assert_array_equal(kalman.x, data.x)
     assert np.trace(kalman.P) < np.trace(data.P)
+
+
+def sensors(count: int) -> tuple[FilterData, FilterSteps]:
+    """Filter of many sensors of one output, and nothing that is unknown."""
+    data, steps = made(np.random.default_rng(3), 0)
+    none = dict.fromkeys(("loads", "parameters", "biased", "scaled", "off"), 0) | {"payload": -1}
+    arrays = (
+        dict(data.arrays) | {"noise": np.ones(count)} | {name: data.arrays[name][:n] for name in ("decay", "added")}
+    )
+    indices = dict(data.indices) | {"sensor_outputs": np.zeros(count, np.int32)}
+    few = FilterData(
+        data.sizes | none | {"sensors": count}, data.numbers, indices, arrays, data.x[:n], np.eye(n), data.square
+    )
+    return few, steps
+
+
+def test_more_sensors_than_states_stay_within_the_memory() -> None:
+    kalman = KalmanFilter(*sensors(20))
+    size = len(kalman.memory)
+    kalman.memory = np.concatenate([kalman.memory, np.full(1000, 7.5)])
+    assert np.isfinite(kalman.update(0, np.ones(20), np.full(20, IF_NEAR))).all()
+    assert (kalman.memory[size:] == 7.5).all()
+
+
+def test_a_covariance_without_an_inverse_is_said() -> None:
+    data, steps = sensors(2)
+    steps.C[0, 0, 0] = np.inf
+    with pytest.raises(SimulationError, match="step 0: the covariance of the measurements"):
+        KalmanFilter(data, steps).update(0, np.ones(2), np.full(2, IF_POSSIBLE))

@@ -305,6 +305,8 @@ def test_what_the_model_lacks_is_refused() -> None:
         {"sensors": []},
         {"sensors": [Sensor("nothing", 1.0)]},
         {"sensors": [Sensor(OUTPUTS[1], 0.0)]},
+        {"sensors": [sensor, Sensor(OUTPUTS[1], 1.0, bias=1.0)]},
+        {"sensors": [sensor], "loads": 2 * [UnknownLoad("push", 1.0, 1.0)]},
         {"sensors": [sensor], "loads": [UnknownLoad("nothing", 1.0, 1.0)]},
         {"sensors": [sensor], "loads": [UnknownLoad("push", 1.0, 0.0)]},
         {"sensors": [sensor], "payload": Payload("push", "nothing", 1.0)},

@@ -9,7 +9,6 @@
    the reference motion, and `shift` is what the rest of the estimated acceleration does.  X goes on as F X with F = (A, B
    of loads; decay).  pmr.observe.observer derives the numbers of a filter.  Rows of matrices with N columns are padded to whole
    registers, L numbers. */
-#define MOST_SQUARE 1e3 /* of a normalised innovation in the running mean square */
 
 /* Where each part of a state begins, and the parts of a filter's memory. */
 typedef struct {
@@ -28,7 +27,7 @@ static filter_parts parts_of(const pmr_filter *f, double *memory)
     p.gains = p.biases + f->biased;
     p.errors = p.gains + f->scaled;
     p.all = p.errors + f->off;
-    p.padded = (p.all + 3) / 4 * 4;
+    p.padded = PMR_UP(p.all);
     p.x = memory;
     p.P = p.x + p.padded;
     p.square = p.P + p.all * p.padded;
@@ -44,19 +43,11 @@ static void filter_sizes(const pmr_filter *f, pmr_filter_counts *counts)
 {
     const filter_parts p = parts_of(f, NULL);
     const size_t L = p.padded, m = f->sensors, n = f->states;
-    const size_t update = m * (4 * L + m + 6), predict = L + 2 * n * L + L * p.parameters;
+    const size_t update = m * (3 * L + (L > m ? L : m) + m + 6), predict = L + 2 * n * L + L * p.parameters;
     counts->states = p.all;
     counts->stride = L;
     counts->kept = L + p.all * L + f->outputs + m;
     counts->memory = counts->kept + f->outputs * (L + 1) + 1 + (update > predict ? update : predict);
-}
-
-static double sum_of_products(const double *a, const double *b, size_t count)
-{
-    vec sum = {0.0};
-    size_t j;
-    for (j = 0; j < count; j += VL) sum += CONST_LOOSE(a + j) * CONST_LOOSE(b + j);
-    return sum_of(sum);
 }
 
 /* Columns of unknown loads and of the payload from derivatives (rows, i) by the model's loads, into (., columns). */
@@ -76,7 +67,7 @@ static void set_load_columns(const pmr_filter *f, const filter_parts *p, const d
 static double payload_inertia(const pmr_filter *f, const filter_parts *p)
 {
     if (f->payload < 0) return 0.0;
-    return -p->x[p->payload] * sum_of_products(p->rows + f->acceleration * p->padded, p->x, p->padded);
+    return -p->x[p->payload] * dot_loose(p->rows + f->acceleration * p->padded, p->x, (int)p->padded);
 }
 
 static void set_rows(const pmr_filter *f, const filter_parts *p, const pmr_filter_step *step)
@@ -108,23 +99,25 @@ static void set_sensor_rows(const pmr_filter *f, const filter_parts *p, const do
         const int output = f->sensor_outputs[k];
         double *row = H + k * L;
         const double base = reference[output] + p->shift[output];
-        const double sum = base + sum_of_products(p->rows + output * L, p->x, L);
+        const double sum = base + dot_loose(p->rows + output * L, p->x, (int)L);
         memcpy(row, p->rows + output * L, L * sizeof(double));
         if (b < f->biased && f->biased_sensors[b] == k) row[p->biases + b++] = 1.0;
         if (g < f->scaled && f->scaled_sensors[g] == k) row[p->gains + g++] = sum;
         if (e < f->off && f->off_sensors[e] == k) row[p->errors + e++] = f->errors[output] * sqrt(p->square[output]);
-        expected[k] = base + sum_of_products(row, p->x, L);
+        expected[k] = base + dot_loose(row, p->x, (int)L);
     }
 }
 
-/* K (m, N) of S K = PH for a symmetric positive definite S (m, m), whose lower half becomes its factor; K is PH. */
-static void solve_gains(double *S, size_t m, double *K, size_t N)
+/* K (m, N) of S K = PH for a symmetric positive definite S (m, m), whose lower half becomes its factor; K is PH.  0, or
+   PMR_NOT_FINITE where S is not positive definite. */
+static int solve_gains(double *S, size_t m, double *K, size_t N)
 {
     size_t a, b, c, j;
     for (a = 0; a < m; a++) {
         for (b = 0; b <= a; b++) {
             double sum = S[a * m + b];
             for (c = 0; c < b; c++) sum -= S[a * m + c] * S[b * m + c];
+            if (a == b && !(sum > 0.0 && sum < INFINITY)) return PMR_NOT_FINITE;
             S[a * m + b] = a == b ? sqrt(sum) : sum / S[b * m + b];
         }
         for (c = 0; c < a; c++)
@@ -136,6 +129,7 @@ static void solve_gains(double *S, size_t m, double *K, size_t N)
             for (j = 0; j < N; j++) K[a * N + j] -= S[c * m + a] * K[c * N + j];
         for (j = 0; j < N; j++) K[a * N + j] /= S[a * m + a];
     }
+    return 0;
 }
 
 static void filter_start(const pmr_filter *f, double *memory, const double *x, const double *P, const double *square)
@@ -151,8 +145,8 @@ static void filter_start(const pmr_filter *f, double *memory, const double *x, c
     for (i = 0; i < (size_t)f->sensors; i++) p.level[i] = 1.0;
 }
 
-static void filter_update(const pmr_filter *f, double *memory, const pmr_filter_step *step, const double *measured,
-                          const int32_t *use, double *innovations)
+static int filter_update(const pmr_filter *f, double *memory, const pmr_filter_step *step, const double *measured,
+                         const int32_t *use, double *innovations)
 {
     const filter_parts p = parts_of(f, memory);
     const size_t N = p.all, L = p.padded, most = f->sensors;
@@ -171,7 +165,8 @@ static void filter_update(const pmr_filter *f, double *memory, const pmr_filter_
         if (m != (size_t)k) memcpy(H + m * L, H + k * L, L * sizeof(double));
         memset(PH + m * L, 0, L * sizeof(double));
         add_columns(p.P, (int)L, H + m * L, (int)N, PH + m * L, (int)L);
-        variance[k] = f->noise[k] * f->noise[k] + sum_of_products(H + m * L, PH + m * L, L);
+        variance[k] = f->noise[k] * f->noise[k] + dot_loose(H + m * L, PH + m * L, (int)L);
+        if (!(variance[k] > 0.0 && variance[k] < INFINITY)) return PMR_NOT_FINITE;
         innovations[k] = known || use[k] == PMR_AS_EXPECTED ? difference / sqrt(variance[k]) : NAN;
         size = fabs(innovations[k]);
         if (size <= (doubted ? f->gate : f->refused) && use[k] != PMR_NOT_USED) {
@@ -179,17 +174,17 @@ static void filter_update(const pmr_filter *f, double *memory, const pmr_filter_
             noise[m] = f->noise[k] * f->noise[k] + beyond * variance[k];
             gap[m++] = difference;
         }
-        if (known) p.level[k] += f->share * (fmin(size * size, MOST_SQUARE) - p.level[k]);
+        if (known) p.level[k] += f->share * (fmin(size * size, PMR_MOST_SQUARE) - p.level[k]);
     }
-    if (!m) return;
+    if (!m) return 0;
     for (a = 0; a < m; a++)
         for (b = 0; b < m; b++)
-            S[a * m + b] = sum_of_products(H + a * L, PH + b * L, L) + (a == b ? noise[a] : 0.0);
+            S[a * m + b] = dot_loose(H + a * L, PH + b * L, (int)L) + (a == b ? noise[a] : 0.0);
     K = shares + 2 * most;
     U = K + m * L;
     memcpy(K, PH, m * L * sizeof(double));
     memcpy(U, S, m * m * sizeof(double));
-    solve_gains(U, m, K, L);
+    if (solve_gains(U, m, K, L)) return PMR_NOT_FINITE;
     for (k = 0; k < f->parameters; k++)
         for (a = 0; a < m && f->considered[k]; a++) K[a * L + p.parameters + k] = 0.0;
     memcpy(U, PH, m * L * sizeof(double)); /* P -= K U^T + U K^T with U = PH - K S / 2 */
@@ -205,6 +200,7 @@ static void filter_update(const pmr_filter *f, double *memory, const pmr_filter_
         }
         add_columns(K, (int)L, shares, 2 * (int)m, p.P + j * L, (int)L);
     }
+    return 0;
 }
 
 static void filter_outputs(const pmr_filter *f, double *memory, const pmr_filter_step *step, double *mean,
@@ -215,11 +211,11 @@ static void filter_outputs(const pmr_filter *f, double *memory, const pmr_filter
     int k;
     for (k = 0; k < f->outputs; k++) {
         const double *row = p.rows + k * p.padded;
-        mean[k] = step->reference[k] + p.shift[k] + sum_of_products(row, p.x, p.padded);
+        mean[k] = step->reference[k] + p.shift[k] + dot_loose(row, p.x, (int)p.padded);
         p.square[k] += (mean[k] * mean[k] - p.square[k]) * f->following;
         memset(of_row, 0, p.padded * sizeof(double));
         add_columns(p.P, (int)p.padded, row, (int)p.all, of_row, (int)p.padded);
-        variance[k] = larger(sum_of_products(row, of_row, p.padded), 0.0) + f->errors[k] * f->errors[k] * p.square[k];
+        variance[k] = larger(dot_loose(row, of_row, (int)p.padded), 0.0) + f->errors[k] * f->errors[k] * p.square[k];
     }
 }
 
@@ -271,7 +267,7 @@ static void filter_predict(const pmr_filter *f, double *memory, const pmr_filter
     set_load_columns(f, &p, step->B, n, F, L);
     for (i = 0; i < n; i++) {
         next[i] = f->payload < 0 ? 0.0 : step->B[i * f->inputs + f->payload] * inertia;
-        next[i] += sum_of_products(F + i * L, p.x, m); /* columns behind m are zeros */
+        next[i] += dot_loose(F + i * L, p.x, (int)m);
         for (j = 0; j < m; j++) transposed[j * L + i] = F[i * L + j];
     }
     multiply(F, p.P, (int)n, (int)m, (int)L, 0, T);

@@ -296,7 +296,7 @@ struct pmr_state {
     P(filter_start, filter_start,                                                                                      \
       (const pmr_filter *filter, double *memory, const double *x, const double *P, const double *square),              \
       (filter, memory, x, P, square))                                                                                  \
-    P(filter_update, filter_update,                                                                                    \
+    F(int, filter_update, filter_update,                                                                               \
       (const pmr_filter *filter, double *memory, const pmr_filter_step *step, const double *measured,                  \
        const int32_t *use, double *innovations),                                                                       \
       (filter, memory, step, measured, use, innovations))                                                              \

@@ -510,6 +510,8 @@ typedef struct {
 /* How a measurement is used: if the model can explain it, or only if it is near where the sensor is doubted; as if what
    is expected were measured where there is none; not at all, though it has an innovation. */
 enum { PMR_IF_POSSIBLE, PMR_IF_NEAR, PMR_AS_EXPECTED, PMR_NOT_USED };
+/* Most that a normalised innovation counts in the running mean square. */
+enum { PMR_MOST_SQUARE = 1000 };
 
 /* Numbers N of a state and L of a row, whole registers; doubles of the memory, and how many of them, the first, are to be
    kept between steps: X (L,), P (N, L), mean squares of outputs (q,) and of innovations (p,). */
@@ -521,9 +523,10 @@ void pmr_filter_sizes(const pmr_filter *filter, pmr_filter_counts *counts);
 /* Begin with X (N,), P (N, N) and mean squares of outputs (q,). */
 void pmr_filter_start(const pmr_filter *filter, double *memory, const double *x, const double *P, const double *square);
 /* Correct by measurements (p,), not finite where there is none, each used as `use` (p,) says; innovations (p,) over their
-   standard deviations, NaN without a measurement. */
-void pmr_filter_update(const pmr_filter *filter, double *memory, const pmr_filter_step *step, const double *measured,
-                       const int32_t *use, double *innovations);
+   standard deviations, NaN without a measurement.  0, or PMR_NOT_FINITE where the covariance of the measurements is not
+   positive definite, as of a model with infinite numbers. */
+int pmr_filter_update(const pmr_filter *filter, double *memory, const pmr_filter_step *step, const double *measured,
+                      const int32_t *use, double *innovations);
 /* Mean and variance (q,) of outputs after a correction; then go on to the next step. */
 void pmr_filter_outputs(const pmr_filter *filter, double *memory, const pmr_filter_step *step, double *mean,
                         double *variance);

@@ -17,8 +17,8 @@ struct Estimator {
     int32_t *use;
     int unknowns, count;
     size_t slot, saved; /* doubles of a remembered step, and of all that a state is */
-    /* saved: steps taken, filter, remembered steps with their measurements, variables */
-    double *memory, *taken, *filtered, *slots, *variables, *work, *variances;
+    /* saved: steps taken, remembered steps with their measurements, variables, and of the filter what stays */
+    double *memory, *taken, *filtered, *slots, *variables, *work;
 };
 
 /* ---- opening ---- */
@@ -106,7 +106,7 @@ int estimator_open(Unit *unit)
     e->slot = 3 * q + 2 * n * n + 2 * n * i + q * n + q * i + q * e->chosen.modes + n + p;
     e->count = (int)(3 * p + 2 * (q + e->unknowns));
     e->saved = 1 + e->counts.kept + SLOTS * e->slot + e->count;
-    e->memory = calloc(1 + e->counts.memory + SLOTS * e->slot + e->count + pmr_linear_work(unit->state) + q, sizeof(double));
+    e->memory = calloc(1 + e->counts.memory + SLOTS * e->slot + e->count + pmr_linear_work(unit->state), sizeof(double));
     e->use = calloc(p, sizeof *e->use);
     if (!e->memory || !e->use) return 1;
     e->taken = e->memory;
@@ -114,7 +114,6 @@ int estimator_open(Unit *unit)
     e->variables = e->slots + SLOTS * e->slot;
     e->filtered = e->variables + e->count;
     e->work = e->filtered + e->counts.memory;
-    e->variances = e->work + pmr_linear_work(unit->state);
     for (i = 0; i < p; i++) e->use[i] = PMR_IF_NEAR;
     return 0;
 }
@@ -149,7 +148,7 @@ int estimator_prepare(Unit *unit, const double *u)
 }
 
 /* Estimates of the step before the last one, whose rates are known now. */
-static void estimate(Estimator *e, double step)
+static int estimate(Estimator *e, double step)
 {
     const int64_t last = (int64_t)*e->taken - 1;
     const int p = e->filter.sensors, q = e->filter.outputs, n = e->filter.states;
@@ -159,18 +158,20 @@ static void estimate(Estimator *e, double step)
     const pmr_linear_step now = step_of(e, last - 1, &measured);
     const pmr_filter_step linear = {.reference = now.reference, .A = now.A, .B = now.B, .C = now.C, .D = now.D};
     const double *x = e->filtered, *P = x + e->counts.stride, *level = x + e->counts.kept - p;
-    int k;
+    int k, failed;
     pmr_output_rates(&e->chosen, step, last > 1 ? &before : NULL, &now, &after);
     for (k = 0; k < q; k++) now.reference[k] += e->felt[k];
-    pmr_filter_update(&e->filter, e->filtered, &linear, measured, e->use, innovations);
-    pmr_filter_outputs(&e->filter, e->filtered, &linear, mean, e->variances);
-    for (k = 0; k < q; k++) deviation[k] = sqrt(e->variances[k]);
+    failed = pmr_filter_update(&e->filter, e->filtered, &linear, measured, e->use, innovations);
+    if (failed) return failed;
+    pmr_filter_outputs(&e->filter, e->filtered, &linear, mean, deviation);
+    for (k = 0; k < q; k++) deviation[k] = sqrt(deviation[k]);
     for (k = 0; k < e->unknowns; k++) {
         unknown[k] = x[n + k];
         unknown_deviation[k] = sqrt(fmax(P[(n + k) * (e->counts.stride + 1)], 0.0));
     }
     for (k = 0; k < p; k++) innovations[p + k] = level[k] > e->filter.alarm;
     pmr_filter_predict(&e->filter, e->filtered, &linear);
+    return 0;
 }
 
 int estimator_take(Unit *unit, const double *u, int measures)
@@ -183,8 +184,7 @@ int estimator_take(Unit *unit, const double *u, int measures)
     if (failed) return failed;
     for (k = 0; k < e->filter.sensors; k++) measured[k] = measures ? e->variables[k] : NAN;
     *e->taken += 1.0;
-    if (*e->taken > 1.0) estimate(e, unit->estimator_step);
-    return 0;
+    return *e->taken > 1.0 ? estimate(e, unit->estimator_step) : 0;
 }
 
 /* ---- variables and saved states ---- */
