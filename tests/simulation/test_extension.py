@@ -204,6 +204,11 @@ def test_a_stepper_moves_a_soft_boom_as_a_run_that_replays_the_extension(keys: t
     for computed, replayed in zip(y.T, columns, strict=True):
         assert np.abs(computed - replayed[1:]).max() < 1e-10 * np.abs(replayed).max()
     assert stepper.extension["extension of fly"] == y[-1, 1]
+    other = pmr.Stepper(boom, step=1e-3, s={"fly": 0.6}, rho_inf=0.8, outputs=names)
+    other._state.restore(stepper._state.save())  # with the extension, its rate and the search's slope
+    for _ in range(20):
+        steps = [each.step({}, {"extension drive force": 150.0}) for each in (stepper, other)]
+        np.testing.assert_array_equal(*steps)
     with pytest.raises(InputError, match=r"s\.fly = 0\.7: none is allowed after the start, for the extension is free"):
         stepper.step({"fly": 0.7})
 
@@ -212,7 +217,7 @@ REFUSED = {
     "frame.second_order=true": "false is allowed beside the free extension of fly",
     "start='rest'": "'equilibrium' is allowed beside the free extension of fly",
     "section.joint.cylinder.stiffness=1e8": "'rigid' is allowed beside the free extension of fly",
-    "frame.luffing='free'": "frame.luffing: none is allowed beside the free extension of fly",
+    "frame.luffing='free'": "an angle over time is allowed beside the free extension of fly",
     "section.joint.tail.0.unilateral=true": "false is allowed beside the free extension of fly",
     "simulation.simulators=['exudyn']": "march is allowed: exudyn computes no motion that is free (extension of fly)",
     "sections.fly.joint.extension.start=1.5": "an extension within the stroke, 0.3 to 1.2 m, is allowed",

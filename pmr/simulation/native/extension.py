@@ -27,7 +27,6 @@ from pmr.kernel.machine import CYLINDER_COLUMNS, Cylinder
 from pmr.kernel.state import Settings, State, StepError
 from pmr.scene import Scene
 from pmr.scene.checks import moved_sections
-from pmr.scene.choice import refuse_unsupported
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.extension import FreeExtension
 from pmr.scene.frame import INERTIA
@@ -37,8 +36,6 @@ from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
 from pmr.simulation.moving import EXTENSION_DRIVE, MovingFrame, held_at_start
 from pmr.simulation.native.form import SystemForm, path_text, start_in_equilibrium, start_modes, step_failure
-from pmr.simulation.start import needs_of
-from pmr.system.assembly import Assembly
 from pmr.system.contacts import Friction
 from pmr.system.system import System
 
@@ -146,8 +143,7 @@ class ExtensionRun:
         stepping, modal = self._excitation.stepping, self.form.modal
         x = side_positions(modal, self._excitation)
         self._x = x[0]
-        needs = needs_of(modal, Assembly(modal).contact_rows(x[0]).rigid, self._reached(modal), stepping.rho_inf)
-        refuse_unsupported("march", needs)
+        self.form.refuse_unsupported(np.vstack([x[:1], self._reached(modal)]), stepping.rho_inf)
         self.frame = with_extension_data(MovingFrame.in_scene(first, system), scene, system, self.form)
         kernel = Kernel.of(system, self.form.forms, self.frame)
         self.state = State(kernel, Settings(stepping.step, stepping.rho_inf, energy=False))

@@ -418,7 +418,10 @@ class Stepper:
 
     def _failure(self, where: str, error: StepError) -> SimulationError:
         """Error of a failed step or start for the user; `where` names the step or time."""
-        paths = self._path_coordinates
+        paths = dict(self._path_coordinates)
+        if self._moved and self._state.step_number:
+            at = self._values_of_computed[self._computed[0]]
+            paths |= {path: ratio * at + offset for path, (ratio, offset) in self._moved.items()}
         where = f"{where}{path_text(tuple(paths), np.array(list(paths.values())))}"
         return step_failure(where, self._form, error, self._form.modal.side_coordinates(paths))
 
