@@ -143,7 +143,7 @@ def test_a_load_chart_from_an_empty_folder(
     stable, found = (
         json.loads((tmp_path / "reports" / name / "summary.json").read_text()) for name in ("chart_mine", "chart")
     )
-    assert stable["figures"]["never.stability"] == stable["figures"]["points"] == 240  # slewed by 0 and 90 degrees
+    assert stable["figures"]["never.stability"] == stable["figures"]["points"] == 360  # slewed by 0, 45 and 90 degrees
     figures = found["figures"]
     assert f"at {figures['governs.luffing cylinder']} of {figures['points']} points" in page
     assert f"tipping at {figures['governs.tipping']}, the deflection of the tip at {figures['governs.tip']}." in page

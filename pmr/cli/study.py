@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -34,6 +35,7 @@ from pmr.errors import InputError, environment, escape_controls
 
 if TYPE_CHECKING:
     from pmr.scene import Scene
+    from pmr.scene.frame import Frame
     from pmr.studies import workers
     from pmr.studies.call import Outcome, Progress, Project, Watch
 
@@ -222,6 +224,8 @@ def _print_failures(outcome: Outcome) -> None:
 STUDY = "chart.toml"
 #: Number of extensions and number of angles in the chart study that `pmr chart` writes.
 EXTENSIONS, ANGLES = 12, 10
+#: Number of slewing angles in a whole turn.
+SLEWING_STEPS = 8
 #: Limit of a chart whose scene says on what the machine stands.
 TIPPING = """
 [[limits]]
@@ -235,8 +239,8 @@ STRESS = """
 [[limits]]
 name = "stress at probes"
 of = "stress"
-most = {most:.6g}    # Pa, the least yield stress
-factor = 1.5    # of beams: bending of walls under pads comes on top, which limits of pads keep small
+most = {most:.6g}e6    # Pa, the least yield stress where probes are
+factor = 1.5    # bending of walls under pads comes on top of stresses of beams: limits of pads keep it small
 """
 LIMITS = """
 # Further limits that the load must keep, each with your own safety factor.
@@ -281,6 +285,20 @@ def chart(
     study(written, out_dir=folder, jobs=jobs)
 
 
+def _slewing_angles(frame: Frame, end: float) -> list[float]:
+    """Return slewing angles in the frame's unit, at most an eighth of a turn apart, over the range up to `end` in s.
+
+    Of a whole turn each angle is there once.
+    """
+    if frame.slewing is None:
+        return [0.0]
+    turn = 360.0 if frame.unit == "degrees" else 2.0 * math.pi
+    low, high = frame.slewing.bounds(0.0, end)
+    width = min(high - low, turn)
+    count = max(math.ceil(SLEWING_STEPS * width / turn - 1e-9), 1 if width > 0.0 else 0)
+    return [low + width * k / max(count, 1) for k in range(count + (width < turn))]
+
+
 def _chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
     """Return the text of a study file for a load chart, over the ranges of the scene's extensions and luffing angle.
 
@@ -299,9 +317,11 @@ def _chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
         at = (f"{name} = {low + share * (high - low):.6g}" for name, (low, high) in zip(names, bounds, strict=True))
         rows.append(f"  {{ {', '.join(at)} }},\n")
     least, most = scene.frame.luffing.bounds(0.0, end)
-    slewing = sorted(set(scene.frame.slewing.bounds(0.0, end))) if scene.frame.slewing is not None else [0.0]
-    is_probed = any("stress" in probe.measures for section in scene.sections for probe in section.probes)
-    yields = [part.body.material.yield_stress for part in scene.bodies.values() if part.body.material.yield_stress]
+    slewing = _slewing_angles(scene.frame, end)
+    probed = [part for part in scene.bodies.values() if any("stress" in probe.measures for probe in part.probes)]
+    regions = [region for part in probed for region in part.body.regions.values() if region.material is not None]
+    materials = [*(part.body.material for part in probed), *(region.material for region in regions)]
+    yields = [material.yield_stress for material in materials if material is not None]
     return "".join(
         [
             'kind = "chart"\n',
@@ -312,7 +332,7 @@ def _chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
             f"luffing = {{ least = {least:.6g}, most = {most:.6g}, count = {ANGLES if most > least else 1} }}\n",
             f"slewing = [{', '.join(f'{angle:.6g}' for angle in slewing)}]  # the least load of all counts\n",
             TIPPING if scene.frame.ground is not None else "",
-            STRESS.format(most=min(yields)) if is_probed and yields else "",
+            STRESS.format(most=1e-6 * min(filter(None, yields))) if yields and all(yields) else "",
             LIMITS,
         ]
     )

@@ -36,7 +36,17 @@ def check_scene(scene: Scene) -> None:
     check_hoist(scene)
     check_free_extension(scene)
     _check_computed_motions(scene)
+    _check_payloads(scene)
     _check_fatigue(scene)
+
+
+def _check_payloads(scene: Scene) -> None:
+    """Refuse payloads that are not at the tip of the last section, where a load chart hangs the load in their place."""
+    for number, part in enumerate(scene.sections):
+        for k, mass in enumerate(part.masses):
+            if mass.payload and (part is not scene.sections[-1] or mass.on != "tip"):
+                allowed = "false is allowed except for a mass on the tip of the last section"
+                raise scene_error(scene.section_key(number, f"masses[{k}].payload"), True, allowed)
 
 
 def _check_single_body(scene: Scene) -> None:
@@ -201,16 +211,6 @@ def _check_accuracy(scene: Scene) -> None:
         raise scene_error(key, None, allowed)
 
 
-#: Parts of a scene, by their keys, that are refused beside a free extension, and why.
-REFUSED = {
-    "hoist": "a rope's path is known for a prescribed extension alone",
-    "accuracy": "the motion depends on model and step",
-    "budget": "the motion depends on model and step",
-    "frame.machine": "one motion is computed at a time",
-    "frame.luffing = 'free'": "one motion is computed at a time",
-}
-
-
 def check_free_extension(scene: Scene) -> None:
     """Refuse several free extensions, and what one of them does not go with; a scene without one passes."""
     for number, extension in scene.free_extensions.items():
@@ -224,16 +224,18 @@ def check_free_extension(scene: Scene) -> None:
         if scene.frame.second_order is not False:
             allowed = f"false is allowed beside {free}: what a boom shortens by bending is not in its equation"
             raise scene_error("frame.second_order", scene.frame.second_order, allowed)
-        present = {
-            "hoist": scene.hoist is not None,
-            "accuracy": scene.accuracy is not None,
-            "budget": scene.budget is not None,
-            "frame.machine": scene.frame.machine is not None,
-            "frame.luffing = 'free'": scene.frame.luffing == "free",
-        }
-        for part, why in REFUSED.items():
-            if present[part]:
-                raise scene_error(part.split()[0], None, f"none is allowed beside {free}: {why}")
+        unknown, single = "the motion depends on model and step", "one motion is computed at a time"
+        refused = (
+            ("hoist", scene.hoist, "a rope's path is known for a prescribed extension alone"),
+            ("accuracy", scene.accuracy, unknown),
+            ("budget", scene.budget, unknown),
+            ("frame.machine", scene.frame.machine, single),
+        )
+        for part, table, why in refused:
+            if table is not None:
+                raise scene_error(part, None, f"none is allowed beside {free}: {why}")
+        if scene.frame.luffing == "free":
+            raise scene_error("frame.luffing", "free", f"an angle over time is allowed beside {free}: {single}")
         if scene.start != "equilibrium":
             allowed = f"'equilibrium' is allowed beside {free}, which its cylinder holds then"
             raise scene_error("start", scene.start, allowed)
@@ -256,7 +258,10 @@ def moved_sections(scene: Scene, number: int) -> dict[int, tuple[float, float]]:
 
 
 def _check_sections(scene: Scene, number: int, free: str) -> None:
-    """Refuse drives that give way, pads that only push, wind and frequency responses; section `number` is `free`."""
+    """Refuse drives that give way, pads that only push, wind and frequency responses.
+
+    `free` names the free extension of section `number` in messages.
+    """
     for k in moved_sections(scene, number):
         joint, key = scene.joint(k), f"sections[{k}].joint"
         if joint.rope is not None:

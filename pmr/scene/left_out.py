@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pmr.scene.built import Load, PadRing
+from pmr.scene.built import Load
 from pmr.scene.choice import model_of
-from pmr.scene.joints import JointPads
 from pmr.scene.keys import qualified_name
-from pmr.scene.members import member_at, members
+from pmr.scene.members import members
 from pmr.scene.scene import Scene
 from pmr.scene.structures import PointMass
 
@@ -14,13 +13,18 @@ from pmr.scene.structures import PointMass
 HAS_MASS = 0.5
 
 
-def left_out(scene: Scene) -> dict[str, str]:
+def left_out(scene: Scene, at_rest: bool = False) -> dict[str, str]:
     """Return effects that the model of a scene does not contain, as clauses by subject.
 
     The list follows from the scene: what has a key of its own, such as wind or friction, is named only where the scene
-    does not use it.
+    does not use it.  A model `at_rest`, as that of a load chart, has neither friction nor fatigue.
     """
-    clauses = {"strength": _strength(scene), "pads": _pads(scene), "loads": _loads(scene), "machine": _machine(scene)}
+    clauses = {
+        "strength": _strength(scene, at_rest),
+        "pads": _pads(scene, at_rest),
+        "loads": _loads(scene),
+        "machine": _machine(scene),
+    }
     return {subject: ", ".join(parts) for subject, parts in clauses.items() if parts}
 
 
@@ -51,15 +55,16 @@ def hung_force_remark(scene: Scene) -> str:
     """Return a sentence that names the forces of `hung_forces`; empty without any."""
     hung = hung_forces(scene)
     names = " and ".join(f"{name} ({mass:.4g} kg)" for name, mass in hung.items())
+    are, its = ("are forces", "their") if len(hung) > 1 else ("is a force", "its")
     return (
-        f"{names} is a force without mass: frequencies, accelerations and the forces that they cause lack its inertia; "
+        f"{names} {are} without mass: frequencies, accelerations and the forces that they cause lack {its} inertia; "
         "[[masses]] with payload = true, or [hoist], has it"
         if hung
         else ""
     )
 
 
-def _strength(scene: Scene) -> list[str]:
+def _strength(scene: Scene, at_rest: bool) -> list[str]:
     """Effects on strength that no stress contains."""
     if all(part.body.profile is not None or part.body.mover is not None for part in scene.sections):
         return []  # lines without a section, which have no stress
@@ -69,23 +74,18 @@ def _strength(scene: Scene) -> list[str]:
     if boxes:
         clauses.append("buckling of plates")
     clauses += ["welds, bolts and cut-outs", "plastic deformation"]
-    return clauses if scene.fatigue is not None else [*clauses, "fatigue"]
+    return clauses if scene.fatigue is not None and not at_rest else [*clauses, "fatigue"]
 
 
-def _pads(scene: Scene) -> list[str]:
+def _pads(scene: Scene, at_rest: bool) -> list[str]:
     """Effects in pads that the scene does not use."""
-    rings: list[PadRing | JointPads] = [ring for number in range(len(scene.sections)) for ring in _rings(scene, number)]
+    rings = [ring for part in scene.sections for ring in part.rings]
     if not rings:
         return []
-    clauses = [] if any(getattr(ring, "friction", 0.0) for ring in rings) else ["friction"]
-    clauses += [] if any(ring.clearance for ring in rings) else ["play"]
+    clauses = [] if not at_rest and any(getattr(ring, "friction", 0.0) for ring in rings) else ["friction"]
+    gaps = [ring.clearance.values() if isinstance(ring.clearance, dict) else [ring.clearance] for ring in rings]
+    clauses += [] if any(gap for of_ring in gaps for gap in of_ring) else ["play"]
     return [*clauses, "wear", "spread of the pressure under a pad"]
-
-
-def _rings(scene: Scene, number: int) -> list[PadRing | JointPads]:
-    """Rings of pads of section `number`, on the ground and in its joint."""
-    part = member_at(scene, number).part
-    return [*part.pads, *((*part.joint.tail, *part.joint.mouth) if part.joint is not None else ())]
 
 
 def _loads(scene: Scene) -> list[str]:

@@ -117,7 +117,8 @@ def warnings_of_row(
     kinds = dict.fromkeys(USED[of] for of in limited if of in USED)
     for part, other in compared.items() if kinds else ():
         other_model = {"beside": other.label} if part == "model" else {}
-        budget[part] = _relative_errors(equilibria, of_compared[part], other.share, list(kinds)) | other_model
+        if errors := _relative_errors(equilibria, of_compared[part], other.share, list(kinds)):
+            budget[part] = errors | other_model
     hints = [*unknown_force_warnings(scene, response), *missing_reaction_warnings(scene)]
     return (*grave_warnings(parts), *budget_warnings(scene, budget), *hints)
 
@@ -125,14 +126,16 @@ def warnings_of_row(
 def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
     """Yield a line on loads that act in runs of the scene but are in ``loads`` of no case of the chart.
 
-    Forces that pull the tip down in space are left out, as the load that is looked for takes their place.
+    Forces that pull the last section's tip down in space are left out, as the load that is looked for takes their
+    place.
     """
     named = {HOOK, *(name for case in cases for name in case["loads"])}
     lacking = [
         load.name
         for part in scene.sections
         for load in part.loads
-        if load.name not in named and any(load.signal.bounds(0.0, scene.time.end)) and not is_hung(load, scene)
+        if load.name not in named and any(load.signal.bounds(0.0, scene.time.end))
+        if part is not scene.sections[-1] or not is_hung(load, scene)
     ]
     if lacking:
         some, it = ("loads", "act") if len(lacking) > 1 else ("load", "acts")

@@ -222,11 +222,11 @@ def left_out_of_chart(scene: Scene, limits: Sequence[Limit]) -> dict[str, str]:
     """Return what a chart of a scene leaves out, as clauses by subject: limits, motion, and what the model lacks."""
     kinds = {limit.of for limit in limits}
     lacking = [name for name, of in USUAL_LIMITS.items() if not kinds & of]
-    rows = {"limits, of which there is none here": ", ".join(lacking)} if lacking else {}
+    rows = {"limits that are not set": ", ".join(lacking)} if lacking else {}
     rows["motion"] = (
         "inertia and swings by hoisting, luffing, slewing and telescoping; factors of cases and stops stand for it"
     )
-    return rows | left_out(scene)
+    return rows | left_out(scene, at_rest=True)
 
 
 def _point_arrays(

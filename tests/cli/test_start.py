@@ -236,6 +236,20 @@ def test_the_study_that_it_writes_asks_for_all_that_the_scene_goes_through(
     assert (asked.luffing.least, asked.luffing.most) == (10.0, 60.0)
 
 
+def test_the_study_that_it_writes_looks_over_all_sides_of_a_boom_that_slews(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    monkeypatch.setattr("pmr.cli.study.study", lambda *_, **__: None)  # written, not computed
+    monkeypatch.chdir(tmp_path)
+    for most, angles in (("360.0", tuple(range(0, 360, 45))), ("-30.0", (-30.0, 0.0)), ("0.0", (0.0,))):
+        signal = f"slewing = {{ kind = 'smooth_ramp', times = [2.0, 10.0], values = [0.0, {most}] }}"
+        text = re.sub(r"^slewing = .*$", signal, (TEMPLATES / "crane.toml").read_text(), flags=re.M)
+        (tmp_path / "crane.toml").write_text(text)
+        done = called(monkeypatch, capsys, "chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / most))
+        assert done.returncode == 0, done.stderr
+        assert call.load(tmp_path / most / "chart.toml").parts[0].study.slewing == angles
+
+
 def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     monkeypatch.setattr("pmr.cli.study.study", lambda *_, **__: None)  # written, not computed
     monkeypatch.chdir(tmp_path)
@@ -244,7 +258,7 @@ def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.Mo
     study = call.load(tmp_path / "reports" / "chart_mine" / "chart.toml").parts[0].study
     limits = [(limit.of, limit.most, limit.factor) for limit in study.limits]
     assert limits == [("tipping", 1.0, 1.33), ("stress", 355e6, 1.5)]  # the scene has outriggers and a probe of stress
-    assert study.slewing == (0.0, 90.0)
+    assert study.slewing == (0.0, 45.0, 90.0)
     scene = json.dumps(study.plan().runs[0].arguments)
     assert "hook block" in scene and '"name": "payload"' not in scene  # the load that is looked for hangs in its place
 

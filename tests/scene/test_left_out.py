@@ -6,6 +6,7 @@ import pytest
 
 from pmr import scene as scenes
 from pmr.cli.app import TEMPLATES
+from pmr.errors import InputError
 from pmr.scene.choice import observed_places
 from pmr.scene.hints import hints
 from pmr.scene.left_out import left_out
@@ -22,6 +23,7 @@ def test_what_is_left_out_follows_from_the_scene() -> None:
     rubbing = scenes.load_any(CRANE, ["section.joint.tail.0.friction=0.1", "sections.fly.masses=[]"])
     other = left_out(rubbing)
     assert "friction" not in other["pads"] and "swing" not in other["loads"]
+    assert "friction" in left_out(rubbing, at_rest=True)["pads"]  # as in a load chart
     assert left_out(scenes.load_any(Path("workflows/paper_simple.toml"))) == {}
 
 
@@ -37,3 +39,10 @@ def test_a_shell_is_observed_between_its_ends_unless_the_scene_says_where() -> N
     places = observed_places(member_at(shell, 2))
     assert places is not None and (len(places), places[0], places[-1]) == (29, pytest.approx(0.3), pytest.approx(5.7))
     assert observed_places(member_at(shell, 0)) is None
+
+
+def test_a_payload_is_refused_where_a_chart_hangs_no_load() -> None:
+    """It would be left out of the chart and nothing hung in its place."""
+    weight = "sections.base.masses=[{name='box', on='tip', mass=500.0, payload=true}]"
+    with pytest.raises(InputError, match="a mass on the tip of the last section"):
+        scenes.load_any(CRANE, [weight])

@@ -136,7 +136,7 @@ def _headline(study: FinishedStudy, least_loads: Array) -> str:
         return f"No limit is reached up to {most} at any of {least_loads.size} points.{hint}"
     beyond = np.isnan(least_loads).any()
     high = _ceiling(study) if beyond else _format_load(np.nanmax(least_loads))
-    limits = [f"{limit['name']} (factor {limit.get('factor', 1.0):g})" for limit in study.study_file["limits"]]
+    limits = [f"{limit['name']} (factor {limit['factor']:g})" for limit in study.study_file["limits"]]
     return (
         f"It carries {_format_load(np.nanmin(least_loads))} to {high}, depending on extension and angle, by these "
         f"limits alone: {', '.join([*limits, STABILITY])}."
