@@ -35,6 +35,8 @@ GROUPS = {
     "pmr.exports": "a pmr.export.formats.Format",
     "pmr.limits": "a function of a pmr.studies.further_limits.AtRest that returns a number",
 }
+#: First letters of environment variables by which a process takes itself for a rank of its parent's MPI job.
+MPI_VARIABLES = ("OMPI_", "ORTE_", "PRTE_", "PMIX_", "PMI_", "PMI2_", "HYDI_", "HYDRA_", "MPI_LOCAL", "SLURM_")
 
 
 @cache

@@ -111,7 +111,9 @@ def helper_process() -> Iterator[Executor | None]:
 
 
 def _begin_to_help() -> None:
-    """Follow the parent, and log warnings in the form in which the command line logs them."""
+    """Follow the parent, leave its MPI job, and log warnings in the form in which the command line logs them."""
+    for name in [name for name in os.environ if name.startswith(environment.MPI_VARIABLES)]:
+        del os.environ[name]
     _follow_parent()
     logging.basicConfig(format="%(levelname)s %(message)s")
 

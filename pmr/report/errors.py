@@ -282,7 +282,7 @@ def trust_table(result: RunResult) -> Table:
 def summed_error(summary: Summary, kinds: Collection[str]) -> float | None:
     """Sum over model, mesh, time step and reduction of the largest relative error of the `kinds`.
 
-    It is None unless errors of both model and mesh are known.
+    It is None unless errors of both model and mesh are known; an unknown one of time step or reduction is left out.
     """
     budget = summary.get("budget") or {}
     parts = [budget.get("model") or {}, budget.get("mesh") or {}]

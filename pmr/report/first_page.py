@@ -28,6 +28,7 @@ from pmr.report.subject import (
     has_free_luffing,
     has_pushing_pads,
     is_alone,
+    is_raised,
     luffing_support_names,
     moving_part,
 )
@@ -313,7 +314,7 @@ def _deflection_rows(result: RunResult) -> Rows:
     for direction, values in sizes.items():
         largest = Extremes.from_history(values, response.t, result.abscissa_at(response.t)).largest
         row, size = f"{called}, {direction_words(result, direction)}", _deflection_text(direction, largest.value)
-        if row.endswith("boom, z"):  # neither up nor down in space
+        if direction == "z" and (result.frame is not None or is_raised(result)):  # neither up nor down in space
             side = "above" if largest.value > 0.0 else "below"
             size, angle = f"{format_length(abs(largest.value))} {side} its straight axis", elevation(result, largest.t)
             size += "" if angle is None else f", {format_length(abs(largest.value) * np.cos(angle))} of it vertical"
@@ -382,7 +383,9 @@ def _margin_error(result: RunResult) -> str:
     if error is None or not moments:
         return "; its error is not known"
     size = format_quantity(error * max(moments), "N m", 2)
-    return f"; ± {size} by errors of the boom's moment; masses of the machine, ground and chassis are as given"
+    return (
+        f"; ± {size} by the known errors of the boom's moment; masses of the machine, ground and chassis are as given"
+    )
 
 
 def _frequency_rows(result: RunResult) -> Rows:

@@ -34,8 +34,6 @@ from pmr.studies.tasks import Failure, TaskResult
 
 #: Environment variables for the number of threads, which libraries read when they are loaded.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
-#: First letters of environment variables by which a process takes itself for a rank of its parent's MPI job.
-MPI_VARIABLES = ("OMPI_", "ORTE_", "PRTE_", "PMIX_", "PMI_", "PMI2_", "HYDI_", "HYDRA_", "MPI_LOCAL", "SLURM_")
 #: Folders of pmr with code that no task computes with.
 NOT_COMPUTING = ("report/", "cli/")
 PATIENCE = 10.0  # s that a child has to end by itself
@@ -109,7 +107,9 @@ class Worker:
 
     def _start(self) -> subprocess.Popen[str]:
         """Start a child in which each library has one thread, without environment variables of an MPI launcher."""
-        variables = {name: value for name, value in os.environ.items() if not name.startswith(MPI_VARIABLES)}
+        variables = {
+            name: value for name, value in os.environ.items() if not name.startswith(environment.MPI_VARIABLES)
+        }
         variables |= dict.fromkeys(ONE_THREAD, "1")
         command, pipe = [sys.executable, "-c", START, *self._path], subprocess.PIPE
         self._child = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=self._log, text=True, env=variables)
