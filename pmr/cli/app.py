@@ -32,7 +32,8 @@ from pmr.cli.info import info
 from pmr.cli.observe import identify, observe
 from pmr.cli.run import run
 from pmr.cli.study import chart, study
-from pmr.errors import ConvergenceError, InputError, SimulationError, environment, escape_controls, similar_name_hint
+from pmr.errors import ConvergenceError, InputError, SimulationError, environment
+from pmr.errors.text import escape_controls, similar_name_hint
 from pmr.files.whole import FULL, NotWrittenError
 
 
@@ -75,7 +76,7 @@ def schema(
 
         pmr schema frame.cylinder
     """
-    from pmr.cli.info import describe_key
+    from pmr.cli.key_reference import describe_key
     from pmr.scene.hints import scene_form_schemas
     from pmr.studies.call import kind_names, schemas
 

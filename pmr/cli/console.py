@@ -16,7 +16,8 @@ from typing import Annotated, Any, NoReturn
 import typer
 from rich.console import Console
 
-from pmr.errors import InputError, escape_controls
+from pmr.errors import InputError
+from pmr.errors.text import escape_controls
 from pmr.files.whole import NotWrittenError, ensure_ordinary
 
 Model = Annotated[

@@ -24,7 +24,8 @@ from pmr.cli.console import (
     print_text,
     scene_file,
 )
-from pmr.errors import InputError, TooManyModesError, escape_controls
+from pmr.errors import InputError, TooManyModesError
+from pmr.errors.text import escape_controls
 from pmr.export.formats import BODY_FORMATS, FORMATS, ONE_BODY, Options, write
 from pmr.files.whole import finish_swap, replacement_folder
 

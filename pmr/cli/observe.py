@@ -15,7 +15,8 @@ from rich.table import Table
 
 from pmr.cli.console import Folder, MotionScene, Overrides, out, print_sentences, print_text, scene_file
 from pmr.cli.export import Model
-from pmr.errors import InputError, escape_controls
+from pmr.errors import InputError
+from pmr.errors.text import escape_controls
 from pmr.files.whole import finish_swap, replacement_file
 
 if TYPE_CHECKING:

@@ -34,7 +34,8 @@ from pmr.cli.console import (
     scene_file,
     wrap_at_spaces,
 )
-from pmr.errors import ConvergenceError, InputError, SimulationError, duration_text, environment, escape_controls
+from pmr.errors import ConvergenceError, InputError, SimulationError, environment
+from pmr.errors.text import duration_text, escape_controls
 from pmr.files.whole import remove_matching, replacement_folder
 
 if TYPE_CHECKING:

@@ -31,7 +31,8 @@ from pmr.cli.console import (
     scene_file,
 )
 from pmr.cli.console import study_file as found_file
-from pmr.errors import InputError, environment, escape_controls
+from pmr.errors import InputError, environment
+from pmr.errors.text import escape_controls
 
 if TYPE_CHECKING:
     from pmr.scene import Scene

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pmr.errors import overview
+from pmr.errors.text import overview
 from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.built import force_name, reaction_name

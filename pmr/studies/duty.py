@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from pmr.errors import InputError, letters
+from pmr.errors import InputError
 from pmr.errors.environment import import_package
+from pmr.errors.text import letters
 from pmr.files.arrays import Array
 from pmr.scene.keys import SceneTable, Usual
 from pmr.studies.charting import governing_limit, lower_bounds

@@ -15,7 +15,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from pmr.errors import InputError, environment, similar_name_hint
+from pmr.errors import InputError, environment
+from pmr.errors.text import similar_name_hint
 from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.frame import boom_rotation

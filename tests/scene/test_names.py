@@ -12,7 +12,8 @@ import pytest
 from fuzz.names import fit, hostile
 from pydantic import TypeAdapter, ValidationError
 
-from pmr.errors import LONGEST_NAME, InputError, escape_controls, is_name
+from pmr.errors import InputError
+from pmr.errors.text import LONGEST_NAME, escape_controls, is_name
 from pmr.files.matrices import from_matrices
 from pmr.scene.built import Load, PadRing, Support
 from pmr.scene.joints import FileName, JointPads

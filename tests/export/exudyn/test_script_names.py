@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from oracle import project
 
-from pmr.errors import InputError, escape_controls, is_name
+from pmr.errors import InputError
+from pmr.errors.text import escape_controls, is_name
 from pmr.export.exudyn_script import script_data, write_exudyn_script
 from pmr.scene.signals import SignalBase, Sine, SmoothRamp, Step, Table
 from pmr.system.body import FullBody
