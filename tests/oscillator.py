@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from pmr.observe.linear import LinearMotion
+from pmr.observe.linear import LinearMotion, StepMatrices
 
 Array = NDArray[np.float64]
 H, OMEGA, G = 0.01, 6.0, 9.81
@@ -17,15 +17,12 @@ def oscillator(steps: int) -> LinearMotion:
     """Mass of 100 kg on a spring and a damper, with the states z, v and one that is not used; a load pushes it."""
     A = np.array([[0.0, 1.0], [-(OMEGA**2), -0.3]])
     whole = expm(np.block([[A, np.array([[0.0], [0.01]])], [np.zeros((1, 3))]]) * H)
-    F, B = np.zeros((3, 3)), np.zeros((3, 1))
-    F[:2, :2], B[:2] = whole[:2, :2], whole[:2, 2:]
-    C = np.array([[*A[1], 0.0], [1.0, 0.0, 0.0], [-3600.0, 0.0, 0.0]])
-    D = np.array([[0.01], [0.0], [0.0]])
-    t = H * np.arange(1, steps + 1)
-    F, B, C, D = (np.broadcast_to(matrix, (steps, *matrix.shape)) for matrix in (F, B, C, D))
-    start = np.linalg.lstsq(np.eye(3) - F[0], B[0], rcond=None)[0]
-    units, kinds = ("m/s^2", "m", "N"), ("", "tip", "support")
-    return LinearMotion(t, OUTPUTS, units, kinds, ("push",), np.zeros((steps, 3)), F, B, C, D, start)
+    courses = np.zeros((5, 4, 1))  # one mode, which goes on by itself: its acceleration is that by the load alone
+    courses[:2, :2, 0], courses[:2, 3, 0] = whole[:2, :2], whole[:2, 2]
+    C, D = np.array([A[1], [1.0, 0.0], [-3600.0, 0.0]]), np.array([[0.01], [0.0], [0.0]])
+    R, G, C, D = (np.tile(matrix, (steps, 1, 1)) for matrix in (np.zeros((1, 2)), np.ones((1, 1)), C, D))
+    t, units, kinds = H * np.arange(1, steps + 1), ("m/s^2", "m", "N"), ("", "tip", "support")
+    return LinearMotion(t, OUTPUTS, units, kinds, ("push",), np.zeros((steps, 3)), StepMatrices(courses, R, G, C, D))
 
 
 def history(model: LinearMotion, f: Array) -> Array:

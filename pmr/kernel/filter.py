@@ -40,16 +40,19 @@ class FilterSteps:
     """Linear models of T steps, as `pmr_filter_step` (src/pmr_kernel.h) has them for one."""
 
     reference: Array  # (T, q)
-    A: Array  # (T, n, n)
-    B: Array  # (T, n, i)
-    C: Array  # (T, q, n)
+    R: Array  # (T, r, 2 r)
+    G: Array  # (T, r, i)
+    C: Array  # (T, q, 2 r)
     D: Array  # (T, q, i)
     sensitivity: Array  # (T, q, parameters)
     per_kilogram: Array  # (T, q, parameters)
 
 
 class KalmanFilter:
-    """A filter and its state; `x` (N,), `P` (N, N) and `level` (p,) are views of its memory."""
+    """A filter and its state.
+
+    `x` (N,), `P` (N, N) and `level` (p,) are views of its memory, and `lasting` is one of what an update begins with.
+    """
 
     def __init__(self, data: FilterData, steps: FilterSteps) -> None:
         self._indices = {name: np.ascontiguousarray(array, np.int32) for name, array in data.indices.items()}
@@ -65,6 +68,7 @@ class KalmanFilter:
         lib.pmr_filter_start(self._filter, pointer(self.memory), *map(pointer, start))
         self.x = self.memory[:N]
         self.P = self.memory[stride : stride + N * stride].reshape(N, stride)[:, :N]
+        self.lasting = self.memory[: counts.kept]
         self.level = self.memory[counts.kept - data.sizes["sensors"] : counts.kept]
         self._steps = {name: np.ascontiguousarray(array, float) for name, array in vars(steps).items()}
         self._places = {name: (pointer(array), array[0].size) for name, array in self._steps.items()}
@@ -115,23 +119,21 @@ class LinearSteps:
 
     def __init__(self, chosen: ChosenOutputs, T: int) -> None:
         q, i, r = len(chosen.columns), len(chosen.loads), len(chosen.at_modes)
-        n, follows = 3 * r, int(chosen.orders.any())  # without rates nothing is stored for them
-        self.reference, self.A, self.B = np.zeros((T, q)), np.zeros((T, n, n)), np.zeros((T, n, i))
-        self.C, self.D = np.zeros((T, q, n)), np.zeros((T, q, i))
-        self._chosen, stored = chosen, T if follows else 1
+        self.reference, self.R, self.G = np.zeros((T, q)), np.zeros((T, r, 2 * r)), np.zeros((T, r, i))
+        self.C, self.D, self.courses = np.zeros((T, q, 2 * r)), np.zeros((T, q, i)), np.zeros((5, 4, r))
+        self._chosen, stored = chosen, T if chosen.orders.any() else 1  # without rates nothing is stored for them
         self._arrays = {
-            "reference": self.reference, "A": self.A, "B": self.B, "C": self.C, "D": self.D,
-            "E": np.zeros((stored, n, n)), "G": np.zeros((stored, n, i)), "shapes": np.zeros((stored, q, r)),
-            "loaded": np.zeros((stored, q)), "motion": np.zeros((stored, n)),
+            "reference": self.reference, "R": self.R, "G": self.G, "C": self.C, "D": self.D,
+            "shapes": np.zeros((stored, q, r)), "loaded": np.zeros((stored, q)), "motion": np.zeros((stored, 3 * r)),
         }  # fmt: skip
         sizes = {"outputs": q, "inputs": i, "modes": r}
         self._data = ffi.new("pmr_chosen *", sizes | {n: integer_pointer(a) for n, a in vars(chosen).items()})
 
     def take(self, state: State, k: int, u: Array) -> None:
         """Take a step of the `state` to drivers u (N,), and store it as step k.  A StepError is raised if it fails."""
-        work, step = np.zeros(lib.pmr_linear_work(state.pointer)), self._step_data(k)
         u, where = np.ascontiguousarray(u, float), f"step {state.step_number + 1}"
-        arguments = (state.pointer, self._data, pointer(u), pointer(work), step)
+        arguments = (state.pointer, self._data, pointer(u), self._step_data(k))
+        lib.pmr_linear_courses(state.pointer, self._data, pointer(self.courses))
         state.raise_unless_done(lib.pmr_linear_matrices(*arguments), where)
         state.step(u)
         state.raise_unless_done(lib.pmr_linear_outputs(*arguments), where)
@@ -141,7 +143,7 @@ class LinearSteps:
         if self._chosen.orders.any():
             steps = [ffi.NULL, *(self._step_data(k) for k in range(len(self.reference))), ffi.NULL]
             for before, now, after in zip(steps[:-2], steps[1:-1], steps[2:], strict=True):
-                lib.pmr_output_rates(self._data, h, before, now, after)
+                lib.pmr_output_rates(self._data, pointer(self.courses), h, before, now, after)
 
     def _step_data(self, k: int) -> Any:
         """Addresses of the arrays of step k."""

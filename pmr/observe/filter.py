@@ -118,7 +118,7 @@ def watch(kalman: KalmanFilter, values: Array, step: float) -> Watched:
     excluded, agreed, due, wait = np.zeros(p, bool), np.zeros(p), 0, JUDGED / 4.0
     past = deque[Array](maxlen=max(1, round(REPLAYED / step)))
     for k in range(T):
-        past.append(kalman.memory.copy())
+        past.append(kalman.lasting.copy())
         innovations[k] = kalman.update(k, values[k], np.where(excluded, NOT_USED, IF_NEAR))
         agreed = np.where(kalman.level < NORMAL, agreed + step * np.isfinite(innovations[k]), 0.0)
         excluded = excluded & (agreed < RETURN)
@@ -156,16 +156,16 @@ def isolate(
 ) -> int | None:
     """Number of the sensor without which all others agree with the model, and the filter without it; or None.
 
-    The measurements (t, p) of the steps up to k are filtered again from the `earlier` memory, once without each sensor
-    that is not `excluded`.  A sensor is at fault if the largest mean square of the others' innovations is below
-    `AGREED` without it, and at least `APART` times as large without any other one.  If none is, the filter stays as it
-    is.
+    The measurements (t, p) of the steps up to k are filtered again from the `earlier` state of the filter, once without
+    each sensor that is not `excluded`.  A sensor is at fault if the largest mean square of the others' innovations is
+    below `AGREED` without it, and at least `APART` times as large without any other one.  If none is, the filter stays
+    as it is.
     """
     trials, present = list[tuple[float, int, Array]](), kalman.memory.copy()
     judged, levels = max(1, round(JUDGED / step)), kalman.level.copy()
     for j in np.nonzero(~excluded)[0]:
         without, squares = excluded | (np.arange(len(excluded)) == j), np.zeros(values.shape)
-        kalman.memory[:] = earlier
+        kalman.lasting[:] = earlier
         for i, measured in enumerate(values, k + 1 - len(values)):
             innovations = kalman.update(i, measured, np.where(without, NOT_USED, IF_POSSIBLE))
             squares[i - k - 1] = np.minimum(np.nan_to_num(innovations) ** 2, MOST_SQUARE)
@@ -207,7 +207,7 @@ class FilterModel:
     @property
     def first_unknown(self) -> int:
         """Number of the first unknown in the filter's state, behind the states of the model."""
-        return self.model.A.shape[1]
+        return 3 * self.model.matrices.modes
 
     @cached_property
     def unknown_deviations(self) -> Array:
@@ -235,7 +235,8 @@ class FilterModel:
             sensitivity[..., j] = parameter.sensitivity
             if parameter.per_kilogram is not None:
                 growth[..., j] = parameter.per_kilogram
-        return FilterSteps(model.reference, model.A, model.B, model.C, model.D, sensitivity, growth)
+        of = model.matrices
+        return FilterSteps(model.reference, of.R, of.G, of.C, of.D, sensitivity, growth)
 
     def data(self) -> FilterData:
         """Sizes and numbers of the filter, and its first state: the boom stands in equilibrium with what is unknown."""
@@ -282,7 +283,8 @@ class FilterModel:
             },
             arrays={
                 "noise": np.array([sensor.noise for sensor in self.sensors]), "errors": self.total_errors,
-                "decay": decay, "added": added, "rough": np.array([load.deviation_in_step(h) for load in self.loads]),
+                "decay": decay, "added": added, "courses": model.matrices.courses,
+                "rough": np.array([load.deviation_in_step(h) for load in self.loads]),
             },
             x=x,
             P=equilibrium @ P @ equilibrium.T,

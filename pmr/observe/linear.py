@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -47,6 +48,33 @@ _UNITS = {VELOCITY: "m/s", ACCELERATION: "m/s^2", SPECIFIC_FORCE: "m/s^2"}
 
 
 @dataclass(frozen=True)
+class StepMatrices:
+    """Matrices of T steps of r modes, n = 3 r, from which A and B follow.
+
+    A step's acceleration is R (z*, v*) + G f.  Each mode's next prediction (z*, v*, a*) is a sum of its prediction and
+    its acceleration, and so are z and its rate at the end of the step: `courses` has the factors.
+    """
+
+    courses: Array  # (5, 4, r)
+    R: Array  # (T, r, 2 r)
+    G: Array  # (T, r, i)
+    C: Array  # (T, q, 2 r): of outputs
+    D: Array  # (T, q, i)
+
+    @property
+    def modes(self) -> int:
+        """Number r of modes."""
+        return self.courses.shape[2]
+
+    def transitions(self, steps: slice = slice(None)) -> tuple[Array, Array]:
+        """Matrices A (T, n, n) and B (T, n, i) of some steps."""
+        by_acceleration, r = self.courses[:3, 3], self.modes
+        R, G = np.pad(self.R[steps], [(0, 0), (0, 0), (0, r)]), self.G[steps]
+        A, B = (np.einsum("pj,tjc->tpjc", by_acceleration, by).reshape(len(by), 3 * r, by.shape[2]) for by in (R, G))
+        return A + np.block([[np.diag(factors) for factors in part[:3]] for part in self.courses[:3]]), B
+
+
+@dataclass(frozen=True)
 class LinearMotion:
     """Linear model of q outputs at T steps around a reference motion, for n states and i loads (`linearize`)."""
 
@@ -56,12 +84,33 @@ class LinearMotion:
     kinds: tuple[str, ...]  # (q,): kinds of outputs (`pmr.results.response.KINDS`), empty for a rate
     inputs: tuple[str, ...]  # (i,)
     reference: Array  # (T, q): outputs in the reference motion
-    # (T, n, n), (T, n, i), (T, q, n) and (T, q, i)
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    start: Array  # (n, i): change of the first state with constant loads, in equilibrium
+    matrices: StepMatrices
+
+    @cached_property
+    def A(self) -> Array:
+        """Matrices (T, n, n)."""
+        return self.matrices.transitions()[0]
+
+    @cached_property
+    def B(self) -> Array:
+        """Matrices (T, n, i)."""
+        return self.matrices.transitions()[1]
+
+    @cached_property
+    def C(self) -> Array:
+        """Matrices (T, q, n)."""
+        return np.pad(self.matrices.C, [(0, 0), (0, 0), (0, self.matrices.modes)])
+
+    @property
+    def D(self) -> Array:
+        """Matrices (T, q, i)."""
+        return self.matrices.D
+
+    @cached_property
+    def start(self) -> Array:
+        """Change (n, i) of the first state with constant loads, in equilibrium: the state that the first step keeps."""
+        A, B = (each[0] for each in self.matrices.transitions(slice(1)))
+        return np.linalg.lstsq(np.eye(len(A)) - A, B, rcond=None)[0] if B.shape[1] else np.zeros(B.shape)
 
     @property
     def step(self) -> float:
@@ -188,11 +237,7 @@ def linearize(
         chosen.kinds,
         tuple(inputs),
         steps.reference + gravity,
-        steps.A,
-        steps.B,
-        steps.C,
-        steps.D,
-        _start_under_loads(steps),
+        StepMatrices(steps.courses, steps.R, steps.G, steps.C, steps.D),
     )
 
 
@@ -217,12 +262,6 @@ def _differentiate(form: SystemForm, excitation: Excitation, chosen: Selection, 
         steps.take(march.state, k, u[k + 1])
     steps.follow_rates(excitation.stepping.step)
     return steps
-
-
-def _start_under_loads(steps: LinearSteps) -> Array:
-    """Change (n, i) of the first state with constant loads, in equilibrium: the state that the first step keeps."""
-    A, B = steps.A[0], steps.B[0]
-    return np.linalg.lstsq(np.eye(len(A)) - A, B, rcond=None)[0] if B.shape[1] else np.zeros(B.shape)
 
 
 def output_sensitivity(reference: LinearMotion, changed: LinearMotion) -> Array:

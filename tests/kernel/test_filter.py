@@ -8,14 +8,15 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.kernel.filter import AS_EXPECTED, IF_NEAR, IF_POSSIBLE, NOT_USED, FilterData, FilterSteps, KalmanFilter
+from pmr.observe.linear import StepMatrices
 
 Array = NDArray[np.float64]
-N, n, q, p, i = 11, 5, 3, 2, 2  # states X = (xi, load, payload, parameter, bias, gain, error): 5 + 6
+N, n, r, q, p, i = 12, 6, 2, 3, 2, 2  # states X = (xi, load, payload, parameter, bias, gain, error): 6 + 6
 
 
 def made(rng: np.random.Generator, considered: int) -> tuple[FilterData, FilterSteps]:
     """Random filter of two sensors, of the outputs 2 and 0, with everything that one can have."""
-    shapes = {"reference": (2, q), "A": (2, n, n), "B": (2, n, i), "C": (2, q, n), "D": (2, q, i)}
+    shapes = {"reference": (2, q), "R": (2, r, 2 * r), "G": (2, r, i), "C": (2, q, 2 * r), "D": (2, q, i)}
     steps = {name: rng.standard_normal(shape) for name, shape in shapes.items()}
     sensitivity, growth = rng.standard_normal((2, 2, q, 1))
     root = rng.standard_normal((N, N))
@@ -25,7 +26,8 @@ def made(rng: np.random.Generator, considered: int) -> tuple[FilterData, FilterS
     indices = {"sensor_outputs": [2, 0], "load_inputs": [0], "considered": [considered], "biased_sensors": [0],
                "scaled_sensors": [1], "off_sensors": [1]}  # fmt: skip
     arrays = {"noise": rng.uniform(1.0, 2.0, p), "errors": rng.uniform(0.1, 0.2, q), "decay": rng.uniform(0.5, 1.0, N),
-              "added": rng.uniform(0.0, 1.0, N), "rough": rng.uniform(0.5, 1.0, 1)}  # fmt: skip
+              "added": rng.uniform(0.0, 1.0, N), "rough": rng.uniform(0.5, 1.0, 1),
+              "courses": rng.standard_normal((5, 4, r))}  # fmt: skip
     data = FilterData(
         sizes, numbers, {name: np.array(of, np.int32) for name, of in indices.items()}, arrays,
         x=rng.standard_normal(N), P=root @ root.T, square=rng.uniform(1.0, 2.0, q),
@@ -37,7 +39,8 @@ def rows_of(data: FilterData, steps: FilterSteps, x: Array) -> tuple[Array, Arra
     """Rows R (q, N) and offsets (q,) of the outputs R X + offset of the first step."""
     lift = -(9.81 + steps.reference[0, 1])
     of_parameter = steps.sensitivity[0] + x[n + 1] * steps.per_kilogram[0]
-    R = np.hstack([steps.C[0], steps.D[0][:, :1], lift * steps.D[0][:, 1:], of_parameter, np.zeros((q, 3))])
+    C = np.hstack([steps.C[0], np.zeros((q, r))])
+    R = np.hstack([C, steps.D[0][:, :1], lift * steps.D[0][:, 1:], of_parameter, np.zeros((q, 3))])
     return R, steps.reference[0] - steps.D[0][:, 1] * (R[1] @ x) * x[n + 1]
 
 
@@ -49,9 +52,9 @@ def test_a_step_is_that_of_the_textbook(considered: int) -> None:
     R, offset = rows_of(data, steps, x)
     outputs = data.indices["sensor_outputs"]
     H = R[outputs].copy()
-    H[0, 8] = 1.0
-    H[1, 9] = (offset + R @ x)[0]
-    H[1, 10] = data.arrays["errors"][0] * np.sqrt(data.square[0])
+    H[0, 9] = 1.0
+    H[1, 10] = (offset + R @ x)[0]
+    H[1, 11] = data.arrays["errors"][0] * np.sqrt(data.square[0])
     expected, variance = offset[outputs] + H @ x, np.einsum("ij,jk,ik->i", H, P, H) + noise**2
     gap = np.array([8.0, 0.7]) * np.sqrt(variance)
     innovations = kalman.update(0, expected + gap, np.full(p, IF_NEAR))
@@ -70,13 +73,12 @@ def test_a_step_is_that_of_the_textbook(considered: int) -> None:
     of_state = np.einsum("ij,jk,ik->i", R, P, R)
     np.testing.assert_allclose(deviation_square, of_state + data.arrays["errors"] ** 2 * square, rtol=1e-10)
     F = np.diag(data.arrays["decay"])
-    F[:n, :n] = steps.A[0]
-    F[:n, n : n + 3] = np.column_stack(
-        [steps.B[0][:, 0], -(9.81 + steps.reference[0, 1]) * steps.B[0][:, 1], np.zeros(n)]
-    )
+    A, B = (each[0] for each in StepMatrices(data.arrays["courses"], steps.R, steps.G, steps.C, steps.D).transitions())
+    F[:n, :n] = A
+    F[:n, n : n + 3] = np.column_stack([B[:, 0], -(9.81 + steps.reference[0, 1]) * B[:, 1], np.zeros(n)])
     swing = np.zeros(N)
-    swing[:n] = -steps.B[0][:, 1] * (R[1] @ x) * x[n + 1]
-    rough = np.concatenate([data.arrays["rough"] * steps.B[0][:, 0], np.zeros(N - n)])
+    swing[:n] = -B[:, 1] * (R[1] @ x) * x[n + 1]
+    rough = np.concatenate([data.arrays["rough"] * B[:, 0], np.zeros(N - n)])
     kalman.predict(0)
     np.testing.assert_allclose(kalman.x, F @ x + swing, rtol=1e-10)
     Q = np.diag(data.arrays["added"]) + np.outer(rough, rough)

@@ -11,13 +11,20 @@
 #define MOVED 1e-6
 #define RATES_MOVED 1e-2
 
-/* x of F x = x among the closed contacts that give way, where the rows stand without a step; zero at the others. */
+/* That of the closed contacts that give way, where the rows stand without a step. */
+static problem giving_problem(pmr_state *st, const double *excess, double *lambda)
+{
+    problem c = problem_of(st, excess, lambda, st->before_closed);
+    int k;
+    for (k = 0; k < c.rows; k++) c.closed[k] = st->closed[k] != 0.0 && !is_rigid(st, k);
+    return c;
+}
+
+/* x of F x = x among these contacts; zero at the others. */
 static int solve_giving(pmr_state *st, double *x)
 {
-    problem c = problem_of(st, x, x, st->before_closed);
-    int failed, k;
-    for (k = 0; k < c.rows; k++) c.closed[k] = st->closed[k] != 0.0 && !is_rigid(st, k);
-    failed = solve_closed(&c);
+    problem c = giving_problem(st, x, x);
+    const int failed = solve_closed(&c);
     if (failed) st->trouble = c.trouble;
     return failed;
 }

@@ -1,13 +1,14 @@
 /* A Kalman filter on a linear model of each step, for payload, loads and outputs of a boom that measured paths move.
 
-   The state X (N,) holds, in this order, the prediction of a step (n,), unknown loads, a payload, parameters, biases and
+   The state X (N,) holds, in this order, the prediction of a step z*, v*, a* (n = 3 r), unknown loads, a payload, parameters, biases and
    gains of sensors, and errors of the model in measured outputs.  With rows R = (C, D of loads, ...) outputs are
 
        y = reference + shift + R X,    measured = y + bias + gain y + error + noise
 
    A payload m beside that of the reference motion is the load -m (g + a); in R the acceleration a of its place is that of
-   the reference motion, and `shift` is what the rest of the estimated acceleration does.  X goes on as F X with F = (A, B
-   of loads; decay).  pmr.observe.observer derives the numbers of a filter.  Rows of matrices with N columns are padded to whole
+   the reference motion, and `shift` is what the rest of the estimated acceleration does.  The acceleration of the step is
+   F X with F = (R, 0, G of loads), and each mode goes on by its prediction and acceleration alone: so what takes time is a
+   product with r rows, not with n.  All others decay.  pmr.observe.observer derives the numbers of a filter.  Rows of matrices with N columns are padded to whole
    registers, L numbers. */
 
 /* Where each part of a state begins, and the parts of a filter's memory. */
@@ -42,8 +43,8 @@ static filter_parts parts_of(const pmr_filter *f, double *memory)
 static void filter_sizes(const pmr_filter *f, pmr_filter_counts *counts)
 {
     const filter_parts p = parts_of(f, NULL);
-    const size_t L = p.padded, m = f->sensors, n = f->states;
-    const size_t update = m * (3 * L + (L > m ? L : m) + m + 6), predict = L + 2 * n * L + L * p.parameters;
+    const size_t L = p.padded, m = f->sensors, r = f->states / 3, W = PMR_UP(r);
+    const size_t update = m * (3 * L + (L > m ? L : m) + m + 6), predict = 4 * L + 2 * r * L + 4 * r * W + 4 * W;
     counts->states = p.all;
     counts->stride = L;
     counts->kept = L + p.all * L + f->outputs + m;
@@ -72,7 +73,7 @@ static double payload_inertia(const pmr_filter *f, const filter_parts *p)
 
 static void set_rows(const pmr_filter *f, const filter_parts *p, const pmr_filter_step *step)
 {
-    const size_t L = p->padded, n = f->states;
+    const size_t L = p->padded, n = 2 * (size_t)f->states / 3;
     const double payload = f->payload >= 0 ? p->x[p->payload] : 0.0;
     double inertia;
     int k, j;
@@ -219,72 +220,105 @@ static void filter_outputs(const pmr_filter *f, double *memory, const pmr_filter
     }
 }
 
-/* to (rows, stride) = A B for A (rows, m) and B (m, stride), both with rows of that stride, in tiles of four rows and two
-   registers; with `half` the upper half beyond the tiles of the diagonal is left. */
-static void multiply(const double *A, const double *B, int rows, int m, int stride, int half, double *to)
+/* to (rows, stride) = A B for A (rows, stride) and B (., stride), of which the rows within two spans count, in tiles of four
+   rows and two registers. */
+static void multiply(const double *A, const double *B, int rows, const int spans[4], int stride, double *to)
 {
-    int i, n, q;
+    int i, n, q, s;
     for (i = 0; i < rows; i += 4) {
-        const int last = rows - 1, width = half && i + 4 < stride ? i + 4 : stride;
+        const int last = rows - 1;
         const int at[4] = {i, i + 1 < last ? i + 1 : last, i + 2 < last ? i + 2 : last, i + 3 < last ? i + 3 : last};
         const double *a = A + at[0] * stride, *b = A + at[1] * stride, *c = A + at[2] * stride, *d = A + at[3] * stride;
-        for (n = 0; n + 2 * VL <= width; n += 2 * VL) {
+        for (n = 0; n < stride; n += 2 * VL) {
+            const int second = n + VL < stride ? n + VL : n;
             vec sums[8];
             for (q = 0; q < 8; q++) sums[q] = (vec){0.0};
-            for (q = 0; q < m; q++) {
-                const vec x = CONST_LOOSE(B + q * stride + n), y = CONST_LOOSE(B + q * stride + n + VL);
-                sums[0] += a[q] * x, sums[1] += a[q] * y, sums[2] += b[q] * x, sums[3] += b[q] * y;
-                sums[4] += c[q] * x, sums[5] += c[q] * y, sums[6] += d[q] * x, sums[7] += d[q] * y;
-            }
+            for (s = 0; s < 4; s += 2)
+                for (q = spans[s]; q < spans[s + 1]; q++) {
+                    const vec x = CONST_LOOSE(B + q * stride + n), y = CONST_LOOSE(B + q * stride + second);
+                    sums[0] += a[q] * x, sums[1] += a[q] * y, sums[2] += b[q] * x, sums[3] += b[q] * y;
+                    sums[4] += c[q] * x, sums[5] += c[q] * y, sums[6] += d[q] * x, sums[7] += d[q] * y;
+                }
             for (q = 0; q < 4; q++) {
                 LOOSE(to + at[q] * stride + n) = sums[2 * q];
-                LOOSE(to + at[q] * stride + n + VL) = sums[2 * q + 1];
+                LOOSE(to + at[q] * stride + second) = sums[2 * q + 1];
             }
-        }
-        for (; n < width; n += VL) {
-            vec sums[4];
-            for (q = 0; q < 4; q++) sums[q] = (vec){0.0};
-            for (q = 0; q < m; q++) {
-                const vec x = CONST_LOOSE(B + q * stride + n);
-                sums[0] += a[q] * x, sums[1] += b[q] * x, sums[2] += c[q] * x, sums[3] += d[q] * x;
-            }
-            for (q = 0; q < 4; q++) LOOSE(to + at[q] * stride + n) = sums[q];
         }
     }
+}
+
+/* to = the sum of four factors times four columns, number by number; columns and factors are `columns` and `factors`
+   apart but for the last column. */
+INLINE void mix(const double *factors, int apart, const double *columns, int columns_apart, const double *last, int count,
+                double *to)
+{
+    int n;
+    for (n = 0; n + VL <= count; n += VL)
+        LOOSE(to + n) = CONST_LOOSE(factors + n) * CONST_LOOSE(columns + n) +
+                        CONST_LOOSE(factors + apart + n) * CONST_LOOSE(columns + columns_apart + n) +
+                        CONST_LOOSE(factors + 2 * apart + n) * CONST_LOOSE(columns + 2 * columns_apart + n) +
+                        CONST_LOOSE(factors + 3 * apart + n) * CONST_LOOSE(last + n);
+    for (; n < count; n++)
+        to[n] = factors[n] * columns[n] + factors[apart + n] * columns[columns_apart + n] +
+                factors[2 * apart + n] * columns[2 * columns_apart + n] + factors[3 * apart + n] * last[n];
 }
 
 static void filter_predict(const pmr_filter *f, double *memory, const pmr_filter_step *step)
 {
     const filter_parts p = parts_of(f, memory);
-    const size_t N = p.all, L = p.padded, n = f->states, m = p.parameters;
+    const size_t N = p.all, L = p.padded, n = f->states, r = n / 3, W = PMR_UP(r);
+    const int spans[4] = {0, (int)(2 * r), (int)n, (int)p.parameters};
     const double inertia = payload_inertia(f, &p);
-    double *next = p.work, *F = next + L, *T = F + n * L, *transposed = T + n * L;
-    size_t i, j;
+    /* F; Y (r, L), covariances of the acceleration with X; among accelerations Z (r, W); with predictions, by mode */
+    double *next = p.work, *F = next + L, *Y = F + r * L, *Z = Y + r * L, *turned = Z + r * W, *T = turned + n * W;
+    double *of_acceleration = T + 3 * L, *acceleration = of_acceleration + 3 * W;
+    size_t i, j, part, from;
     int l;
-    memset(next, 0, (L + n * L) * sizeof(double));
-    memset(transposed, 0, m * L * sizeof(double));
-    for (i = 0; i < n; i++) memcpy(F + i * L, step->A + i * n, n * sizeof(double));
-    set_load_columns(f, &p, step->B, n, F, L);
-    for (i = 0; i < n; i++) {
-        next[i] = f->payload < 0 ? 0.0 : step->B[i * f->inputs + f->payload] * inertia;
-        next[i] += dot_loose(F + i * L, p.x, (int)m);
-        for (j = 0; j < m; j++) transposed[j * L + i] = F[i * L + j];
+    memset(F, 0, r * L * sizeof(double));
+    for (j = 0; j < r; j++) memcpy(F + j * L, step->R + j * 2 * r, 2 * r * sizeof(double));
+    set_load_columns(f, &p, step->G, r, F, L);
+    multiply(F, p.P, (int)r, spans, (int)L, Y);
+    for (j = 0; j < r; j++) {
+        acceleration[j] = dot_loose(F + j * L, p.x, (int)L);
+        if (f->payload >= 0) acceleration[j] += step->G[j * f->inputs + f->payload] * inertia;
+        for (i = 0; i <= j; i++) {
+            double sum = dot_loose(Y + j * L, F + i * L, (int)L);
+            for (l = 0; l < f->loads; l++) {
+                const double *by_load = step->G + f->load_inputs[l];
+                sum += f->rough[l] * f->rough[l] * by_load[j * f->inputs] * by_load[i * f->inputs];
+            }
+            Z[j * W + i] = Z[i * W + j] = sum;
+        }
+        for (i = 0; i < n; i++) turned[i * W + j] = Y[j * L + i];
     }
-    multiply(F, p.P, (int)n, (int)m, (int)L, 0, T);
     for (i = n; i < N; i++) {
         next[i] = f->decay[i] * p.x[i];
         for (j = n; j < N; j++) p.P[i * L + j] *= f->decay[i] * f->decay[j];
     }
-    memcpy(p.x, next, L * sizeof(double));
-    multiply(T, transposed, (int)n, (int)m, (int)L, 1, p.P); /* half of the symmetric part */
-    for (i = 0; i < n; i++) {
-        for (l = 0; l < f->loads; l++) {
-            const double *b = step->B + f->load_inputs[l];
-            const double share = f->rough[l] * f->rough[l] * b[i * f->inputs];
-            for (j = 0; j <= i; j++) p.P[i * L + j] += share * b[j * f->inputs];
+    for (j = 0; j < r; j++) { /* rows of mode j, of which no other mode has need */
+        memset(T, 0, (3 * L + 3 * W) * sizeof(double));
+        for (part = 0; part < 3; part++) {
+            const double *course = f->courses + part * 4 * r + j, factors[4] = {course[0], course[r], course[2 * r],
+                                                                                course[3 * r]};
+            add_columns(p.P + j * L, (int)(r * L), factors, 3, T + part * L, (int)L);
+            add_columns(Y + j * L, 0, factors + 3, 1, T + part * L, (int)L);
+            add_columns(turned + j * W, (int)(r * W), factors, 3, of_acceleration + part * W, (int)W);
+            add_columns(Z + j * W, 0, factors + 3, 1, of_acceleration + part * W, (int)W);
+            next[part * r + j] = factors[0] * p.x[j] + factors[1] * p.x[r + j] + factors[2] * p.x[2 * r + j] +
+                                 factors[3] * acceleration[j];
         }
-        for (j = 0; j < i; j++) p.P[j * L + i] = p.P[i * L + j];
-        for (j = n; j < N; j++) p.P[i * L + j] = p.P[j * L + i] = T[i * L + j] * f->decay[j];
+        for (part = 0; part < 3; part++) {
+            double *row = p.P + (part * r + j) * L;
+            for (from = 0; from <= part; from++) /* half of the symmetric part */
+                mix(f->courses + from * 4 * r, (int)r, T + part * L, (int)r, of_acceleration + part * W,
+                    (int)(from < part ? r : j + 1), row + from * r);
+            for (i = n; i < N; i++) row[i] = T[part * L + i] * f->decay[i];
+        }
     }
+    for (i = 0; i < n; i++) {
+        for (j = 0; j < i; j++) p.P[j * L + i] = p.P[i * L + j];
+        for (j = n; j < N; j++) p.P[j * L + i] = p.P[i * L + j];
+    }
+    memcpy(p.x, next, N * sizeof(double));
     for (i = 0; i < N; i++) p.P[i * L + i] += f->added[i];
 }

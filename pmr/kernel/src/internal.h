@@ -305,17 +305,16 @@ struct pmr_state {
       (filter, memory, step, mean, variance))                                                                          \
     P(filter_predict, filter_predict, (const pmr_filter *filter, double *memory, const pmr_filter_step *step),         \
       (filter, memory, step))                                                                                          \
-    F(size_t, linear_work, linear_work, (const pmr_state *state), (state))                                            \
+    P(linear_courses, linear_courses, (pmr_state *state, const pmr_chosen *which, double *courses),                    \
+      (state, which, courses))                                                                                         \
     F(int, linear_matrices, linear_matrices,                                                                           \
-      (pmr_state *state, const pmr_chosen *which, const double *u, double *work, const pmr_linear_step *to),          \
-      (state, which, u, work, to))                                                                                    \
+      (pmr_state *state, const pmr_chosen *which, const double *u, const pmr_linear_step *to), (state, which, u, to))  \
     F(int, linear_outputs, linear_outputs,                                                                             \
-      (pmr_state *state, const pmr_chosen *which, const double *u, double *work, const pmr_linear_step *to),          \
-      (state, which, u, work, to))                                                                                    \
+      (pmr_state *state, const pmr_chosen *which, const double *u, const pmr_linear_step *to), (state, which, u, to))  \
     P(output_rates, output_rates,                                                                                      \
-      (const pmr_chosen *which, double step, const pmr_linear_step *before, const pmr_linear_step *now,               \
-       const pmr_linear_step *after),                                                                                  \
-      (which, step, before, now, after))                                                                              \
+      (const pmr_chosen *which, const double *courses, double step, const pmr_linear_step *before,                     \
+       const pmr_linear_step *now, const pmr_linear_step *after),                                                      \
+      (which, courses, step, before, now, after))                                                                      \
     F(int, contact, contact_alone,                                                                                     \
       (int m, const double *A, const double *b, const int32_t *pushes, double *lambda, int32_t *closed, double *work,  \
        int *trouble),                                                                                                  \

@@ -58,7 +58,8 @@ static void subtract_seed_rows(const pmr_state *st, const seed *d, double *force
     const pmr_system *y = st->system;
     int k, n, p;
     for (k = 0; k < y->rows; k++) {
-        for (n = 0; n < y->modes; n++) forces[n] -= st->C[(size_t)k * y->modes + n] * d->lambda[k];
+        for (n = y->row_modes[2 * k]; n < y->row_modes[2 * k + 1]; n += VL)
+            V(forces + n) -= CV(st->C + (size_t)k * y->modes + n) * d->lambda[k];
         for (p = 0; d->u && p < y->paths; p++)
             if (d->u[p] != 0.0 && st->lambda[k] != 0.0)
                 for (n = 0; n < y->modes; n++)
@@ -70,9 +71,8 @@ static void subtract_seed_rows(const pmr_state *st, const seed *d, double *force
 static double seed_motion(const pmr_state *st, const seed *d, int k)
 {
     const pmr_system *y = st->system;
-    double sum = 0.0;
+    double sum = dot(st->C + (size_t)k * y->modes, d->free, y->row_modes[2 * k], y->row_modes[2 * k + 1]);
     int n, p;
-    for (n = 0; n < y->modes; n++) sum += st->C[(size_t)k * y->modes + n] * d->free[n];
     for (n = y->contacts; n < y->rows; n++) sum -= st->A[n * y->mp + k] * d->lambda[n];
     for (n = 0; n < y->joints; n++)
         if (y->joint_cylinders[n] == k) sum -= y->joint_gives[n] * d->sums[n];
@@ -143,12 +143,14 @@ static int follow_seed(pmr_state *st, const pmr_scheme *c, seed *d, const double
     if (y->coupled)
         couple(st, c, d->z_next, d->v_next, bent);
     else
-        for (n = 0; n < r; n++) bent[n] = -c->stiffness[n] * d->z_next[n] - c->damping[n] * d->v_next[n];
+        for (n = 0; n < r; n += VL)
+            V(bent + n) = -CV(c->stiffness + n) * CV(d->z_next + n) - CV(c->damping + n) * CV(d->v_next + n);
     for (times = 0; times < MOST_TIMES; times++) {
         copy(d->forces, d->w, r);
         add_seed_loads(y, d, d->forces);
         over_S(y, c, d->forces, 0, r, d->acceleration);
-        for (n = 0; n < r; n++) d->free[n] = d->z_next[n] + c->z_gain * (bent[n] + d->acceleration[n]);
+        for (n = 0; n < r; n += VL)
+            V(d->free + n) = CV(d->z_next + n) + (CV(bent + n) + CV(d->acceleration + n)) * c->z_gain;
         for (k = 0; k < y->contacts; k++) d->lambda[k] = 0.0;
         if (y->pushing) {
             for (n = 0; n < st->factored; n++) st->entries[n] = seed_motion(st, d, st->numbers[n]);
@@ -160,10 +162,11 @@ static int follow_seed(pmr_state *st, const pmr_scheme *c, seed *d, const double
         }
         subtract_seed_rows(st, d, d->forces);
         over_S(y, c, d->forces, 0, r, d->acceleration);
-        for (n = 0; n < r; n++) {
-            d->acceleration[n] += bent[n];
-            d->z[n] = d->z_next[n] + c->z_gain * d->acceleration[n];
-            d->v[n] = d->v_next[n] + c->v_gain * d->acceleration[n];
+        for (n = 0; n < r; n += VL) {
+            const vec acceleration = CV(d->acceleration + n) + CV(bent + n);
+            V(d->acceleration + n) = acceleration;
+            V(d->z + n) = CV(d->z_next + n) + acceleration * c->z_gain;
+            V(d->v + n) = CV(d->v_next + n) + acceleration * c->v_gain;
         }
         if ((!y->registers && !y->pads) || follow_forces(st, c->h, d, of_amplitudes)) return 0;
     }
@@ -188,64 +191,82 @@ static void predict_seed(const pmr_state *st, const pmr_scheme *c, seed *d)
     }
 }
 
-static void seed_outputs(pmr_state *st, const seed *d)
-{
-    const pmr_system *y = st->system;
-    find_outputs(st, y->observed, 0, y->op, d->z, d->u ? d->u + y->paths : NULL, d->lambda, d->u, d->y);
-}
-
 static void store_column(double *to, size_t columns, size_t column, const double *from, size_t count)
 {
     size_t n;
     for (n = 0; to && n < count; n++) to[n * columns + column] = from[n];
 }
 
-static int linearize_part(pmr_state *st, const pmr_scheme *c, const double *u, const pmr_jacobian *jacobian)
+/* Where a part to drivers u ends, with how rows change by paths, and room for seeds of it in `d`. */
+static int open_seeds(pmr_state *st, const pmr_scheme *c, const double *u, seed *d)
 {
     const pmr_system *y = st->system;
-    const size_t r = y->modes, N = y->drivers, o = y->outputs, m = y->contacts;
-    const double *amplitudes = u + y->paths + y->inputs;
-    double *room = st->seeds, *of_amplitudes = room + 9 * r, *unit = room + 10 * r;
-    seed d = {.z_next = room,
-              .v_next = room + r,
-              .a_next = room + 2 * r,
-              .z = room + 3 * r,
-              .v = room + 4 * r,
-              .acceleration = room + 5 * r,
-              .forces = room + 6 * r,
-              .w = room + 7 * r,
-              .free = room + 8 * r,
-              .lambda = st->motion,
-              .sums = unit + N,
-              .y = st->values};
-    size_t column;
-    int failed;
-    failed = place(st, c, u);
+    const size_t r = y->modes;
+    double *room = st->seeds;
+    int failed = place(st, c, u);
     if (failed) return failed;
     copy(st->z_before, st->z, y->modes);
     load_bodies(st, u + y->paths);
     push_free(st, c);
-    if (y->registers || y->pads) expect_terms(st, c, amplitudes);
+    if (y->registers || y->pads) expect_terms(st, c, u + y->paths + y->inputs);
     failed = find_multipliers(st, c);
     if (failed) return failed;
     find_slopes(st, c);
-    for (column = 0; column < 3 * r + N; column++) {
-        const int of_driver = column >= 3 * r, term = of_driver ? (int)(column - 3 * r) - y->paths - y->inputs : -1;
-        memset(room, 0, 3 * r * sizeof(double));
-        memset(of_amplitudes, 0, r * sizeof(double));
-        d.u = NULL;
-        if (of_driver) {
-            memset(unit, 0, N * sizeof(double));
-            unit[column - 3 * r] = 1.0;
-            d.u = unit;
-            if (term >= 0) {
-                amplitude_forces(st, unit + y->paths + y->inputs, of_amplitudes);
-                combine_terms(st, amplitudes);
-            }
-        } else {
-            room[column] = 1.0;
+    *d = (seed){.z_next = room,
+                .v_next = room + r,
+                .a_next = room + 2 * r,
+                .z = room + 3 * r,
+                .v = room + 4 * r,
+                .acceleration = room + 5 * r,
+                .forces = room + 6 * r,
+                .w = room + 7 * r,
+                .free = room + 8 * r,
+                .lambda = st->motion,
+                .sums = room + 10 * r + y->drivers,
+                .y = st->values};
+    return PMR_DONE;
+}
+
+/* The part's end along the seed of this number, among numbers z*, v*, a* (3 r') and drivers behind them. */
+static int follow_column(pmr_state *st, const pmr_scheme *c, const double *u, size_t column, seed *d)
+{
+    const pmr_system *y = st->system;
+    const size_t r = y->modes;
+    double *of_amplitudes = st->seeds + 9 * r, *unit = st->seeds + 10 * r;
+    memset(d->z_next, 0, 3 * r * sizeof(double));
+    memset(of_amplitudes, 0, r * sizeof(double));
+    d->u = NULL;
+    if (column < 3 * r) {
+        d->z_next[column] = 1.0;
+    } else {
+        memset(unit, 0, y->drivers * sizeof(double));
+        unit[column - 3 * r] = 1.0;
+        d->u = unit;
+        if (column >= 3 * r + y->paths + y->inputs) {
+            amplitude_forces(st, unit + y->paths + y->inputs, of_amplitudes);
+            combine_terms(st, u + y->paths + y->inputs);
         }
-        if (follow_seed(st, c, &d, of_amplitudes)) return PMR_UNCONVERGED;
+    }
+    return follow_seed(st, c, d, of_amplitudes);
+}
+
+static void seed_outputs(pmr_state *st, const seed *d)
+{
+    const pmr_system *y = st->system;
+    find_outputs(st, y->observed, 0, y->op, d->z, d->u ? d->u + y->paths : NULL, d->lambda, d->u, d->y);
+}
+
+static int linearize_part(pmr_state *st, const pmr_scheme *c, const double *u, const pmr_jacobian *jacobian)
+{
+    const pmr_system *y = st->system;
+    const size_t r = y->modes, N = y->drivers, o = y->outputs, m = y->contacts;
+    seed d;
+    size_t column;
+    int failed = open_seeds(st, c, u, &d);
+    if (failed) return failed;
+    for (column = 0; column < 3 * r + N; column++) {
+        const int of_driver = column >= 3 * r;
+        if (follow_column(st, c, u, column, &d)) return PMR_UNCONVERGED;
         seed_outputs(st, &d);
         if (of_driver) {
             store_column(jacobian->D, N, column - 3 * r, d.y, o);
@@ -258,18 +279,23 @@ static int linearize_part(pmr_state *st, const pmr_scheme *c, const double *u, c
         }
         predict_seed(st, c, &d);
         if (of_driver)
-            store_column(jacobian->B, N, column - 3 * r, room, 3 * r);
+            store_column(jacobian->B, N, column - 3 * r, d.z_next, 3 * r);
         else
-            store_column(jacobian->A, 3 * r, column, room, 3 * r);
+            store_column(jacobian->A, 3 * r, column, d.z_next, 3 * r);
     }
     return PMR_DONE;
 }
 
+/* The scheme of the next step. */
+static const pmr_scheme *next_scheme(const pmr_state *st)
+{
+    return st->scheme + (st->progress.active < 0 ? 0 : st->progress.active);
+}
+
 static int linearize(pmr_state *st, const double *u, const pmr_jacobian *jacobian)
 {
-    const int level = st->progress.active < 0 ? 0 : st->progress.active;
     const pmr_progress progress = st->progress;
     if (st->system->hoist || st->system->computed) return PMR_REFUSED;
     memcpy(st->began, st->mark, st->saved * sizeof(double));
-    return return_to(st, &progress, linearize_part(st, st->scheme + level, u, jacobian));
+    return return_to(st, &progress, linearize_part(st, next_scheme(st), u, jacobian));
 }

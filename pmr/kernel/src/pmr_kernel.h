@@ -481,7 +481,7 @@ void pmr_bank_advance(const pmr_bank *bank, double *memory, int64_t steps, const
 
 /* ---- a Kalman filter on linear models of steps ---- */
 
-/* n states of a prediction, q outputs, p sensors, i loads of the model; what else is not known, by numbers of loads,
+/* n = 3 r states of a prediction of r modes, q outputs, p sensors, i loads of the model; what else is not known, by numbers of loads,
    outputs and sensors, those of sensors ascending (filter.c).  N = n + loads + payload + parameters + biased + scaled +
    off.  Arrays stay as long as they are used. */
 typedef struct {
@@ -499,12 +499,13 @@ typedef struct {
     const double *noise, *errors;   /* (p,) deviations, (q,) shares of the model's error */
     const double *decay, *added;    /* (N,): in a step, from the loads on; variance that each step adds */
     const double *rough;            /* (loads,) N: deviation within a step */
+    const double *courses;          /* (5, 4, r): of pmr_linear_courses */
 } pmr_filter;
 
-/* Linear model of a step: reference (q,), A (n, n), B (n, i), C (q, n), D (q, i), and how outputs change with parameters
-   and by each kg of payload, (q, parameters). */
+/* Linear model of a step as pmr_linear_step has it, and how outputs change with parameters and by each kg of payload,
+   (q, parameters). */
 typedef struct {
-    const double *reference, *A, *B, *C, *D, *sensitivity, *per_kilogram;
+    const double *reference, *R, *G, *C, *D, *sensitivity, *per_kilogram;
 } pmr_filter_step;
 
 /* How a measurement is used: if the model can explain it, or only if it is near where the sensor is doubted; as if what
@@ -541,23 +542,24 @@ typedef struct {
     const int32_t *columns, *orders, *loads, *at_modes;
 } pmr_chosen;
 
-/* With x (3 r,) as in pmr_jacobian: A (3 r, 3 r), B (3 r, i), C (q, 3 r), D (q, i), E (3 r, 3 r), G (3 r, i), and reference
-   (q,).  Where there are rates, outputs are Y z + loaded with Y (q, r), loaded (q,), and motion (3 r,) is z, z', z''. */
+/* Acceleration of the modes by the prediction, R (r, 2 r) of z* and v*, and by loads, G (r, i); outputs by both, C (q, 2 r)
+   and D (q, i); reference (q,).  Where there are rates, outputs are Y z + loaded with Y (q, r), loaded (q,), and motion
+   (3 r,) is z, z', z''. */
 typedef struct {
-    double *reference, *A, *B, *C, *D, *E, *G, *shapes, *loaded, *motion;
+    double *reference, *R, *G, *C, *D, *shapes, *loaded, *motion;
 } pmr_linear_step;
 
-/* Matrices of the step to drivers u (N,), before it is taken; then what they are about, after it.  `work` has
-   pmr_linear_work doubles.  Return as pmr_linearize and pmr_evaluate. */
-size_t pmr_linear_work(const pmr_state *state);
-int pmr_linear_matrices(pmr_state *state, const pmr_chosen *chosen, const double *u, double *work,
-                        const pmr_linear_step *to);
-int pmr_linear_outputs(pmr_state *state, const pmr_chosen *chosen, const double *u, double *work,
-                       const pmr_linear_step *to);
+/* Courses (5, 4, r), which are the same in all steps: z*, v* and a* of the next prediction, then z and z' at the end of
+   the step, as sums of z*, v*, a* and the acceleration of the same mode. */
+void pmr_linear_courses(pmr_state *state, const pmr_chosen *chosen, double *courses);
+/* Matrices of the step to drivers u (N,), before it is taken; then what they are about, after it.  Return as
+   pmr_linearize and pmr_evaluate. */
+int pmr_linear_matrices(pmr_state *state, const pmr_chosen *chosen, const double *u, const pmr_linear_step *to);
+int pmr_linear_outputs(pmr_state *state, const pmr_chosen *chosen, const double *u, const pmr_linear_step *to);
 /* Put rates into C, D and reference of `now`: y' = Y z' + Y' z and y'' = Y z'' + 2 Y' z' + Y'' z, with Y of neighbours
    that are `step` s apart; NULL at the ends, beyond which Y goes on along a straight line. */
-void pmr_output_rates(const pmr_chosen *chosen, double step, const pmr_linear_step *before, const pmr_linear_step *now,
-                      const pmr_linear_step *after);
+void pmr_output_rates(const pmr_chosen *chosen, const double *courses, double step, const pmr_linear_step *before,
+                      const pmr_linear_step *now, const pmr_linear_step *after);
 
 /* ---- up to here ---- */
 

@@ -18,7 +18,7 @@ struct Estimator {
     int unknowns, count;
     size_t slot, saved; /* doubles of a remembered step, and of all that a state is */
     /* saved: steps taken, remembered steps with their measurements, variables, and of the filter what stays */
-    double *memory, *taken, *filtered, *slots, *variables, *work;
+    double *memory, *taken, *filtered, *slots, *variables;
 };
 
 /* ---- opening ---- */
@@ -68,6 +68,7 @@ static int read_arrays(Unit *unit, Estimator *e)
     f->noise = numbers(unit, "observer_noise", f->sensors, &sound);
     f->errors = numbers(unit, "observer_errors", f->outputs, &sound);
     f->rough = numbers(unit, "observer_rough", f->loads, &sound);
+    f->courses = numbers(unit, "observer_courses", 20 * (int64_t)unit->modes, &sound);
     pmr_filter_sizes(f, &e->counts);
     f->decay = numbers(unit, "observer_decay", (int64_t)e->counts.states, &sound);
     f->added = numbers(unit, "observer_added", (int64_t)e->counts.states, &sound);
@@ -85,12 +86,12 @@ static int read_arrays(Unit *unit, Estimator *e)
 /* Arrays of a remembered step, the number of which counts from 0; behind them its measurements. */
 static pmr_linear_step step_of(const Estimator *e, int64_t number, double **measured)
 {
-    const size_t q = e->filter.outputs, n = e->filter.states, i = e->filter.inputs, r = e->chosen.modes;
+    const size_t q = e->filter.outputs, i = e->filter.inputs, r = e->chosen.modes;
     double *at = e->slots + (size_t)(number % SLOTS) * e->slot;
     pmr_linear_step to = {.reference = at};
-    to.A = at + q, to.B = to.A + n * n, to.C = to.B + n * i, to.D = to.C + q * n, to.E = to.D + q * i;
-    to.G = to.E + n * n, to.shapes = to.G + n * i, to.loaded = to.shapes + q * r, to.motion = to.loaded + q;
-    *measured = to.motion + n;
+    to.R = at + q, to.G = to.R + 2 * r * r, to.C = to.G + r * i, to.D = to.C + 2 * q * r;
+    to.shapes = to.D + q * i, to.loaded = to.shapes + q * r, to.motion = to.loaded + q;
+    *measured = to.motion + 3 * r;
     return to;
 }
 
@@ -98,22 +99,21 @@ int estimator_open(Unit *unit)
 {
     int64_t entries;
     Estimator *e;
-    size_t q, p, n, i;
+    size_t q, p, r, i;
     if (!pmr_system_integers(unit->system, "observer_sizes", &entries)) return 0;
     e = unit->estimator = calloc(1, sizeof *e);
     if (!e || read_arrays(unit, e)) return 1;
-    q = e->filter.outputs, p = e->filter.sensors, n = e->filter.states, i = e->filter.inputs;
-    e->slot = 3 * q + 2 * n * n + 2 * n * i + q * n + q * i + q * e->chosen.modes + n + p;
+    q = e->filter.outputs, p = e->filter.sensors, r = e->chosen.modes, i = e->filter.inputs;
+    e->slot = 2 * q + 2 * r * r + r * i + 3 * q * r + q * i + 3 * r + p;
     e->count = (int)(3 * p + 2 * (q + e->unknowns));
     e->saved = 1 + e->counts.kept + SLOTS * e->slot + e->count;
-    e->memory = calloc(1 + e->counts.memory + SLOTS * e->slot + e->count + pmr_linear_work(unit->state), sizeof(double));
+    e->memory = calloc(1 + e->counts.memory + SLOTS * e->slot + e->count, sizeof(double));
     e->use = calloc(p, sizeof *e->use);
     if (!e->memory || !e->use) return 1;
     e->taken = e->memory;
     e->slots = e->taken + 1;
     e->variables = e->slots + SLOTS * e->slot;
     e->filtered = e->variables + e->count;
-    e->work = e->filtered + e->counts.memory;
     for (i = 0; i < p; i++) e->use[i] = PMR_IF_NEAR;
     return 0;
 }
@@ -144,7 +144,7 @@ int estimator_prepare(Unit *unit, const double *u)
     Estimator *e = unit->estimator;
     double *measured;
     const pmr_linear_step step = step_of(e, (int64_t)*e->taken, &measured);
-    return pmr_linear_matrices(unit->state, &e->chosen, u, e->work, &step);
+    return pmr_linear_matrices(unit->state, &e->chosen, u, &step);
 }
 
 /* Estimates of the step before the last one, whose rates are known now. */
@@ -156,10 +156,11 @@ static int estimate(Estimator *e, double step)
                       *unknown_deviation = unknown + e->unknowns, *innovations = unknown_deviation + e->unknowns;
     const pmr_linear_step after = step_of(e, last, &measured), before = step_of(e, last + 1, &measured);
     const pmr_linear_step now = step_of(e, last - 1, &measured);
-    const pmr_filter_step linear = {.reference = now.reference, .A = now.A, .B = now.B, .C = now.C, .D = now.D};
+    const pmr_filter_step linear = {.reference = now.reference, 
+                                    .R = now.R, .G = now.G, .C = now.C, .D = now.D};
     const double *x = e->filtered, *P = x + e->counts.stride, *level = x + e->counts.kept - p;
     int k, failed;
-    pmr_output_rates(&e->chosen, step, last > 1 ? &before : NULL, &now, &after);
+    pmr_output_rates(&e->chosen, e->filter.courses, step, last > 1 ? &before : NULL, &now, &after);
     for (k = 0; k < q; k++) now.reference[k] += e->felt[k];
     failed = pmr_filter_update(&e->filter, e->filtered, &linear, measured, e->use, innovations);
     if (failed) return failed;
@@ -179,7 +180,7 @@ int estimator_take(Unit *unit, const double *u, int measures)
     Estimator *e = unit->estimator;
     double *measured;
     const pmr_linear_step step = step_of(e, (int64_t)*e->taken, &measured);
-    const int failed = pmr_linear_outputs(unit->state, &e->chosen, u, e->work, &step);
+    const int failed = pmr_linear_outputs(unit->state, &e->chosen, u, &step);
     int k;
     if (failed) return failed;
     for (k = 0; k < e->filter.sensors; k++) measured[k] = measures ? e->variables[k] : NAN;
