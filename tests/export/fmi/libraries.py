@@ -13,10 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.export.fmi import fmu
-from pmr.export.fmi.fmu import Contents, fmu_contents
-from pmr.simulation.moving import read_scene
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
+from pmr.export.fmi.fmu import Contents
 
 Array = NDArray[np.float64]
 _UINT, _SIZE, _DOUBLES = ctypes.c_uint32, ctypes.c_size_t, ctypes.POINTER(ctypes.c_double)
@@ -42,13 +39,6 @@ class Library:
     def named(self, causality: str) -> list[str]:
         """Names of the variables with this causality."""
         return [name for name, has in self.causality.items() if has == causality]
-
-
-def library(model: ReducedModel, folder: Path, version: str) -> Library:
-    """Unpack the FMU of a body alone in a folder and load it."""
-    return loaded(
-        fmu_contents(System.of(model), read_scene(System.of(model), "model.npz"), "body", version), folder, version
-    )
 
 
 def loaded(unit: Contents, folder: Path, version: str) -> Library:

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from export.fmi.libraries import CallError, Instance, Library, loaded
-from export.fmi.test_body import LOADS, PATH, STEP, provided
+from export.fmi.units import LOADS, PATH, STEP, provided
 from numpy.typing import NDArray
 from oracle import flexible, rich_body
 
