@@ -114,3 +114,22 @@ def lumped(given: GivenMatrices) -> GivenMatrices:
         along = given.direction == axis
         diagonal[along] *= given.M[along][:, along].sum() / diagonal[along].sum()
     return replace(given, M=sp.diags(diagonal).tocsr())
+
+
+def struts(given: GivenMatrices, damping: float, spacing: float) -> sp.csr_matrix:
+    """Damping (n, n) of dampers between nodes of two edges of a bar, bottom left and top right, in N s/m.
+
+    Each damper joins two nodes that are `spacing` m apart along x, and acts along the line between them, so it resists
+    no rigid motion.  As the dampers are not symmetric, they couple bending in both planes, torsion and extension.
+    """
+    D = sp.lil_matrix((given.size, given.size))
+    edges = [
+        np.intersect1d(*(given.groups[face] for face in faces)) for faces in (("bottom", "left"), ("top", "right"))
+    ]
+    for i, j in product(edges[0], np.concatenate(edges)):
+        line = given.points[j] - given.points[i]
+        if np.isclose(line[0], spacing):
+            unit = np.concatenate([-line, line]) / np.linalg.norm(line)
+            at = [np.flatnonzero((given.node == node) & (given.direction == k))[0] for node in (i, j) for k in range(3)]
+            D[np.ix_(at, at)] += damping * np.outer(unit, unit)
+    return sp.csr_matrix(D)

@@ -42,6 +42,7 @@ TESTED = {
     "pmr new platform mine": "tests/cli/test_start.py::test_a_new_scene_is_accepted_and_has_the_folders_name",
     "pmr matrices job.sti": "tests/peers/test_matrices_in.py",
     "pmr matrices part.pch": "tests/files/test_nastran.py",
+    "pmr matrices part.pch --damping-name BAAX": "tests/files/test_foreign.py",
     "pmr run SCENE --tolerance 1%": "tests/compare/accuracy/test_order.py",
     "pmr run SCENE --cache DIR": "tests/ways/test_ways.py",
     "pmr export three.npz --to fmu --platforms all": "tests/export/fmi/test_unit.py",

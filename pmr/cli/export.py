@@ -175,6 +175,13 @@ def matrices(
         str, typer.Option("--stiffness-name", metavar="NAME", help="Of several matrices in a file of Nastran.")
     ] = "",
     mass_name: Annotated[str, typer.Option("--mass-name", metavar="NAME", help="The same, of the mass.")] = "",
+    damping: Annotated[
+        Path | None, typer.Option("--damping", metavar="FILE", help="Viscous damping.  [default: none]")
+    ] = None,
+    damping_name: Annotated[
+        str,
+        typer.Option("--damping-name", metavar="NAME", help="The same, of the damping.  [of STIFFNESS itself]"),
+    ] = "",
     out_file: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="[default: STIFFNESS-matrices.npz]")
     ] = None,
@@ -195,8 +202,8 @@ def matrices(
     target = out_file or stiffness.with_name(f"{stiffness.stem}-matrices.npz")
     if target.suffix != ".npz":
         raise InputError("command line", "--out", str(target), "the name of an .npz file is allowed")
-    files = foreign_files(stiffness, mass, dofs, nodes, stiffness_name, mass_name)
-    check_output_file(target, files.stiffness, files.mass, files.dofs, files.nodes)
+    files = foreign_files(stiffness, mass, dofs, nodes, stiffness_name, mass_name, damping, damping_name)
+    check_output_file(target, *(file for file in vars(files).values() if isinstance(file, Path)))
     body = read_foreign(files)
     amplitudes = f", {body.modal.sum()} of them modal amplitudes" if body.modal.any() else ""
     coordinates = f"{body.size} coordinates of {len(body.points)} nodes{amplitudes}"
@@ -205,6 +212,9 @@ def matrices(
     free = " of what supports inside the matrices leave free" if body.lacks else ""
     centre = f"centre of mass at ({x:.4g}, {y:.4g}, {z:.4g}) m"
     print_text(out, f"{body.mass:.4g} kg{free}, {centre}; {_held_motions_text(len(body.held))}")
+    if body.D is not None:
+        damped = (body.D.getnnz(axis=1) > 0).sum()
+        print_text(out, f"viscous damping on {damped} coordinates; the damping of a scene is added to it")
     if body.unchecked:
         print_text(err, f"warning: {UNCHECKED}")
     print_text(out, str(body.save(target)))

@@ -37,6 +37,8 @@ from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, rigid_mo
 #: Number of steps of Lanczos' method for the least eigenvalue of a matrix with a diagonal of ones, and the least
 #: eigenvalue that rounding may explain.
 STEPS, NEGATIVE = 60, -1e-6
+#: Diagonal entry of a damping, over the largest one, below which it may be round-off, or zero.
+LEAST_DAMPING = 1e-9
 #: Number of powers of ten by which a diagonal entry may be smaller than the median entry; still smaller entries are
 #: negligible in double precision, and so are their squares.
 VANISHING = 30
@@ -79,6 +81,17 @@ def indefinite_superelement(M: sp.csr_matrix, K: sp.csr_matrix) -> Reason | None
     return next(_indefinite(M, K), None)
 
 
+def negative_damping(D: sp.csr_matrix) -> Reason | None:
+    """Return (``D``, reason) if a damping matrix has negative eigenvalues, else None; some rows may be empty."""
+    diagonal = D.diagonal()
+    largest = float(np.abs(diagonal).max())
+    least = _least_eigenvalue(D, np.maximum(diagonal, LEAST_DAMPING * largest)) if largest else -D.count_nonzero()
+    if least >= NEGATIVE:
+        return None
+    allowed = "a damping without negative eigenvalues is allowed: some motion would gain energy by this one"
+    return Reason("D", allowed)
+
+
 def is_uncheckable(body: Resistance) -> bool:
     """Whether all nodes are near supports that are included in K.
 
@@ -114,7 +127,7 @@ def _negative_eigenvalues(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason
 def _indefinite(M: sp.csr_matrix, K: sp.csr_matrix) -> Iterator[Reason]:
     """Yield (``M`` or ``K``, reason) if the matrix has negative eigenvalues."""
     for name, A in (("M", M), ("K", K)):
-        least = _least_eigenvalue(A)
+        least = _least_eigenvalue(A, A.diagonal())
         if least < NEGATIVE:
             yield Reason(
                 name,
@@ -123,12 +136,13 @@ def _indefinite(M: sp.csr_matrix, K: sp.csr_matrix) -> Iterator[Reason]:
             )
 
 
-def _least_eigenvalue(A: sp.csr_matrix) -> float:
-    """Return an upper bound of the least eigenvalue of a matrix A whose diagonal is scaled to one.
+def _least_eigenvalue(A: sp.csr_matrix, sizes: Array) -> float:
+    """Return an upper bound of the least eigenvalue of a matrix A (n, n), scaled to a diagonal of ones.
 
-    The bound is computed by Lanczos' method, which starts from a fixed vector.
+    `sizes` (n,) are the diagonal entries of A, by which it is scaled.  The bound is computed by Lanczos' method, which
+    starts from a fixed vector.
     """
-    scale = 1.0 / np.sqrt(A.diagonal())
+    scale = 1.0 / np.sqrt(sizes)
     v = np.random.default_rng(3).standard_normal(A.shape[0])
     v, before, beta = v / np.linalg.norm(v), np.zeros(A.shape[0]), 0.0
     diagonal, off_diagonal = list[float](), list[float]()

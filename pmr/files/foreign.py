@@ -34,6 +34,8 @@ from pmr.files.rigid import DIRECTIONS
 #: Errors that readers of SciPy and NumPy raise for damaged files; for a bad Fortran format this is a SyntaxError.
 _OF_VALUES = (ValueError, TypeError, LookupError, AttributeError, OverflowError, NotImplementedError, SyntaxError)
 DAMAGED = (*_OF_VALUES, OSError, BadZipFile, zlib.error)
+#: Number of rows up to which a matrix may have fewer entries than rows, as the damping of a few dampers.
+EMPTY_ROWS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,8 @@ class ForeignFiles:
     nodes: Path
     stiffness_name: str = ""  #: Name of the stiffness in a file of Nastran with several matrices
     mass_name: str = ""  #: Name of the mass in such a file
+    damping: Path | None = None  #: File of the viscous damping, of a type that the stiffness may have; None: no damping
+    damping_name: str = ""  #: Name of the damping in a file of Nastran
 
 
 def foreign_files(
@@ -63,11 +67,14 @@ def foreign_files(
     nodes: Path | None,
     stiffness_name: str = "",
     mass_name: str = "",
+    damping: Path | None = None,
+    damping_name: str = "",
 ) -> ForeignFiles:
     """Return the files of a model, and the names of its matrices in them.
 
     A file that is None gets its default name beside `stiffness`, or is `stiffness` itself if files of this kind hold
-    more than a matrix.  The nodes of a .pch file are in the .inp file of the same name, if there is one.
+    more than a matrix.  The nodes of a .pch file are in the .inp file of the same name, if there is one.  A damping is
+    read only if its file or its name is given; a name alone is that of a matrix in the file of the stiffness.
     """
     suffix = stiffness.suffix.lower()
     combined = {".op4": ("mass",), ".mtx": ("dofs",), **dict.fromkeys(_DMIG, ("mass", "dofs", "nodes"))}
@@ -79,7 +86,16 @@ def foreign_files(
         key: file or (stiffness if key in combined.get(suffix, ()) else stiffness.with_suffix(suffixes[key]))
         for key, file in paths.items()
     }
-    return ForeignFiles(stiffness, **resolved, stiffness_name=stiffness_name, mass_name=mass_name)
+    if damping is None and damping_name:
+        damping = stiffness
+    return ForeignFiles(
+        stiffness,
+        **resolved,
+        stiffness_name=stiffness_name,
+        mass_name=mass_name,
+        damping=damping,
+        damping_name=damping_name,
+    )
 
 
 @dataclass(frozen=True)
@@ -131,7 +147,9 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     files do not fit each other.
     """
     K, M = (
-        _read_by_suffix(files.stiffness, _MATRICES | _nastran_readers("K", files.stiffness_name)),
+        _read_by_suffix(
+            files.stiffness, _MATRICES | _nastran_readers("K", files.stiffness_name, files.damping is not None)
+        ),
         _read_by_suffix(files.mass, _MATRICES | _nastran_readers("M", files.mass_name)),
     )
     pairs, nodes = _read_by_suffix(files.dofs, _DOFS), _read_by_suffix(files.nodes, _NODES)
@@ -141,10 +159,11 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     if len(pairs) != K.shape[0]:
         allowed = f"a line for each of the {K.shape[0]} rows of {files.stiffness.name} is allowed"
         raise InputError(str(files.dofs), "", len(pairs), allowed)
-    if M.shape == K.shape:  # a rotation that nothing resists or carries does not exist, as of a node of solids
-        sizes = sum(np.asarray(abs(A).sum(axis=1)).ravel() for A in (K, M))
+    on_rows = [K, M, *([] if files.damping is None else [_read_damping(files, pairs)])]
+    if all(A.shape == K.shape for A in on_rows):  # what no matrix has does not exist, as a rotation of solids' nodes
+        sizes = sum(np.asarray(abs(A).sum(axis=1)).ravel() for A in on_rows)
         used = np.flatnonzero((sizes > 0.0) | (pairs[:, 1] < 4))
-        K, M, pairs = K[used][:, used], M[used][:, used], pairs[used]
+        on_rows, pairs = [A[used][:, used] for A in on_rows], pairs[used]
     modal = pairs[:, 1] == 0  # a scalar point: it has no node
     if modal.any() or nodes.condensed:
         nodes = nodes.only(np.unique(pairs[~modal, 0]))
@@ -161,8 +180,8 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
 
     def body(Q: sp.csr_matrix | None) -> GivenMatrices:
         """Return the body whose coordinates are Q times those along the axes of the whole."""
-        on_whole = (K, M) if Q is None else (sp.csr_matrix(Q.T @ A @ Q) if A.shape == Q.shape else A for A in (K, M))
-        stiffness, mass = on_whole  # another shape is refused
+        turned = (A if Q is None or A.shape != Q.shape else sp.csr_matrix(Q.T @ A @ Q) for A in on_rows)
+        stiffness, mass, *damping = turned  # another shape is refused
         return GivenMatrices(
             mass,
             stiffness,
@@ -171,6 +190,7 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
             pairs[:, 1] - 1,
             {name: np.array([place[int(number)] for number in members]) for name, members in nodes.groups.items()},
             str(files.stiffness),
+            *damping,
         ).without_condensed_nodes()
 
     if nodes.turned is None:
@@ -186,6 +206,34 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
         allowed = f"rows along the axes of *TRANSFORM or along those of the whole are allowed: K fits {which}"
         raise nodes.turned.error(allowed)
     return fitting[0]
+
+
+def _read_damping(files: ForeignFiles, pairs: Indices) -> sp.csr_matrix:
+    """Return the damping (n, n) on the coordinates `pairs` (n, 2); without labels of its rows, in the size of the file.
+
+    If its entries state their node and direction, coordinates that it does not have are not damped.  Raises InputError
+    if the damping is structural, or acts on other coordinates than the stiffness.
+    """
+    path, name = files.damping, files.damping_name
+    assert path is not None
+    if name and path.suffix.lower() not in (*_DMIG, ".op4"):
+        allowed = f"a name is allowed of a file of Nastran, not of {path.name}; --damping names files of other programs"
+        raise InputError("command line", "--damping-name", name, allowed)
+    if "_DMPS" in path.stem.upper():  # as Abaqus names its file
+        raise InputError(str(path), "", None, labelled.VISCOUS)
+    D = _read_by_suffix(path, _MATRICES | _nastran_readers("B", name))
+    if not _is_labelled(path):
+        return D
+    own = _read_by_suffix(path, _DOFS)
+    number = {(int(node), int(direction)): k for k, (node, direction) in enumerate(pairs)}
+    at = np.array([number.get((int(node), int(direction)), -1) for node, direction in own], dtype=np.int64)
+    for row in np.flatnonzero((at < 0) & (np.diff(D.indptr) > 0)):
+        node, direction = own[row]
+        allowed = f"the coordinates of {files.dofs.name} are allowed, which has no direction {direction} of this node"
+        raise InputError(str(path), "node", int(node), allowed)
+    has = np.flatnonzero(at >= 0)
+    T = sp.csr_matrix((np.ones(len(has)), (has, at[has])), shape=(len(own), len(pairs)))
+    return sp.csr_matrix(T.T @ D @ T)
 
 
 def _turned_coordinates(files: ForeignFiles, pairs: Indices, axes: Mapping[int, Array]) -> sp.csr_matrix:
@@ -265,13 +313,13 @@ def _read_by_suffix(path: Path, readers: dict[str, Callable[[Path], object]]) ->
 def _complete_symmetric(A: sp.spmatrix) -> sp.csr_matrix:
     """Return a whole symmetric matrix from one that has only one triangle stored, or all entries.
 
-    Raises UnreadableError if the matrix is not real and square, or if it has fewer entries than rows.  The latter
-    protects memory against a wrong size in the file.
+    Raises UnreadableError if the matrix is not real and square, or if it has more than `EMPTY_ROWS` rows and fewer
+    entries than rows.  The latter protects memory against a wrong size in the file.
     """
     n = A.shape[0]
     if np.iscomplexobj(A):
         raise UnreadableError("real entries are allowed: these have imaginary parts")
-    if A.shape != (n, n) or n > A.nnz:
+    if A.shape != (n, n) or n > max(A.nnz, EMPTY_ROWS):
         allowed = f"a square matrix with entries in all rows is allowed, not {A.nnz} entries in {n} x {A.shape[1]}"
         raise UnreadableError(allowed)
     if sp.isspmatrix_csr(A) or sp.isspmatrix_csc(A):
@@ -413,16 +461,17 @@ def _read_bulk_nodes(path: Path) -> _Nodes:
     return replace(nodes, axes=bulk.axes, constraints=ties, dependent=dependent, condensed=bulk.condensed)
 
 
-def _nastran_readers(letter: str, name: str) -> dict[str, Callable[[Path], object]]:
+def _nastran_readers(letter: str, name: str, damped: bool = False) -> dict[str, Callable[[Path], object]]:
     """Return readers, by the suffix of the file, for the matrix of a Nastran file that has a name.
 
-    If `name` is empty, its name begins with `letter`.
+    If `name` is empty, its name begins with `letter`.  If `damped`, viscous damping is read besides this matrix.
     """
-    entries = {s: lambda path: labelled.only_matrix(read_bulk(path).matrices, letter, name) for s in _DMIG}
-    return {
-        **entries,
-        ".op4": lambda path: _complete_symmetric(labelled.only_matrix(labelled.read_output4(path), letter, name)),
-    }
+
+    def choose(matrices: dict[str, sp.csr_matrix]) -> sp.csr_matrix:
+        return labelled.only_matrix(matrices, letter, name, damped)
+
+    entries = {s: lambda path: choose(read_bulk(path).matrices) for s in _DMIG}
+    return {**entries, ".op4": lambda path: _complete_symmetric(choose(labelled.read_output4(path)))}
 
 
 _DMIG = (".bdf", ".pch", ".dat", ".nas")

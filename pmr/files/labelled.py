@@ -205,15 +205,24 @@ def _number4(text: str) -> float:
     return float(re.sub(r"(?<=[\d.])[DE]?([+-]\d+)$", r"E\1", text.strip().upper()))
 
 
-def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str, name: str = "") -> sp.csr_matrix:
+#: Names of options by which a matrix is chosen, by the first letter of its usual names.
+OPTIONS = {"K": "--stiffness-name", "M": "--mass-name", "B": "--damping-name"}
+#: What is allowed as damping.
+VISCOUS = "viscous damping in N s/m is allowed: this one is structural, a part of a complex stiffness in N/m"
+
+
+def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str, name: str = "", damped: bool = False) -> sp.csr_matrix:
     """Return the matrix called `name`; if `name` is empty, the only matrix or the only one that begins with `letter`.
 
     A name that begins with K4 is that of structural damping, and not taken for a stiffness.  If several names begin
     with `letter`, only the largest matrices count; if just one of these has a partner whose name goes on in the same
     way (MAAX beside KAAX), that one is returned.  Beside a stiffness, a warning names matrices of damping of its size,
-    which are not read.  Raises UnreadableError if there is no such matrix, or several.
+    which are not read; if `damped`, only structural ones.  Raises UnreadableError if there is no such matrix, or
+    several, or if the damping (letter B) is structural.
     """
     by_name = {key.upper(): matrix for key, matrix in matrices.items()}
+    if letter == "B" and (name.upper().startswith("K4") or (not name and [key[:2] for key in by_name] == ["K4"])):
+        raise UnreadableError(VISCOUS)
     if name:
         if name.upper() not in by_name:
             raise UnreadableError(
@@ -224,16 +233,17 @@ def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str, name: str = "")
     begins = [key for key in square if key.startswith(letter) and not key.startswith("K4")]
     largest = max((by_name[key].shape[0] for key in begins), default=0)  # EXTSEOUT writes (1, 1) for what there is not
     begins = [key for key in begins if by_name[key].shape[0] == largest]
-    damping = [key for key in square if key.startswith(("B", "K4")) and by_name[key].shape[0] == largest]
-    if letter == "K" and damping:
-        logger.warning("damping is not read, as the scene has its own: %s", ", ".join(damping))
+    left = [key for key in square if key.startswith("K4") or (key.startswith("B") and not damped)]
+    left = [key for key in left if by_name[key].shape[0] == largest]
+    if letter == "K" and left:
+        logger.warning("damping is not read: %s; --damping-name chooses a viscous one", ", ".join(left))
     partners = [key for key in begins if {"K" + key[1:], "M" + key[1:]} <= {*square}]
     begins = partners if len(partners) == 1 else begins
     candidates = [*by_name] if len(by_name) == 1 else begins
     if len(candidates) != 1:
         raise UnreadableError(
             f"one square matrix whose name begins with {letter} is allowed, not {', '.join(matrices) or 'none'}; "
-            f"{'--stiffness-name' if letter == 'K' else '--mass-name'} names one of them"
+            f"{OPTIONS[letter]} names one of them"
         )
     return by_name[candidates[0]]
 

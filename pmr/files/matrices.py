@@ -1,10 +1,10 @@
-"""Mass and stiffness matrices of another program's model, with node and direction of each coordinate, checked."""
+"""Mass, stiffness and damping of another program's model, with node and direction of each coordinate, checked."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os.path import isfile
 from pathlib import Path
@@ -18,13 +18,14 @@ from pmr.errors import InputError
 from pmr.errors.text import NAMED, is_name, missing_file_reason
 from pmr.files import npz
 from pmr.files.arrays import Array, Indices, Mask
-from pmr.files.fit import centre_of_mass, indefinite_superelement, is_uncheckable, misfit
+from pmr.files.fit import centre_of_mass, indefinite_superelement, is_uncheckable, misfit, negative_damping
 from pmr.files.rigid import DIRECTIONS, Resistance, rigid_motions
 
 logger = logging.getLogger(__name__)
 
-FORMAT, FORMAT_VERSION = "pmr-matrices", 1
-#: Largest difference between a matrix (M or K) and its transpose, as a share of the largest entry of the matrix.
+#: Version 2 has a damping; files without one are of version 1.
+FORMAT, FORMAT_VERSION = "pmr-matrices", 2
+#: Largest difference between a matrix (M, K or D) and its transpose, as a share of the largest entry of the matrix.
 SYMMETRY = 1e-9
 #: Node and direction of a coordinate that has neither, as of a modal amplitude.
 MODAL = -1
@@ -33,14 +34,14 @@ _PARTS = ("data", "indices", "indptr")
 
 @dataclass(frozen=True)
 class GivenMatrices:
-    """Mass M and stiffness K of a body whose n coordinates q are displacements and rotations of N nodes.
+    """Mass M, stiffness K and damping D of a body whose n coordinates q are displacements and rotations of N nodes.
 
-    With the forces f on the coordinates, the body moves by M q'' + K q = f.  A coordinate without a node has a modal
-    amplitude (Craig-Bampton): all of them are zero in a rigid motion.
+    With the forces f on the coordinates, the body moves by M q'' + D q' + K q = f.  To D a scene adds its own damping.
+    A coordinate without a node has a modal amplitude (Craig-Bampton): all of them are zero in a rigid motion.
 
-    Raises InputError if the matrices are not square, of one size, finite and symmetric, or have a diagonal entry that
-    is not positive.  It is also raised if `node`, `direction` or `groups` refer to a node or direction that does not
-    exist, or if the matrices do not fit the nodes (`pmr.files.fit.misfit`).
+    Raises InputError if the matrices are not square, of one size, finite and symmetric, if a diagonal entry of M or K
+    is not positive, or if D gives energy to some motion.  It is also raised if `node`, `direction` or `groups` refer to
+    a node or direction that does not exist, or if the matrices do not fit the nodes (`pmr.files.fit.misfit`).
     """
 
     M: sp.csr_matrix  #: (n, n), symmetric, in SI units; without supports that slide
@@ -51,6 +52,7 @@ class GivenMatrices:
     direction: Indices  #: (n,) direction of each coordinate, an index of `DIRECTIONS`, or `MODAL`
     groups: Mapping[str, Indices] = field(default_factory=dict)  #: (g,) nodes by group: faces for pads, tail and tip
     source: str = "matrices"  #: Name of the file, for messages
+    D: sp.csr_matrix | None = None  #: (n, n), symmetric, in SI units: viscous damping; None: none
     #: (h, 6) matrix on rigid motions about the origin: its product with a motion is zero if and only if supports and
     #: springs in K leave the motion free
     held: Array = field(init=False, repr=False, compare=False)
@@ -60,7 +62,7 @@ class GivenMatrices:
     def __post_init__(self) -> None:
         """Check all fields, and find the rigid motions that supports and springs in K hold."""
         n = self.K.shape[0]
-        for name, A in (("K", self.K), ("M", self.M)):
+        for name, A in (("K", self.K), ("M", self.M), *([] if self.D is None else [("D", self.D)])):
             self._check_matrix(name, A, n)
         if self.points.ndim != 2 or self.points.shape[1] != 3 or not np.isfinite(self.points).all():
             raise self._refusal("points", None, f"finite (N, 3) coordinates are allowed, not {self.points.shape}")
@@ -88,7 +90,8 @@ class GivenMatrices:
                 )
         M, K = (self.M, self.K) if len(at) == n else (self.M[at][:, at], self.K[at][:, at])
         body = Resistance(K, self.points, self.node[at], self.direction[at])
-        if reason := misfit(M, body) or (indefinite_superelement(self.M, self.K) if len(at) < n else None):
+        checked = misfit(M, body) or (indefinite_superelement(self.M, self.K) if len(at) < n else None)
+        if reason := checked or (None if self.D is None else negative_damping(self.D)):
             raise self._refusal(reason[0], None, reason[1])
         object.__setattr__(self, "held", body.held_motions())
         object.__setattr__(self, "unchecked", is_uncheckable(body))
@@ -109,7 +112,7 @@ class GivenMatrices:
         number = np.cumsum(has) - 1
         groups = {name: number[nodes[has[nodes]]] for name, nodes in self.groups.items() if has[nodes].any()}
         node = np.where(self.modal, MODAL, number[self.node])
-        return GivenMatrices(self.M, self.K, self.points[has], node, self.direction, groups, self.source)
+        return replace(self, points=self.points[has], node=node, groups=groups)
 
     @property
     def modal(self) -> Mask:
@@ -152,10 +155,11 @@ class GivenMatrices:
     def save(self, path: str | Path) -> Path:
         """Write matrices, points and groups to an npz file without pickle; return its path."""
         arrays: dict[str, Any] = {"points": self.points, "node": self.node, "direction": self.direction}
-        for name in ("M", "K"):
-            arrays |= {f"{name}.{part}": getattr(getattr(self, name), part) for part in _PARTS}
+        for name, A in (("M", self.M), ("K", self.K), *([] if self.D is None else [("D", self.D)])):
+            arrays |= {f"{name}.{part}": getattr(A, part) for part in _PARTS}
         arrays |= {f"groups.{k}": nodes for k, nodes in enumerate(self.groups.values())}
-        npz.write(Path(path), arrays, {"format": FORMAT, "version": FORMAT_VERSION, "groups": list(self.groups)})
+        version = 1 if self.D is None else FORMAT_VERSION
+        npz.write(Path(path), arrays, {"format": FORMAT, "version": version, "groups": list(self.groups)})
         return Path(path)
 
     @classmethod
@@ -172,8 +176,11 @@ class GivenMatrices:
             if header.get("format") != FORMAT or int(header["version"]) > FORMAT_VERSION:
                 raise InputError(str(path), "", None, f"{FORMAT} of version {FORMAT_VERSION} or less is allowed")
             n = len(stored["node"])
-            M, K = (sp.csr_matrix(tuple(stored[f"{name}.{part}"] for part in _PARTS), (n, n)) for name in ("M", "K"))
-            for A in (M, K):
+            matrices = {
+                name: sp.csr_matrix(tuple(stored[f"{name}.{part}"] for part in _PARTS), (n, n))
+                for name in ("M", "K", *(["D"] if int(header["version"]) > 1 else []))
+            }
+            for A in matrices.values():
                 A.check_format()
             groups = {str(name): whole_numbers(stored[f"groups.{k}"]) for k, name in enumerate(header["groups"])}
             points = stored["points"].astype(float)
@@ -183,12 +190,13 @@ class GivenMatrices:
         except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError):
             allowed = "matrices that pmr wrote are allowed: these are damaged or of another kind"
             raise InputError(str(path), "", None, allowed) from None
-        return cls(M, K, points, node, direction, groups, str(path))
+        M, K = matrices["M"], matrices["K"]
+        return cls(M, K, points, node, direction, groups, str(path), matrices.get("D"))
 
     def _check_matrix(self, name: str, A: sp.csr_matrix, n: int) -> None:
         """Raise an InputError unless the matrix A is (n, n), finite and symmetric with a positive diagonal.
 
-        `name` is the name of the matrix in the message.
+        The diagonal of D may have zeros.  `name` is the name of the matrix in the message.
         """
         if A.shape != (n, n) or n == 0:
             raise self._refusal(name, list(A.shape), f"a square matrix of the size of K, {n}, is allowed")
@@ -201,7 +209,7 @@ class GivenMatrices:
                 name, None, f"a symmetric matrix is allowed; it differs by {asymmetry:.3g} from its own"
             )
         diagonal = A.diagonal()
-        if diagonal.min() <= 0.0:
+        if name != "D" and diagonal.min() <= 0.0:
             at = int(np.argmin(diagonal))
             what = "mass" if name == "M" else "stiffness"
             allowed = f"positive diagonal entries are allowed: coordinate {at + 1} has none, and no {what}"
@@ -219,8 +227,9 @@ def from_matrices(
     groups: Mapping[str, ArrayLike] | None = None,
     node: ArrayLike | None = None,
     direction: ArrayLike | None = None,
+    D: Any = None,
 ) -> GivenMatrices:
-    """Check mass and stiffness from another program and return them as a body.
+    """Check mass, stiffness and damping from another program and return them as a body.
 
     The method `save` of the body writes a file that scenes can name.
 
@@ -236,6 +245,8 @@ def from_matrices(
         Node and direction of each coordinate, the direction as 0 to 5 for x, y, z, rx, ry, rz; -1 and -1 for a modal
         amplitude of a superelement.  If they are not given, all nodes have the same three or six coordinates, node by
         node.
+    D : (n, n) array or sparse matrix, optional
+        Viscous damping, symmetric, in SI units; the damping of a scene is added to it.
 
     Raises InputError in the cases of `GivenMatrices`, and for values of another shape or kind.
     """
@@ -255,7 +266,8 @@ def from_matrices(
         for name, members in (groups or {}).items()
     }
     whose, along = (_read_argument(name, A, whole_numbers) for name, A in (("node", node), ("direction", direction)))
-    return GivenMatrices(M, K, at, whose, along, named).without_condensed_nodes()
+    damping = None if D is None else _read_argument("D", D, _real_sparse)
+    return GivenMatrices(M, K, at, whose, along, named, D=damping).without_condensed_nodes()
 
 
 def whole_numbers(values: ArrayLike) -> Indices:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,13 +24,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Operators:
-    """Mass M and stiffness K (n, n) of a model with n coordinates; each rank owns consecutive rows of both.
+    """Mass M, stiffness K and damping D (n, n) of a model with n coordinates; each rank owns consecutive rows of all.
 
-    K has an entry wherever M has one.  M lacks some entries of K: in a shell five of six entries of K.
+    K has an entry wherever M or D has one.  M lacks some entries of K: in a shell five of six entries of K.
     """
 
     M: PETSc.Mat
     K: PETSc.Mat
+    D: PETSc.Mat | None = None  # None: the model has no damping of its own
 
 
 def rayleigh(damping: Damping) -> Rayleigh:
@@ -38,15 +40,16 @@ def rayleigh(damping: Damping) -> Rayleigh:
 
 
 def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
-    """Mass and stiffness of a model, assembled from its forms or given as matrices; collective."""
+    """Mass, stiffness and damping of a model, assembled from its forms or given as matrices; collective."""
     if is_assembled(model):
         return assemble_model(model, model.domain(comm))
     assert isinstance(model, Matrices | Mover)
-    M, K = (model.M, model.K) if isinstance(model, Mover) else (model.body_matrices.M, model.body_matrices.K)
+    given = model if isinstance(model, Mover) else model.body_matrices
+    own = [model.body_matrices.D] if isinstance(model, Matrices) and model.body_matrices.D is not None else []
     first, last = share(model.size, comm)
     sizes = (int(last - first), model.size)
     matrices = []
-    for A in (M, pad_pattern(K, M)):
+    for A in (given.M, reduce(pad_pattern, (given.M, *own), given.K), *own):
         share_of_rank = A[first:last].sorted_indices()
         parts = (
             share_of_rank.indptr.astype(PETSc.IntType),

@@ -128,7 +128,7 @@ class FullModel(FullOrderBody):
     # (n, n): planes of symmetry (`pmr.fullmodel.structural`), the same on every rank
     mirrors: tuple[sp.csr_matrix, ...] = ()
     # (n, n): matrices of a moving frame and of axial forces, by the names of `pmr.system.body_matrices`; zero ones
-    # are left out
+    # are left out.  D is one of them if it is not Rayleigh's
     matrices: Mapping[str, PETSc.Mat] = field(default_factory=dict)
     masses: Masses | None = None  # None for given matrices
 

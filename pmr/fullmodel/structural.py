@@ -30,7 +30,7 @@ from pmr.fullmodel.structure import Action, Coupling, PadForce, Structure, coupl
 from pmr.models import StructuralModel
 from pmr.models.matrices import Matrices
 from pmr.models.mesh_nodes import Nodes, mirrors_of
-from pmr.system.body_matrices import CARRIED, ROTATING
+from pmr.system.body_matrices import CARRIED, DAMPING, ROTATING, Rayleigh
 from pmr.system.rows import Rows
 
 #: K and its image may be apart by this share of K x: meshes that are read have some 11 digits.
@@ -189,14 +189,18 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
     operators = Operators(
         _constrain_matrix(base.M, coupling.T, attached),
         _constrain_matrix(base.K, coupling.T, pad_pattern(springs, attached)),
+        None if base.D is None else _constrain_matrix(base.D, coupling.T, sp.csr_matrix((size, size))),
     )
+    damping, matrices = rayleigh(structure.damping), _frame_matrices(structure.matrices, coupling, moving)
+    if operators.D is not None:
+        damping = matrices[DAMPING] = _add_rayleigh(operators, damping)
     of_pads = [isinstance(output, PadForce) for output in structure.outputs]
     places = coupling.rows([output for output in structure.outputs if not isinstance(output, PadForce)])
     forces = [restraints.force(output.pad, size) for output in structure.outputs if isinstance(output, PadForce)]
     outputs = sp.vstack([places, *forces], format="csr")[np.argsort(np.argsort(of_pads, kind="stable"))]
     return FullModel(
         operators.M,
-        rayleigh(structure.damping),
+        damping,
         operators.K,
         inputs=columns(operators.M, sp.vstack(loads, format="csr")),
         outputs=columns(operators.M, outputs),
@@ -211,9 +215,18 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         node_stations=model.node_stations,
         mirrors=mirror_images(model, coupling.T, operators.M, operators.K),
         ports={port.name: coupling.rows([port]) for port in structure.ports},
-        matrices=_frame_matrices(structure.matrices, coupling, moving),
+        matrices=matrices,
         masses=masses,
     )
+
+
+def _add_rayleigh(operators: Operators, law: Rayleigh) -> PETSc.Mat:
+    """Damping D + alpha M + beta K of a structure whose model has a damping D of its own, in place of D; collective."""
+    assert operators.D is not None
+    for factor, A in ((law.alpha, operators.M), (law.beta, operators.K)):
+        if factor:
+            operators.D.axpy(factor, A, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    return operators.D
 
 
 def _frame_matrices(names: Sequence[str], coupling: Coupling, moving: FrameAssembler) -> dict[str, PETSc.Mat]:

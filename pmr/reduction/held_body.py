@@ -64,8 +64,6 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
     assert M is not None and K is not None
     K = sp.csr_matrix(K + _springs(structure, s))
     R = model.rigid_motions()[order].reshape(-1, 3, 6)
-    assert full.rayleigh is not None
-    projected = (modes.phi.T @ times(A, modes.phi) for A in (full.M, full.K))
     return NodalBody(
         s=s,
         points=np.stack([R[:, 1, 5], R[:, 2, 3], R[:, 0, 4]], axis=1),  # e_z x r, e_x x r, e_y x r contain x, y, z
@@ -73,7 +71,7 @@ def held_body(scene: Scene, s: float, count: int) -> NodalBody:
         K=sp.csr_matrix(K[order][:, order]),
         modes=q[order],
         omega=modes.omega,
-        damping=symmetric_part(full.rayleigh.matrix(*projected)),
+        damping=symmetric_part(modes.phi.T @ times(full.D, modes.phi)),
         frames=_places(structure, q),
     )
 
@@ -201,8 +199,7 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
     with_rigid[:, :6] += coupling.rigid
     of_model[:, :6] += R
     mass = gather(operators_of(model, MPI.COMM_SELF).M)
-    assert mass is not None and built.model.rayleigh is not None
-    damped = (w.T @ times(A, w) for A in (built.model.M, built.model.K))
+    assert mass is not None
     body = FramedBody(
         s=s,
         frames=Frames(
@@ -210,7 +207,7 @@ def framed_body(scene: Scene, s: float, count: int) -> FramedBody:
             np.array([np.zeros(3), *(model.centroid(place) for place in places)]),
         ),
         M=symmetric_part(of_model.T @ (mass @ of_model) + with_rigid.T @ (coupling.attached_mass() @ with_rigid)),
-        C=symmetric_part(built.model.rayleigh.matrix(*damped)),
+        C=symmetric_part(w.T @ times(built.model.D, w)),
         K=symmetric_part(w.T @ times(held.full.K, w)),
     )
     lowest = scipy.linalg.eigh(body.K[6:, 6:], body.M[6:, 6:], eigvals_only=True, subset_by_index=[0, 0])[0]

@@ -28,7 +28,9 @@ from pmr.fullmodel.eigensolvers import DenseEigenSolver, DependentRowsError, eig
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import Modes, finish_modes
 from pmr.reduction.free_body import FreeBody, fixed_rows
+from pmr.reduction.residual_tables import terms
 from pmr.scene import Scene
+from pmr.system.body_matrices import DAMPING
 from pmr.system.polynomials import power_contributions
 from pmr.system.rows import Rows
 
@@ -123,6 +125,9 @@ def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
 
 #: Work of a load or row on a mode, over its largest work on any mode, up to which it does not excite the mode.
 UNREACHED = 1e-8
+#: Couplings of modes by damping, relative to the terms they are sums of, are round-off up to this many times the
+#: machine precision.
+ROUND_OFF = 100.0
 
 #: Square root of the measure in `_bent_modes`, over that of the most bent mode, up to which axial forces do not bend a
 #: mode; and number of modes to compute in addition because some are not bent.
@@ -148,10 +153,10 @@ def free_modes(
     determines the forces of these; so a coarse mesh may give fewer enrichment modes.  Rigid-body modes come from the
     geometry (`pmr.reduction.free_body`), all others are M-orthogonal to them.
 
-    Modes that no load and no slider can excite stay at rest for ever, such as those along the axis of a straight beam
-    with all loads across it.  They are left out.  If axial forces act on the section (`stressed`), enrichment modes
-    that such forces do not bend are left out too: enrichment modes serve as modes without inertia, which follow axial
-    forces (`pmr.system.attachment`).
+    Modes that no load and no slider can excite, and that no damping couples to such modes, stay at rest for ever: for
+    example those along the axis of a straight beam with all loads across it.  They are left out.  If axial forces act
+    on the section (`stressed`), enrichment modes that such forces do not bend are left out too: enrichment modes serve
+    as modes without inertia, which follow axial forces (`pmr.system.attachment`).
 
     The solver is ``"auto"``, ``"dense"`` or ``"slepc"``.  If a `body` of this model and solver is given, its factor is
     used, and kept for further use.  An InputError is raised if `count` is out of range, a ConvergenceError if too few
@@ -203,7 +208,7 @@ def _lowest_modes(body: FreeBody, count: int) -> _LowestModes:
     while True:
         pairs = min(pairs, free)
         elastic = _elastic_modes(held, body, pairs)
-        work = _relative_work(model, np.hstack([Z, elastic.phi]))
+        work = _with_coupled_modes(model, _relative_work(model, np.hstack([Z, elastic.phi])), [Z, elastic.phi])
         reached = _reached_motions(work[:, : Z.shape[1]])
         chosen = np.flatnonzero(np.any(np.abs(work[:, Z.shape[1] :]) > UNREACHED, axis=0))[: count - reached.shape[1]]
         if len(chosen) + reached.shape[1] == count or pairs == free:
@@ -290,6 +295,26 @@ def _relative_work(model: FullModel, phi: Array) -> Array:
     work_of_all = np.asarray(model.comm.allreduce(np.concatenate(work)))
     largest = np.abs(work_of_all).max(axis=1, initial=0.0, keepdims=True)
     return np.divide(work_of_all, largest, out=np.zeros_like(work_of_all), where=largest > 0.0)
+
+
+def _with_coupled_modes(model: FullModel, work: Array, modes: Sequence[Array]) -> Array:
+    """Relative `work` (a, k) on k modes with further rows: work of the damping forces of each mode that is excited.
+
+    The `modes` are blocks (n_local, any) of columns.  Rayleigh damping couples no modes.  Any other damping excites
+    modes from others, and from these further ones.  Couplings that are round-off are left out.
+    """
+    if DAMPING not in model.matrices:
+        return work
+    D, phi = model.matrices[DAMPING], np.hstack(modes)
+    coupling = np.abs(inner(phi, times(D, phi), model.comm))
+    coupling[coupling <= ROUND_OFF * np.finfo(float).eps * inner(np.abs(phi), terms(D, phi), model.comm)] = 0.0
+    scale = np.sqrt(np.diagonal(coupling))
+    product = np.outer(scale, scale)
+    coupling = np.divide(coupling, product, out=np.zeros_like(coupling), where=product > 0.0)
+    reached = np.any(np.abs(work) > UNREACHED, axis=0)
+    while np.count_nonzero(more := reached | np.any(coupling[reached] > UNREACHED, axis=0)) > np.count_nonzero(reached):
+        reached = more
+    return np.vstack([work, coupling[reached]])
 
 
 def _reached_motions(work: Array) -> Array:

@@ -45,7 +45,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pmr.files.arrays import Array
-from pmr.system.body_matrices import Reactions
+from pmr.system.body_matrices import DAMPING, Reactions
 from pmr.system.carriers import CarrierFlexibility, CylinderResponses, EnrichmentModes
 from pmr.system.polynomials import stack_tables
 from pmr.system.reduced_model import ReducedModel
@@ -98,7 +98,7 @@ def has_frame_matrices(model: ReducedModel) -> bool:
 def _extend_frame_matrices(
     extended_model: ReducedModel, model: ReducedModel, loads: Array, combinations: Array
 ) -> ReducedModel:
-    """Return `extended_model` with matrices and ports on its last a coordinates, which `model` does not have.
+    """Return `extended_model` with matrices (with D among them) and ports on its last a coordinates, new to `model`.
 
     These coordinates are the responses to `loads` (K + i, a) on K carriers and i inputs, plus `combinations` (k, a) of
     the first k responses to the cylinder's force.  If the carriers know no vectors that span responses (`spanned`), the
@@ -124,9 +124,10 @@ def _extend_frame_matrices(
     reactions = extended_model.reactions
     if reactions is not None:  # reactions in files of earlier versions are not known on these vectors
         worked = {name: A @ X[: A.shape[1]] for name, A in reactions.matrices.items()}
-        reactions = replace(reactions, matrices=worked)
+        reactions = replace(reactions, matrices=worked, damping=worked.get(DAMPING, reactions.damping))
     return replace(
         extended_model,
+        D=symmetric_part(matrices[DAMPING]) if DAMPING in matrices else extended_model.D,
         matrices={**extended_model.matrices, **matrices},
         ports={**extended_model.ports, **ports},
         reactions=reactions,

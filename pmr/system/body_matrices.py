@@ -47,6 +47,8 @@ class Rayleigh:
         return self.alpha + self.beta * omega2
 
 
+#: Name of a body's damping D among its `matrices`, if D is not Rayleigh's alone: then these hold it on all vectors.
+DAMPING = "damping"
 _E, _AXES = np.eye(3), "xyz"
 #: Antisymmetric S with S u = e_k x u for displacements u, of the matrix T_k = int rho v . S u (test function v): an
 #: angular velocity omega causes the forces 2 omega_k T_k q', an angular acceleration alpha the forces alpha_k T_k q.

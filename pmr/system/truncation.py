@@ -15,9 +15,11 @@ from dataclasses import replace
 import numpy as np
 
 from pmr.files.arrays import Array
+from pmr.system.body_matrices import DAMPING
 from pmr.system.carriers import CarrierRows, EnrichmentModes, Flexibility
 from pmr.system.polynomials import add_tables, join_columns, multiply_matrix, multiply_tables, select_columns, transpose
 from pmr.system.reduced_model import ReducedModel
+from pmr.system.soundness import symmetric_part
 
 #: Largest entry that couples two modes, relative to their diagonal entries, in a modal form.
 MODAL = 1e-6
@@ -69,15 +71,17 @@ def extend(model: ReducedModel, count: int | None = None, tabulated: bool = True
     if model.enrichment is None or model.flexibility is None or not 0 < count <= available:
         raise ValueError(f"{count} enrichment modes of {available}: the model has no more")
     back = _select_modes(model.enrichment, slice(count))
+    matrices = {name: _extend_matrix(A, back.matrices.get(name), count) for name, A in model.matrices.items()}
+    D = matrices[DAMPING] if DAMPING in matrices else _block_diagonal(model.D, back.damping)
     longer = replace(
         model,
         M=_block_diagonal(model.M, np.ones(count)),
-        D=_block_diagonal(model.D, back.damping),
+        D=symmetric_part(D),
         K=_block_diagonal(model.K, back.stiffness),
         B=np.concatenate([model.B, back.B]),
         outputs=np.hstack([model.outputs, back.outputs]),
         rows=join_columns(model.rows, back.rows),
-        matrices={name: _extend_matrix(A, back.matrices.get(name), count) for name, A in model.matrices.items()},
+        matrices=matrices,
         ports={name: _extend_port(model, name, count) for name in model.ports},
         flexibility=_join_tables(model, back, -1.0),
         enrichment=_select_modes(model.enrichment, slice(count, None)) if count < available else None,
@@ -107,12 +111,15 @@ def _has_tables(carriers: CarrierRows | None) -> bool:
 
 
 def is_modal(model: ReducedModel) -> bool:
-    """Whether the coordinates are M-orthonormal modes in ascending order, with K and D diagonal."""
+    """Whether the coordinates are M-orthonormal modes in ascending order, with K diagonal.
+
+    D has to be diagonal too, unless the model has it on all modes among its `matrices`.
+    """
     if np.any(np.abs(model.M - np.eye(model.size)) > MODAL):
         return False
     # round-off decides on the order of equal frequencies, such as those of rigid motions
     ascending = np.all(np.diff(np.diagonal(model.K)) >= -_round_off(model.K))
-    return bool(ascending) and _is_diagonal(model.K) and _is_diagonal(model.D)
+    return bool(ascending) and _is_diagonal(model.K) and (DAMPING in model.matrices or _is_diagonal(model.D))
 
 
 def _is_diagonal(A: Array) -> bool:

@@ -16,6 +16,7 @@ import scipy.sparse as sp
 from processes import called
 
 from pmr.errors import InputError
+from pmr.files import npz
 from pmr.files.foreign import ForeignFiles, foreign_files, read_foreign
 from pmr.files.matrices import GivenMatrices
 from pmr.files.nastran import read_bulk
@@ -318,6 +319,101 @@ def test_the_command_says_what_mass_it_has_read_and_what_holds_it(tmp_path: Path
     line = done.stdout.splitlines()[1]
     assert line.startswith(f"{mass:.4g} kg of what supports inside the matrices leave free, centre of mass at (")
     assert line.endswith("; supports and springs in its stiffness hold 1 of 6 rigid motions")
+
+
+def struts() -> sp.csr_matrix:
+    """Damping of `given`: a damper along the line between the second and third node, and one to ground at the last."""
+    D = np.zeros((11, 11))
+    D[np.ix_([3, 6], [3, 6])] = 50.0 * np.array([[1.0, -1.0], [-1.0, 1.0]])  # along y, as the line is
+    D[10, 10] = 7.0
+    return sp.csr_matrix(D)
+
+
+def with_damping(files: ForeignFiles, folder: Path) -> ForeignFiles:
+    """Write the damping in the format of the stiffness, where it can be with rows of damped coordinates alone."""
+    D, suffix = struts().tocoo(), files.stiffness.suffix
+    labels = [(NUMBERS[k], int(d) + 1) for k, d in zip(given().node, given().direction, strict=True)]
+    path = folder / f"D{suffix}"
+    if suffix == ".npz":
+        sp.save_npz(path, D)
+    elif suffix == ".mtx" and files.dofs == files.stiffness:
+        lines = [(*labels[i], *labels[j], v) for i, j, v in zip(D.row, D.col, D.data, strict=True)]
+        path.write_text("".join(f"{n},{d}, {m},{e}, {v!r}\n" for n, d, m, e, v in lines))
+    elif suffix == ".mtx":
+        scipy.io.mmwrite(path, D, symmetry="symmetric", precision=17)
+    elif suffix == ".bdf":
+        rows = "".join(
+            f"DMIG,BAAX,{m},{e},,{n},{d},{v}\n"
+            for i, j, v in zip(D.row, D.col, D.data, strict=True)
+            if i <= j
+            for (n, d), (m, e) in [(labels[i], labels[j])]
+        )
+        text = files.stiffness.read_text().replace("ENDDATA", "")
+        files.stiffness.write_text(f"{text}DMIG,BAAX,0,6,2,0\n{rows}DMIG,K4AAX,0,6,2,0\nDMIG,K4AAX,3,1,,3,1,1.0\n")
+        return foreign_files(files.stiffness, None, None, None, damping_name="baax")
+    return replace(files, damping=path)
+
+
+@pytest.mark.parametrize("write", [as_matrix_market, as_scipy, as_abaqus, as_dmig])
+def test_damping_is_read_by_its_file_or_name(write: Callable[[Path], ForeignFiles], tmp_path: Path, caplog) -> None:
+    files = with_damping(write(tmp_path), tmp_path)
+    body = read_foreign(files)
+    order, mine = (np.lexsort((of.direction, *of.points[of.node].T)) for of in (body, given()))
+    assert body.D is not None and abs(body.D[order][:, order] - struts()[mine][:, mine]).max() < 1e-12
+    assert ("damping is not read: K4AAX" in caplog.text) is (write is as_dmig) and "BAAX" not in caplog.text
+    stored = GivenMatrices.load(body.save(tmp_path / "body.npz"))
+    assert stored.D is not None and (stored.D != body.D).nnz == 0
+
+
+def test_the_command_reads_damping_by_its_name(tmp_path: Path, monkeypatch, capsys) -> None:
+    files = with_damping(as_dmig(tmp_path), tmp_path)
+    done = called(monkeypatch, capsys, "matrices", str(files.stiffness), "--damping-name", "BAAX")
+    assert done.returncode == 0, done.stderr
+    assert "viscous damping on 3 coordinates; the damping of a scene is added to it" in done.stdout
+    body = GivenMatrices.load(tmp_path / "job-matrices.npz")
+    assert body.D is not None and body.D.sum() == pytest.approx(7.0, rel=1e-9)
+
+
+def test_a_file_without_damping_is_what_it_was_and_one_with_it_says_its_version(tmp_path: Path) -> None:
+    for body, version in ((given(), 1), (replace(given(), D=struts()), 2)):
+        assert npz.pop_header(npz.read(body.save(tmp_path / "body.npz")))["version"] == version
+    assert GivenMatrices.load(given().save(tmp_path / "body.npz")).D is None
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda D: D - 2.0 * sp.diags(D.diagonal()), "D: a damping without negative eigenvalues is allowed"),
+        (lambda D: D + sp.csr_matrix(([3.0, 3.0], ([0, 1], [1, 0])), D.shape), "without negative eigenvalues"),
+        (lambda D: D + sp.csr_matrix(([3.0], ([0], [1])), D.shape), "a symmetric matrix is allowed"),
+        (lambda D: D[1:][:, 1:], "D = [10, 10]: a square matrix of the size of K, 11, is allowed"),
+        (lambda D: D * np.inf, "D: finite entries are allowed; row 4 has another"),
+    ],
+)
+def test_damping_that_is_none_is_refused(change: Callable[[sp.csr_matrix], sp.csr_matrix], says: str) -> None:
+    with pytest.raises(InputError) as caught:
+        replace(given(), D=sp.csr_matrix(change(struts())))
+    assert says in str(caught.value) and len(str(caught.value).splitlines()) == 1
+
+
+def test_structural_damping_and_names_without_a_matrix_are_refused(tmp_path: Path) -> None:
+    files = with_damping(as_dmig(tmp_path), tmp_path)
+    for name, says in (
+        ("K4AAX", "this one is structural"),
+        ("B", "the name of a matrix of the file is allowed, not B"),
+    ):
+        with pytest.raises(InputError, match=says):
+            read_foreign(replace(files, damping_name=name))
+    job, deck = tmp_path / "job_DMPS1.mtx", as_abaqus(tmp_path)
+    job.write_text(deck.stiffness.read_text())
+    with pytest.raises(InputError, match="job_DMPS1.mtx: viscous damping in N s/m is allowed"):
+        read_foreign(replace(deck, damping=job))
+    job = tmp_path / "job_DMPV1.mtx"
+    job.write_text("3,1, 3,1, 5.0\n99,1, 99,1, 5.0\n")
+    with pytest.raises(InputError, match="node = 99: the coordinates of job_STIF2.mtx are allowed"):
+        read_foreign(replace(deck, damping=job))
+    with pytest.raises(InputError, match="a name is allowed of a file of Nastran, not of job.sti"):
+        read_foreign(foreign_files(as_calculix(tmp_path).stiffness, None, None, None, damping_name="BAAX"))
 
 
 BULK = """GRID,1,,0.,0.,0.
