@@ -71,6 +71,9 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
         from pmr.fullmodel.wall_compliance import walls_of  # needs FEniCSx
 
         pads = replace(pads, walls=walls_of(member, (*pads.fixed, *pads.moving), comm))
+    base = model if member.number == 0 and pads.ends else None
+    if isinstance(base, Matrices) and not len(base.coordinates_on("tail", ["x"])):
+        pads = replace(pads, ends=())  # supports inside the matrices bear the cylinder of the next section
     across, observe, supports = transverse_axes(member), member.part.observe, _supports(member)
     stations: Sequence[float] | Array | None = observed_places(member)
     if stations is None:
