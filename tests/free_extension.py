@@ -6,7 +6,6 @@ from functools import cache
 from types import SimpleNamespace
 
 import free_boom
-import numpy as np
 
 import pmr
 from pmr.scene import Scene
@@ -53,7 +52,7 @@ def simulated(*changes: str) -> SimpleNamespace:
     run = ExtensionRun(as_free, system(*made))
     moved = run.with_extension()
     samples = moved.sections[1].joint.extension.samples
-    t = as_free.time.step * np.arange(samples.values.shape[1])
+    t = samples.times
     columns = {name.replace(" ", "_"): values for name, values in samples.cylinder.items()}
     return SimpleNamespace(
         t=t, s=samples.values, scene=moved, written=as_free, system=system(*made), mass=mass(*made), run=run, **columns

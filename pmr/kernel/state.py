@@ -62,15 +62,20 @@ class Settings:
 
 
 class Record:
-    """Recorded arrays of T steps, one row for each step; quantities that are not in `names` are not recorded."""
+    """Recorded arrays of T steps, one row for each step; quantities that are not in `names` are not recorded.
+
+    `ends` (parts, 3 + N) has one row for each part of the last step alone, for steps of up to `parts` parts: a free
+    extension with its rates and the N drivers where the part ends.  It is empty without a free extension.
+    """
 
     FIELDS = ("z", "v", "multipliers", "impulses", "peaks", "energy", "friction", "outputs", "drivers", "hoist")
 
-    def __init__(self, kernel: Kernel, steps: int, names: Sequence[str] = (*FIELDS, "parts")) -> None:
+    def __init__(self, kernel: Kernel, steps: int, names: Sequence[str] = (*FIELDS, "parts"), parts: int = 0) -> None:
         sizes = (kernel.modes, kernel.modes, kernel.contacts, kernel.contacts, kernel.contacts, 2, kernel.pads)
         columns = dict(zip(self.FIELDS, (*sizes, kernel.outputs, kernel.drivers, kernel.hoist), strict=True))
         self.arrays = {name: np.zeros((steps, columns[name])) for name in names if name != "parts"}
         self.parts: Integers = np.zeros(steps if "parts" in names else 0, np.int32)
+        self.ends = np.zeros((parts, 3 + kernel.drivers))
         self.steps = steps
 
     def __getitem__(self, name: str) -> Array:
@@ -85,6 +90,8 @@ class Record:
                 setattr(record, name, pointer(array[first:]))
         if self.parts.size:
             record.parts = integer_pointer(self.parts[first:])
+        if self.ends.size:
+            record.ends = pointer(self.ends)
         return record
 
 

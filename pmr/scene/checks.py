@@ -273,10 +273,6 @@ def _check_sections(scene: Scene, number: int, free: str) -> None:
             allowed = f"a model with displacements along the boom is allowed beside {free}"
             raise scene_error(scene.section_key(k, "body.model"), None, allowed)
     for k, part in enumerate(scene.sections):
-        pushing = next((ring_key for ring_key, ring in part.keyed_rings.items() if ring.unilateral), None)
-        if pushing is not None:
-            allowed = f"false is allowed beside {free}: pads that hold both ways"
-            raise scene_error(f"sections[{k}].{pushing}.unilateral", True, allowed)
         if part.observe.frequency_response:
             raise scene_error(
                 scene.section_key(k, "observe.frequency_response"), None, f"none is allowed beside {free}"

@@ -13,6 +13,7 @@ estimate of the error (src/substeps.c of `pmr.kernel`).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -51,6 +52,12 @@ def contact_frequency(system: System, excitation: Excitation) -> float:
     return contact_frequency_at(
         system, system.side_coordinates({path: np.unique(np.linspace(s.min(), s.max(), PLACES))})
     )
+
+
+def contact_frequency_within(system: System, ranges: Mapping[str, tuple[float, float]]) -> float:
+    """The same on the way of all paths from one end of their `ranges` in m to the other, by the paths' names."""
+    x = system.side_coordinates({path: np.linspace(*ends, PLACES) for path, ends in ranges.items()})
+    return contact_frequency_at(system, np.broadcast_to(x, (PLACES, len(system.sides))))
 
 
 def contact_frequency_at(system: System, x: Array) -> float:

@@ -19,7 +19,7 @@ from pmr.scene.members import EXTENSION, members
 from pmr.scene.run_settings import Simulation
 from pmr.scene.signals import SignalBase
 from pmr.simulation.frame import hoist_signals, inertia_loads, load_signals, term_signals
-from pmr.simulation.frame_motion import Acceleration, computed_inputs
+from pmr.simulation.frame_motion import Acceleration, computed_inputs, computed_parts
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import Body, BodySystem, System
 
@@ -58,7 +58,7 @@ class Excitation:
             )
             allowed = f"none is allowed here: only pmr run and pmr.simulate, with march, find {moves}"
             raise InputError("scene", key, value, allowed)
-        stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf)
+        stepping = TimeStepping(scene.time.end, scene.time.step, scene.time.rho_inf, schedule=computed_parts(scene))
         loads, paths = dict[str, SignalBase](), scene.paths
         for name, member in zip(scene.names, members(scene), strict=True):
             signals = load_signals(scene, member) | member.weight | inertia_loads(scene, member)

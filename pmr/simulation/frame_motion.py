@@ -274,19 +274,24 @@ _QUINTIC = np.linalg.inv(_ENDS.astype(float))
 
 @dataclass(frozen=True, eq=False)
 class MotionSamples:
-    """Computed motion of a machine in one direction at the T steps; two objects are equal only if they are the same."""
+    """Computed motion of a machine in one direction, or of an extension; objects are equal only if they are the same.
 
-    step: float  # s
-    values: Array  # (3, T): motion in m or rad, its rate and its second rate
+    The N `times` are t = 0 and the ends of all steps, of which there are T - 1; where steps are divided into parts, the
+    ends of all parts.
+    """
+
+    times: Array  # (N,) s
+    values: Array  # (3, N): motion in m or rad, its rate and its second rate
     force: Array  # (T,) N or N m: force or moment of the machine on the ground in this direction
-    inputs: Mapping[str, Array]  # (T,) values of the inertia inputs of the boom, by input name
-    cylinder: Mapping[str, Array] = field(default_factory=dict)  # (T,) of a luffing cylinder, by name
+    inputs: Mapping[str, Array]  # (N,) values of the inertia inputs of the boom, by input name
+    cylinder: Mapping[str, Array] = field(default_factory=dict)  # (T,) of the cylinder that drives it, by name
+    parts: tuple[int, ...] = ()  # (T - 1,): number of parts of each step; empty: no step was divided
 
 
 class ComputedMotion(SignalBase):
     """Computed motion of a machine in one direction as a signal, in m or in the unit of the frame's angles.
 
-    Between two steps it is the polynomial of degree 5 with the values, rates and second rates at both steps.
+    Between two samples it is the polynomial of degree 5 with the values, rates and second rates of both.
     """
 
     samples: SkipValidation[Any]
@@ -302,50 +307,52 @@ class ComputedMotion(SignalBase):
         return self._interpolate(t, 2)
 
     def bounds(self, start: float, end: float) -> Interval:
-        """Smallest and largest value at the steps from `start` to `end` in s."""
+        """Smallest and largest value of the samples from `start` to `end` in s."""
         of: MotionSamples = self.samples
-        first, last = int(np.floor(start / of.step)), int(np.ceil(end / of.step))
+        first, last = np.searchsorted(of.times, start, "right") - 1, np.searchsorted(of.times, end)
         some = of.values[0, max(first, 0) : last + 1] * self.unit
         return Interval(float(some.min()), float(some.max()))
 
     def _interpolate(self, t: ArrayLike, order: int) -> Array:
         """Value (`order` 0), rate (1) or second rate (2) at the times t (...) in s."""
         of: MotionSamples = self.samples
-        at, h = np.clip(np.asarray(t, float) / of.step, 0.0, of.values.shape[1] - 1.0), of.step
-        k = np.rint(at).astype(int)
-        values = np.asarray(of.values[order][k])
-        between = np.abs(at - k) > SAME
+        at = np.clip(np.asarray(t, float), of.times[0], of.times[-1])
+        k = np.clip(np.searchsorted(of.times, at, "right") - 1, 0, len(of.times) - 2)
+        h = of.times[k + 1] - of.times[k]
+        x = (at - of.times[k]) / h
+        values = np.asarray(of.values[order][k + np.rint(x).astype(int)])
+        between = np.abs(x - np.rint(x)) > SAME
         if between.any():
-            k = np.minimum(np.floor(at).astype(int), of.values.shape[1] - 2)
-            scaled = of.values * (h ** np.arange(3))[:, None]
-            ends = np.concatenate([scaled[:, k], scaled[:, k + 1]])
+            scale = h ** np.arange(3).reshape(3, *[1] * h.ndim)
+            ends = np.concatenate([of.values[:, k] * scale, of.values[:, k + 1] * scale])
             c = np.moveaxis(np.tensordot(_QUINTIC, ends, 1), 0, -1)
             factor = np.array([np.prod(np.arange(p, p - order, -1)) for p in range(order, 6)])
-            powers = (at - k)[..., None] ** np.arange(6 - order)
+            powers = x[..., None] ** np.arange(6 - order)
             values = np.where(between, (c[..., order:] * factor * powers).sum(axis=-1) / h**order, values)
         return np.asarray(values * self.unit)
 
 
 class ComputedInput(SignalBase):
-    """Values of an input at the steps, connected by straight lines."""
+    """Samples of an input, connected by straight lines."""
 
     samples: SkipValidation[Any]
     name: str
 
     def value(self, t: ArrayLike) -> Array:
-        """Value at the times t (...) in s, on the line between two steps."""
+        """Value at the times t (...) in s, on the line between two samples."""
         of: MotionSamples = self.samples
-        values = of.inputs[self.name]
-        return np.asarray(np.interp(np.asarray(t, float) / of.step, np.arange(len(values)), values))
+        return np.asarray(np.interp(np.asarray(t, float), of.times, of.inputs[self.name]))
 
     def rate(self, t: ArrayLike) -> Array:
-        """Slope of the line at the times t (...) in s; at a step, the slope of the line after the step."""
+        """Slope of the line at the times t (...) in s; at a sample, the slope of the line after it."""
         of: MotionSamples = self.samples
-        k = np.clip(np.floor(np.asarray(t, float) / of.step + SAME).astype(int), 0, of.values.shape[1] - 2)
-        return np.asarray(np.diff(of.inputs[self.name])[k] / of.step)
+        lengths = np.diff(of.times)
+        k = np.searchsorted(of.times, np.asarray(t, float) + SAME * lengths.min(), "right") - 1
+        k = np.clip(k, 0, len(lengths) - 1)
+        return np.asarray(np.diff(of.inputs[self.name])[k] / lengths[k])
 
     def bounds(self, start: float, end: float) -> Interval:
-        """Smallest and largest value of all steps, whatever `start` and `end`."""
+        """Smallest and largest of all samples, whatever `start` and `end`."""
         values = self.samples.inputs[self.name]
         return Interval(float(values.min()), float(values.max()))
 
@@ -363,6 +370,12 @@ def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
     signals = (frame.luffing_signal, *(frame.base.motions if frame.base else {}).values(), *scene.paths.values())
     samples = next((signal.samples for signal in signals if isinstance(signal, ComputedMotion)), None)
     return {} if samples is None else {name: ComputedInput(samples=samples, name=name) for name in samples.inputs}
+
+
+def computed_parts(scene: Scene) -> tuple[int, ...]:
+    """Numbers of parts into which the steps were divided that computed a free extension; empty if they were not."""
+    samples = (path.samples for path in scene.paths.values() if isinstance(path, ComputedMotion))
+    return next((of.parts for of in samples if len(of.parts) == scene.time.steps), ())
 
 
 def has_computed_motion(scene: Scene) -> bool:
@@ -387,12 +400,10 @@ def with_computed_motion(scene: Scene, track: MachineMotion) -> Scene:
     """Scene whose frame has a base with the computed motion `track`, in place of the base it had, and no machine."""
     frame = scene.frame
     assert frame is not None  # of a scene with a machine
-    angle = 1.0 if frame.unit == "rad" else 180.0 / np.pi
+    angle, times = 1.0 if frame.unit == "rad" else 180.0 / np.pi, track.step * np.arange(track.values.shape[1])
     signals: dict[str, Any] = {
         direction: ComputedMotion(
-            samples=MotionSamples(
-                track.step, np.ascontiguousarray(track.values[:, :, k]), track.forces[:, k], track.inputs
-            ),
+            samples=MotionSamples(times, np.ascontiguousarray(track.values[:, :, k]), track.forces[:, k], track.inputs),
             unit=1.0 if k < 3 else angle,
         )
         for k, direction in enumerate(DIRECTIONS)

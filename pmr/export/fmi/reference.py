@@ -17,7 +17,7 @@ from pmr.files.arrays import Array
 from pmr.scene.built import force_name
 from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Strand
-from pmr.simulation.contact_step import contact_frequency
+from pmr.simulation.contact_step import contact_frequency, contact_frequency_within
 from pmr.simulation.excitation import Excitation, signals_in_order
 from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, StoredScene, store_boom_scene
 from pmr.simulation.native import systems
@@ -73,7 +73,8 @@ def reference(drivers: Drivers, scene: StoredScene) -> Reference:
         np.hstack([getattr(trajectory.bodies[name], what) @ form.inverse.T for name, form in drivers.forms.items()])
         for what in "qv"
     )
-    t = excitation.times
+    t, modal = excitation.times, SystemForm(system, drivers.forms).modal
+    anywhere = bool(drivers.moved_paths)
     shown = np.unique(np.linspace(0, len(t) - 1, min(INSTANTS, len(t))).round().astype(int))
     largest = np.abs(np.hstack([z, v])).max(axis=0)
     smallest = 1e-9 * np.repeat(largest.reshape(2, -1).max(axis=1), z.shape[1])
@@ -87,7 +88,7 @@ def reference(drivers: Drivers, scene: StoredScene) -> Reference:
         first[:, started] = drivers.frame.start[:2, started]
     return Reference(
         stepping=reached.stepping,
-        omega=contact_frequency(SystemForm(system, drivers.forms).modal, reached),
+        omega=contact_frequency_within(modal, system.ranges) if anywhere else contact_frequency(modal, reached),
         inputs=np.hstack([t[:, None], *inputs]),
         first=first,
         static=scene.static,

@@ -69,9 +69,9 @@ static int make_steps(pmr_state *st, pmr_course *course, const double *samples, 
 static int advance_signals(pmr_state *st, const pmr_signals *signals, int64_t count, int64_t every,
                            const int32_t *parts, const pmr_record *record, int64_t *taken)
 {
-    pmr_course course = {.signals = signals, .h = st->settings.step};
+    pmr_course course = {.signals = signals, .h = st->settings.step, .ends = record->ends};
     *taken = 0;
-    if (st->system->computed || signals->drivers != (st->system->motions ? st->system->motions : st->system->drivers)) return PMR_REFUSED;
+    if (st->run || signals->drivers != (st->system->motions ? st->system->motions : st->system->drivers)) return PMR_REFUSED;
     return make_steps(st, &course, NULL, count, every, parts, record, taken);
 }
 
@@ -82,7 +82,7 @@ static int advance_sampled(pmr_state *st, const double *u, int per, int64_t coun
     int failed;
     *taken = 0;
     *needed = 0;
-    if (per < 1) return PMR_REFUSED;
+    if (per < 1 || st->system->extension.sections) return PMR_REFUSED;
     failed = make_steps(st, &course, u, count, every, parts, record, taken);
     if (failed != COARSE) return failed;
     *needed = st->settings.parts[st->progress.level];
@@ -103,13 +103,13 @@ static int make_one_step(pmr_state *st, pmr_course course)
 
 static int step_to(pmr_state *st, const double *u, const double *rates)
 {
-    if (!all_finite(u, st->system->drivers)) return PMR_REFUSED;
+    if (st->system->extension.sections || !all_finite(u, st->system->drivers)) return PMR_REFUSED;
     copy(st->u_begun, st->u, st->system->drivers);
     return make_one_step(st, (pmr_course){.begun = st->u_begun, .ended = u, .rates = rates});
 }
 
 static int start_computed(pmr_state *st, int kind, const double *motions, const double *z, const double *v);
-static int step_computed(pmr_state *st, const double *motions, const int32_t *rows);
+static int step_luffing(pmr_state *st, const double *motions);
 
 static int step_led(pmr_state *st, const double *led, double since)
 {
@@ -117,12 +117,12 @@ static int step_led(pmr_state *st, const double *led, double since)
     const int n = y->motions ? y->motions : y->drivers;
     int failed, k;
     if (!all_finite(led, 4 * n)) return PMR_REFUSED;
-    if (y->computed) {
+    if (st->run) {
         pmr_lead_on(led, n, since + st->settings.step, 3, st->motions_next);
-        return step_computed(st, st->motions_next, NULL);
+        return step_luffing(st, st->motions_next);
     }
     failed = make_one_step(st, (pmr_course){.led = led, .since = since});
-    if (failed || !y->motions) return failed;
+    if (failed || !y->motions || y->computed) return failed;
     pmr_lead_on(led, n, since + st->settings.step, 3, st->motions);
     for (k = 0; k < n; k++) st->motions[3 * n + k] = 3.0;
     return PMR_DONE;
@@ -155,9 +155,9 @@ static int step_in_frame(pmr_state *st, const double *motions, const int32_t *ro
     const pmr_system *y = st->system;
     int failed;
     if (!y->motions || !all_finite(motions, 3 * y->motions)) return PMR_REFUSED;
-    if (y->computed) return step_computed(st, motions, rows);
+    if (st->run) return step_luffing(st, motions);
     take_motions(y, motions, rows, st->motions_next);
     failed = make_one_step(st, (pmr_course){.motions = st->motions_next});
-    if (!failed) copy(st->motions, st->motions_next, 4 * y->motions);
+    if (!failed && !y->computed) copy(st->motions, st->motions_next, 4 * y->motions);
     return failed;
 }

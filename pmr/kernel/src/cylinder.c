@@ -100,28 +100,35 @@ static void find_chambers_left(const pmr_actuator *c, double h, double opening, 
     }
 }
 
-/* A pressure between two bounds, at the lower of which less than nothing is left; what was left before, its size. */
+/* Where something that grows becomes zero lies between two bounds; `before` is the size of what was left at the last
+   place tried, INFINITY before the first. */
 typedef struct {
     double low, high, before;
 } bracket;
 
-/* Newton's next pressure, or the middle of the bounds where it leaves them or halves nothing; whether it is found. */
-static int improve_pressure(bracket *b, double *p, double left, double slope, double scale)
+/* The place to try after `at`, where `left` is left: `ahead`, or the middle of the bounds where `ahead` is beyond them or
+   `at` has not halved what is left; `at` itself where no number is between the bounds. */
+static double keep_between(bracket *b, double at, double left, double ahead)
 {
-    const double next = *p - left / slope;
     const int slow = fabs(left) > b->before / 2.0;
-    if (fabs(next - *p) <= PRESSURE_ROUND_OFF * scale) return 1;
+    double middle;
     b->before = fabs(left);
     if (left < 0.0)
-        b->low = *p;
+        b->low = larger(b->low, at);
     else
-        b->high = *p;
-    if (next > b->low && next < b->high && !(slow && b->high - b->low < INFINITY)) {
-        *p = next;
-        return 0;
-    }
-    *p = (b->low + b->high) / 2.0;
-    return *p <= b->low || *p >= b->high; /* nothing is in between */
+        b->high = at < b->high ? at : b->high;
+    if (ahead > b->low && ahead < b->high && !(slow && b->high - b->low < INFINITY)) return ahead;
+    middle = (b->low + b->high) / 2.0;
+    return middle > b->low && middle < b->high ? middle : at;
+}
+
+/* A better pressure by Newton's method; whether it stays as it is. */
+static int improve_pressure(bracket *b, double *p, double left, double slope, double scale)
+{
+    const double at = *p, ahead = at - left / slope;
+    if (fabs(ahead - at) <= PRESSURE_ROUND_OFF * scale) return 1;
+    *p = keep_between(b, at, left, ahead);
+    return *p == at;
 }
 
 /* Pressures at the end of a step of h; NAN where there are none.  What is left of the bore grows with the bore's

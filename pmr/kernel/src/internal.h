@@ -191,6 +191,7 @@ struct pmr_state {
     /* numbers that a step which is taken back returns to, one array after the other, filled up to registers */
     double *mark;
     double *hoist, *pulls; /* (PMR_HOIST_STATE), (k) N: where the rope stands, its forces on the inputs (hoist.c) */
+    double *motions; /* (4, n): motions where it stands; how many rows of those count */
     double *computed, *computed_past; /* outputs of a free luffing angle or extension; what its next step depends on */
     pmr_machine_run *run;           /* of the free luffing angle, or NULL */
     size_t marked;                                       /* doubles */
@@ -203,7 +204,7 @@ struct pmr_state {
     double *accelerated;       /* (r') */
     double *friction, *gap;    /* (pads), (mp) */
     double *joint_sums;        /* (joints) N: friction that the gaps are of */
-    double *u, *motions;       /* (N), (4, n): drivers and motions where it stands; how many rows of those count */
+    double *u;                 /* (N): drivers where it stands */
     size_t saved;              /* doubles */
     /* workspace */
     double *began, *peak;
@@ -226,7 +227,7 @@ struct pmr_state {
     double *motions_next, *motions_now, *quantities; /* (4, n), (3, n), (quantities) */
     /* (op + hp + forces + 6): outputs, reactions, forces, a rope's wrench on a winch on the machine; along a seed; (further) */
     double *values, *changes, *shown;
-    double *kept, *begun; /* (saved), (2, r'): a state that trials of a free extension begin with; modes at the start */
+    double *kept; /* (saved): a state that trials of a free extension begin with */
     /* hoist: before a part, slots, forces; R (k, k) and what it is made of, (k, r') and (k, mp); places of inputs */
     double *hoist_before, *slots, *new_pulls, *receptance, *hoist_units, *hoist_rows, *hoist_held;
     double *hoist_free, *hoist_moved, *hoist_slope;

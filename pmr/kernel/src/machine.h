@@ -52,7 +52,7 @@ typedef struct {
 /* What the next step of a free extension depends on: its rates, its second rate as generalized-alpha averages it, and how
    what it leaves of its equation grows with the second rate. */
 typedef struct {
-    double at, rate, second, smooth, slope, loaded[3]; /* N, Pa, Pa: as of a luffing cylinder */
+    double at, rate, second, smooth, slope;
     cylinder_state cylinder;
 } extension_past;
 

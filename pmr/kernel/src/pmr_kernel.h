@@ -311,6 +311,8 @@ typedef struct {
     double *drivers;     /* (., N) */
     double *hoist;       /* (., 10): as `pmr_further` has them */
     int32_t *parts;      /* (.,) */
+    double *ends;        /* (parts of a step, 3 + N): of the last step, not a row each; at the end of each of its parts a
+                            free extension with its rates, and the drivers */
 } pmr_record;
 
 /* `count` steps with drivers from `signals`, every `every`-th of them recorded; `parts` (count,) or NULL: of how many

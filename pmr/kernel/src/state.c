@@ -124,6 +124,9 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(travelled, y->joints);
     NUMBERS(hoist, y->hoist ? PMR_HOIST_STATE : 0);
     NUMBERS(pulls, y->hoist);
+    NUMBERS(motions, 4 * y->motions);
+    NUMBERS(computed, y->computed);
+    NUMBERS(computed_past, past_size(y));
     st->marked = (r->at - first) / sizeof(double);
     NUMBERS(w, n);
     NUMBERS(old_w, 4 * n);
@@ -133,9 +136,6 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(gap, mp);
     NUMBERS(joint_sums, y->joints);
     NUMBERS(u, y->drivers);
-    NUMBERS(motions, 4 * y->motions);
-    NUMBERS(computed, y->computed);
-    NUMBERS(computed_past, past_size(y));
     st->saved = (r->at - first) / sizeof(double);
     NUMBERS(began, st->saved);
     NUMBERS(peak, mp);
@@ -191,7 +191,6 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(changes, y->op + y->hp + y->forces);
     NUMBERS(shown, y->reactions + 4 + y->ground);
     NUMBERS(kept, y->extension.sections ? st->saved : 0);
-    NUMBERS(begun, y->extension.sections ? 2 * n : 0);
     NUMBERS(hoist_before, PMR_HOIST_STATE);
     NUMBERS(slots, PMR_HOIST_SLOTS);
     NUMBERS(new_pulls, y->hoist);
@@ -281,8 +280,8 @@ static int state_open(const pmr_system *y, const pmr_settings *given, pmr_state 
     int k;
     *state = NULL;
     if (check_settings(given, why)) return PMR_REFUSED;
-    if (y->extension.sections && (given->energy || y->pushing || given->levels != 1 || (given->parts && given->parts[0] != 1)))
-        return pmr_say(why, "a free extension is stepped with contacts that hold, without parts and energy"), PMR_REFUSED;
+    if (y->extension.sections && given->energy)
+        return pmr_say(why, "a free extension is stepped without energy"), PMR_REFUSED;
     if (y->computed && !y->extension.sections && !can_carry(y, given, &y->boom))
         return pmr_say(why, "a free luffing angle is stepped with contacts that hold, without parts and energy"), PMR_REFUSED;
     counted.system = y;
@@ -326,7 +325,7 @@ static void state_save(const pmr_state *st, void *bytes)
 {
     char *at = bytes;
     state_head head = {.system = st->system->checksum, .settings = settings_sum(st), .bytes = (int64_t)state_bytes(st)};
-    memcpy(head.magic, "PMRSTAT2", 8);
+    memcpy(head.magic, "PMRSTAT3", 8);
     memcpy(at + sizeof head, &st->progress, sizeof st->progress);
     memcpy(at + sizeof head + sizeof st->progress, st->mark, st->saved * sizeof(double));
     head.checksum = pmr_checksum(at + sizeof head, (size_t)head.bytes - sizeof head);
@@ -369,8 +368,8 @@ static int state_restore(pmr_state *st, const void *bytes, size_t count, char *w
     size_t n;
     if (count < sizeof head) return pmr_say(why, "no state: %zu bytes", count), PMR_REFUSED;
     memcpy(&head, at, sizeof head);
-    if (memcmp(head.magic, "PMRSTAT2", 8))
-        return pmr_say(why, "no state that this kernel can read (PMRSTAT2)"), PMR_REFUSED;
+    if (memcmp(head.magic, "PMRSTAT3", 8))
+        return pmr_say(why, "no state that this kernel can read (PMRSTAT3)"), PMR_REFUSED;
     if (head.system != st->system->checksum) return pmr_say(why, "a state of another system"), PMR_REFUSED;
     if (head.settings != settings_sum(st)) return pmr_say(why, "a state with other settings"), PMR_REFUSED;
     if (head.bytes != (int64_t)count || count != state_bytes(st))

@@ -86,7 +86,7 @@ static double missed(pmr_state *st, const pmr_scheme *c, const double *f)
 }
 
 /* Drivers of a step at its parts: samples, or something that tells them. */
-typedef struct {
+struct pmr_course {
     const double *samples; /* (per + 1, N), or NULL */
     int per;
     const pmr_signals *signals; /* at t = (step * parts + part) h / parts, or NULL: lines or cubics between two ends */
@@ -96,7 +96,8 @@ typedef struct {
     const double *motions; /* (4, n) at the end, where a frame is driven from outside */
     const double *led;     /* (4, .): drivers or motions and their rates, `since` before the step begins */
     double since;
-} pmr_course;
+    double *ends; /* (parts, 3 + N) or NULL: a free extension with its rates, and drivers, where parts end (`pmr_record`) */
+};
 
 /* A number and its first three rates where a step of h begins, (4): a cubic by rates at both ends, or a straight line
    where `rates` is 0. */
@@ -142,18 +143,19 @@ static void follow_motions(const pmr_state *st, const pmr_signals *signals, doub
                 pmr_signals_spread(signals, y->frame_paths[k], t, st->settings.step);
 }
 
-/* Drivers of a system whose frame moves, at a part of a step. */
-static void follow_frame(pmr_state *st, const pmr_course *course, int part, int parts, double *u)
+/* Motions (3, n) of a frame at a part of a step. */
+static const double *course_motions(pmr_state *st, const pmr_course *course, int part, int parts)
 {
-    const double *now = st->motions_now;
     if (course->signals)
         follow_motions(st, course->signals, (double)(course->step * parts + part) * (course->h / parts),
                        st->motions_now);
+    else if (course->led)
+        pmr_lead_on(course->led, st->system->motions, course->since + course->h * part / parts, 3, st->motions_now);
     else if (part == 0 || part == parts)
-        now = part ? course->motions : st->motions;
+        return part ? course->motions : st->motions;
     else
         lead_motions(st, course->motions, course->h * part / parts, st->motions_now);
-    pmr_frame_drivers(st->system, now, u, st->quantities);
+    return st->motions_now;
 }
 
 static void follow_course(const pmr_course *course, int drivers, int part, int parts, double *u)
@@ -177,34 +179,28 @@ static void follow_course(const pmr_course *course, int drivers, int part, int p
     }
 }
 
-/* Drivers along the course of them, or of motions, that is led on by its rates. */
-static void follow_led(pmr_state *st, const pmr_course *course, int part, int parts, double *u)
-{
-    const pmr_system *y = st->system;
-    const double t = course->since + course->h * part / parts;
-    if (!y->motions) {
-        pmr_lead_on(course->led, y->drivers, t, 1, u);
-        return;
-    }
-    pmr_lead_on(course->led, y->motions, t, 3, st->motions_now);
-    pmr_frame_drivers(y, st->motions_now, u, st->quantities);
-}
-
 static const double *course_at(pmr_state *st, const pmr_course *course, int part, int parts)
 {
+    const pmr_system *y = st->system;
     if (course->samples) /* a division takes as long as ten products */
-        return course->samples + (size_t)part * (parts == 1 ? course->per : course->per / parts) * st->system->drivers;
-    if (course->led)
-        follow_led(st, course, part, parts, st->u_next);
-    else if (course->motions || (course->signals && st->system->motions))
-        follow_frame(st, course, part, parts, st->u_next);
-    else
-        follow_course(course, st->system->drivers, part, parts, st->u_next);
+        return course->samples + (size_t)part * (parts == 1 ? course->per : course->per / parts) * y->drivers;
+    if (y->motions && (course->led || course->motions || course->signals)) {
+        const double *now = course_motions(st, course, part, parts);
+        if (y->extension.sections) now = extended_motions(st, now);
+        pmr_frame_drivers(y, now, st->u_next, st->quantities);
+    } else if (course->led) {
+        pmr_lead_on(course->led, y->drivers, course->since + course->h * part / parts, 1, st->u_next);
+    } else {
+        follow_course(course, y->drivers, part, parts, st->u_next);
+    }
     return st->u_next;
 }
 
 /* Whether a part that fails has changed what it began with. */
-static int is_iterated(const pmr_system *y) { return y->pushing || y->registers || y->pads || y->hoist; }
+static int is_iterated(const pmr_system *y)
+{
+    return y->pushing || y->registers || y->pads || y->hoist || y->extension.sections;
+}
 
 /* The parts of a step on a level; `*off` is what one of them misses over what it may. */
 static int make_parts(pmr_state *st, int level, int judged, const pmr_course *course, double *off)
@@ -219,13 +215,19 @@ static int make_parts(pmr_state *st, int level, int judged, const pmr_course *co
     }
     *off = 0.0;
     for (part = 1; part <= count; part++) {
-        const double *u = course_at(st, course, part, count);
+        const double *u;
         if (judged)
             for (k = 0; k < y->contacts; k++) {
                 st->before_closed[k] = st->closed[k];
                 st->before_lambda[k] = st->lambda[k];
             }
-        failed = make_part(st, c, u);
+        if (y->extension.sections) {
+            failed = make_extended_part(st, c, course, part, count);
+            u = st->u_next;
+        } else {
+            u = course_at(st, course, part, count);
+            failed = make_part(st, c, u);
+        }
         if (failed) return failed;
         if (count > 1)
             for (k = 0; k < y->contacts; k++)

@@ -17,6 +17,9 @@ static void couple(const pmr_state *st, const pmr_scheme *c, const double *z, co
 static int stand(pmr_state *st);
 static int all_finite(const double *values, int count);
 INLINE void subtract_rows(const pmr_state *st, int first, int last, double *sums);
+typedef struct pmr_course pmr_course;
+static const double *extended_motions(pmr_state *st, const double *motions);
+static int make_extended_part(pmr_state *st, const pmr_scheme *c, const pmr_course *course, int part, int parts);
 
 #include "extrapolation.c"
 #include "friction.c"

@@ -22,9 +22,9 @@ import numpy as np
 from pmr.files.arrays import Array
 from pmr.kernel._native import lib
 from pmr.kernel.further import ComputedData
-from pmr.kernel.kernel import Kernel
+from pmr.kernel.kernel import Kernel, Signals
 from pmr.kernel.machine import CYLINDER_COLUMNS, Cylinder
-from pmr.kernel.state import Settings, State, StepError
+from pmr.kernel.state import Record, Settings, State, StepError
 from pmr.scene import Scene
 from pmr.scene.checks import moved_sections
 from pmr.scene.cylinder import LuffingCylinder
@@ -32,6 +32,7 @@ from pmr.scene.extension import FreeExtension
 from pmr.scene.frame import INERTIA
 from pmr.scene.keys import cylinder_name
 from pmr.scene.signals import SignalBase
+from pmr.simulation.contact_step import contact_frequency_within, part_counts
 from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
 from pmr.simulation.moving import EXTENSION_DRIVE, MovingFrame, held_at_start
@@ -146,7 +147,9 @@ class ExtensionRun:
         self.form.refuse_unsupported(np.vstack([x[:1], self._reached(modal)]), stepping.rho_inf)
         self.frame = with_extension_data(MovingFrame.in_scene(first, system), scene, system, self.form)
         kernel = Kernel.of(system, self.form.forms, self.frame)
-        self.state = State(kernel, Settings(stepping.step, stepping.rho_inf, energy=False))
+        omega = contact_frequency_within(modal, system.ranges)
+        self._parts = part_counts(omega, stepping)
+        self.state = State(kernel, Settings(stepping.step, stepping.rho_inf, self._parts, omega, energy=False))
 
     def _reached(self, modal: System) -> Array:
         """Positions (2, sides) in m of the contacts' sides at both ends of what the extension can reach."""
@@ -162,30 +165,32 @@ class ExtensionRun:
         Raises InputError if nothing holds the boom at the start, and SimulationError if a step fails or the extension
         leaves its stroke.
         """
-        excitation, state, kernel = self._excitation, self.state, self.state.kernel
-        t = excitation.times
-        motions = np.ascontiguousarray(np.moveaxis(self.frame.motions(excitation, t), -1, 0))
-        motions[0] = self.frame.start
-        inertial = [k for k, name in enumerate(self._system.input_names) if INERTIA in name]
-        values, columns = np.zeros((3, len(t))), np.zeros((len(t), kernel.computed))
-        inputs = np.zeros((len(t), len(inertial)))
-        name = self._scene.names[self._number]
+        state, kernel, t = self.state, self.state.kernel, self._excitation.times
+        name, inputs = self._scene.names[self._number], self._system.input_names
+        columns = np.zeros((len(t), kernel.computed))
+        record, signals = Record(kernel, 1, (), self._parts[-1]), Signals(self.frame.signals)
+        ends, times, parts = list[Array](), list[Array](), list[int]()
         for k in range(len(t)):
             try:
                 if k:
-                    state.step_in_frame(motions[k])
+                    state.advance(signals, 1, record)
                 else:
-                    self._start(motions[0])
+                    self._start(self.frame.start)
             except StepError as error:
                 where = f"step {k}, t = {t[k]:g} s" if k else "t = 0 s"
-                at = path_text((name,), values[0, max(k - 1, 0) :])
+                at = path_text((name,), columns[max(k - 1, 0), :1])
                 raise step_failure(f"{where}{at}", self.form, error, self._x) from None
             columns[k] = state.computed
-            values[:, k] = columns[k, [0, 1, -1]]
-            inputs[k] = state.drivers[kernel.paths : kernel.paths + kernel.inputs][inertial]
-        names = [self._system.input_names[k] for k in inertial]
-        of_inputs = dict(zip(names, inputs.T, strict=True))
-        samples = MotionSamples(excitation.stepping.step, values, np.zeros(len(t)), of_inputs, self._record(columns))
+            if k == 0:
+                record.ends[0] = np.concatenate([columns[0, [0, 1, -1]], state.drivers])
+            parts.append(state.parts)
+            ends.append(record.ends[: state.parts].copy())
+            times.append(t[k] + (np.arange(state.parts) + 1 - state.parts) * (t[1] / state.parts))
+        values, drivers = np.split(np.concatenate(ends).T, [3])
+        of_inputs = {of: drivers[kernel.paths + k] for k, of in enumerate(inputs) if INERTIA in of}
+        divided = tuple(parts[1:]) if max(parts) > 1 else ()
+        none = np.zeros(drivers.shape[1])
+        samples = MotionSamples(np.concatenate(times), values, none, of_inputs, self._record(columns), divided)
         sections = list(self._scene.sections)
         section = sections[self._number]
         computed: dict[str, Any] = {"extension": ComputedMotion(samples=samples, unit=1.0)}

@@ -107,7 +107,8 @@ class LuffingRun(MachineRun):
         angle = -track.values[:, :, PITCH]
         angle[0] += self.level
         record = {} if frame.cylinder is None else self._record(frame.cylinder)
-        samples = MotionSamples(track.step, np.ascontiguousarray(angle), np.zeros(angle.shape[1]), track.inputs, record)
+        times, still = track.step * np.arange(angle.shape[1]), np.zeros(angle.shape[1])
+        samples = MotionSamples(times, np.ascontiguousarray(angle), still, track.inputs, record)
         unit = 1.0 if frame.unit == "rad" else 180.0 / np.pi
         luffing = ComputedMotion(samples=samples, unit=unit)
         computed = {"luffing": luffing, "slewing": frame.slewing or Constant(amount=0.0)}

@@ -31,8 +31,8 @@ from pmr.kernel.state import BoundStep, Settings, State, StepError
 from pmr.scene.built import force_name
 from pmr.scene.hoist import OUTPUTS
 from pmr.scene.keys import LUFFING, SLIDER
-from pmr.scene.signals import Constant, Ramp
-from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, part_counts
+from pmr.scene.signals import Constant
+from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, contact_frequency_within, part_counts
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.moving import StoredScene, read_scene
@@ -312,7 +312,7 @@ class Stepper:
         With `parts` = 1, impacts lose force and energy where this is above `contact_step.RESOLVED`
         (docs/pads_theory.md).
         """
-        return self._step * contact_frequency(self._system, self._full_range)
+        return self._step * contact_frequency_within(self._system, self._ranges)
 
     def check_finite(self) -> None:
         """Raise SimulationError if the state is not finite: loads may have been NaN."""
@@ -381,15 +381,13 @@ class Stepper:
         modal = self._form.modal
         if np.isnan(modal.clearance).all():
             return (1,), 0.0
-        way = self._full_range if scene is None or scene.extends_freely else scene.excitation
-        omega = contact_frequency(modal, way) if parts == 0 else 0.0
+        if parts:
+            omega = 0.0
+        elif scene is None or scene.extends_freely:
+            omega = contact_frequency_within(modal, self._ranges)
+        else:
+            omega = contact_frequency(modal, scene.excitation)
         return part_counts(omega, TimeStepping(self._step, self._step, parts=parts)), omega
-
-    @property
-    def _full_range(self) -> Excitation:
-        """Excitation whose paths lead from one end of their ranges to the other in one step."""
-        ends = {path: Ramp(times=(0.0, self._step), values=ends) for path, ends in self._ranges.items()}
-        return Excitation(ends, {}, TimeStepping(self._step, self._step / 64.0))
 
     def _refuse_moved(self, s: Values) -> None:
         """Raise InputError if path coordinates `s` contain a free extension or that of a section that follows it."""
