@@ -69,15 +69,17 @@ def chart(
     wind: float,
     at_load: float,
     point: Point | None = None,
+    error: bool = True,
 ) -> Chart:
     """Load chart at one point with limits of all kinds, each chosen so that about `at_load` kg reaches it.
 
-    `angle` is the luffing angle in degrees, `wind` a force at the tip in N; the load hangs at `point`.
+    `angle` is the luffing angle in degrees, `wind` a force at the tip in N; the load hangs at `point`.  Error bars
+    without `error` are not a number.
     """
     scene = scene_of(plain)
     hooked = with_hook(scene, point)
     at = {"extensions": {name: [x] for name, x in extensions.items()}, "luffing": [np.deg2rad(angle)], "slewing": [0.0]}
-    common: dict[str, Any] = {"up_to": 4.0 * at_load, "error": True}
+    common: dict[str, Any] = {"up_to": 4.0 * at_load, "error": error}
     made = compute_postures(scene_arguments(hooked) | common | {"at": at}, {})
     own = npz.record_from_arrays(
         PostureMatrices, {n.removeprefix("reduced."): a for n, a in made.arrays.items() if n.startswith("reduced.")}
@@ -111,16 +113,20 @@ def chart(
     asked["limits"] = [one.model_dump(mode="json") for one in limits]
     cases = [{"weight": 1.0, "load": 1.0, "loads": {"wind": wind}}]
     found = allow_row(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
-    load, error, reduction = (found[name][0][: len(limits)] for name in ("load", "error", "error.reduction"))
+    load = found["load"][0][: len(limits)]
+    if not error:
+        unknown = np.full(len(limits), np.nan)
+        return Chart(limits, load, unknown, unknown, unknown)
+    bars, reduction = (found[name][0][: len(limits)] for name in ("error", "error.reduction"))
     bar = np.full(len(limits), np.nan)
     for k, limit in enumerate(limits):
         if load[k] > 0.0:
-            step = max(error[k], 1e-4 * load[k])
+            step = max(bars[k], 1e-4 * load[k])
             pair = [place.equilibria.state(max(load[k] + way * step, 0.0)) for way in (-1.0, 0.0)]
             if all(one.in_equilibrium for one in pair):
                 low, high = place.share(limit)(LoadedStates.from_states(pair))
-                bar[k] = abs(high - low) * error[k] / step
-    return Chart(limits, load, error, reduction, bar)
+                bar[k] = abs(high - low) * bars[k] / step
+    return Chart(limits, load, bars, reduction, bar)
 
 
 @dataclass(frozen=True)

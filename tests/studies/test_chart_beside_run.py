@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+from functools import cache
 from typing import Any, get_args
 
 import numpy as np
 import pytest
-from chart_beside_run import MACHINE, beside, chart, run
+from chart_beside_run import MACHINE, Chart, beside, chart, run
 from random_machines import GIVING, SHELLS, G, random_machine
 
 from pmr.errors import InputError
@@ -19,7 +20,7 @@ from pmr.studies.limits import Limit
 pytestmark = pytest.mark.slow
 
 COUNT = 150
-SAMPLED = [3, 10]
+SAMPLED = [10]  # the third one hangs its load beside the axis, below
 FOOT, LUG, LENGTH, DENSITY = [0.7, -1.3], [1.6, -0.3], 8.0, 7850.0
 BOXES = ((0.28, 0.38, 0.008), (0.235, 0.33, 0.0065))
 
@@ -90,6 +91,12 @@ def planar(angle: float, base: float = 0.0) -> dict[str, Any]:
     return scene | {"time": {"end": 0.02, "step": 0.01}, "compare": {"against": []}}
 
 
+@cache
+def planar_chart(angle: float, base: float = 0.0) -> Chart:
+    """Chart at one point of the planar boom, without error bars."""
+    return chart(planar(angle, base), {"s1": 6.0}, angle, 0.0, 1000.0, error=False)
+
+
 def moments(
     plain: dict[str, Any], mass: float, angle: float, base: float = 0.0
 ) -> tuple[float, np.ndarray, np.ndarray]:
@@ -119,7 +126,7 @@ def moments(
 def test_the_luffing_cylinder_bears_the_weight_of_the_deflected_boom(angle: float) -> None:
     """Moments about the pivot of all stations' weight, over the arm: |L x F| / |L - F| of lug and foot."""
     plain = planar(angle)
-    found = chart(plain, {"s1": 6.0}, angle, 0.0, 1500.0)
+    found = planar_chart(angle)
     limit = next(k for k, one in enumerate(found.limits) if one.of == "luffing")
     turned = complex(*LUG) * np.exp(1j * np.deg2rad(angle))
     arm = (complex(*FOOT).conjugate() * turned).imag / abs(turned - complex(*FOOT))
@@ -132,7 +139,7 @@ def test_a_machine_on_a_slope_tips_sooner() -> None:
     """Moments about the front edge on a base that is inclined by 5 degrees, the carrier's among them."""
     base, angle = 5.0, 60.0
     plain = planar(angle, base)
-    found = chart(plain, {"s1": 6.0}, angle, 0.0, 800.0)
+    found = planar_chart(angle, base)
     number = next(k for k, one in enumerate(found.limits) if one.of == "overturning")
     limit, load = found.limits[number], float(found.load[number])
     pitch = np.deg2rad(base)
@@ -156,7 +163,7 @@ def test_a_pin_bears_the_thrust_of_the_luffing_cylinder(angle: float) -> None:
     The chart's load in a run makes the pin's resultant the limit.
     """
     plain = planar(angle)
-    found = chart(plain, {"s1": 6.0}, angle, 0.0, 1000.0)
+    found = planar_chart(angle)
     number = next(k for k, one in enumerate(found.limits) if one.of == "support")
     mass = float(found.load[number])
     response = run(plain, 0.0, mass).response
@@ -181,7 +188,7 @@ def test_a_cylinder_bears_the_ropes_that_hang_on_it() -> None:
     """With sections that follow it the limit of a cylinder is that of the rope: T = F_1 + F_2."""
     plain, extensions, angle = random_machine(1)
     assert len(extensions) == 3 and plain["sections"][2]["joint"]["follows"] == "s1"
-    found = chart(plain, extensions, angle, 0.0, 500.0)
+    found = chart(plain, extensions, angle, 0.0, 500.0, error=False)
     by_kind = {one.of: k for k, one in enumerate(found.limits)}
     cylinder, rope = by_kind["cylinder"], by_kind["rope"]
     assert found.limits[cylinder].most == pytest.approx(found.limits[rope].most)

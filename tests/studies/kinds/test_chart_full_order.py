@@ -35,9 +35,9 @@ LIMITS = [
 def test_a_planar_telescope_of_soft_sections() -> None:
     """At 95 % of the places, of what all limits allow; the bars are no more than 2 % of the loads.
 
-    The last five of 20 places that were drawn beforehand, among which pads govern too; all of them in a full sweep.
+    The last three of 20 places that were drawn beforehand, among which pads govern too; all of them in a full sweep.
     """
-    count = 20 if os.environ.get("PMR_SWEEP") == "full" else 5
+    count = 20 if os.environ.get("PMR_SWEEP") == "full" else 3
     limits = [
         Limit(name="pads", of="pad", most=40e3),
         Limit(name="tip", of="deflection", most=0.6),
@@ -57,10 +57,10 @@ def test_a_planar_telescope_of_soft_sections() -> None:
 def test_the_crane_in_space_by_all_limits() -> None:
     """At 95 % of the places by each limit; it buckles sideways, where errors of two models cancel.
 
-    Six of 20 places that were drawn beforehand, all of them in a full sweep.
+    The last four of 20 places that were drawn beforehand, all of them in a full sweep.
     """
-    count = 20 if os.environ.get("PMR_SWEEP") == "full" else 6
-    found = beside(crane(), random_places(261)[:count], LIMITS, 1e5)
+    count = 20 if os.environ.get("PMR_SWEEP") == "full" else 4
+    found = beside(crane(), random_places(261)[-count:], LIMITS, 1e5)
     known, inside = found.known, found.inside & found.known
     assert found.agreed.sum() >= 0.95 * count
     assert (known.sum(axis=0) >= np.array([20] * 6 + [15, 20, 8]) * count // 20).all()
@@ -71,7 +71,7 @@ def test_the_crane_in_space_by_all_limits() -> None:
 def test_a_boom_with_a_shell() -> None:
     """Pads, deflection, a probe and the field of all walls, where the last section is a shell of 1,300 coordinates.
 
-    At two of ten places that were drawn beforehand, at all of them in a full sweep.
+    At one of ten places that were drawn beforehand, at all of them in a full sweep.
     """
     changes = ["sections.fly.masses=[]", "frame.second_order=true", "section.mesh.elements=6"]
     changes += ["sections.fly.mesh={size=0.32,along=1.5}"]
@@ -87,7 +87,7 @@ def test_a_boom_with_a_shell() -> None:
     rng = np.random.default_rng(2611)
     along = [rng.uniform(0.7, 4.5, 10) for _ in range(2)]
     places = np.column_stack([*along, rng.uniform(0.0, 1.3, 10)])
-    some = places if os.environ.get("PMR_SWEEP") == "full" else places[:2]
+    some = places if os.environ.get("PMR_SWEEP") == "full" else places[:1]
     found = beside(load_any(plain_machines.CRANE_SHELL, changes), some, limits, 3e4)
     assert found.known[:, :4].all() and found.inside[:, :4].all()
     assert (found.error[:, :2] <= 1e-3 * found.load[:, :2]).all()  # stresses are local, their bars larger
