@@ -172,18 +172,19 @@ go_on $1 >"$$logs/beside" 2>&1 & go_on $1; wait; cat "$$logs/beside"; go_on $2; 
 cat "$$logs/failed" 2>/dev/null; [ ! -e "$$logs/failed" ]; status=$$?; rm -rf "$$logs"; exit $$status
 endef
 
-# What CI runs: the suite on Debian's stack under KERNEL; on the wheel stack, under the last kernel, what needs the other
-# stack and the numerical part; under the kernels between, on Debian's, the tests for two ranks on two, and what else is
-# numerical. So each stack and each kernel has its turn, and no test runs twice for one of them. Left out, as they run
-# on Debian's: what only reads scenes and pages, slow tests but numerical ones and those of FEniCSx itself, further cases
-# of tests with parameters that are neither, slow ones and further cases on two ranks. The longest
-# begin first and the shortest end: a core waits for the last of them. LONGEST and LAST are what .ci/run adds.
+# What CI runs: the suite on Debian's stack, COMPARE under the kernels between and all else under KERNEL; on the wheel
+# stack, under the last kernel, what needs the other stack and all that is numerical; under the kernels between, on
+# Debian's, the tests for two ranks on two. So each stack and each kernel has its turn, and what is numerical runs under
+# two of them; `make test` runs it under all. Left out on the wheel stack, as they run on Debian's: what only reads
+# scenes and pages, slow tests but numerical ones and those of FEniCSx itself, further cases of tests with parameters
+# that are neither, slow ones and further cases on two ranks. The longest begin first and the shortest end: a core waits
+# for the last of them. LONGEST and LAST are what .ci/run adds.
 LAST_KERNEL := $(lastword $(KERNELS))
 BETWEEN := $(filter-out $(KERNEL) $(LAST_KERNEL),$(KERNELS))
 LONGEST =
 LAST =
 IN_CI = $(call both,test-suite-rest test-wheel-part test-suite-report test-suite-compare $(LONGEST) test-suite-rooms \
-    $(or $(BETWEEN:%=test-mpi-%),test-mpi) $(BETWEEN:%=test-numerical-%) lint $(LAST),test-wheel-part-mpi)
+    $(or $(BETWEEN:%=test-mpi-%),test-mpi) lint $(LAST),test-wheel-part-mpi)
 ALONE = $(call both,lint $(SUITE) test-mpi $(OTHERS:%=test-numerical-%) $(LONGEST) $(LAST),$(OTHERS:%=test-ranks-%))
 BOTH_STACKS = $(and $(filter true,$(CI)),$(PYTHON312))
 # The suite in pieces of some length, one after the other or side by side.
@@ -207,7 +208,7 @@ test-suite-report: setup
 	$(call pytest,.venv,$(KERNEL),$(REPORT:%=tests/%))
 
 test-suite-compare: setup
-	$(call pytest,.venv,$(KERNEL),$(COMPARE:%=tests/%))
+	$(call pytest,.venv,$(if $(BOTH_STACKS),$(or $(lastword $(BETWEEN)),$(KERNEL)),$(KERNEL)),$(COMPARE:%=tests/%))
 
 test-suite-rest: setup .venv-snakemake/.ready
 	$(call pytest,.venv,$(KERNEL),$(patsubst %,--ignore=tests/%,$(ROOMS) $(COMPARE) $(REPORT)))

@@ -370,7 +370,7 @@ def test_booms_against_full_order(count: int, elastic: int, coordinates: int, to
             system,
             lambda k: sequence(k, count) if count == 4 else SmoothRamp(times=(0.0, 3.5, 7.0), values=OUT_AND_IN),
             Chirp(amplitude=2e3, times=(0.0, 8.0), frequencies=(0.2, top)),
-            TimeStepping(8.0, 1e-3, 1.0),
+            TimeStepping(8.0, 2e-3, 1.0),
         )
         trajectory = from_statics(system, given)
         assert trajectory.surplus < 1e-3
