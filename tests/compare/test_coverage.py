@@ -1,4 +1,7 @@
-"""What the estimate of a scene does not cover is named: loads beyond the enrichment modes, if there are any."""
+"""What the estimate of a scene does not cover is named: loads beyond the enrichment modes, if there are any.
+
+What damping makes of the residual part's own deformation, against full models.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +9,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import on_pads
 import pytest
-from alone import estimate
+from alone import estimate, outputs
 from driving import driven
 from fuzz import toml
 from fuzz.bases import MOVED
-from oracle import enriched, full_body
+from numpy.typing import NDArray
+from on_pads import beam_on_pads
+from oracle import enriched, full_body, with_curvature
 
+from pmr.compare.outputs import RoundOffBounds, differences
 from pmr.compare.trust import (
     AWAY_FROM_PROBES,
     LOAD_JUMPS,
@@ -29,9 +36,11 @@ from pmr.report import errors
 from pmr.scene import load as read
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulation import TimeStepping
+from pmr.system.body import FullBody
 from pmr.system.body_matrices import Rayleigh
 
 MODEL = enriched(full_body(20), 9, enrichment=6)  # the highest enrichment mode is at 179 Hz, at the steps at 163 Hz
+
 STEPPING = TimeStepping(2.0, 1e-3)
 
 
@@ -108,7 +117,9 @@ def test_damping_that_couples_modes_is_not_covered_but_estimated_without() -> No
 
 
 SHORT = ["time.end=0.4", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.3],values=[1.25,1.6]}"]
+
 HELD = "supports=[{name='cylinder',on='tail',directions=['x'],stiffness=%s}]"
+
 TONE = "loads=[{name='F',on=5.0,signal={kind='sum',terms=[10.0,{kind='sine',amplitude=50.0,frequency=197.0}]}}]"
 
 
@@ -185,3 +196,27 @@ def test_forces_of_a_load_that_sets_in_at_once_have_no_estimate_where_damping_is
         model = enriched(replace(full, D=share * full.K, rayleigh=Rayleigh(0.0, share)), 4, enrichment=4)
         found = estimate(model, driven(path, load, end))
         assert ("pad_force" in found.errors) == known and (found.unknown.get("pad_force") == LOAD_JUMPS) != known
+
+
+Array = NDArray[np.float64]
+
+EXTENSION = on_pads.driven(
+    SmoothRamp(times=(0.1, 0.4), values=(2.1, 2.4)),
+    (Constant(amount=0.0), Sine(amplitude=200.0, frequency=3.0)),
+    TimeStepping(0.5, 2.5e-4),
+)
+
+
+def damped(beta: float, stiffness: float) -> FullBody:
+    """In proportion to stiffness, with a gauge beside the pads' path."""
+    full = with_curvature(beam_on_pads(None, stiffness), 4)
+    return replace(full, D=beta * full.K, rayleigh=Rayleigh(0.0, beta))
+
+
+def test_estimates_know_of_it() -> None:
+    full = damped(1e-3, 2e4)
+    model = replace(enriched(full, 12, enrichment=4), rayleigh=full.rayleigh)
+    truth, own = (outputs(one, EXTENSION) for one in (full, model))
+    found, floors = estimate(model, EXTENSION), RoundOffBounds(0.0, 0.0, np.zeros(1))
+    true = differences(own, truth, floors, ["beam", "probe"])
+    assert 1.0 < found.error_of("probe") / true["probe"] < 2.0 and 1.0 < found.beam / true["beam"] < 2.0

@@ -1,13 +1,29 @@
+"""Frequencies of held systems and of beams in closed form; the response in frequency that a scene may ask for."""
+
 from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg
 from alone import frequencies
 from oracle import flexible, full_body
 from scipy.interpolate import PPoly
 from textbook import CLOSED_FORM, EI, LENGTH, RHO_A, TIP_DEFLECTION, static_tip_deflection
 
-from pmr.compare.frequencies import bending_frequencies, closed_form_frequencies
+from pmr import pipeline as whole
+from pmr import scene as scenes
+from pmr.compare.errors import band_limit, error_below_frequency
+from pmr.compare.frequencies import bending_frequencies, closed_form_frequencies, frequency_part, response_on_way
+from pmr.errors import InputError
+from pmr.pipeline import run
+from pmr.report import sections
+from pmr.report.numbers import SPACE
+from pmr.results import RunResult
+from pmr.system.assembly import Assembly
+from pmr.system.from_scene import system_of
 from pmr.system.reduced_model import ReducedModel
 
 
@@ -83,3 +99,144 @@ def test_a_support_off_the_beam_is_refused(s: float) -> None:
 @pytest.mark.parametrize("s", TIP_DEFLECTION)
 def test_static_tip_deflection(s: float) -> None:
     assert static_tip_deflection(-50.0, s, LENGTH, EI) == pytest.approx(TIP_DEFLECTION[s], rel=1e-12)
+
+
+BOOM = Path(__file__).parents[2] / "workflows" / "boom_beam.toml"
+
+ASKED = [
+    "observe.frequency_response=true",
+    "time.end=0.1",
+    "compare.against=[]",
+    "mesh.elements=12",
+    "recovery.every=0.1",
+]
+
+STEADY = "slider.path=2.5"
+
+
+@pytest.fixture(scope="module")
+def outcome() -> whole.Outcome:
+    found = whole.run(scenes.load(BOOM, [*ASKED, STEADY, "recovery.stress=false"]))
+    assert found is not None
+    return found
+
+
+def test_the_response_is_that_of_the_equations_with_multipliers(outcome: whole.Outcome) -> None:
+    """(-w^2 M + i w D + K) p + C^T lambda = B f,  C p + H f - (G + 1/k) lambda = 0,  y = O p + W f - X lambda."""
+    model, found = outcome.reduced, outcome.result.frequency_response
+    assert found is not None and model.flexibility is not None
+    assert dict(zip(found.inputs, found.outputs, strict=True)) == {
+        "tip force": "tip z",
+        "gust": "tip y",
+        "gravity": "tip z",
+    }
+    at = [model.output_names.index(name) for name in found.outputs]
+    C, flex = model.C(2.5), model.flexibility
+    F = flex.rows(2.5) + np.diag(model.row_compliance)
+    for k in (0, 150, 399):
+        w = 2.0 * np.pi * found.f[k]
+        upper = np.hstack([-(w**2) * model.M + 1j * w * model.D + model.K, C.T])
+        A = np.vstack([upper, np.hstack([C, -F])])
+        x = np.linalg.solve(A, np.vstack([model.B, -flex.inputs(2.5)]))
+        p, multipliers = x[: model.size], x[model.size :]
+        y = np.diagonal(model.outputs[at] @ p + flex.direct[at] - flex.outputs(2.5)[at] @ multipliers)
+        np.testing.assert_allclose(found.gain[0, k], np.abs(y), rtol=1e-7, atol=1e-9 * np.abs(y).max())
+
+
+def test_summary_results_and_report_have_it(outcome: whole.Outcome, tmp_path: Path) -> None:
+    result = outcome.result
+    said = result.summary["frequency_response"]["gain"]["tip force"]
+    found = result.frequency_response
+    assert found is not None and found.damped and said["unit"] == "m/N"
+    load = found.inputs.index("tip force")
+    assert said["largest"][0] == found.gain[0, :, load].max() > abs(said["static"][0]) > 0.0
+    result.save(tmp_path)
+    again_result = RunResult.load(tmp_path)
+    again = again_result.frequency_response
+    assert again is not None and again.inputs == found.inputs
+    np.testing.assert_array_equal(again.gain, found.gain)
+    block = sections.response_block(again_result, "case")
+    assert block is not None and len(block.drawings) == 3 and len(block.grids) == 3
+    assert block.grids[0].rows[0][0] == f"2.5{SPACE}m" and "Frequency in Hz" in block.drawings[0].svg
+    assert sections.response_block(replace(result, frequency_response=None), "case") is None
+
+
+def test_only_who_asks_for_it_gets_it() -> None:
+    scene = scenes.load(BOOM)
+    assert response_on_way(scene, None, None) is None and frequency_part(None).figures == {}  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("other", ["pads.mouth.unilateral=true", "reduction.flexibility=false"])
+def test_what_has_no_linear_response_is_refused(other: str) -> None:
+    with pytest.raises(InputError, match="observe.frequency_response"):
+        scenes.load(BOOM, ["observe.frequency_response=true", other])
+
+
+@pytest.mark.slow
+@pytest.mark.numerical
+def test_a_boom_answers_as_its_equations_with_multipliers_say() -> None:
+    """Of two sections, at places from its shortest reach to its longest; cylinders are rigid, and so are such rows."""
+    changes = [
+        "compare.against=[]",
+        "section.mesh.elements=8",
+        "time.end=0.2",
+        "section.joint.extension={kind='smooth_ramp',times=[0.0,0.2],values=[1.0,1.3]}",
+        "sections.fly.observe.frequency_response=true",
+        *(f"section.joint.{end}.0.unilateral=false" for end in ("tail", "mouth")),
+    ]
+    boom = scenes.load_any(BOOM.with_name("boom_two.toml"), changes)
+    outcome = run(boom)
+    assert outcome is not None
+    found, system = outcome.result.frequency_response, system_of(boom, outcome.reduced)
+    assert found is not None and len(found.s) == 5 and np.all(np.diff(found.s) > 0.0)
+    assembly = Assembly(system)
+    for place in (0, 4):
+        rows = assembly.contact_rows(system.side_coordinates({"fly": found.s[place] - boom.sections[1].length}))
+        M, D, K = (A.toarray() for A in (assembly.M, assembly.D, assembly.K))
+        at = [name for body, of in system.bodies.items() for name in (f"{body}: {one}" for one in of.output_names)]
+        for k in (0, 200, 399):
+            w = 2.0 * np.pi * found.f[k]
+            # Rigid contacts by their null space, the others by their stiffness: another way than with multipliers.
+            rigid = np.all(rows.F == 0.0, axis=1)
+            Z = scipy.linalg.null_space(rows.C[rigid])
+            C, H, X = rows.C[~rigid], rows.H[~rigid], rows.X[:, ~rigid]
+            k_c = np.linalg.inv(rows.F[np.ix_(~rigid, ~rigid)])
+            A = Z.T @ (K + C.T @ k_c @ C + 1j * w * D - w**2 * M) @ Z
+            q = Z @ np.linalg.solve(A, Z.T @ (assembly.B.toarray() - C.T @ k_c @ H))
+            y = assembly.outputs.toarray() @ q + assembly.direct - X @ k_c @ (C @ q + H)
+            for number, (name, output) in enumerate(zip(found.inputs, found.outputs, strict=True)):
+                assert name == system.input_names[number]
+                gain, size = np.abs(y[at.index(output), number]), np.abs(y).max()
+                assert found.gain[place, k, number] == pytest.approx(gain, rel=1e-6, abs=1e-9 * size)
+    figures = outcome.result.summary["frequency_response"]
+    assert figures["s"] == found.s.tolist() and set(figures["gain"]) == set(system.input_names)
+
+
+def test_pads_of_joints_that_only_push_have_no_linear_response() -> None:
+    with pytest.raises(InputError, match="observe.frequency_response.*only push"):
+        scenes.load_any(BOOM.with_name("boom_two.toml"), ["sections.fly.observe.frequency_response=true"])
+
+
+STEP = 1e-3
+
+T = np.arange(2000) * STEP
+
+
+def tone(frequency: float, amplitude: float = 1.0) -> np.ndarray:
+    """With a whole number of periods."""
+    return amplitude * np.sin(2.0 * np.pi * frequency * T)[:, None]
+
+
+def test_what_two_signals_have_above_a_frequency_does_not_count() -> None:
+    one, other = tone(5.0) + tone(80.0), 1.1 * tone(5.0) + tone(80.0, 3.0)
+    assert error_below_frequency(one, other, STEP, 20.0) == pytest.approx(0.1 / 1.1, rel=1e-9)
+    assert error_below_frequency(one, other, STEP, 1e3) == pytest.approx(
+        np.hypot(0.1, 2.0) / np.hypot(1.1, 3.0), rel=1e-9
+    )
+
+
+def test_the_band_ends_where_a_hundredth_is_left() -> None:
+    for amplitude, highest in ((0.5, 60.0), (0.001, 10.0)):
+        found = band_limit(tone(10.0) + tone(60.0, amplitude), STEP)
+        assert highest <= found <= highest + 3.0 / (len(T) * STEP)  # the window's width
+    assert band_limit(np.zeros((10, 2)), STEP) == 0.0
