@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr import ReducedModel, System
 from pmr.compare import estimate as estimates
 from pmr.compare import step_error as steps
 from pmr.compare.outputs import Outputs, outputs_of_run, run_from_start
@@ -15,8 +16,6 @@ from pmr.scene.keys import ALONE, SLIDER
 from pmr.simulation import Excitation
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

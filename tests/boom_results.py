@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pmr.results import BodyResult, Energy, Frequencies, Loads, Paths, Response, RunResult, Shapes
-from pmr.results.field_series import Fields, Grid
+from pmr import Response, RunResult
+from pmr.results import BodyResult, Energy, Fields, Frequencies, Loads, Paths, Shapes
+from pmr.results.field_series import Grid
 from pmr.scene import Scene
 from pmr.scene.members import member_at
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from pmr.files.matrices import GivenMatrices, from_matrices
+from pmr import from_matrices
+from pmr.files.matrices import GivenMatrices
 
 YOUNG, POISSON, DENSITY = 210e9, 0.3, 7850.0
 _SCENE = """

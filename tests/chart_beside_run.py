@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from random_machines import G, random_machine
 
+from pmr import Response
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.forces import rope_forces
 from pmr.compare.moving_frame import second_order_effect
 from pmr.files import npz
 from pmr.reduction.bodies import join_bodies, reduce_bodies
-from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.mechanism import CYLINDER

@@ -6,8 +6,8 @@ import numpy as np
 import scipy.linalg
 import scipy.optimize
 
+from pmr import System
 from pmr.system.assembly import Assembly
-from pmr.system.system import System
 
 
 def by_least_squares(system: System, x: np.ndarray, f: np.ndarray) -> np.ndarray:

@@ -6,7 +6,8 @@ from itertools import combinations
 
 import numpy as np
 
-from pmr.files.matrices import GivenMatrices, from_matrices
+from pmr import from_matrices
+from pmr.files.matrices import GivenMatrices
 
 YOUNG, SHEAR, DENSITY = 2.1e11, 8e10, 7850.0  # steel
 AREA, INERTIA = 4e-4, 3e-8  # m^2, m^4 of a tube

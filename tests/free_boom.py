@@ -6,10 +6,10 @@ from functools import cache
 from pathlib import Path
 
 import pmr
+from pmr import System
 from pmr.scene import Scene
 from pmr.simulation.free_base import with_all_inertia
 from pmr.system.from_scene import system_of
-from pmr.system.system import System
 
 FILE = Path(__file__).parent / "simulation" / "exudyn" / "free_boom.toml"
 

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
-from pmr.simulation import Excitation
+from pmr.simulation import Excitation, InitialState
 from pmr.simulation.exudyn import NodeCoordinate, OnBody, add_system
 from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.free_base import Base
-from pmr.simulation.start import InitialState
 
 Array = NDArray[np.float64]
 PLACE = (0.1, -0.2, 0.3)

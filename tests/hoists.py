@@ -7,14 +7,14 @@ from dataclasses import replace
 from typing import Any
 
 import pmr
+from pmr import System
+from pmr.scene import Scene
 from pmr.scene.checks import check_scene
-from pmr.scene.scene import Scene
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.system.hoist import hoist_of
 from pmr.system.states import SystemTrajectory
-from pmr.system.system import System
 
 G, REACH, SECOND_MOMENT = 9.80665, 4.0, 1e-5
 CANTILEVER = f"""

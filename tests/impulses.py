@@ -11,7 +11,7 @@ import numpy as np
 from generalized_alpha import GeneralizedAlpha
 from numpy.typing import NDArray
 
-from pmr.simulation.stepping import TimeStepping
+from pmr.simulation import TimeStepping
 
 Array = NDArray[np.float64]
 

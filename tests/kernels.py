@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from terms import axial
 
+from pmr import System
 from pmr.kernel.blocks import round_up
 from pmr.kernel.kernel import Kernel
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.system.assembly import Assembly
-from pmr.system.system import System
 from pmr.system.terms import Term
 
 Array = NDArray[np.float64]

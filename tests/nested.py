@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pmr import ReducedModel, System
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import columns
 from pmr.fullmodel.assembly import assemble_model
@@ -29,9 +30,7 @@ from pmr.scene.structures import Profile
 from pmr.simulation.modal import modal_form
 from pmr.system.body import FullBody, SlidingBody
 from pmr.system.contacts import Contact, Place, pad_at_mouth, pad_at_tail
-from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Rows, fixed_row, sparse_row
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from oracle import flexible, free_modes, full_body, project, slider_row
 from textbook import LENGTH, RHO_A
 
+from pmr import ReducedModel
 from pmr.system.body import FullBody
-from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Row, Rows, fixed_row
 
 Array = NDArray[np.float64]

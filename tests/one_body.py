@@ -10,8 +10,9 @@ import numpy as np
 import springs
 from numpy.typing import NDArray
 
+from pmr import Response, System
 from pmr.compare import evaluation
-from pmr.results import Energy, Response
+from pmr.results import Energy
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, InitialState, Progress, balance, exudyn
 from pmr.simulation.modal import ModalForm, support_forces
@@ -21,7 +22,6 @@ from pmr.simulation.native.systems import Observation
 from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.polynomials import evaluate
 from pmr.system.states import BodyStates, SystemTrajectory
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 Simulate = Callable[..., "Motion"]

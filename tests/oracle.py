@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 from textbook import LENGTH, beam_matrices
 
+from pmr import ReducedModel, System
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.start import consistent_start
@@ -21,9 +22,8 @@ from pmr.system.body_matrices import Rayleigh
 from pmr.system.carriers import CarrierFlexibility, CarrierRows, EnrichmentModes, Flexibility
 from pmr.system.contacts import ALONE, SLIDER
 from pmr.system.polynomials import stack_tables
-from pmr.system.reduced_model import ReducedModel, satisfied_rows
+from pmr.system.reduced_model import satisfied_rows
 from pmr.system.rows import Row, Rows, SharedCarriers, fixed_row, row_on_coordinates, sparse_row
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

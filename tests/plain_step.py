@@ -13,10 +13,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr import System
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows
 from pmr.system.contacts import Friction
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

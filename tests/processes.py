@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from waiting import PATIENCE
 
-from pmr.cli.app import main
+from pmr.cli import main
 
 FENICSX = ("dolfinx", "ufl", "basix", "ffcx")
 PETSC = ("petsc4py", "slepc4py", "mpi4py", "dolfinx_solver")  # which sets up the libraries of all of them

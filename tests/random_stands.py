@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from random_cranes import random_crane
 from scipy.spatial.transform import Rotation
 
-from pmr.results import Response
+from pmr import Response
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import check_scene

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
+from pmr import ReducedModel, System
 from pmr.system.contacts import Contact, Place
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 from pmr.system.terms import Term
 
 Array = NDArray[np.float64]

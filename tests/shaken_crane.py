@@ -7,8 +7,8 @@ from functools import cache
 import plain_machines
 
 import pmr
+from pmr import System
 from pmr.simulation.moving import MovingFrame
-from pmr.system.system import System
 
 STEP, RHO = 2e-3, 0.9
 CHANGES = (

@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pmr.errors import SimulationError
+from pmr import SimulationError
 from pmr.studies import workers
 from pmr.studies.call import Outcome, PlannedStudy, Project, compute_results, save
 from pmr.studies.study import StudyBase

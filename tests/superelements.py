@@ -8,7 +8,8 @@ import bricks
 import numpy as np
 import scipy.linalg
 
-from pmr.files.matrices import MODAL, GivenMatrices, from_matrices
+from pmr import from_matrices
+from pmr.files.matrices import MODAL, GivenMatrices
 
 
 def bar(across: int = 2) -> GivenMatrices:

@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
+from pmr import ReducedModel, System
 from pmr.scene.signals import Constant, SmoothRamp
 from pmr.scene.signals.base import SignalBase
-from pmr.simulation.excitation import Excitation
-from pmr.simulation.stepping import TimeStepping
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
+from pmr.simulation import Excitation, TimeStepping
 from pmr.system.terms import Term
 
 Array = NDArray[np.float64]

@@ -21,9 +21,8 @@ from bricks import bricks, lumped
 from frames3d import frame, lattice
 from scipy.spatial.transform import Rotation
 
-from pmr import pipeline
-from pmr.errors import InputError
-from pmr.files.matrices import GivenMatrices, from_matrices
+from pmr import InputError, from_matrices, pipeline
+from pmr.files.matrices import GivenMatrices
 from pmr.scene import Scene
 
 COUNT = 60

@@ -16,14 +16,11 @@ import pytest
 from bricks import bricks, on_pads
 from processes import FENICSX, PETSC, UNDRAWN, WITHOUT_FIGURES, Called, called, without
 
+from pmr import InputError, from_matrices, reduce, scene
 from pmr import pipeline as whole
-from pmr import scene
 from pmr import scene as scenes
 from pmr.compare import responses
-from pmr.errors import InputError
 from pmr.errors.environment import check_installed, import_package
-from pmr.files.matrices import from_matrices
-from pmr.pipeline import reduce
 
 WORKFLOWS = Path(__file__).parents[1] / "workflows"
 

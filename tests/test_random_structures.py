@@ -15,11 +15,10 @@ import numpy as np
 import pytest
 from alone import estimate
 
+from pmr import InputError, simulate
 from pmr import scene as scenes
 from pmr.compare.errors import errors_between
 from pmr.compare.responses import compared_quantities
-from pmr.compare.simulated import simulate
-from pmr.errors import InputError
 from pmr.fullmodel.build import build
 from pmr.pipeline.full_order import FullOrder
 from pmr.reduction.bodies import reduce_with

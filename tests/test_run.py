@@ -10,14 +10,12 @@ from one_body import respond
 from scipy.signal import butter, sosfiltfilt
 from textbook import TIP_DEFLECTION
 
+from pmr import ReducedModel, RunResult, reduce, run
 from pmr.compare.errors import nrms
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import full_model
-from pmr.pipeline import reduce, run
-from pmr.results import RunResult
 from pmr.simulation import TimeStepping
-from pmr.system.reduced_model import ReducedModel
 
 SHORT = ("time.end=0.5", "mesh.elements=20", "slider.path={kind='ramp',times=[0.1,0.4],values=[1.25,1.6]}")
 

@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr import scene
+from pmr import run, scene
 from pmr.compare.step_error import STEP_LIMIT
 from pmr.models.mesh_drawing import read_nodes
-from pmr.pipeline import run
 from pmr.studies import call
 
 ROOT = Path(__file__).parents[1]

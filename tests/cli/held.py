@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 import time
 
-from pmr.cli.app import main
+from pmr.cli import main
 from pmr.studies.tasks import Failure
 from pmr.studies.workers import Order, Worker
 

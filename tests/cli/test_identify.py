@@ -10,7 +10,7 @@ import pytest
 from processes import called
 
 import pmr
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.export.state_space import state_space
 from pmr.observe.identify import FrequencyTable
 from pmr.system.assembly import Assembly

@@ -17,9 +17,8 @@ import numpy as np
 import pytest
 from processes import UNDRAWN, called, undrawn
 
+from pmr import ReducedModel, RunResult
 from pmr.files.whole import finish_swap
-from pmr.results import RunResult
-from pmr.system.reduced_model import ReducedModel
 
 SIMPLE = "workflows/paper_simple.toml"
 SHORT = ["--set", "mesh.elements=20", "--set", "time.step=0.01", "--set", "compare.against=['full']"]

@@ -11,13 +11,10 @@ import numpy as np
 import pytest
 from processes import FENICSX, PETSC, called, without
 
+from pmr import InputError, ReducedModel, System, scene, simulate
 from pmr import pipeline as whole
-from pmr import scene
-from pmr.compare.simulated import check_same_scene, simulate
+from pmr.compare.simulated import check_same_scene
 from pmr.compare.summary import simulate_saved
-from pmr.errors import InputError
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 ROOT = Path(__file__).parents[2]
 EARLIER = ROOT / "tests" / "files" / "earlier" / "reduced.npz"

@@ -13,11 +13,10 @@ import pytest
 from processes import FENICSX, PETSC, called, without
 
 import pmr
+from pmr import InputError, System
 from pmr.compare.simulated import check_scene_fits
 from pmr.compare.summary import EARLIER, simulate_saved
-from pmr.errors import InputError
 from pmr.system.assembly import Assembly
-from pmr.system.system import System
 
 pytestmark = pytest.mark.slow  # a boom is run
 

@@ -18,16 +18,15 @@ import pytest
 from random_cranes import random_crane
 from random_scenes import random_boom
 
+from pmr import ReducedModel, run
 from pmr import scene as scenes
 from pmr.compare import estimate as estimates
 from pmr.compare.estimate import describe_scatter
 from pmr.fullmodel.build import build_bodies
-from pmr.pipeline import run
 from pmr.reduction.bodies import reduce_bodies
 from pmr.scene import Scene
 from pmr.system.attachment import with_attachment_modes
 from pmr.system.carriers import CarrierFlexibility
-from pmr.system.reduced_model import ReducedModel
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 QUICK = (

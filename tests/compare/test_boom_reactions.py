@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pmr import pipeline
+from pmr import ReducedModel, Response, System, pipeline
 from pmr import scene as scenes
 from pmr.compare.evaluation import evaluate_motion
 from pmr.fem.compat import MPI
@@ -18,7 +18,6 @@ from pmr.fullmodel.build import AssembledBody, build_bodies
 from pmr.reduction.bodies import reduce_bodies
 from pmr.reduction.cache import ReducedBody
 from pmr.reduction.recovery import Recovery
-from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.members import TAIL
@@ -26,9 +25,7 @@ from pmr.simulation import Excitation, SystemSimulator, exudyn
 from pmr.simulation.native import systems
 from pmr.system.body import force_outputs
 from pmr.system.from_scene import system_of
-from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from on_pads import beam_on_pads
 from oracle import enriched, full_body, with_curvature
 
+from pmr import InputError, SimulationError, run
 from pmr.compare.outputs import RoundOffBounds, differences
 from pmr.compare.trust import (
     AWAY_FROM_PROBES,
@@ -30,8 +31,6 @@ from pmr.compare.trust import (
     effects_not_covered,
     highest_mode_frequency,
 )
-from pmr.errors import InputError, SimulationError
-from pmr.pipeline import run
 from pmr.report import errors
 from pmr.scene import load as read
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table

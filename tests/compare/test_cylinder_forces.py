@@ -15,13 +15,12 @@ import pytest
 import scipy.integrate
 from random_scenes import driven_boom
 
+from pmr import RunResult, run
 from pmr import scene as scenes
 from pmr.compare.estimate import MARGIN
 from pmr.fullmodel.build import build_bodies
-from pmr.pipeline import run
 from pmr.reduction.bodies import reduce_bodies
 from pmr.reduction.recovery import Recovery
-from pmr.results import RunResult
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
 from pmr.system.from_scene import system_of

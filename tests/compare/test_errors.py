@@ -16,15 +16,14 @@ from one_body import displacement, energy, respond
 from oracle import enriched, paper_basis, project, rich_body
 from scipy.interpolate import PPoly
 
+from pmr import ReducedModel, Response, SimulationError
 from pmr.compare.errors import absolute_error, errors_between, nrms, relative_error
 from pmr.compare.round_off import zero_round_off
 from pmr.compare.velocities import force_rates, load_rates, output_rates
-from pmr.errors import SimulationError
-from pmr.results import Energy, Response
+from pmr.results import Energy
 from pmr.scene.signals import Sine, SmoothRamp
 from pmr.simulation import TimeStepping
 from pmr.system.body import Trajectory
-from pmr.system.reduced_model import ReducedModel
 
 T = np.linspace(0.0, 1.0, 1001)
 

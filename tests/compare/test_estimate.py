@@ -20,13 +20,13 @@ from one_body import displacement
 from oracle import enriched, flexible, full_body, nrms_error, paper_basis, project, rich_body, with_curvature
 from random_scenes import pushing_scene, sliding_scene
 
+from pmr import ReducedModel, SimulationError, System
 from pmr.compare import error_parts
 from pmr.compare.attachment_loads import reason_without_estimate
 from pmr.compare.error_parts import error_envelope, estimate_warnings
 from pmr.compare.estimate import MARGIN, Estimate, estimate_by_other_model
 from pmr.compare.outputs import OUTPUT_KINDS, Outputs, RoundOffBounds, differences, divide_steps, probe_differences
 from pmr.compare.trust import reduction_warnings
-from pmr.errors import SimulationError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.reduction.bodies import reduce_with
@@ -36,8 +36,6 @@ from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
 from pmr.system.body import FullBody
 from pmr.system.body_matrices import Rayleigh
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 from pmr.system.truncation import extend
 
 Array = NDArray[np.float64]

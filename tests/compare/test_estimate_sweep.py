@@ -14,7 +14,7 @@ from alone import estimate
 from numpy.typing import NDArray
 from random_scenes import random_scene
 
-from pmr.compare.simulated import simulate
+from pmr import simulate
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.pipeline.full_order import FullOrder

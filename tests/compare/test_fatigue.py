@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 

@@ -10,16 +10,15 @@ import pytest
 from newton_euler import needed
 
 import pmr
+from pmr import Response, System
 from pmr import scene as scenes
 from pmr.compare.drives import SpaceEnergy, energy_in_space
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.simulated import excitation_of_scene
-from pmr.results import Response
 from pmr.scene import Scene
 from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.native import systems
 from pmr.simulation.reactions import with_pivot_force
-from pmr.system.system import System
 
 pytestmark = pytest.mark.slow  # seconds each
 TESTS = Path(__file__).parents[1]

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import pmr
+from pmr import RunResult
 from pmr.report.document import render_runs
 from pmr.report.forces import driven_block
 from pmr.report.sections import chapter
-from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES
 
 pytestmark = pytest.mark.slow  # three sections are reduced

@@ -13,18 +13,15 @@ from oracle import flexible, full_body
 from scipy.interpolate import PPoly
 from textbook import CLOSED_FORM, EI, LENGTH, RHO_A, TIP_DEFLECTION, static_tip_deflection
 
+from pmr import InputError, ReducedModel, RunResult, run
 from pmr import pipeline as whole
 from pmr import scene as scenes
 from pmr.compare.errors import band_limit, error_below_frequency
 from pmr.compare.frequencies import bending_frequencies, closed_form_frequencies, frequency_part, response_on_way
-from pmr.errors import InputError
-from pmr.pipeline import run
 from pmr.report import sections
 from pmr.report.numbers import SPACE
-from pmr.results import RunResult
 from pmr.system.assembly import Assembly
 from pmr.system.from_scene import system_of
-from pmr.system.reduced_model import ReducedModel
 
 
 def test_reduced_frequencies_are_those_of_the_held_system() -> None:

@@ -11,8 +11,7 @@ import pmr
 from pmr.fullmodel.build import build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder
 from pmr.scene import Scene
-from pmr.simulation import exudyn
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation, exudyn
 from pmr.simulation.native import systems
 from pmr.system.from_scene import system_of
 

@@ -6,9 +6,9 @@ import hoists
 import numpy as np
 import pytest
 
+from pmr import simulate_with_states
 from pmr.compare.drives import hoist_part
 from pmr.compare.responses import Simulation
-from pmr.compare.simulated import simulate_with_states
 from pmr.scene.hoist import HEIGHT, OUTPUTS, ROPE_FORCE
 
 

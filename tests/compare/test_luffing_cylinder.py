@@ -8,8 +8,8 @@ import turning_cylinder
 from turning_cylinder import Rigid, boom
 
 import pmr
+from pmr import InputError
 from pmr.compare.drives import turning_warnings
-from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.cylinder import LuffingCylinder

@@ -11,16 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pmr import Response, RunResult, reduce, run, simulate
 from pmr import scene as scenes
 from pmr.compare.errors import errors_between, with_common_forces
 from pmr.compare.forces import pad_extremes, pulled_pad_warnings, unknown_force_warnings
-from pmr.compare.simulated import simulate
 from pmr.files import npz
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.structural import structural_model
-from pmr.pipeline import reduce, run
 from pmr.report.columns import forces_by_group, tip_displacements
-from pmr.results import Energy, Response, RunResult
+from pmr.results import Energy
 from pmr.scene import Scene
 from pmr.scene.built import GRAVITY, force_name
 from pmr.scene.members import member_at

@@ -16,6 +16,7 @@ from one_body import respond
 from oracle import flexible, full_body
 from scipy.interpolate import PPoly
 
+from pmr import ReducedModel, reduce, run
 from pmr import scene as scenes
 from pmr.compare.errors import nrms
 from pmr.compare.estimate import chi
@@ -34,13 +35,11 @@ from pmr.compare.trust import (
     ringing_share,
     ringing_warnings,
 )
-from pmr.pipeline import reduce, run
 from pmr.report import errors
 from pmr.scene.signals import Chirp, Constant, Sine, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping, balance
 from pmr.simulation.modal import modal_form
 from pmr.system.body import Trajectory
-from pmr.system.reduced_model import ReducedModel
 
 #: 3 m/s on a smooth path.  With rho_inf = 0.97 the energy's surplus is below 1e-3 and displacements agree to 2e-5, and
 #: 98 % of the full model's slider force alternate.

@@ -14,8 +14,8 @@ from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 
 import pmr
+from pmr import InputError, System
 from pmr.compare import forces as ropes
-from pmr.errors import InputError
 from pmr.export.exudyn_script import write_exudyn_script
 from pmr.export.fmi.fmu import fmu_contents
 from pmr.fullmodel.build import build_bodies, models_of
@@ -31,7 +31,6 @@ from pmr.simulation import Excitation
 from pmr.simulation.moving import read_scene
 from pmr.simulation.native import systems
 from pmr.system.assembly import Assembly
-from pmr.system.system import System
 
 G, TIP, SECOND = 9.80665, 250.0, 0.7
 PADS = [{"at": 0.15, "faces": {"bottom": [0.0], "top": [0.0]}, "unilateral": False}]

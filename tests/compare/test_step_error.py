@@ -21,16 +21,14 @@ from one_body import displacement
 from oracle import flexible, full_body, paper_basis, project, rich_body
 from random_scenes import random_scene
 
+from pmr import ReducedModel, SimulationError, System, reduce, run, simulate
 from pmr import scene as scenes
 from pmr.compare import step_error as step_errors
 from pmr.compare.error_parts import step_summary, step_warnings
 from pmr.compare.errors import relative_error
 from pmr.compare.outputs import run_from_start
-from pmr.compare.simulated import simulate
 from pmr.compare.step_error import NEGLIGIBLE, SETTLED, STEP_LIMIT, ConvergenceSeries, StepError
 from pmr.compare.stepped_runs import SteppedSystem
-from pmr.errors import SimulationError
-from pmr.pipeline import reduce, run
 from pmr.report import errors
 from pmr.report.blocks import Chapter
 from pmr.report.sections import chapter
@@ -39,8 +37,6 @@ from pmr.scene.signals import Chirp, Constant, SignalBase, Sine, SmoothRamp, Sum
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.contact_step import contact_frequency, count_parts
 from pmr.simulation.native import systems
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 PATH = SmoothRamp(times=(0.1, 0.8), values=(1.5, 3.0))

@@ -9,13 +9,13 @@ import one_body
 import pytest
 
 import pmr
+from pmr import reduce, run
 from pmr import scene as scenes
 from pmr.compare import evaluation
 from pmr.compare.moving_frame import STRESSED_TIMES, second_order_effect
 from pmr.compare.responses import simulate
 from pmr.compare.summary import origin_part
 from pmr.fullmodel.build import build, build_bodies, warnings
-from pmr.pipeline import reduce, run
 from pmr.results.run import SummaryPart, combine_parts
 from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import stress_terms

@@ -11,18 +11,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pmr import InputError, Response, SimulationError, System, run
 from pmr import scene as scenes
 from pmr.compare.responses import BYTES, NUMBERS_BESIDE, check_memory, needed_bytes, simulate_by
 from pmr.compare.trust import ALTERNATING, distrust_warnings, missing_reference_warnings, reason_for_distrust
-from pmr.errors import InputError, SimulationError, environment
+from pmr.errors import environment
 from pmr.fem.compat import MPI
 from pmr.files import npz
 from pmr.fullmodel.build import full_model
-from pmr.pipeline import run
 from pmr.pipeline.full_order import FullOrder
 from pmr.report import errors
 from pmr.report.sections import chapter
-from pmr.results import Energy, Response
+from pmr.results import Energy
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
@@ -32,7 +32,6 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.stepping import Recorder
 from pmr.studies import shared
 from pmr.system.body import FullBody
-from pmr.system.system import System
 
 T = np.arange(200) * 1e-3
 

@@ -14,8 +14,9 @@ import pytest
 import scipy.linalg
 from processes import called, python
 
+from pmr import InputError
 from pmr.cli import app
-from pmr.errors import InputError, environment, lazy_names
+from pmr.errors import environment, lazy_names
 from pmr.fem.compat import PETSc
 
 ROOT = Path(__file__).parents[2]

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pmr import InputError, reduce, run
 from pmr import scene as scenes
-from pmr.errors import GrowthError, InputError, call_on_first_rank
+from pmr.errors import GrowthError, call_on_first_rank
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.from_scene import structure_of
-from pmr.pipeline import reduce, run
 from pmr.scene.members import member_at
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

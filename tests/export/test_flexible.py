@@ -14,8 +14,8 @@ import scipy.linalg
 from bricks import bricks, on_pads
 from processes import called
 
+from pmr import InputError
 from pmr import scene as scenes
-from pmr.errors import InputError
 from pmr.export.bodies import INERTIA, inertia_integrals, write_ffrf, write_sid
 from pmr.fem.distributed import times
 from pmr.fullmodel.build import build

@@ -19,14 +19,13 @@ import scipy.io
 from fuzz.names import fit, hostile
 from oracle import flexible, rich_body
 
+from pmr import ReducedModel, System
 from pmr.export.exudyn_script import script_data
 from pmr.export.fmi.fmu import fmu_contents
 from pmr.export.formats import Options, write
 from pmr.kernel.kernel import Kernel
 from pmr.scene.signals import Sine, SmoothRamp
 from pmr.simulation.moving import read_scene
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 MODELS = 200 if os.environ.get("PMR_SWEEP") == "full" else 4
 CARDS = r"\$ .*|SPOINT  .{8}THRU    .{8}|DMIG[ *]   ?.*|\*       [ \d.DE+-]*|"

@@ -10,9 +10,8 @@ import pytest
 from oracle import flexible, rich_body
 from processes import called
 
+from pmr import ReducedModel, System
 from pmr.export.state_space import FIELD, _field, state_space
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 op4 = pytest.importorskip("pyNastran.op4.op4", reason="pyNastran is not installed")
 bdf = pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed")

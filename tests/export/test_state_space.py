@@ -24,16 +24,13 @@ from oracle import flexible, project, rich_body
 from processes import called
 from state_spaces import frequency_response
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel, System
 from pmr.export.control import RESERVED, write_modelica
 from pmr.export.formats import Options
 from pmr.export.state_space import path_positions, state_space
 from pmr.scene.signals import Constant, Sine
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.native import systems
-from pmr.simulation.stepping import TimeStepping
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 S = np.array([1.7, 2.3, 2.9])
 

@@ -17,15 +17,13 @@ from processes import called
 from state_spaces import frequency_response
 
 import pmr
-from pmr.errors import InputError, SimulationError
+from pmr import InputError, ReducedModel, SimulationError, System
 from pmr.export.formats import BODY_FORMATS, FORMATS
 from pmr.export.state_space import path_positions, state_space
 from pmr.scene import Scene
 from pmr.scene.signals import Constant
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact, Place
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 BOTH_WAYS = [f"section.joint.{end}.0.unilateral=false" for end in ("tail", "mouth")]
 SHORT = ["compare.against=[]", "time.end=0.05", "section.mesh.elements=8"]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from distributed import laplacian
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.fem import factor
 from pmr.fem.compat import MPI
 from pmr.fem.factor import (

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from waiting import PATIENCE, wait_until
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.fem import compat
 from pmr.fem.compat import MPI
 from pmr.files.whole import complete_folder

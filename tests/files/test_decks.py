@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from fuzz.mutations import scratched
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.files import decks
 from pmr.files.deck_content import Deck
 from pmr.files.decks import read_deck

@@ -13,8 +13,8 @@ from bricks import bricks, lumped
 from frames3d import AREA, YOUNG, frame, lattice
 from scipy.spatial.transform import Rotation
 
-from pmr.errors import InputError
-from pmr.files.matrices import GivenMatrices, from_matrices
+from pmr import InputError, from_matrices
+from pmr.files.matrices import GivenMatrices
 
 BODIES: dict[str, GivenMatrices] = {
     "bricks": bricks((6, 2, 2), (3.0, 0.3, 0.4)),

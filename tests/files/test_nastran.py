@@ -12,7 +12,7 @@ import pytest
 import scipy.sparse as sp
 from superelements import bar, boundary, superelement
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.files.foreign import foreign_files, read_foreign
 from pmr.files.labelled import UnreadableError, only_matrix, read_output4
 from pmr.files.matrices import GivenMatrices

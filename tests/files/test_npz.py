@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 from oracle import flexible, rich_body
 from scipy.interpolate import PPoly
 
+from pmr import InputError, ReducedModel
 from pmr.cli.info import describe_model
-from pmr.errors import InputError
 from pmr.files.foreign import ForeignFiles, read_foreign
 from pmr.files.npz import DamagedError, read, record_arrays, record_from_arrays
-from pmr.results.field_series import Fields
-from pmr.simulation.petsc.simulator import Checkpoint, load
+from pmr.results import Fields
+from pmr.simulation.petsc import Checkpoint
+from pmr.simulation.petsc.simulator import load
 from pmr.studies.study import Store
-from pmr.system.reduced_model import ReducedModel
 
 ARRAYS = {
     "M": np.arange(12.0).reshape(3, 4),

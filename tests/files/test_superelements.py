@@ -13,8 +13,8 @@ from processes import called
 from superelements import bar, boundary, superelement
 
 import pmr
-from pmr.errors import InputError
-from pmr.files.matrices import MODAL, GivenMatrices, from_matrices
+from pmr import InputError, from_matrices
+from pmr.files.matrices import MODAL, GivenMatrices
 
 
 def frequencies(body: GivenMatrices, folder: Path) -> np.ndarray:

@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 from bricks import bricks
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.files.foreign import ForeignFiles, read_foreign
 from pmr.files.matrices import GivenMatrices
 

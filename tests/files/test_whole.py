@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.errors.text import non_finite_names, non_finite_remarks
 from pmr.files import npz, whole
 from pmr.files.whole import NotWrittenError, finish_swap, remove_matching, replacement_file, replacement_folder

@@ -13,8 +13,8 @@ import scipy.linalg
 import scipy.sparse as sp
 from textbook import CLOSED_FORM, beam_matrices, subspace_distance
 
+from pmr import ConvergenceError, InputError
 from pmr import scene as scenes
-from pmr.errors import ConvergenceError, InputError
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import inner, sparse, times
 from pmr.fem.factor import Factor, refusal

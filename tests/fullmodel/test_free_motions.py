@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from bricks import on_pads
 
+from pmr import InputError, from_matrices, run
 from pmr import scene as scenes
-from pmr.errors import InputError, NotHeldError
+from pmr.errors import NotHeldError
 from pmr.fem.compat import MPI
-from pmr.files.matrices import GivenMatrices, from_matrices
+from pmr.files.matrices import GivenMatrices
 from pmr.fullmodel import build
 from pmr.fullmodel.build import CheckedPositions, build_bodies, free_motion_warnings
-from pmr.pipeline import run
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 

@@ -15,9 +15,9 @@ from booms import Boom, boom
 from boxes import box
 from springs import CompliantRows, displacement
 
+from pmr import InputError, ReducedModel
 from pmr import scene as scenes
 from pmr.compare.errors import nrms
-from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.fullmodel.from_scene import structure_of
@@ -36,7 +36,6 @@ from pmr.scene.signals import Constant
 from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
-from pmr.system.reduced_model import ReducedModel
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 LOADS = np.array([1500.0, 700.0, 9.81])

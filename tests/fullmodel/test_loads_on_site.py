@@ -9,9 +9,8 @@ import plain_machines
 import pytest
 
 import pmr
-from pmr.errors import InputError
+from pmr import InputError, Response
 from pmr.models.profile_section import section_of
-from pmr.results import Response
 from pmr.scene import Scene, load_any
 from pmr.scene.checks import check_scene
 

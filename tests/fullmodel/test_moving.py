@@ -13,7 +13,7 @@ from boxes import HEIGHT, WIDTH, box
 from gathering import gathered
 from surfaces import mapped
 
-from pmr.errors import InputError
+from pmr import InputError, System
 from pmr.fem.compat import MPI
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.fullmodel.pads import Pads, Support
@@ -44,7 +44,6 @@ from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
 from pmr.system.body_matrices import AXIAL, BENDING, CARRIED, ROTATING, STATES
 from pmr.system.contacts import Contact, Place
-from pmr.system.system import System
 from pmr.system.terms import Term
 
 pytestmark = pytest.mark.mpi

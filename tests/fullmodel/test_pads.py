@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from boxes import block, box
 from gathering import gathered
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.pads import Pad, PadMeans, Pads, Support, fixed_pad, moving_pad, restrain
 from pmr.fullmodel.structural import structural_model

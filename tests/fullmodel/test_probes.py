@@ -7,14 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pmr import InputError, RunResult, run
 from pmr import scene as scenes
-from pmr.errors import InputError
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.structure import Structure
 from pmr.models.profile_section import section_of
-from pmr.pipeline import run
-from pmr.results import RunResult
 from pmr.scene import Scene
 from pmr.scene.members import member_at
 from pmr.scene.structures import BoxProfile

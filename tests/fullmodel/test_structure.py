@@ -10,7 +10,7 @@ from statics import static_outputs
 from surfaces import mapped
 from textbook import relative
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, SlepcEigenSolver
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure, Weight

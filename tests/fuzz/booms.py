@@ -112,8 +112,8 @@ def extension(rng: Random, number: int, length: float) -> dict[str, Any]:
 
 def ran(boom: Scene, folder: Path) -> str:
     """Run a boom to the end; fail unless results are finite, files valid, and Newton's law holds."""
+    from pmr import run
     from pmr.fem.compat import MPI
-    from pmr.pipeline import run
 
     outcome = run(boom, MPI.COMM_SELF)
     assert outcome is not None

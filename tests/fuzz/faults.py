@@ -8,7 +8,7 @@ from pathlib import Path
 from fuzz.mutations import Random
 from fuzz.verdict import NonsenseError, ensure_finite, strictly_read
 
-from pmr.errors import InputError, SimulationError
+from pmr import InputError, SimulationError
 
 KINDS = ["ran", "refused", "traceback", "died", "failed", "nonsense", "nonsense", "nonsense", "nonsense"]
 

@@ -26,11 +26,10 @@ prepare = warm
 
 def case(number: int, rng: Random, folder: Path) -> str:
     """Read a mutation of a model file and use it if it is accepted; return the outcome in a few words."""
+    from pmr import ReducedModel, System
     from pmr.cli.info import describe_model
     from pmr.errors.text import escape_controls
     from pmr.export.exudyn_script import script_data
-    from pmr.system.reduced_model import ReducedModel
-    from pmr.system.system import System
 
     file = folder / "model.npz"
     file.write_bytes(_changed(_whole()[int(rng.integers(len(_whole())))], rng))
@@ -52,7 +51,7 @@ def _simulated(model: Any) -> str:
     import one_body
     from one_body import displacement
 
-    from pmr.errors import SimulationError
+    from pmr import SimulationError
     from pmr.scene import Scene
     from pmr.simulation import Excitation, TimeStepping
 
@@ -79,9 +78,9 @@ def _whole() -> tuple[bytes, ...]:
     """Sound model files of three small scenes."""
     import tempfile
 
+    from pmr import reduce
     from pmr import scene as scenes
     from pmr.fem.compat import MPI
-    from pmr.pipeline import reduce
 
     found = []
     with tempfile.TemporaryDirectory() as folder:

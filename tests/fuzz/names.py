@@ -35,9 +35,9 @@ prepare = warm
 
 def case(number: int, rng: Random, folder: Path) -> str:
     """Run a scene with hostile names, draw its report and export its model; return the outcome in a word."""
+    from pmr import run
     from pmr.export.exudyn_script import write_exudyn_script
     from pmr.fem.compat import MPI
-    from pmr.pipeline import run
     from pmr.report.document import render_runs as render
     from pmr.report.sections import chapter as report_case
 

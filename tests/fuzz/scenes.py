@@ -69,11 +69,10 @@ def coarse(scene: Scene) -> Scene:
 
 def ran(scene: Scene, folder: Path, drawn: bool) -> str:
     """Run a scene to the end; fail unless results are finite and plausible and files valid."""
+    from pmr import ReducedModel, run
     from pmr.fem.compat import MPI
-    from pmr.pipeline import run
     from pmr.report.document import render_runs as render
     from pmr.report.sections import chapter as report_case
-    from pmr.system.reduced_model import ReducedModel
 
     outcome = run(scene, MPI.COMM_SELF)
     assert outcome is not None

@@ -14,7 +14,7 @@ from fuzz.mutations import STRANGE, Random, mutated, scratched, strange
 from fuzz.scenes import prepare as warm
 from fuzz.verdict import NonsenseError
 
-from pmr.errors import ConvergenceError, SimulationError
+from pmr import ConvergenceError, SimulationError
 from pmr.studies import call
 from pmr.studies.tasks import Plan, Task, TaskResult
 

@@ -15,7 +15,7 @@ import pytest
 from kernels import kernel_of
 from nested import Nested, reduced
 
-from pmr.errors import InputError, SimulationError
+from pmr import InputError, SimulationError
 from pmr.kernel._native import lib
 from pmr.kernel.blocks import LINE, pack, seal, unpack
 from pmr.kernel.data import SystemData, system_data

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pmr.errors import SimulationError
+from pmr import SimulationError
 from pmr.kernel.filter import AS_EXPECTED, IF_NEAR, IF_POSSIBLE, NOT_USED, FilterData, FilterSteps, KalmanFilter
 from pmr.observe.linear import StepMatrices
 

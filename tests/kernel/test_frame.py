@@ -9,14 +9,12 @@ from kernels import kernel_of
 from nested import Nested, reduced
 from shaken_crane import RHO, STEP, shaken_crane
 
-from pmr.errors import InputError
+from pmr import InputError, System
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import Settings, State
-from pmr.simulation import TimeStepping
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.simulation.moving import MovingFrame
-from pmr.system.system import System
 
 
 @pytest.fixture(scope="module")

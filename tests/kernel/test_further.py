@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import pmr
+from pmr import System
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import Settings, State
 from pmr.scene.mechanism import CYLINDER
@@ -17,7 +18,6 @@ from pmr.simulation.modal import modal_form
 from pmr.simulation.moving import MovingFrame
 from pmr.simulation.native.form import SystemForm
 from pmr.system.assembly import Assembly
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 STEP = 2e-3

@@ -11,17 +11,15 @@ from hoists import REACH, SECOND_MOMENT, G, cantilever, simulate
 from scipy.special import ellipk
 
 import pmr
-from pmr.errors import InputError, SimulationError
+from pmr import InputError, SimulationError, Stepper, System
 from pmr.kernel.blocks import LINE, pack, seal, unpack
 from pmr.kernel.kernel import Kernel, checksum
 from pmr.kernel.state import Record, State
 from pmr.scene.hoist import ROPE, ROPE_FORCE
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
-from pmr.simulation.native.stepper import Stepper
 from pmr.system.hoist import hoist_of
-from pmr.system.system import System
 
 HEIGHT, X, Y, Z, ALONG, ACROSS, FORCE = range(7)
 

@@ -10,10 +10,10 @@ from kernels import coupled, kernel_of, rubbing, varying
 from nested import Nested, reduced
 from numpy.typing import NDArray
 
+from pmr import System
 from pmr.kernel.filter import ChosenOutputs, LinearSteps
 from pmr.kernel.state import Settings, State
 from pmr.observe.linear import StepMatrices
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 CASES = {

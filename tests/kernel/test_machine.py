@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pmr.errors import InputError, SimulationError
+from pmr import InputError, SimulationError
 from pmr.kernel.machine import MachineSimulation
 from pmr.kernel.state import Settings, State
 from pmr.scene.frame import DIRECTIONS

@@ -11,14 +11,14 @@ from kernels import kernel_of, motions_of
 from nested import Nested, full, reduced, with_round_off
 from rods import bar_between_pads, bent_chain, chain_on_a_stop, stable_equilibria
 
-from pmr.errors import SimulationError
+from pmr import SimulationError, System
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.state import Settings, State
+from pmr.simulation import InitialState
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.start import InitialState, consistent_start
+from pmr.simulation.start import consistent_start
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
-from pmr.system.system import System
 from pmr.system.terms import Term
 
 

@@ -13,8 +13,8 @@ from nested import Nested, reduced
 from numpy.typing import NDArray
 from plain_step import Plain
 
+from pmr import System
 from pmr.kernel.state import Record, Settings, State
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 STEP, STEPS = 1e-3, 60

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from textbook import EI, RHO_A, beam_matrices
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.fullmodel.pads import slider_row
 from pmr.models.beam2d import Beam2D
 from pmr.models.mesh_drawing import graded_nodes, read_nodes

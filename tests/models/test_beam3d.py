@@ -7,7 +7,7 @@ from frames import frame_matrices
 from gathering import gathered
 from textbook import relative
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import assemble_model
 from pmr.models import DIRECTIONS

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.models.box_mesh import BoxBoom, write_shell, write_solid
 from pmr.models.named_mesh import NamedMesh, read_mesh
 from pmr.scene.profile import BoxProfile

@@ -8,7 +8,7 @@ import meshio
 import numpy as np
 import pytest
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.models.mesh_file import read_mesh_file
 from pmr.models.named_mesh import read_mesh
 

@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 from gathering import gathered
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.files.matrices import GivenMatrices
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.pads import Pads, Support, restrain

@@ -13,7 +13,7 @@ from deck_boom import ACROSS, ALONG, HEIGHT, LENGTH, UP, WALL, WIDTH, write_boom
 from fuzz.mutations import scratched
 
 import pmr
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.files.decks import read_deck
 from pmr.fullmodel.from_scene import structure_of
 from pmr.models import StructuralModel

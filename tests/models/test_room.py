@@ -11,7 +11,7 @@ from gathering import gathered
 from statics import static_outputs
 from surfaces import mapped
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.assembly import assemble_model
 from pmr.fullmodel.model import FullModel

@@ -7,7 +7,7 @@ import pytest
 from boxes import HEIGHT, WIDTH, block, box
 from surfaces import mapped
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.models.named_mesh import Group, NamedMesh
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid

@@ -7,7 +7,7 @@ import pytest
 from blocks import BLOCKS, block
 from surfaces import mapped
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.models.mesh_nodes import number_nodes
 from pmr.models.trace import coordinates_on, group_trace, section_trace
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.observe.identify import MeasuredFrequencies, identify
 
 Array = NDArray[np.float64]

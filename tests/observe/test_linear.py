@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import pmr
-from pmr.errors import InputError
-from pmr.observe.linear import linearize, output_sensitivity
-from pmr.scene.scene import Scene
-from pmr.system.system import System
+from pmr import InputError, System, linearize
+from pmr.observe.linear import output_sensitivity
+from pmr.scene import Scene
 
 PADS = "[{at=0.15,stiffness=1e8,unilateral=false,faces={bottom=[0.0],top=[0.0]}}]"
 SMALL = (

@@ -12,10 +12,10 @@ from oscillator import OUTPUTS, H, history, measured, oscillator
 from processes import called
 
 import pmr
-from pmr.errors import InputError
+from pmr import InputError, Observer
 from pmr.observe.budget import output_errors
 from pmr.observe.measured import Observation, ObserverFile, describe_faults, read_measurements
-from pmr.observe.observer import Observer, Sensor, UnknownLoad
+from pmr.observe.observer import Sensor, UnknownLoad
 
 FILE = """
 estimate = ["tip"]

@@ -17,11 +17,10 @@ import pytest
 from numpy.typing import NDArray
 from oscillator import OUTPUTS, H, history, measured, oscillator, weight
 
-from pmr.errors import InputError
+from pmr import InputError, Observer, PositionObserver
 from pmr.observe.budget import output_errors
 from pmr.observe.linear import LinearMotion
-from pmr.observe.observer import Observer, Parameter, Payload, Sensor, UnknownLoad
-from pmr.observe.position import PositionObserver
+from pmr.observe.observer import Parameter, Payload, Sensor, UnknownLoad
 
 Array = NDArray[np.float64]
 

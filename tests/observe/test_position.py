@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from pmr.errors import InputError
+from pmr import InputError, PositionObserver
 from pmr.export.state_space import StateSpace
-from pmr.observe.position import PlaceModels, PositionObserver, PositionSettings, place_models, sensor_modes
+from pmr.observe.position import PlaceModels, PositionSettings, place_models, sensor_modes
 
 Array = NDArray[np.float64]
 STEP, GRID = 1e-3, np.linspace(0.0, 0.1, 9)

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 import pmr
+from pmr import Response
 from pmr import scene as scenes
-from pmr.results import Response
 from pmr.scene.signals import SmoothRamp
 
 Array = NDArray[np.float64]

@@ -12,21 +12,20 @@ import meshio
 import numpy as np
 import pytest
 
+from pmr import InputError, ReducedModel, RunResult, run
 from pmr import scene as scenes
 from pmr.compare import responses
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.forces import forces_part
 from pmr.compare.frequencies import frequency_map
-from pmr.errors import InputError
 from pmr.export.paraview import MovingFields, write_series
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
-from pmr.pipeline import Outcome, run
+from pmr.pipeline import Outcome
 from pmr.pipeline.full_order import FullOrder
 from pmr.reduction import bodies
 from pmr.reduction.bodies import reduce_bodies
 from pmr.report.document import write_report
-from pmr.results import RunResult
 from pmr.results import load as load_frames
 from pmr.results.response import outputs_of
 from pmr.results.tables import build_tables
@@ -35,7 +34,6 @@ from pmr.simulation import Excitation
 from pmr.simulation.native import systems
 from pmr.system.assembly import Assembly
 from pmr.system.from_scene import system_of
-from pmr.system.reduced_model import ReducedModel
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 #: Out by 0.6 m a joint within half a second.

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pmr import InputError, run
 from pmr import scene as scenes
-from pmr.errors import InputError
-from pmr.pipeline import run
 from pmr.report.document import write_report
 from tests.scene.test_dialects import WHOLE, written
 

@@ -10,13 +10,13 @@ import pytest
 from newton_euler import needed, of_masses
 
 import pmr
+from pmr import Response
 from pmr import scene as scenes
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.simulated import excitation_of_scene
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.full_order import FullOrder
-from pmr.results import Response
 from pmr.simulation.native import systems
 from pmr.simulation.reactions import with_pivot_force
 

@@ -12,19 +12,18 @@ import pytest
 from ways.kinds import KINDS
 
 import pmr
+from pmr import Response, System
 from pmr.compare.responses import MARCHED_UP_TO, exudyn, full_simulator
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullSystem
 from pmr.pipeline import full_order
 from pmr.pipeline.full_order import FullOrder
-from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.petsc import History
 from pmr.system.states import SystemTrajectory
-from pmr.system.system import System
 
 SHORT = ("time.end=0.04", "mesh.elements=20", "slider.path={kind='ramp',times=[0.01,0.03],values=[1.25,1.3]}")
 SIMULATORS = ("march", "exudyn")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import pmr
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build_bodies

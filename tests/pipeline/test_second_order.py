@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 import pmr
+from pmr import InputError, System
 from pmr import scene as scenes
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.frequencies import frequencies_on_way, frequency_map, way_points
 from pmr.compare.summary import simulate_saved
-from pmr.errors import InputError
 from pmr.fullmodel.build import build_bodies
 from pmr.pipeline.full_order import FullOrder
 from pmr.results import Frequencies
@@ -27,7 +27,6 @@ from pmr.simulation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.reactions import with_pivot_force
 from pmr.system.assembly import Assembly
-from pmr.system.system import System
 
 CANTILEVER, LUFFING = (Path(__file__).parent / name for name in ("cantilever.toml", "luffing.toml"))
 CRANE = plain_machines.CRANE

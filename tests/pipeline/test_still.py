@@ -13,12 +13,10 @@ import numpy as np
 import pytest
 
 import pmr
+from pmr import InputError, RunResult, run
 from pmr import scene as scenes
-from pmr.errors import InputError
 from pmr.export.exudyn_script import write_exudyn_script
-from pmr.pipeline import run
 from pmr.report.sentences import opening_sentences
-from pmr.results import RunResult
 from tests.scene.test_dialects import WHOLE, written
 
 EI, MASS, LENGTH, F = 1e9, 1000.0, 20.0, 1000.0

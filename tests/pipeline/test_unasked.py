@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import pmr
+from pmr import run
 from pmr.compare import mesh_part
 from pmr.fem.compat import MPI
 from pmr.pipeline import model_errors as pipeline
-from pmr.pipeline import run
 from pmr.scene.model_ladder import model_comparison
 
 pytest.importorskip("gmsh")

@@ -13,17 +13,15 @@ from scipy.linalg import eigh
 
 import pmr.pipeline.full_order
 import pmr.reduction.bodies
+from pmr import InputError, System, run, simulate
 from pmr import pipeline as whole
-from pmr.compare.simulated import simulate
-from pmr.errors import InputError, NotHeldError
+from pmr.errors import NotHeldError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build, full_model
 from pmr.fullmodel.model import FullModel
-from pmr.pipeline import run
 from pmr.reduction.cache import cache_in, model_digest
 from pmr.reduction.from_scene import build_basis, take_snapshots
 from pmr.scene.keys import ALONE
-from pmr.system.system import System
 
 SHORT = ["time.end=0.02", "compare.against=[]"]
 

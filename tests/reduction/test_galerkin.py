@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from textbook import RHO_A, beam_matrices, relative, static_tip_deflection
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import tall
 from pmr.fullmodel.build import full_model
 from pmr.reduction.basis import pod, reduced_model, with_held_coordinates
 from pmr.reduction.snapshots import eigenmode_snapshots
-from pmr.system.reduced_model import ReducedModel
 
 pytestmark = pytest.mark.mpi
 

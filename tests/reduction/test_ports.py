@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from springs import CompliantRows
 
 import pmr
-from pmr.errors import InputError
-from pmr.pipeline import reduce
+from pmr import InputError, ReducedModel, reduce
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.scene.members import member_at
@@ -25,7 +24,6 @@ from pmr.scene.signals import Constant
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import add_sliding_body
 from pmr.system.body import FullBody
-from pmr.system.reduced_model import ReducedModel
 
 Array = NDArray[np.float64]
 Load = Callable[..., Scene]

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from boom_results import boom, make_fields, make_space  # noqa: F401 fixtures
 
+from pmr import Response, RunResult
 from pmr.report.document import ReportFiles, render_runs, write_page
 from pmr.report.sections import chapter
-from pmr.results import BodyResult, Energy, Frequencies, Loads, Paths, Response, RunResult, Shapes
+from pmr.results import BodyResult, Energy, Frequencies, Loads, Paths, Shapes
 from pmr.scene import Scene
 
 MakeResult = Callable[..., RunResult]

@@ -14,11 +14,11 @@ from pathlib import Path
 import pytest
 from waiting import PATIENCE, wait_until
 
-from pmr.errors import InputError, environment
+from pmr import InputError, RunResult
+from pmr.errors import environment
 from pmr.report.background import BackgroundReport, has_free_core
 from pmr.report.document import render_runs, with_date
 from pmr.report.sections import chapter
-from pmr.results import RunResult
 
 MEASURED = {"model": {"beside": None, "reason": "not measured: this says so last"}}
 KILLED = """

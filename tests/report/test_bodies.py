@@ -9,6 +9,7 @@ from html import unescape
 import numpy as np
 import pytest
 
+from pmr import RunResult
 from pmr.report import sentences
 from pmr.report.blocks import Drawing
 from pmr.report.bodies import (
@@ -25,7 +26,6 @@ from pmr.report.bodies import (
 )
 from pmr.report.figures import sketch
 from pmr.report.figures.canvas import drawing
-from pmr.results import RunResult
 from pmr.results.field_series import Grid
 from pmr.results.pads import THICK
 from pmr.scene.box import Box

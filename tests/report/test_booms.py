@@ -7,6 +7,7 @@ from operator import attrgetter
 import numpy as np
 import pytest
 
+from pmr import RunResult
 from pmr.report import errors, sections
 from pmr.report.document import render_runs as render
 from pmr.report.document import write_report
@@ -15,7 +16,6 @@ from pmr.report.figures.canvas import style
 from pmr.report.figures.loads import stress_figure, stress_histories
 from pmr.report.sections import chapter as case
 from pmr.report.sentences import peak_clause
-from pmr.results import RunResult
 
 BOX = {"length": 6.0, "width": 0.3, "height": 0.4, "wall": 0.008}
 

@@ -13,12 +13,12 @@ from xml.etree import ElementTree
 
 import pytest
 
+from pmr import RunResult
 from pmr.report import document, errors, sentences
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Picture, Table
 from pmr.report.document import render_runs as render
 from pmr.report.document import with_date, write_report
 from pmr.report.sections import chapter as case
-from pmr.results import RunResult
 
 
 class Page(HTMLParser):

@@ -10,7 +10,7 @@ import pytest
 from matplotlib import pyplot
 from matplotlib.axis import Axis
 
-from pmr import report
+from pmr import RunResult, report
 from pmr.report.blocks import Drawing
 from pmr.report.columns import tip_displacements
 from pmr.report.figures import shapes, sketch
@@ -27,8 +27,7 @@ from pmr.report.figures.canvas import (
     svg,
 )
 from pmr.report.figures.histories import Span, Timeline, drawn_history, estimate_band, sliding_spans
-from pmr.results import Paths, RunResult
-from pmr.results.run import FrequencyMap
+from pmr.results import FrequencyMap, Paths
 
 LABELS = {
     "position": ["Slider position in m", "Time in s"],

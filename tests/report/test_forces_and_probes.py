@@ -11,6 +11,7 @@ import pytest
 from boom_results import MakeSpace
 from matplotlib.colors import same_color
 
+from pmr import RunResult
 from pmr.report import forces as drawn
 from pmr.report import sentences, stresses
 from pmr.report.errors import rows as error_rows
@@ -18,7 +19,7 @@ from pmr.report.figures.canvas import section_colours
 from pmr.report.figures.loads import envelope_figure
 from pmr.report.forces import contact_block
 from pmr.report.stresses import section_force_block
-from pmr.results import BodyResult, RunResult
+from pmr.results import BodyResult
 from pmr.results.field_stress import Envelope
 
 SPACE = "\u00a0"

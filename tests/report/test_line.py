@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pmr import RunResult
 from pmr.report.columns import spread_indices
 from pmr.report.player import FRAMES, POINTS, axis_motion, scale_words
-from pmr.results import RunResult
 
 
 def unpacked(series: dict[str, Any]) -> np.ndarray:

@@ -8,6 +8,7 @@ import plain_machines
 import pytest
 
 import pmr
+from pmr import RunResult
 from pmr.report import forces, sections
 from pmr.report.columns import rope_axis
 from pmr.report.figures import space
@@ -15,7 +16,6 @@ from pmr.report.figures.space import space_drawings
 from pmr.report.first_page import first_page_tables
 from pmr.report.player import axis_motion
 from pmr.report.sentences import opening_sentences
-from pmr.results import RunResult
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("undrawn")]
 SPACE = "\u00a0"

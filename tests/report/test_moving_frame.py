@@ -14,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from pmr import RunResult
 from pmr.report import album, columns, player, sections, subject
 from pmr.report import forces as loads
 from pmr.report.document import render_runs
@@ -23,8 +24,7 @@ from pmr.report.figures.canvas import style
 from pmr.report.figures.histories import Timeline
 from pmr.report.sections import chapter
 from pmr.report.sentences import energy_sentence, frame_sentences
-from pmr.results import RunResult
-from pmr.results.field_series import Fields
+from pmr.results import Fields
 
 TURNING = {
     "luffing": {"min": 0.0, "max": 1.0471975511965976},

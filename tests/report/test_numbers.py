@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pmr import RunResult
 from pmr.report import numbers
 from pmr.report.blocks import (
     BETTER,
@@ -24,7 +25,6 @@ from pmr.report.blocks import (
 from pmr.report.columns import envelope_indices, extreme_indices, interpolate, spread_indices
 from pmr.report.errors import error_notes, rows
 from pmr.report.numbers import SPACE, Unit, format_input, format_quantity, format_time
-from pmr.results import RunResult
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from oscillator import OUTPUTS, history, measured, oscillator
 
-from pmr.errors import InputError
+from pmr import InputError, Observer
 from pmr.observe.measured import Observation
-from pmr.observe.observer import Observer, Sensor, UnknownLoad
+from pmr.observe.observer import Sensor, UnknownLoad
 from pmr.report.numbers import format_percent
 from pmr.report.observation import write_report
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pmr import RunResult
 from pmr.report import album as pictures
 from pmr.report import player as players
 from pmr.report.bodies import body_surface
@@ -17,7 +18,7 @@ from pmr.report.document import render_runs as render
 from pmr.report.player import body_motion, compress, drawing_sentence
 from pmr.report.renderer import NoPictureError
 from pmr.report.sections import chapter as case
-from pmr.results import BodyResult, RunResult
+from pmr.results import BodyResult
 
 
 def unpacked(series: dict[str, Any]) -> np.ndarray:

@@ -11,8 +11,7 @@ import pytest
 from pmr.report.columns import forces_by_group, tip_displacements
 from pmr.report.scene_tables import SceneWords, input_tables
 from pmr.report.subject import field_times, reach, slider_offsets
-from pmr.scene import load_any
-from pmr.scene.built import Load
+from pmr.scene import Load, load_any
 
 SPACE = "\u00a0"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.results.fatigue import SMALLEST, SNLine, damage, rainflow_cycles
 
 

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from boom_results import boom, make_space  # noqa: F401 fixtures
 
+from pmr import Response, RunResult
 from pmr.files import npz
 from pmr.report.columns import forces_by_group, tip_displacements
-from pmr.results import Energy, Response, RunResult
+from pmr.results import Energy
 from pmr.results.response import outputs_of
 from pmr.system.body import force_outputs, kinds_of, length_outputs, other_outputs
 

@@ -8,7 +8,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from pmr.results import Energy, Response
+from pmr import Response
+from pmr.results import Energy
 from pmr.results.quantities import LIMITED, QUANTITIES, Columns, error_label, support_names, with_unit
 from pmr.results.response import KINDS, Extreme, Extremes
 from pmr.scene.run_settings import OutputKind

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import pmr
+from pmr import RunResult
 from pmr.compare.summary import utilisation_part
 from pmr.reduction.section_forces import PIECES
-from pmr.results import RunResult
 from pmr.results.tables import build_tables
 from pmr.scene import Scene, load_any
 

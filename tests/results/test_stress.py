@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from pmr.results.field_series import Fields, Grid
+from pmr.results import Fields
+from pmr.results.field_series import Grid
 from pmr.results.field_stress import FIBRE, PLANE, SPATIAL, StressRows, peaks_by_region, stress_history
 
 #: Components of a pull along the first axis and of a shear, and the ones of pressure from all sides.

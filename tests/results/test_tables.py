@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 
 import pmr.results
+from pmr import InputError, RunResult, run
 from pmr import scene as scenes
-from pmr.errors import InputError
-from pmr.pipeline import run
-from pmr.results import RunResult
 from pmr.results.tables import write_tables
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

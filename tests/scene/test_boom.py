@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pmr import InputError
 from pmr import scene as scenes
-from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.members import member_at, members

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from pmr import InputError
 from pmr import scene as scenes
-from pmr.errors import InputError
 from pmr.scene.box import Box
 from pmr.scene.choice import choose_model
 from pmr.scene.members import member_at, members

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from pmr import InputError
 from pmr import scene as scenes
-from pmr.errors import InputError
 from pmr.scene import Scene
 
 ROOT = Path(__file__).parents[2]

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.scene import Scene, load_any
 from pmr.scene.files import GONE, stored_scene
 

@@ -8,8 +8,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from pmr import InputError
 from pmr import scene as scenes
-from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.choice import inertia_fields, model_of
 from pmr.scene.frame import Frame

@@ -12,11 +12,11 @@ import pytest
 from plain_machines import CRANE
 from pydantic import BaseModel
 
+from pmr import InputError
 from pmr import scene as scenes
-from pmr.errors import InputError
+from pmr.scene import Scene
 from pmr.scene.hints import OTHER_UNITS, hints
 from pmr.scene.keys import quantity_of, usual_ranges
-from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
 from pmr.studies import call
 

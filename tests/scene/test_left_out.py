@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from pmr import InputError
 from pmr import scene as scenes
 from pmr.cli.app import TEMPLATES
-from pmr.errors import InputError
 from pmr.scene.choice import observed_places
 from pmr.scene.hints import hints
 from pmr.scene.left_out import left_out

@@ -15,15 +15,15 @@ import pytest
 from processes import called
 
 import pmr
+from pmr import InputError
 from pmr import scene as scenes
 from pmr.compare.evaluation import hoist_outputs
-from pmr.errors import InputError
 from pmr.scene import load_any
 from pmr.scene.choice import axis_loads, choose_model
 from pmr.scene.frame_checks import distance_along
 from pmr.scene.hints import hints
 from pmr.scene.members import members
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation
 from pmr.studies.limits import Limit
 from pmr.system.hoist import hoist_of
 

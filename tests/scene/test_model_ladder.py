@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.scene import load_any
 from pmr.scene.choice import is_undecided, model_of
 from pmr.scene.members import members

@@ -12,10 +12,10 @@ import pytest
 from fuzz.names import fit, hostile
 from pydantic import TypeAdapter, ValidationError
 
-from pmr.errors import InputError
+from pmr import InputError, from_matrices
 from pmr.errors.text import LONGEST_NAME, escape_controls, is_name
-from pmr.files.matrices import from_matrices
-from pmr.scene.built import Load, PadRing, Support
+from pmr.scene import Load, Support
+from pmr.scene.built import PadRing
 from pmr.scene.joints import FileName, JointPads
 from pmr.scene.run_settings import Observe
 from pmr.scene.structures import PointMass, Probe

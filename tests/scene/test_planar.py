@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pmr import scene
-from pmr.errors import InputError
+from pmr import InputError, scene
 from pmr.scene import Scene
 from pmr.scene.choice import fewest_rows
 from pmr.scene.files import MOVED

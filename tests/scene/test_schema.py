@@ -14,11 +14,12 @@ import jsonschema
 import pytest
 from pydantic import BaseModel
 
+from pmr import InputError
 from pmr import scene as scenes
 from pmr.cli.app import scene_kinds, scene_schema, study_schema
-from pmr.errors import InputError
+from pmr.scene import Scene
 from pmr.scene.keys import SceneTable, quantity_of
-from pmr.scene.scene import BodyFile, Scene
+from pmr.scene.scene import BodyFile
 
 ROOT = Path(__file__).parents[2]
 WORKFLOWS = ROOT / "workflows"

@@ -6,8 +6,7 @@ from typing import get_args
 
 import pytest
 
-from pmr import scene
-from pmr.errors import InputError
+from pmr import InputError, scene
 from pmr.scene.choice import REFERENCE, SIMULATORS, SimulatorNeeds, refuse_unsupported
 from pmr.scene.run_settings import SimulatorName
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pmr import InputError
 from pmr import scene as scenes
-from pmr.errors import InputError
 from pmr.fullmodel.from_scene import structure_of
 from pmr.scene import Damping, Scene
 from pmr.scene.choice import choose_model, wall_frequency

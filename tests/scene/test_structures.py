@@ -11,8 +11,8 @@ import pytest
 from pydantic import ValidationError
 from turning_cylinder import boom
 
+from pmr import InputError
 from pmr import scene as scenes
-from pmr.errors import InputError
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.choice import choose_model, has_giving_walls

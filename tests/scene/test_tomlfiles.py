@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from pmr import InputError
 from pmr import scene as scenes
-from pmr.errors import InputError
 from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
 
 PLAIN = Dialect("file")

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from pmr import InputError
 from pmr import scene as scenes
-from pmr.errors import InputError
 from pmr.studies import call as studies
 
 PAPER = Path(__file__).parents[2] / "workflows" / "paper_simple.toml"

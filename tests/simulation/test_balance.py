@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from one_body import Simulate
 from oracle import enriched, flexible, full_body
 
-from pmr.errors import SimulationError
+from pmr import SimulationError
 from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulation import InitialState, TimeStepping, balance
 from pmr.system.body import FullBody

@@ -16,18 +16,14 @@ from on_pads import beam_on_pads, driven, flexible_on_pads, modes_on_pads
 from one_body import energy, respond
 from scipy.interpolate import PPoly
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel, Stepper, System
 from pmr.files import npz
 from pmr.scene.signals import Constant
-from pmr.simulation import InitialState, TimeStepping, contact_step
+from pmr.simulation import Excitation, InitialState, TimeStepping, contact_step
 from pmr.simulation.contact_step import contact_frequency
-from pmr.simulation.excitation import Excitation
 from pmr.simulation.modal import modal_form
-from pmr.simulation.native.stepper import Stepper
 from pmr.system.body import Trajectory, pushing_rows
 from pmr.system.contacts import SLIDER
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 STIFFNESS = 3e8  # N/m, a scene's default

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from pmr.errors import InputError
+from pmr import InputError, System
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.simulation import Excitation
@@ -19,7 +19,6 @@ from pmr.simulation.floating import Extensions, FrameMotion, Moments
 from pmr.simulation.frame_motion import Acceleration, FrameRotation
 from pmr.simulation.free_base import FreeBase
 from pmr.system.assembly import Assembly
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced

@@ -10,11 +10,11 @@ import pytest
 from newton_euler import needed
 from random_stands import masses_on_ground, random_stand, rigid_boom, rope_on_machine, unbalanced
 
+from pmr import Response
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.moving_frame import ground_part
 from pmr.kernel.laws import Stand
 from pmr.reduction.bodies import join_bodies, reduce_bodies
-from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.ground import Ground, convex_hull, polygon_area

@@ -36,7 +36,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 import pmr
-from pmr.errors import InputError, SimulationError
+from pmr import InputError, SimulationError
 
 Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced

@@ -28,7 +28,7 @@ from oil_boom import (
 )
 from scipy.integrate import solve_ivp
 
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.luffing import LuffingRun

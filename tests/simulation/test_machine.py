@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import pmr
-from pmr.errors import InputError, SimulationError
+from pmr import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.scene.frame import DIRECTIONS
 from pmr.simulation import Excitation

@@ -13,7 +13,7 @@ import scipy.linalg
 from driving import driven
 from oracle import flexible, full_body, project
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.scene.signals import Chirp, Constant, Ramp, Signal, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulation import TimeStepping, modal
 from pmr.simulation.excitation import clip_path

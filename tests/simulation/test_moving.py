@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from simulation.test_frame import MOVED, THREE, TURNING
 
+from pmr import InputError
 from pmr import scene as scenes
-from pmr.errors import InputError
 from pmr.simulation import Excitation
 from pmr.simulation.moving import MovingFrame
 

@@ -15,25 +15,23 @@ from oil_boom import UP_AND_DOWN, oil
 from random_stands import rope_on_machine, unbalanced
 
 import pmr
+from pmr import InputError, Response, System
 from pmr.compare.evaluation import evaluate_motion
-from pmr.errors import InputError
 from pmr.export.fmi.fmu import fmu_contents
 from pmr.export.fmi.reference import input_cubics
 from pmr.export.fmi.variables import Drivers, Identifiers
 from pmr.files.arrays import Array
 from pmr.kernel.further import ground_outputs
-from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.hoist import OUTPUTS, ROPE_FORCE
 from pmr.scene.keys import LUFFING
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.moving import DRIVE, MovingFrame, read_scene
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.luffing import stepped_frame, with_free_motion
 from pmr.simulation.reactions import with_forces_on_machine
-from pmr.system.system import System
 
 pytestmark = [pytest.mark.slow, pytest.mark.numerical]
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from oracle import CASES, Case, nrms_error, paper_basis, project
 from textbook import EA, EI, LENGTH, RHO_A
 
+from pmr import ReducedModel
 from pmr.simulation import TimeStepping
 from pmr.simulation.exudyn import ancf
 from pmr.system.body import FullBody, Trajectory
-from pmr.system.reduced_model import ReducedModel
 
 pytestmark = pytest.mark.slow
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from one_body import respond, simulate
 
+from pmr import ReducedModel, run
 from pmr import scene as scenes
 from pmr.fullmodel.build import full_model
-from pmr.pipeline import Outcome, run
+from pmr.pipeline import Outcome
 from pmr.results.tables import reaction_extremes
 from pmr.scene.built import GRAVITY
 from pmr.simulation import Excitation
 from pmr.system.body import FullBody
-from pmr.system.reduced_model import ReducedModel
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 #: A beam that is clamped at one end and held at the other: statically indeterminate, whatever the slider does.

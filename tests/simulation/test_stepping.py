@@ -10,7 +10,8 @@ from nested import Nested, full
 from numpy.typing import NDArray
 from oracle import project, started
 
-from pmr.errors import BEYOND_ENDS, InputError
+from pmr import InputError
+from pmr.errors import BEYOND_ENDS
 from pmr.scene.signals import Constant, Ramp, Sine, SmoothRamp, Sum
 from pmr.simulation import Excitation, InitialState, TimeStepping
 from pmr.simulation.excitation import clip_path

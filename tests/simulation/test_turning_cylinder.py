@@ -10,7 +10,7 @@ from chart_beside_run import chart, run
 from turning_cylinder import EXTENSION, LUG, Rigid, boom
 
 import pmr
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.fullmodel.moving import direction_polynomial
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.mechanism import CYLINDER

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 import pmr
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.members import member_at

@@ -11,7 +11,7 @@ import pytest
 from chart_beside_run import MACHINE, Chart, beside, chart, run
 from random_machines import GIVING, SHELLS, G, random_machine
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.results.quantities import LIMITED
 from pmr.scene import Scene
 from pmr.studies.kinds.chart import _check_at_rest

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.studies import call
 from pmr.studies.kinds.scenes import Study, run_case
 

@@ -12,13 +12,12 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 from textbook import beam_matrices
 
+from pmr import InputError
 from pmr.compare.outputs import run_from_start
-from pmr.errors import InputError
 from pmr.files import npz
 from pmr.reduction.bodies import join_bodies, reduce_bodies
 from pmr.results.quantities import von_mises_stress
-from pmr.scene import Scene, load_any
-from pmr.scene.built import Load
+from pmr.scene import Load, Scene, load_any
 from pmr.scene.ground import MachineMass
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.structures import PointMass

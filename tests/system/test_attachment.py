@@ -10,13 +10,13 @@ import pytest
 import scipy.sparse as sp
 from scipy.optimize import brentq
 
+from pmr import ReducedModel
 from pmr import scene as scenes
 from pmr.fem.distributed import local_csr
 from pmr.fullmodel.build import build_bodies
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.bodies import reduce_bodies
 from pmr.system.attachment import CYLINDER, with_attachment_modes, with_cylinder_modes
-from pmr.system.reduced_model import ReducedModel
 from pmr.system.truncation import extend, truncate
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"

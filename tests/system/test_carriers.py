@@ -10,10 +10,9 @@ import pytest
 from oracle import carried_rows, enriched, free_modes, rich_body
 from scipy.interpolate import PPoly
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel
 from pmr.system.carriers import CarrierRows
 from pmr.system.polynomials import apply_table, evaluate
-from pmr.system.reduced_model import ReducedModel
 from pmr.system.soundness import describe_misfit
 from pmr.system.truncation import extend, truncate
 

@@ -12,16 +12,14 @@ from nested import Nested, full, reduced, with_round_off
 from oracle import flexible, full_body, generalized_alpha, project, rich_body
 from springs import CompliantRows
 
-from pmr.errors import InputError, SimulationError
+from pmr import InputError, ReducedModel, SimulationError, System
 from pmr.simulation import InitialState, TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody
 from pmr.system.changing_rows import ChangingRows
 from pmr.system.contact_rows import ROUND_OFF, compliant_rows, is_round_off
-from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Rows
 from pmr.system.soundness import dependence_of_flexibility, dependence_of_rows
-from pmr.system.system import System
 
 
 def test_the_diagonal_decides_and_its_bound_counts() -> None:

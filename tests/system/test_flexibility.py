@@ -10,9 +10,8 @@ import pytest
 from oracle import full_body, paper_basis, project
 from scipy.interpolate import PPoly
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel
 from pmr.system.carriers import Flexibility
-from pmr.system.reduced_model import ReducedModel
 
 RNG = np.random.default_rng(4)
 

@@ -14,9 +14,9 @@ import pytest
 from processes import FENICSX, PETSC, without
 from scipy.interpolate import PPoly
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel
 from pmr.system.body import pushing_rows
-from pmr.system.reduced_model import ReducedModel, satisfied_rows
+from pmr.system.reduced_model import satisfied_rows
 
 RNG = np.random.default_rng(2)
 

@@ -17,7 +17,7 @@ import pytest
 from boxes import box
 from nested import Nested, full, reduced
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel, System
 from pmr.files import npz
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.pads import Pad, Pads
@@ -31,8 +31,6 @@ from pmr.reduction.snapshots import free_modes
 from pmr.scene.structures import Plate, ShellBody
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact, Place
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 EARLIER = Path(__file__).parents[1] / "files" / "earlier" / "reduced.npz"
 

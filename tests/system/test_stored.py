@@ -11,10 +11,9 @@ import pytest
 from oracle import carried_rows, enriched, rich_body
 from scipy.interpolate import PPoly
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel
 from pmr.files import npz
 from pmr.system import stored
-from pmr.system.reduced_model import ReducedModel
 from pmr.system.soundness import symmetric_part
 from pmr.system.truncation import with_tables
 

@@ -11,12 +11,12 @@ from nested import FROM_END, LENGTH, Box, Nested, full, full_section, plain, red
 from on_pads import beam_on_pads, modes_on_pads
 from oracle import flexible, rich_body
 
-from pmr.errors import BEYOND_ENDS, InputError
+from pmr import InputError, System
+from pmr.errors import BEYOND_ENDS
 from pmr.simulation.statics.equilibrium import Equilibrium, equilibrium
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import ALONE, SLIDER, Contact, Place
 from pmr.system.rows import Rows, fixed_row, sparse_row
-from pmr.system.system import System
 
 #: Hz, retracted to 5.4 m of overlap and extended to 1.5 m, of a separate planar code.
 FREQUENCIES = {

@@ -17,22 +17,18 @@ from nested import Nested, box, full_section, joined, reduced, section
 from numpy.typing import NDArray
 from terms import geometric_stiffness
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel, Stepper, System
 from pmr.export.formats import Options, write
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.residual import section_model
 from pmr.reduction.snapshots import free_modes
 from pmr.scene.signals import Constant, Sine
-from pmr.simulation.excitation import Excitation
-from pmr.simulation.native.stepper import Stepper
+from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.statics.equilibrium import equilibrium
-from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.attachment import simulated_model, with_quasi_static_modes
 from pmr.system.body import SlidingBody
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 from pmr.system.terms import Term
 from pmr.system.truncation import truncate
 

@@ -10,9 +10,8 @@ import pytest
 from oracle import enriched, flexible, paper_basis, project, rich_body
 from scipy.interpolate import PPoly
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel
 from pmr.system.carriers import CarrierFlexibility
-from pmr.system.reduced_model import ReducedModel
 from pmr.system.truncation import extend, is_modal, truncate
 
 FULL = rich_body()

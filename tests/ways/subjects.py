@@ -15,10 +15,8 @@ from numpy.typing import NDArray
 from ways.kinds import Kind
 
 import pmr
-from pmr.cli.app import main
-from pmr.errors import InputError
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
+from pmr import InputError, ReducedModel, System
+from pmr.cli import main
 
 Array = NDArray[np.float64]
 

@@ -23,6 +23,7 @@ from processes import undrawn
 from ways.subjects import Refused, Subject, command, refusals
 
 import pmr
+from pmr import ReducedModel, System
 from pmr.export.fmi.fmu import fmu_contents
 from pmr.export.formats import BODY_FORMATS, FORMATS
 from pmr.fullmodel.build import full_model
@@ -36,8 +37,6 @@ from pmr.studies.call import kind_names
 from pmr.studies.study import SEPARATOR
 from pmr.system.assembly import Assembly
 from pmr.system.body import length_outputs
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 Way = Callable[[Subject], None]

@@ -15,7 +15,7 @@ from oracle import CASES, full_body, generalized_alpha, nrms_error, paper_basis,
 from turning_cylinder import Rigid, boom
 
 import pmr
-from pmr.cli.app import main as command
+from pmr.cli import main as command
 from pmr.compare.errors import nrms
 from pmr.report.blocks import Chapter
 from pmr.scene.mechanism import CYLINDER

@@ -9,13 +9,11 @@ from typing import Any
 import pytest
 from random_scenes import random_boom
 
+from pmr import InputError, Response, run
 from pmr import scene as scenes
 from pmr.compare import trials
 from pmr.compare.errors import relative_error
 from pmr.compare.estimate import MARGIN
-from pmr.errors import InputError
-from pmr.pipeline import run
-from pmr.results import Response
 from pmr.scene.run_settings import Accuracy
 from pmr.system.attachment import CYLINDER
 

@@ -16,17 +16,15 @@ from finished import WORKFLOWS
 from oracle import enriched, full_body
 from random_scenes import sliding_scene
 
+from pmr import InputError, reduce, run, simulate
 from pmr.cli.run import _tolerance_overrides
 from pmr.compare import mesh_part
 from pmr.compare.accuracy import Choice, accuracy_warnings
 from pmr.compare.error_parts import SimulatedSystem, reduction_error
 from pmr.compare.errors import relative_error
-from pmr.compare.simulated import simulate
 from pmr.compare.trials import Sizes, Trial, Trials
-from pmr.errors import InputError
 from pmr.errors.environment import Clock
 from pmr.models.mesh_drawing import graded_nodes
-from pmr.pipeline import reduce, run
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form

@@ -10,6 +10,7 @@ import pytest
 from alone import outputs, trials
 from oracle import enriched, flexible, full_body
 
+from pmr import InputError, System
 from pmr.compare import estimate as estimates
 from pmr.compare.accuracy_search import (
     explain_trial,
@@ -20,11 +21,10 @@ from pmr.compare.accuracy_search import (
 )
 from pmr.compare.outputs import Outputs, RoundOffBounds, differences
 from pmr.compare.trials import FINER, Sizes, Trial, Trials
-from pmr.errors import GrowthError, InputError
+from pmr.errors import GrowthError
 from pmr.scene.run_settings import Budget
 from pmr.scene.signals import Chirp, Constant, Sine, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
-from pmr.system.system import System
 
 FULL = full_body(30)
 MODEL = enriched(FULL, 6, enrichment=18)

@@ -17,17 +17,15 @@ import pytest
 from alone import trials
 from tolerance_scenes import KINDS, tolerance_scene, with_tolerance
 
+from pmr import InputError, ReducedModel, System, run
 from pmr.compare.outputs import Outputs, RoundOffBounds, differences, outputs_from_columns
-from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
-from pmr.pipeline import Outcome, run
+from pmr.pipeline import Outcome
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import ModalForm, modal_form
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 WHOLE = os.environ.get("PMR_SWEEP") == "full"
 SEEDS = range(60) if WHOLE else (56,)

@@ -21,17 +21,14 @@ from oracle import flexible, project
 from processes import called
 
 import pmr
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel, System
 from pmr.export.exudyn_script import script_data, write_exudyn_script
-from pmr.pipeline.scenes import Outcome
+from pmr.pipeline import Outcome
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase, Sine, SmoothRamp, Step, Sum, Table
-from pmr.simulation import TimeStepping
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.exudyn.simulator import simulate_system
 from pmr.simulation.native import systems
 from pmr.system.body import FullBody
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 KNOTS = {"times": (0.2, 0.5, 0.6, 1.1, 1.3), "values": (1.0, 2.0, 1.5, 1.8, -0.5)}
 SIGNALS: dict[str, SignalBase] = {

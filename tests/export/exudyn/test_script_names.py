@@ -12,13 +12,11 @@ import numpy as np
 import pytest
 from oracle import project
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel, System
 from pmr.errors.text import escape_controls, is_name
 from pmr.export.exudyn_script import script_data, write_exudyn_script
 from pmr.scene.signals import SignalBase, Sine, SmoothRamp, Step, Table
 from pmr.system.body import FullBody
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 PATH = SmoothRamp(times=(0.0, 0.2), values=(2.0, 2.6))
 SINE = Sine(amplitude=3.0, frequency=1.3, phase=0.4, offset=-2.0)

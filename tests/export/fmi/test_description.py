@@ -14,17 +14,15 @@ from export.fmi.libraries import Instance, loaded
 from export.fmi.units import BOOM, BOTH_WAYS, LOADS, RINGS, STEP, body_alone
 
 import pmr
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel, System
 from pmr.export.fmi.fmu import Contents, fmu_contents
 from pmr.export.fmi.variables import Drivers
-from pmr.simulation.excitation import Excitation, side_positions
+from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.excitation import side_positions
 from pmr.simulation.moving import StoredScene, read_scene
 from pmr.simulation.statics.equilibrium import equilibrium
-from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Place
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 
 def described(model: ReducedModel, version: str) -> Contents:

@@ -13,10 +13,9 @@ from simulation.native import test_stepper_luffing as freed
 from simulation.test_pairs import PLAIN
 
 import pmr
-from pmr.errors import SimulationError
+from pmr import SimulationError, System
 from pmr.export.fmi.fmu import fmu_contents
 from pmr.simulation.moving import read_scene
-from pmr.system.system import System
 
 pytestmark = pytest.mark.slow  # a boom is reduced
 

@@ -13,17 +13,15 @@ from export.fmi.libraries import Instance, loaded
 from hoists import cantilever
 
 import pmr
-from pmr.errors import InputError
+from pmr import InputError, Stepper, System
 from pmr.export.fmi.fmu import fmu_contents
 from pmr.export.fmi.variables import Drivers
 from pmr.scene import Scene
 from pmr.scene.hoist import OUTPUTS, ROPE_FORCE, WINCH_PULLS
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation
 from pmr.simulation.moving import MovingFrame, read_scene
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.stepper import Stepper
-from pmr.system.system import System
 
 CRANE = (
     "compare.against=[]",

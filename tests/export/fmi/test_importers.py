@@ -21,22 +21,17 @@ from processes import called
 from simulation.native import test_stepper_luffing
 
 from benchmarks.fmu import Timed
-from pmr import scene
+from pmr import ReducedModel, Stepper, System, reduce, scene
 from pmr.export.fmi import fmu
 from pmr.export.fmi.fmu import PLATFORMS
 from pmr.export.fmi.reference import reference
 from pmr.export.fmi.variables import Drivers
-from pmr.pipeline import reduce
 from pmr.scene.signals import Ramp, SignalBase
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.simulation.moving import read_scene
 from pmr.simulation.native import systems
-from pmr.simulation.native.stepper import Stepper
-from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import force_outputs
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).parents[3]

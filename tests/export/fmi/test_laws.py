@@ -18,13 +18,13 @@ from export.fmi.units import BODIES, KINDS, Array, Unit, unit_of
 from scipy.spatial.transform import Rotation
 
 import pmr
+from pmr import InputError, Stepper
 from pmr.compare.outputs import run_from_start
-from pmr.errors import BEYOND_ENDS, InputError
+from pmr.errors import BEYOND_ENDS
 from pmr.export.fmi.variables import Drivers, path_names
 from pmr.scene.mechanism import CYLINDER
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import systems
-from pmr.simulation.native.stepper import Stepper
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
 

@@ -12,10 +12,10 @@ from simulation.native import test_stepper_luffing as freed
 from turning_cylinder import Rigid, boom
 
 import pmr
+from pmr import System
 from pmr.export.fmi.fmu import fmu_contents
 from pmr.scene import Scene
 from pmr.simulation.moving import read_scene
-from pmr.system.system import System
 
 
 @pytest.mark.slow

@@ -14,15 +14,14 @@ from numpy.typing import NDArray
 from processes import called
 
 import pmr
+from pmr import InputError, System
 from pmr.compare.simulated import excitation_of_scene
-from pmr.errors import InputError
 from pmr.export.fmi import fmu
 from pmr.export.fmi.fmu import fmu_contents, write_fmu
 from pmr.export.fmi.variables import Drivers
 from pmr.observe.measured import ObserverFile, read_unit_observer
 from pmr.observe.observer import Estimates
 from pmr.simulation.moving import read_scene
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 ROOT, H = Path(__file__).parents[3], 4e-3

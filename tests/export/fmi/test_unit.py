@@ -19,7 +19,7 @@ from export.fmi.units import LOADS, PATH, STEP, provided
 from numpy.typing import NDArray
 from oracle import flexible, rich_body
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel, System
 from pmr.export.fmi import fmu
 from pmr.export.fmi.fmu import PLATFORMS, Contents, fmu_contents, selected_platforms
 from pmr.export.formats import Options, write
@@ -28,8 +28,6 @@ from pmr.kernel.state import Settings, State
 from pmr.scene.signals import SmoothRamp
 from pmr.simulation.modal import modal_form
 from pmr.simulation.moving import read_scene
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 VERSIONS = pytest.mark.parametrize("version", ["2", "3"])

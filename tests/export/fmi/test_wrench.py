@@ -11,10 +11,10 @@ import pytest
 from export.fmi.libraries import Instance, loaded
 
 import pmr
+from pmr import System
 from pmr.export.fmi.fmu import fmu_contents
 from pmr.scene import load_any
 from pmr.simulation.moving import read_scene
-from pmr.system.system import System
 
 ROOT = Path(__file__).parents[3]
 NAMES = [f"fly_{name}" for name in ("Fx", "Fy", "Fz", "Mx", "My", "Mz")]

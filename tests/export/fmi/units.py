@@ -15,12 +15,11 @@ from on_pads import beam_on_pads, flexible_on_pads
 from oracle import flexible, project, rich_body
 
 import pmr
+from pmr import ReducedModel, System
 from pmr.export.fmi.fmu import fmu_contents
 from pmr.export.fmi.variables import Drivers
 from pmr.scene.signals import Chirp, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation.moving import StoredScene, read_scene
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

@@ -12,6 +12,7 @@ import pytest
 from boxes import box
 from one_body import displacement
 
+from pmr import ReducedModel
 from pmr.fem.distributed import inner, local_csr, times
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
@@ -27,7 +28,6 @@ from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.petsc import Recording
 from pmr.system.body import Trajectory
 from pmr.system.polynomials import evaluate
-from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import BodyStates
 
 pytestmark = pytest.mark.mpi

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import modal_basis
@@ -16,7 +16,6 @@ from pmr.reduction.residual import flexible_model, section_model
 from pmr.reduction.residual_tables import ResidualFlexibility
 from pmr.reduction.snapshots import free_modes
 from pmr.system.body import FullBody
-from pmr.system.reduced_model import ReducedModel
 
 pytestmark = pytest.mark.mpi
 

@@ -14,7 +14,7 @@ from springs import CompliantRows, displacement
 from test_random_structures import BOOM, case
 from textbook import beam_matrices, static_tip_deflection
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel
 from pmr.fem.distributed import inner, tall, times
 from pmr.fullmodel.build import build, full_model
 from pmr.fullmodel.model import FullModel
@@ -25,7 +25,6 @@ from pmr.reduction.residual import FLOOR, flexible_model, section_model
 from pmr.reduction.residual_tables import ResidualFlexibility
 from pmr.reduction.snapshots import eigenmode_snapshots, free_modes
 from pmr.scene import load
-from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Rows
 from pmr.system.truncation import truncate
 

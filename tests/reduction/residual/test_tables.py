@@ -10,14 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pmr import scene
-from pmr.errors import InputError, environment
+from pmr import InputError, reduce, scene
+from pmr.errors import environment
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import AssembledBody, build, full_model
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structural import MirroredLoads, images_of, mirror_images
 from pmr.fullmodel.structure import couple
-from pmr.pipeline import reduce
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.residual import section_model

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from textbook import EA, EI, LENGTH, RHO_A
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import inner, times
 from pmr.fullmodel.build import full_model

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
+from pmr import ConvergenceError, run
 from pmr import scene as scenes
-from pmr.errors import ConvergenceError
 from pmr.fem.distributed import inner, times
 from pmr.fullmodel.build import build
 from pmr.fullmodel.eigensolvers import eigensolver
@@ -18,7 +18,6 @@ from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Clamp, Structure
-from pmr.pipeline import run
 from pmr.reduction.free_body import FreeBody, rigid_modes
 from pmr.reduction.snapshots import _remove_rigid_modes, free_modes
 from pmr.scene import Damping

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from oracle import nrms_error
 from textbook import EA, EI, LENGTH, RHO_A, TIP_DEFLECTION
 
-from pmr.errors import InputError, SimulationError
+from pmr import InputError, SimulationError
 from pmr.scene.signals import Constant, Ramp, SmoothRamp, Step
 from pmr.simulation import TimeStepping
 from pmr.simulation.exudyn import ancf

@@ -17,13 +17,12 @@ from oracle import CASES, flexible, full_body, generalized_alpha, project
 from own_mbs import OwnSystem
 from springs import CompliantRows
 
-from pmr.errors import InputError, SimulationError
+from pmr import InputError, ReducedModel, SimulationError
 from pmr.scene.signals import Chirp, Constant, Sine, Step
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.exudyn import simulator
 from pmr.simulation.exudyn.simulator import Formulation
 from pmr.system.body import FullBody, SlidingBody
-from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Rows
 
 Array = NDArray[np.float64]

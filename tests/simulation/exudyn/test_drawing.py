@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from free_turret import Turret
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.simulation import Excitation
 from pmr.simulation.exudyn import add_drawing, add_sensors, add_system
 from pmr.simulation.exudyn.drawing import BoomDrawing, section_tubes

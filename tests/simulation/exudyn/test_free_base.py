@@ -11,7 +11,7 @@ from exudyn.utilities import ObjectGround, RigidBodyInertia, RotationMatrixY
 from free_turret import KINDS, PLACE, TURRET, Turret
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.scene.frame import DIRECTIONS, INERTIA
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Table

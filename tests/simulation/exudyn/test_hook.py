@@ -14,7 +14,7 @@ from free_turret import Turret
 from numpy.typing import NDArray
 
 import pmr
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.scene import Scene
 from pmr.simulation.exudyn import Hook, add_hook
 from pmr.simulation.free_base import with_all_inertia

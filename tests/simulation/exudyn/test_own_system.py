@@ -17,13 +17,12 @@ from nested import Nested, reduced
 from numpy.typing import NDArray
 from own_mbs import OwnSystem
 
-from pmr.errors import InputError
+from pmr import InputError, System
 from pmr.scene.signals import Chirp, Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.exudyn import Formulation, add_pre_step_function, add_sensors, add_system, simulate_system
 from pmr.simulation.native import systems
 from pmr.system.states import SystemTrajectory
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 STEPPING = TimeStepping(0.1, 1e-3, 0.8)

@@ -15,8 +15,8 @@ from one_body import Simulate
 from oracle import flexible, full_body, generalized_alpha, project, started
 from own_mbs import OwnSystem
 
-from pmr.errors import InputError, SimulationError
-from pmr.scene.run_settings import Simulation
+from pmr import InputError, ReducedModel, SimulationError
+from pmr.scene import Simulation
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.exudyn import Formulation, contacts, equations, items, simulator
@@ -24,7 +24,6 @@ from pmr.simulation.exudyn.solver import describe_slider, read_sensor
 from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 from pmr.system.contact_rows import ContactRows
-from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Rows
 
 Array = NDArray[np.float64]

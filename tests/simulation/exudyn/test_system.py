@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from one_body import displacement
 from oracle import TIP_LOAD, flexible, full_body
 
-from pmr.errors import InputError
+from pmr import InputError, System
 from pmr.scene.signals import Chirp, Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.exudyn import simulate_system
 from pmr.simulation.native import systems
 from pmr.system.states import SystemTrajectory
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

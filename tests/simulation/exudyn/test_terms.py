@@ -11,12 +11,10 @@ from nested import Nested, full, reduced
 from numpy.typing import NDArray
 from terms import axial, excitation
 
+from pmr import System
 from pmr.scene.signals import Sine
-from pmr.simulation import exudyn
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation, TimeStepping, exudyn
 from pmr.simulation.native import systems
-from pmr.simulation.stepping import TimeStepping
-from pmr.system.system import System
 from pmr.system.terms import Term
 
 Array = NDArray[np.float64]

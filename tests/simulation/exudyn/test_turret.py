@@ -11,17 +11,16 @@ from numpy.typing import NDArray
 from turret import Turret
 
 import pmr
+from pmr import Response, System
 from pmr import scene as scenes
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.simulated import excitation_of_scene
 from pmr.report.columns import body_axes
-from pmr.results import Response
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.scene.signals import Table
 from pmr.simulation.exudyn import simulate_system
 from pmr.simulation.native.systems import start_of
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # ten seconds each

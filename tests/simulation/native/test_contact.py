@@ -14,7 +14,7 @@ from one_body import displacement, energy, respond
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel, Stepper, System
 from pmr.kernel.laws import solve_contact
 from pmr.kernel.state import Failure, StepError
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
@@ -22,10 +22,7 @@ from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native.form import failure_reason
 from pmr.simulation.native.march import without_pull
-from pmr.simulation.native.stepper import Stepper
 from pmr.system.body import Trajectory, pushing_rows
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 CLEARANCE = 1e-3

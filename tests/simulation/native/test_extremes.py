@@ -16,16 +16,14 @@ from on_pads import beam_on_pads, flexible_on_pads
 from one_body import displacement, energy
 from oracle import LENGTH, TIP_LOAD, flexible, full_body, nrms_error
 
+from pmr import ReducedModel, reduce
 from pmr.compare.errors import relative_error
 from pmr.fullmodel.build import full_model
-from pmr.pipeline import reduce
 from pmr.scene.signals import Constant, SignalBase, SmoothRamp, Table
-from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation import Excitation, InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
-from pmr.simulation.start import InitialState
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 from pmr.system.polynomials import evaluate
-from pmr.system.reduced_model import ReducedModel
 
 Array = NDArray[np.float64]
 

@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 from nested import Nested, full, reduced
 
-from pmr.errors import InputError
+from pmr import InputError, Stepper, System
 from pmr.scene.signals import Constant, Ramp, Sine
-from pmr.simulation.excitation import Excitation, side_positions
+from pmr.simulation import Excitation, TimeStepping
+from pmr.simulation.excitation import side_positions
 from pmr.simulation.native import systems
-from pmr.simulation.native.stepper import Stepper
-from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.states import states_of
-from pmr.system.system import System
 
 MU, ARM = 0.3, 0.18
 

@@ -21,22 +21,21 @@ from oracle import free_modes as modes_of
 from terms import axial, excitation
 
 import pmr
+from pmr import System
 from pmr.fullmodel.build import full_model
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.residual import section_model
 from pmr.reduction.snapshots import free_modes
 from pmr.scene.signals import Constant, Sine, SmoothRamp
-from pmr.simulation import contact_step
+from pmr.simulation import Excitation, TimeStepping, contact_step
 from pmr.simulation.contact_step import contact_frequency
-from pmr.simulation.excitation import Excitation, side_positions
+from pmr.simulation.excitation import side_positions
 from pmr.simulation.native import systems
-from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.carriers import CarrierRows
 from pmr.system.contacts import ALONE, SLIDER
 from pmr.system.states import SystemTrajectory
-from pmr.system.system import System
 
 #: Error of a contact's largest force over the largest of all that the tolerance keeps to, where impacts are resolved.
 WITHIN = 1e-3

@@ -14,13 +14,12 @@ from scipy.integrate import solve_ivp
 from textbook import beam_matrices
 
 import pmr
-from pmr.errors import InputError
+from pmr import InputError, System
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import check_scene
 from pmr.simulation import Excitation, exudyn
 from pmr.simulation.native import systems
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

@@ -13,14 +13,13 @@ from one_body import displacement, energy
 from oracle import CASES, Case, generalized_alpha, project, started
 from scipy.interpolate import PPoly
 
-from pmr.errors import InputError, SimulationError
+from pmr import InputError, ReducedModel, SimulationError
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.simulation.native import march as marching
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 from pmr.system.carriers import Flexibility
-from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Rows, fixed_row, sparse_row
 
 Array = NDArray[np.float64]

@@ -14,12 +14,10 @@ import pytest
 from driving import driven
 from oracle import Case, full_body, paper_basis, project
 
-from pmr.errors import BEYOND_ENDS, InputError, SimulationError
-from pmr.simulation import TimeStepping
+from pmr import InputError, ReducedModel, SimulationError, Stepper
+from pmr.errors import BEYOND_ENDS
+from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.native.driving import Values
-from pmr.simulation.native.stepper import Stepper
-from pmr.simulation.start import InitialState
-from pmr.system.reduced_model import ReducedModel
 
 STEPPING = TimeStepping(end=0.4, step=1e-3, rho_inf=0.7)
 

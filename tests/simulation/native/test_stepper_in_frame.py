@@ -11,13 +11,10 @@ from numpy.typing import NDArray
 from shaken_crane import CHANGES, RHO, STEP, shaken_crane
 
 import pmr
-from pmr.errors import InputError
-from pmr.simulation import TimeStepping
-from pmr.simulation.excitation import Excitation
+from pmr import InputError, Stepper, System
+from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.moving import MovingFrame
 from pmr.simulation.native import systems
-from pmr.simulation.native.stepper import Stepper
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 

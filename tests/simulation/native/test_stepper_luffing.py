@@ -11,7 +11,7 @@ import pytest
 from oil_boom import FOOT, LUG, RIGID, UP_AND_DOWN, oil
 
 import pmr
-from pmr.errors import InputError
+from pmr import InputError, System
 from pmr.export.fmi.reference import reference
 from pmr.export.fmi.variables import Drivers, variables
 from pmr.kernel.machine import CYLINDER_COLUMNS
@@ -19,7 +19,6 @@ from pmr.scene import Scene
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.moving import read_scene
 from pmr.simulation.native.luffing import LuffingRun
-from pmr.system.system import System
 
 pytestmark = pytest.mark.slow  # a boom is reduced
 

@@ -10,16 +10,12 @@ import pytest
 from nested import Nested, full, reduced
 
 import pmr
-from pmr.errors import InputError
+from pmr import InputError, Stepper, System
 from pmr.scene import Scene
 from pmr.scene.signals import Constant, SignalBase, Sine, Table
-from pmr.simulation import TimeStepping
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation, InitialState, TimeStepping
 from pmr.simulation.native import systems
 from pmr.simulation.native.driving import Drivers
-from pmr.simulation.native.stepper import Stepper
-from pmr.simulation.start import InitialState
-from pmr.system.system import System
 
 END, STEP, RHO = 0.2, 1e-3, 0.9
 SHORT = ["compare.against=[]", "section.mesh.elements=8", f"time.end={END}", f"time.step={STEP}"]

@@ -15,17 +15,14 @@ from nested import LENGTH, Nested, full, full_section, plain, reduced, section
 from one_body import displacement
 from oracle import carried_rows, flexible, full_body, rich_body
 
-from pmr.errors import InputError, SimulationError
+from pmr import InputError, SimulationError, System
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase, SmoothRamp
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation, InitialState, TimeStepping
 from pmr.simulation.native import systems
-from pmr.simulation.start import InitialState
-from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact, Place
 from pmr.system.rows import Rows
 from pmr.system.states import SystemTrajectory
-from pmr.system.system import System
 
 RETRACTED, EXTENDED = 0.6, 4.5  # m of extension
 

@@ -19,19 +19,16 @@ from scipy.integrate import solve_ivp
 from terms import TURN, axial, excitation, geometric_stiffness, masses, merged, turning, turning_frequencies
 
 import pmr
-from pmr.errors import SimulationError
+from pmr import SimulationError, System
 from pmr.scene.hoist import OUTPUTS, ROPE_FORCE
 from pmr.scene.signals import Constant, Ramp, Sine
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation, InitialState, TimeStepping
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.start import InitialState
 from pmr.simulation.statics.equilibrium import buckling_factors
-from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact, Place
 from pmr.system.states import SystemTrajectory
-from pmr.system.system import System
 from pmr.system.terms import Term
 
 Array = NDArray[np.float64]

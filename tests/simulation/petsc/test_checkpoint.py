@@ -20,7 +20,7 @@ from petsc_alone import observe
 from processes import python
 from waiting import wait_until
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.fem.compat import MPI
 from pmr.fullmodel.model import FullModel
 from pmr.scene.signals import Constant, Ramp, Sine

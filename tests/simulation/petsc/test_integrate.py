@@ -16,7 +16,7 @@ from oracle import CASES, full_body, generalized_alpha, rich_body, started
 from petsc_alone import observe
 from processes import resident
 
-from pmr.errors import InputError, SimulationError
+from pmr import InputError, SimulationError, System
 from pmr.fem.compat import MPI
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulation import InitialState, TimeStepping, contact_step
@@ -25,7 +25,6 @@ from pmr.simulation.petsc import Recording, constraint
 from pmr.system.body import FullBody
 from pmr.system.body_matrices import Rayleigh
 from pmr.system.rows import Rows
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 PATH = Sine(amplitude=0.7, frequency=4.0, offset=2.0)

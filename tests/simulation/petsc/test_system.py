@@ -12,7 +12,7 @@ from distributed import distributed
 from nested import Nested, full, reduced
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
+from pmr import InputError, System
 from pmr.fem.compat import MPI
 from pmr.fem.factor import Factor
 from pmr.fullmodel.model import FullModel, FullSystem
@@ -22,7 +22,6 @@ from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.native import systems
 from pmr.simulation.petsc import Checkpoint, History, Recording, constraint, observe, static_start
 from pmr.simulation.petsc.rows import BlockFactor
-from pmr.system.system import System
 
 Array = NDArray[np.float64]
 EVERYTHING = Recording(energies=True)

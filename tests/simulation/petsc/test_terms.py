@@ -11,15 +11,13 @@ from nested import Nested, full
 from numpy.typing import NDArray
 from terms import axial, excitation
 
-from pmr.errors import SimulationError
+from pmr import SimulationError, System
 from pmr.fem.compat import MPI
 from pmr.fullmodel.model import FullSystem
 from pmr.scene.signals import Constant, Sine
-from pmr.simulation.excitation import Excitation
+from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.native import systems
 from pmr.simulation.petsc import Checkpoint, Recording, observe, static_start
-from pmr.simulation.stepping import TimeStepping
-from pmr.system.system import System
 from pmr.system.terms import Term
 
 Array = NDArray[np.float64]

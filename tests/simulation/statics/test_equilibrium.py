@@ -8,13 +8,11 @@ import scipy.sparse as sp
 from rods import bar_between_pads, bent_chain, chain_on_a_stop, stable_equilibria
 from scipy.interpolate import PPoly
 
-from pmr.errors import InputError
+from pmr import InputError, ReducedModel, System
 from pmr.simulation.statics.equilibrium import equilibrium, saddle_point_solver
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows
 from pmr.system.contacts import Contact, Place
-from pmr.system.reduced_model import ReducedModel
-from pmr.system.system import System
 from pmr.system.terms import Term
 
 

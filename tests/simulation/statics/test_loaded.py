@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.simulation.statics.loaded import Equations, Form, LoadedStructure
 from pmr.studies.allowed import Search, first_load, run_searches
 from pmr.system.soundness import FreeMotions, cholesky_root, first_singular

@@ -16,7 +16,7 @@ import pytest
 from finished import WORKFLOWS, finished
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
+from pmr import InputError
 from pmr.errors.environment import plugin_objects
 from pmr.report.studies import render_studies
 from pmr.scene import load_any

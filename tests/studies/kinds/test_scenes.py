@@ -10,12 +10,10 @@ from finished import compute
 from fuzz import toml
 from ways.kinds import HOISTED, PLANE, boom, rings
 
-from pmr import scene
+from pmr import InputError, Response, run, scene
 from pmr import scene as scenes
-from pmr.errors import InputError
 from pmr.files.whole import user_cache_folder
-from pmr.pipeline import run
-from pmr.results import Energy, Response
+from pmr.results import Energy
 from pmr.scene.tomlfiles import Change
 from pmr.studies import call
 from pmr.studies import shared as common
