@@ -15,14 +15,12 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.signal
-from alone import frequencies
 from modelica_text import declared_array
 from nested import Nested, reduced
 from numpy.typing import NDArray
 from on_pads import beam_on_pads, flexible_on_pads
 from oracle import flexible, project, rich_body
 from processes import called
-from state_spaces import frequency_response
 
 from pmr import InputError, ReducedModel, System
 from pmr.export.control import RESERVED, write_modelica
@@ -55,24 +53,6 @@ def response(model: ReducedModel, s: float, w: float) -> NDArray[np.complex128]:
     x = np.linalg.solve(np.block([[dynamic, C.T], [C, -F]]), np.vstack([model.B, -tables.inputs(s)]))
     y = model.outputs @ x[:r] + tables.direct - tables.outputs(s) @ x[r:]
     return np.vstack([y, x[r:]])
-
-
-def test_the_response_is_that_of_the_equations(model: ReducedModel) -> None:
-    omega = np.array([0.0, 3.0, 40.0, 700.0])
-    found = frequency_response(state_space(System.of(model), {"slider": S}, "model"), omega)
-    for k, s in enumerate(S):
-        for j, w in enumerate(omega):
-            expected = response(model, s, w)
-            np.testing.assert_allclose(found[k, j], expected, rtol=1e-9, atol=1e-10 * np.abs(expected).max())
-
-
-def test_undamped_poles_are_the_frequencies(model: ReducedModel) -> None:
-    bare = replace(model, D=np.zeros_like(model.D), rayleigh=None)
-    space = state_space(System.of(bare), {"slider": S}, "model")
-    expected = 2.0 * np.pi * frequencies(bare, S, 4)
-    for A, omega in zip(space.A, expected, strict=True):
-        found = np.sort(np.abs(np.linalg.eigvals(A).imag))[::2][:4]
-        np.testing.assert_allclose(found, omega, rtol=1e-8)
 
 
 def test_matlab_and_python_control_read_the_same(saved: Path, model: ReducedModel, monkeypatch, capsys) -> None:

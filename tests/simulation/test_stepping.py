@@ -22,12 +22,6 @@ from pmr.system.contacts import Contact, Place
 from pmr.system.rows import Rows
 
 
-def test_times_are_all_steps() -> None:
-    stepping = TimeStepping(end=0.3, step=0.1)
-    assert stepping.steps == 3
-    np.testing.assert_allclose(stepping.times, [0.0, 0.1, 0.2, 0.3], atol=1e-15)
-
-
 @pytest.mark.parametrize(
     ("values", "key"),
     [
@@ -62,21 +56,6 @@ PATHS = {"boom": Sine(amplitude=0.5, frequency=1.5, offset=2.0), "jib": Ramp(tim
 LOADS = {"F": Constant(amount=2.0), "T": Ramp(times=(0.0, 1.0), values=(0.0, 1.0))}
 
 
-def test_paths_are_sampled_with_their_rates() -> None:
-    found = Excitation(PATHS, LOADS, STEPPING)
-    t, omega = STEPPING.times, 3.0 * np.pi
-    np.testing.assert_allclose(found.s[:, 0], 2.0 + 0.5 * np.sin(omega * t), atol=1e-14)
-    np.testing.assert_allclose(found.rates[:, 0], 0.5 * omega * np.cos(omega * t), atol=1e-12)
-    assert found.s is found.s  # sampled once
-
-
-def test_loads_are_found_by_name_in_whatever_order() -> None:
-    found, t = Excitation(PATHS, LOADS, STEPPING), STEPPING.times
-    np.testing.assert_array_equal(found.f, np.stack([np.full(401, 2.0), t], axis=1))
-    np.testing.assert_array_equal(found.forces(["T", "F"]), found.f[:, ::-1])
-    assert Excitation(PATHS, {}, STEPPING).forces([]).shape == (401, 0)
-
-
 @pytest.mark.parametrize("names", [["F"], ["F", "T", "G"], ["F", "G"]])
 def test_a_load_without_an_input_and_an_input_without_a_load_are_refused(names: list[str]) -> None:
     with pytest.raises(InputError, match=f"loads: F, T given, one for each input is allowed: {', '.join(names)}"):
@@ -91,24 +70,11 @@ def test_several_paths_are_no_single_one() -> None:
     np.testing.assert_array_equal(found.path_rate, found.rates[:, 0])
 
 
-def test_signals_have_names_for_messages() -> None:
-    one, two = Excitation({"slider": PATHS["jib"]}, LOADS, STEPPING), Excitation(PATHS, {}, STEPPING)
-    assert [name for name, _ in one.signals] == ["the slider's path", "load F", "load T"]
-    assert two.signals == [("path boom", PATHS["boom"]), ("path jib", PATHS["jib"])]
-
-
 def test_another_time_grid_is_sampled_anew() -> None:
     whole = Excitation(PATHS, LOADS, STEPPING)
     fine = whole.with_stepping(STEPPING.divide(4))
     np.testing.assert_allclose(fine.s[::4], whole.s, rtol=0.0, atol=1e-14)
     assert whole.with_stepping(STEPPING) is whole
-
-
-def test_a_scene_says_what_drives_it(load_scene) -> None:
-    scene = load_scene("evolved_residual", ["time.end=0.5"])
-    found = Excitation.from_scene(scene)
-    assert list(found.loads) == [load.name for load in scene.loads] and found.path is scene.slider.path
-    assert (found.stepping.end, found.stepping.rho_inf) == (0.5, scene.time.rho_inf)
 
 
 def test_path_outside_its_domain_is_refused_with_the_time() -> None:
@@ -159,11 +125,6 @@ def any_state(body: SlidingBody) -> InitialState:
     q, v = random.standard_normal((2, body.size))
     C = rows_at(body)
     return InitialState(q - np.linalg.pinv(C) @ (C @ q), v)
-
-
-def test_without_initial_state_the_body_is_at_rest(body: SlidingBody) -> None:
-    start = started(body, S, S_RATE, None)
-    np.testing.assert_array_equal([start.q, start.v], np.zeros((2, body.size)))
 
 
 def test_velocity_is_corrected_by_an_impulse_of_the_rows(body: SlidingBody) -> None:

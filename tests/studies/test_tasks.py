@@ -15,36 +15,8 @@ from waiting import is_alive, wait_until
 import pmr
 from pmr.errors import environment
 from pmr.studies.study import Store
-from pmr.studies.tasks import Plan, ReadyQueue, Task, digests, open_nodes, task_key
+from pmr.studies.tasks import Plan, ReadyQueue, Task, digests, open_nodes
 from pmr.studies.workers import OTHER_CODE, Order, Worker, code_of_tasks
-
-
-@pytest.mark.parametrize("key", ["", "a/b", "a b", ".hidden", "x" * 121, "ä", "a\n"])
-def test_a_key_must_be_fit_for_a_file(key: str) -> None:
-    with pytest.raises(ValueError, match="allowed"):
-        Task(key, square)
-
-
-@pytest.mark.parametrize(
-    ("text", "key"),
-    [
-        ("my scene", "my_scene"),
-        ("paper_simple", "paper_simple"),
-        ("modes=4,s=-1.5e-3", "modes=4,s=-1.5e-3"),
-        ("größe/2", "gr_e_2"),
-        ("", "0"),
-        (".hidden", "0.hidden"),
-        ("ü", "0_"),
-        ("x" * 120, "x" * 120),
-    ],
-)
-def test_every_text_has_a_key(text: str, key: str) -> None:
-    assert task_key(text) == key and Task(key, square).key == key
-
-
-def test_long_keys_that_differ_at_their_ends_still_differ() -> None:
-    one, other = (task_key(130 * "x" + end) for end in "ab")
-    assert one != other and len(one) == len(other) == 120 and Task(one, square).key.startswith(110 * "x")
 
 
 def test_a_task_is_a_function_of_a_module() -> None:
@@ -103,30 +75,6 @@ def test_the_start_of_the_longest_chain_goes_first() -> None:
 def test_equally_urgent_tasks_keep_the_order_of_the_plan() -> None:
     plan = Plan(tuple(task(key) for key in "dbca"))
     assert order(plan) == list("dbca")
-
-
-def test_a_task_waits_for_all_it_needs() -> None:
-    plan = Plan((task("sum", "a", "b", cost=9.0), task("last")), (task("a"), task("b")))
-    ready = ReadyQueue(open_nodes([plan], "", nothing_done))
-    a, b = ready.pop(), ready.pop()
-    ready.mark_done(a.digest)
-    assert (a.task.key, b.task.key, ready.pop().task.key, bool(ready)) == ("a", "b", "last", False)
-    ready.mark_done(b.digest)
-    assert ready.pop().task.key == "sum"
-
-
-def test_what_is_done_needs_nothing_any_more() -> None:
-    plan = Plan((task("one", "a"), task("two", "a", "b")), (task("a"), task("b")))
-    digest = digests(plan, "")
-    done = {digest["one"], digest["b"]}
-    nodes = open_nodes([plan], "", done.__contains__)
-    assert [node.task.key for node in nodes.values()] == ["a", "two"]
-    assert nodes[digest["two"]].needs == {"a": digest["a"], "b": digest["b"]}
-
-
-def test_equal_tasks_of_two_plans_are_one() -> None:
-    plans = [Plan((Task(key, add, {}, {"of": f"{key}x"}),), (Task(f"{key}x", square, {"x": 2}),)) for key in "ab"]
-    assert len(open_nodes(plans, "", nothing_done)) == 2
 
 
 def test_a_circle_is_refused() -> None:

@@ -20,7 +20,6 @@ from pmr.scene import Simulation
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.exudyn import Formulation, contacts, equations, items, simulator
-from pmr.simulation.exudyn.solver import describe_slider, read_sensor
 from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 from pmr.system.contact_rows import ContactRows
@@ -126,16 +125,6 @@ def test_progress_is_told_about_a_hundred_times_and_ends_at_one(rich: FullBody) 
     assert shares == pytest.approx(np.arange(1, 101) / 100)
 
 
-def test_wrong_input_is_refused_before_anything_runs(rich: FullBody) -> None:
-    simulate = one_body.in_exudyn
-    with pytest.raises(InputError, match="0 to 4.2 m is allowed; left at t = 0.051 s"):
-        simulate(rich, driven(Ramp(times=(0.0, 0.1), values=(4.0, 4.4 + 1e-6)), LOADS, STEPPING))
-    with pytest.raises(InputError, match="loads: F given, one for each input is allowed: F, T"):
-        simulate(rich, driven(PATH, LOADS[:1], STEPPING))
-    with pytest.raises(InputError, match="row 'pin x' is violated"):
-        simulate(rich, driven(PATH, LOADS, STEPPING), InitialState(np.eye(21)[0], np.zeros(21)))
-
-
 def test_dependent_rows_fail_with_time_and_place(
     body: SlidingBody, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -154,23 +143,6 @@ def test_dependent_rows_fail_with_time_and_place(
 def test_an_overflow_fails_with_time_and_place(rich: FullBody) -> None:
     with pytest.raises(SimulationError, match=r"step 100, t = 0\.1 s, slider at 2\.337\d* m"):
         one_body.in_exudyn(rich, driven(PATH, [LOADS[0], Step(time=0.1, after=1e308)], STEPPING))
-
-
-class StoredData:
-    """An mbs whose sensor stored what is given."""
-
-    def __init__(self, values: Array) -> None:
-        self.GetSensorStoredData = lambda sensor: np.column_stack([np.arange(len(values)), values])
-
-
-def test_only_complete_and_finite_results_count() -> None:
-    values = np.ones((STEPPING.steps + 1, 2))
-    np.testing.assert_array_equal(read_sensor(StoredData(values), 0, STEPPING, describe_slider(PATH.value)), values)
-    with pytest.raises(SimulationError, match="200 of 201 steps"):
-        read_sensor(StoredData(values[1:]), 0, STEPPING, describe_slider(PATH.value))
-    values[7, 1] = np.nan
-    with pytest.raises(SimulationError, match=r"step 7, t = 0\.007 s, slider at 2\.02\d* m: not finite"):
-        read_sensor(StoredData(values), 0, STEPPING, describe_slider(PATH.value))
 
 
 def test_nothing_is_printed_or_written(
@@ -257,18 +229,6 @@ def test_update_rewinds_for_a_second_solve(rich: FullBody) -> None:
     items.update(own.mbs, 0.0)
     (again,) = own.solve_again(0)
     np.testing.assert_array_equal(again, once)
-
-
-def test_items_are_what_their_names_say(rich: FullBody) -> None:
-    own = OwnSystem(STEPPING)
-    items = simulator.add_sliding_body(own.mbs, rich, PATH, named(LOADS))
-    assert own.mbs.GetNode(items.nBody)["nodeType"] == "GenericODE2"
-    assert own.mbs.GetObject(items.oBody)["objectType"] == "GenericODE2"
-    assert int(own.mbs.GetMarker(items.mBody)["nodeNumber"]) == int(items.nBody)
-    assert own.mbs.GetNode(int(own.mbs.GetMarker(items.mGround)["nodeNumber"]))["nodeType"] == "PointGround"
-    assert int(own.mbs.GetMarker(items.mSystem)["objectNumber"]) == int(items.oSystem)
-    joined = own.mbs.GetObject(items.oSlider)["markerNumbers"]
-    assert [int(m) for m in joined] == [int(items.mGround), int(items.mSystem)]
 
 
 def test_newtons_method_takes_exudyns_own_settings(rich: FullBody) -> None:

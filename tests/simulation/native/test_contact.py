@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import one_body
@@ -15,7 +14,6 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 
 from pmr import InputError, ReducedModel, Stepper, System
-from pmr.kernel.laws import solve_contact
 from pmr.kernel.state import Failure, StepError
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import InitialState, TimeStepping
@@ -32,51 +30,6 @@ PATH = SmoothRamp(times=(0.0, 0.5), values=(3.0, 3.5))
 LOADS = (SmoothRamp(times=(0.0, 0.1), values=(0.0, 9.81)), Sine(amplitude=4000.0, frequency=5.0))
 #: One part a step: what is tested here is the scheme, whatever the step resolves.
 STEPPING = TimeStepping(end=0.5, step=1e-3, rho_inf=0.9, parts=1)
-
-
-def settled(A: Array, b: Array, clearance: Array, closed: Array) -> Array:
-    pushes = ~np.isnan(clearance)
-    return np.asarray(solve_contact(A, b - np.where(pushes, clearance, 0.0), pushes, closed)[0])
-
-
-def enumerated(A: Array, b: Array, pushes: Array) -> Array:
-    """The solution among all 2^m choices of closed rows."""
-    found = []
-    for choice in product([False, True], repeat=len(b)):
-        closed = np.array(choice) | ~pushes
-        multipliers = np.zeros(len(b))
-        multipliers[closed] = np.linalg.solve(A[np.ix_(closed, closed)], b[closed])
-        gap = A @ multipliers - b
-        if np.all(multipliers[pushes] >= 0.0) and np.all(gap[~closed] >= 0.0):
-            found.append(multipliers)
-    return found[0]
-
-
-@pytest.mark.parametrize("m", [1, 2, 5, 7])
-def test_closed_rows_are_those_of_the_only_solution(m: int) -> None:
-    """From any rows to begin with; some of them hold both ways."""
-    rng = np.random.default_rng(m)
-    for _ in range(50):
-        X, b, pushes = rng.standard_normal((m, m)), rng.standard_normal(m), rng.random(m) < 0.7
-        pushes[-1] = True
-        A, clearance = X @ X.T + 1e-3 * np.eye(m), np.where(pushes, 0.3 * rng.random(m), np.nan)
-        expected = enumerated(A, b - np.where(pushes, clearance, 0.0), pushes)
-        found = settled(A, b, clearance, ~pushes | (rng.random(m) < 0.5))
-        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
-
-
-def test_one_at_a_time_ends_what_all_at_once_would_not() -> None:
-    """Three rows that chase each other for ever if all wrong ones change sides at once; a matrix of determinant one."""
-    A, b = np.array([[9.0, 12, -11], [12, 17, -14], [-11, -14, 14]]), np.array([-3.0, -1.0, 4.0])
-    closed, seen = np.zeros(3, bool), []
-    while closed.tolist() not in seen:
-        seen.append(closed.tolist())
-        multipliers = np.zeros(3)
-        multipliers[closed] = np.linalg.solve(A[np.ix_(closed, closed)], b[closed])
-        closed = closed ^ np.where(closed, multipliers < 0.0, A @ multipliers < b)
-    assert len(seen) > 2 and closed.any()
-    expected = enumerated(A, b, np.ones(3, bool))
-    np.testing.assert_allclose(settled(A, b, np.zeros(3), np.zeros(3, bool)), expected, atol=1e-12)
 
 
 BODIES = {"modes": modes_on_pads, "flexible": flexible_on_pads}
@@ -159,14 +112,6 @@ def test_pads_that_stay_closed_are_bilateral_ones() -> None:
     for name in ("q", "v", "multipliers"):
         a, b = getattr(found, name), getattr(expected, name)
         np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-13 * np.abs(b).max())
-
-
-def test_pads_that_are_never_reached_are_none(few: ReducedModel) -> None:
-    far = replace(few, clearance=np.full(4, 1e3))
-    none = replace(few, rows=type(few.rows)(few.rows.c[:, :, :0], few.rows.x), row_names=(), pads=None, clearance=None)
-    found, expected = (one_body.simulate(body, driven(PATH, LOADS, STEPPING)) for body in (far, none))
-    assert not found.multipliers.any()
-    np.testing.assert_allclose(found.q, expected.q, rtol=0.0, atol=1e-13 * np.abs(expected.q).max())
 
 
 def by_penalty(body: ReducedModel, t: Array) -> tuple[Array, Array, Array]:
