@@ -15,8 +15,13 @@ from waiting import is_alive, wait_until
 import pmr
 from pmr.errors import environment
 from pmr.studies.study import Store
-from pmr.studies.tasks import Plan, ReadyQueue, Task, digests, open_nodes
+from pmr.studies.tasks import Plan, ReadyQueue, Task, digests, open_nodes, task_key
 from pmr.studies.workers import OTHER_CODE, Order, Worker, code_of_tasks
+
+
+def test_long_keys_that_differ_at_their_ends_still_differ() -> None:
+    one, other = (task_key(130 * "x" + end) for end in "ab")
+    assert one != other and len(one) == len(other) == 120 and Task(one, square).key.startswith(110 * "x")
 
 
 def test_a_task_is_a_function_of_a_module() -> None:
