@@ -31,12 +31,23 @@ OTHER = {
     ],
 }
 MODELS = {"evolved_residual": OURS, "boom_beam": [*OURS, "slider.travel=[1.4,4.2]"]}
+BOOM_BEAM, COARSE = (
+    ROOT / "workflows" / "boom_beam.toml",
+    [*MODELS["boom_beam"], "mesh.elements=8", "recovery.every=1"],
+)
 
 
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     asked = scene.load(ROOT / "workflows" / "evolved_residual.toml", OURS)
     return whole.reduce(asked).reduced.save(tmp_path_factory.mktemp("saved") / "reduced.npz")
+
+
+@pytest.fixture(scope="module")
+def boom_beam(tmp_path_factory: pytest.TempPathFactory) -> ReducedModel:
+    """Model of a coarse boom, saved and read again."""
+    reduced = whole.reduce(scene.load(BOOM_BEAM, COARSE)).reduced
+    return ReducedModel.load(reduced.save(tmp_path_factory.mktemp("boom") / "reduced.npz"))
 
 
 def sets(overrides: list[str]) -> list[str]:
@@ -90,19 +101,17 @@ def test_what_does_not_fit_the_model_is_refused_in_one_line(
 
 
 @pytest.mark.slow
-def test_a_path_beyond_what_the_model_was_made_for_is_refused_with_the_time() -> None:
+def test_a_path_beyond_what_the_model_was_made_for_is_refused_with_the_time(boom_beam: ReducedModel) -> None:
     """The boom is there, the model has its pads on another stretch."""
-    file, ours = ROOT / "workflows" / "boom_beam.toml", [*MODELS["boom_beam"], "mesh.elements=8"]
-    model = whole.reduce(scene.load(file, ours)).reduced
     path = "slider.path={kind='ramp',times=[0.0,1.0],values=[4.0,4.4]}"
     with pytest.raises(InputError, match=r"slider.path = 4.2\d*: 1.4 to 4.2 m is allowed; left at t = 0.5"):
-        simulate_saved(System.of(model), scene.load(file, ["mesh.elements=8", path, "time.end=1", "recovery.every=1"]))
+        asked = scene.load(BOOM_BEAM, ["mesh.elements=8", path, "time.end=1", "recovery.every=1"])
+        simulate_saved(System.of(boom_beam), asked)
 
 
 @pytest.mark.slow
-def test_loads_in_another_place_or_direction_than_the_model_was_made_with_are_refused() -> None:
-    file, ours = ROOT / "workflows" / "boom_beam.toml", [*MODELS["boom_beam"], "mesh.elements=8", "recovery.every=1"]
-    model = whole.reduce(scene.load(file, ours)).reduced
+def test_loads_in_another_place_or_direction_than_the_model_was_made_with_are_refused(boom_beam: ReducedModel) -> None:
+    file, ours, model = BOOM_BEAM, COARSE, boom_beam
     with pytest.raises(InputError, match=r"gravity.direction = .*that of the model is allowed: \[0.0, 0.0, -1.0\]"):
         simulate_saved(System.of(model), scene.load(file, [*ours, "gravity.inclination=30.0"]))
     with pytest.raises(InputError, match=r"loads\[1\].direction = 'z': that of the model is allowed: 'y'"):
@@ -131,10 +140,11 @@ FREE = ["title=x", "time.step=1e-3", "gravity.rise=0.1", "loads.gust.signal=3.0"
 
 
 @pytest.mark.slow
-def test_what_is_baked_into_a_saved_model_is_refused_where_a_scene_says_something_else(tmp_path: Path) -> None:
+def test_what_is_baked_into_a_saved_model_is_refused_where_a_scene_says_something_else(
+    boom_beam: ReducedModel,
+) -> None:
     """Of each kind of key one; signals, path and time are free."""
-    file, ours = ROOT / "workflows" / "boom_beam.toml", [*MODELS["boom_beam"], "mesh.elements=8", "recovery.every=1"]
-    model = ReducedModel.load(whole.reduce(scene.load(file, ours)).reduced.save(tmp_path / "reduced.npz"))
+    file, ours, model = BOOM_BEAM, COARSE, boom_beam
     check_same_scene(model, scene.load(file, [*ours, *FREE]))
     for change, says in BAKED.items():
         with pytest.raises(InputError, match=f"scene: {says}"):
