@@ -56,6 +56,14 @@ PATHS = {"boom": Sine(amplitude=0.5, frequency=1.5, offset=2.0), "jib": Ramp(tim
 LOADS = {"F": Constant(amount=2.0), "T": Ramp(times=(0.0, 1.0), values=(0.0, 1.0))}
 
 
+def test_paths_are_sampled_with_their_rates() -> None:
+    found = Excitation(PATHS, LOADS, STEPPING)
+    t, omega = STEPPING.times, 3.0 * np.pi
+    np.testing.assert_allclose(found.s[:, 0], 2.0 + 0.5 * np.sin(omega * t), atol=1e-14)
+    np.testing.assert_allclose(found.rates[:, 0], 0.5 * omega * np.cos(omega * t), atol=1e-12)
+    assert found.s is found.s  # sampled once
+
+
 @pytest.mark.parametrize("names", [["F"], ["F", "T", "G"], ["F", "G"]])
 def test_a_load_without_an_input_and_an_input_without_a_load_are_refused(names: list[str]) -> None:
     with pytest.raises(InputError, match=f"loads: F, T given, one for each input is allowed: {', '.join(names)}"):
