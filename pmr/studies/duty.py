@@ -1,8 +1,8 @@
 """Load cases of a chart, and its duty tables: the allowed load over radius and boom length, as manuals print it.
 
 A load case has the loads that act at once, and factors that the user chooses, with the standard that gives them.  A
-duty table holds no load that the chart did not compute: between two neighbouring luffing angles the smaller of their
-loads counts, and outside the radii that a boom length reaches there is none.
+duty table has a load at each round radius, interpolated between the luffing angles of the chart; outside the radii that
+a boom length reaches there is none.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from typing import Annotated, Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
+from scipy.interpolate import PchipInterpolator
 
 from pmr.errors import InputError
 from pmr.errors.environment import import_package
 from pmr.errors.text import letters
 from pmr.files.arrays import Array
 from pmr.scene.keys import SceneTable, Usual
-from pmr.studies.charting import governing_limit, lower_bounds
+from pmr.studies.charting import lower_bounds
 from pmr.studies.study import csv_text
 
 #: Words in place of a limit where none is reached up to the largest load that is tried.
@@ -56,6 +57,31 @@ class LeastLoads(NamedTuple):
         return cls(load[order], error[order], place[order], rows[0]["luffing"].reshape(-1, turns)[:, 0], order)
 
 
+class TableColumn(NamedTuple):
+    """Loads of l limits at R radii of a duty table, for one boom length; NaN at radii that the tip does not reach."""
+
+    load: Array  # (R, l) kg
+    lower: Array  # (R, l) kg: the load less its error bar
+
+    @classmethod
+    def at_radii(cls, radii: Array, least: LeastLoads, lower: Array, e: int, up_to: float) -> TableColumn:
+        """Interpolate the loads of boom length number `e` between luffing angles, for the tip at `radii` (R,) in m.
+
+        `lower` (E, A, l) in kg are lower bounds of the loads of `least`.  A limit that is not reached counts as reached
+        at `up_to` in kg.  Of a radius that the tip has at two angles, above and below the horizontal, the smaller load
+        counts.  The lower bound is less by what interpolation with curves and with straight lines differ.
+        """
+        luffing, order = np.unique(least.luffing, return_index=True)
+        place, load = least.place[e, order, 0], np.nan_to_num(least.load[e, order], nan=up_to)
+        angles = _angles_at_radii(radii, place, luffing)
+        of_load, straight, bound = (
+            _interpolate_loads(angles, luffing, values, up_to, smooth=smooth)
+            for values, smooth in ((load, True), (load, False), (lower[e, order], True))
+        )
+        bound = np.maximum(bound - np.abs(of_load - straight), 0.0)
+        return cls(np.fmin(*of_load), np.fmin(*bound))
+
+
 @dataclass(frozen=True)
 class DutyTable:
     """Allowed loads at R radii for E boom lengths; NaN outside the radii that a boom length reaches.
@@ -77,28 +103,14 @@ class DutyTable:
     @classmethod
     def from_loads(cls, least: LeastLoads, up_to: float) -> DutyTable:
         """Return the duty table of a chart; `up_to` is the largest load in kg that was tried."""
-        E, A, limits = least.load.shape
-        flat, error = least.load.reshape(-1, limits), least.error.reshape(-1, limits)
-        which = governing_limit(flat).reshape(E, A)
-        load = np.nan_to_num(flat, nan=up_to).min(axis=1).reshape(E, A)
-        lower = np.maximum(lower_bounds(flat, error, up_to).min(axis=1), 0.0).reshape(E, A)
-        radius, radii = least.place[:, :, 0], _round_radii(least.place[:, :, 0])
-        nearest = np.full((len(radii), E), -1)  # number of the angle whose load counts
-        for e in range(E):
-            for first, last in [(k, k + 1) for k in range(A - 1)] or [(0, 0)]:
-                ends = np.sort(radius[e, [first, last]])
-                slack = 1e-9 * float(np.abs(radius).max())
-                inside = (radii >= ends[0] - slack) & (radii <= ends[1] + slack)
-                for k in (first, last):
-                    at = nearest[:, e]
-                    taken = inside & ((at < 0) | (load[e, k] < load[e, at]))
-                    other = last if k == first else first
-                    is_end = (np.abs(radii - radius[e, other]) <= slack) & (first != last)
-                    nearest[taken & ~is_end, e] = k
-        outside, rows = nearest < 0, np.arange(E)
-        allowed, bound = (np.where(outside, np.nan, array[rows, nearest]) for array in (load, lower))
+        radii = _round_radii(least.place[:, :, 0])
+        lower = np.maximum(lower_bounds(least.load, least.error, up_to), 0.0)
+        columns = [TableColumn.at_radii(radii, least, lower, e, up_to) for e in range(len(least.load))]
+        load = np.stack([column.load for column in columns], axis=1)  # (R, E, l)
+        limited, which = load.min(axis=2), load.argmin(axis=2)
         lengths = np.linalg.norm(least.place[:, 0], axis=1)
-        return cls(radii, lengths, allowed, bound, np.where(outside, -1, which[rows, nearest]), up_to)
+        bound = np.stack([column.lower for column in columns], axis=1).min(axis=2)
+        return cls(radii, lengths, limited, bound, np.where(limited < up_to, which, -1), up_to)
 
     def csv(self, names: Sequence[str]) -> str:
         """Return the table as text in CSV; `names` are the names of the limits."""
@@ -143,6 +155,41 @@ class DutyTable:
         file = io.BytesIO()
         book.save(file)
         return file.getvalue()
+
+
+def _angles_at_radii(radii: Array, place: Array, luffing: Array) -> Array:
+    """Return the two luffing angles (2, R) in rad at which the tip has each of the `radii` (R,) in m.
+
+    `place` (A,) are the tip's radii in m at A increasing angles `luffing`.  Angles outside their range are NaN.
+    """
+    angles = np.full((2, len(radii)), np.nan)
+    if len(luffing) == 1:
+        angles[0, np.isclose(radii, place[0], rtol=1e-9)] = luffing[0]
+        return angles
+    # the tip turns about the pivot: its radius is across cos(angle) + up sin(angle)
+    across, up = np.linalg.lstsq(np.column_stack([np.cos(luffing), np.sin(luffing)]), place, rcond=None)[0]
+    length, slack = np.hypot(across, up), 1e-6
+    turned = np.where(radii <= length * (1.0 + slack), np.arccos(np.clip(radii / length, -1.0, 1.0)), np.nan)
+    angles[:] = np.arctan2(up, across) + np.array([[1.0], [-1.0]]) * turned
+    outside = (angles < luffing[0] - slack) | (angles > luffing[-1] + slack)
+    return np.where(outside, np.nan, np.clip(angles, luffing[0], luffing[-1]))
+
+
+def _interpolate_loads(angles: Array, luffing: Array, load: Array, up_to: float, smooth: bool) -> Array:
+    """Interpolate `load` (A, l) in kg, given at the increasing angles `luffing` (A,), at `angles` (2, R) in rad.
+
+    The result is (2, R, l), NaN where an angle is NaN.  The inverse of the load is interpolated, as a moment that a
+    limit allows is the load times a radius: by monotone cubic curves, or by straight lines if not `smooth`.
+    """
+    if len(luffing) == 1:
+        return np.where(np.isnan(angles)[..., None], np.nan, load[0])
+    offset = 1e-3 * up_to  # keeps the inverse of a load of 0 finite
+    inverse = 1.0 / (load + offset)
+    if smooth:
+        curves = PchipInterpolator(luffing, inverse)(angles)
+    else:
+        curves = np.stack([np.interp(angles, luffing, values) for values in inverse.T], axis=-1)
+    return np.asarray(1.0 / curves - offset)
 
 
 def _round_radii(radius: Array) -> Array:

@@ -32,12 +32,14 @@ from pmr.report.figures.canvas import (
     mix_with_white,
     section_colours,
 )
-from pmr.report.numbers import enlargement
+from pmr.report.numbers import enlargement, format_input
 
 #: Largest number of curves of constant load; largest number of cells that show a text under a pointer.
 CURVES, MOST_CELLS = 12, 4000
 #: Largest number of boom lengths with a line of allowed loads over the radius.
 LINES = 9
+#: Heights in points of the labels of boom lengths above the ends of their lines, in turn.
+LABEL_HEIGHTS = (14.0, 26.0)
 #: Loads in kg for which curves of constant load are drawn, times a power of ten.
 STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 #: Share (0 to 1) in which the colours of limits are mixed with white.
@@ -72,7 +74,7 @@ class LoadChart:
     def labels(self) -> list[str]:
         """Letters and names of the governing limits, and words for positions at which no limit is reached."""
         named = [f"{letters(k)} {self.names[k]}" for k in self.governing_limits]
-        return named + [f"more than {self.up_to:g} kg (search ends there)"] * bool((self.which < 0).any())
+        return named + [f"more than {format_input(self.up_to)} kg (search ends there)"] * bool((self.which < 0).any())
 
     @property
     def colours(self) -> dict[int, str]:
@@ -140,7 +142,7 @@ def _draw_chart(chart: LoadChart) -> DrawnChart:
     if min(chart.load.shape) > 1 and levels:
         load = np.ma.masked_invalid(chart.load)
         drawn = ax.contour(*chart.place.transpose(2, 0, 1), load, levels=levels, colors=INK, linewidths=0.7, zorder=2.0)
-        ax.clabel(drawn, fmt=lambda value: f"{value:g}", fontsize=7.0, inline_spacing=2)
+        ax.clabel(drawn, fmt=format_input, fontsize=7.0, inline_spacing=2)
     ax.plot(0.0, 0.0, marker="o", color=MUTED, markersize=4.0, clip_on=False, zorder=3.0)
     equal_axes(ax)
     entries = zip(colours.values(), names, strict=True)
@@ -151,7 +153,8 @@ def _draw_chart(chart: LoadChart) -> DrawnChart:
 def duty_lines(chart: LoadChart) -> Figure:
     """Draw the allowed load over the radius, a line for each of up to `LINES` boom lengths, as manuals print it.
 
-    Colour and letter of a piece of a line say which limit governs.  Where no limit is reached, arrows at the load at
+    The boom length stands above the end of its line, at the largest radius.  Colour and letter of a piece of a line say
+    which limit governs; each limit has its letter once on a line.  Where no limit is reached, arrows at the load at
     which the search ends point up.
     """
     names = chart.labels
@@ -159,8 +162,9 @@ def duty_lines(chart: LoadChart) -> Figure:
     figure, axes = make_sheet(WIDE, 3.4 + ROW * rows, margins={"left": 0.6, "right": 0.5, "top": 0.12 + ROW * rows})
     ax: Axes = axes[0, 0]
     ax.set(xlabel="Radius in m", ylabel="Allowed load in kg")
-    for e in spread_indices(len(chart.load), LINES):
+    for number, e in enumerate(spread_indices(len(chart.load), LINES)):
         radius, load, which = chart.place[e, :, 0], chart.load[e], chart.which[e]
+        shown = np.where(which >= 0, load, chart.up_to)
         ax.plot(radius, load, color="0.75", linewidth=0.5, zorder=1.0)
         reached, beyond = np.flatnonzero(which >= 0), which < 0
         ax.plot(radius[beyond], np.full(beyond.sum(), chart.up_to), color=MUTED, marker="^", linestyle="none")
@@ -168,9 +172,19 @@ def duty_lines(chart: LoadChart) -> Figure:
             of_limit = np.where(which == k, load, np.nan)
             ax.plot(radius, of_limit, color=chart.colours[int(k)], marker=".", markersize=4.0, linewidth=1.4)
             first = int(np.argmax(which == k))
-            length = f" {np.linalg.norm(chart.place[e, 0]):.3g} m" if first == reached[0] else ""
-            text, at = f"{letters(int(k))}{length}", (radius[first], load[first])
-            ax.annotate(text, at, (2.0, 3.0), textcoords="offset points", fontsize=7.0)
+            ax.annotate(
+                letters(int(k)), (radius[first], load[first]), (-7.0, -7.0), textcoords="offset points", fontsize=6.0
+            )
+        end = int(np.argmax(radius))  # labels of neighbours stand at two heights, each with a thin line to its point
+        ax.annotate(
+            f"{np.linalg.norm(chart.place[e, 0]):.3g} m",
+            (radius[end], shown[end]),
+            (0.0, LABEL_HEIGHTS[number % 2]),
+            textcoords="offset points",
+            fontsize=7.0,
+            ha="center",
+            arrowprops={"arrowstyle": "-", "color": MUTED, "linewidth": 0.5, "shrinkA": 0.0, "shrinkB": 2.0},
+        )
     ax.set_ylim(bottom=0.0)
     entries = zip(chart.colours.values(), names, strict=True)
     add_legend(figure, [Line2D([], [], color=of, linewidth=2.0, label=name) for of, name in entries], rows)

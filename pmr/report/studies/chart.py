@@ -132,7 +132,7 @@ def _headline(study: FinishedStudy, least_loads: Array) -> str:
             if study.study_file["limits"]
             else f" Only the limit {STABILITY} was evaluated: [[limits]] of the study adds others."
         )
-        most = f"{study.study_file['up_to']:g}{SPACE}kg"
+        most = format_input(study.study_file["up_to"], "kg")
         return f"No limit is reached up to {most} at any of {least_loads.size} points.{hint}"
     beyond = np.isnan(least_loads).any()
     high = _ceiling(study) if beyond else _format_load(np.nanmax(least_loads))
@@ -342,12 +342,14 @@ def _duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Iter
     more = " All boom lengths are in duty.csv." if len(columns) < len(duty.lengths) else ""
     caption = (
         "Allowed load in kg over radius and boom length, from the pivot, undeformed. The letter is that of the limit "
-        f"that governs.{ends} Between two luffing angles of the chart the smaller of both loads stands; where nothing "
-        f"stands, the tip does not come.{more}"
+        f"that governs.{ends} Between the luffing angles of the chart, each limit is interpolated. Empty cells are "
+        f"radii that the tip does not reach.{more}"
     )
     named = {caption: duty.load}
     if study.study_file["error_bars"]:
-        named[f"Lower bounds: these loads, less the error bars of all limits. Not in them: {not_covered}."] = duty.lower
+        named[f"Lower bounds: these loads, less error bars and doubt of interpolation. Not in them: {not_covered}."] = (
+            duty.lower
+        )
     for text, values in named.items():
         head = ("radius in m", *(f"{duty.lengths[e]:.3g}{SPACE}m" for e in columns))
         yield Grid(text, head, tuple((f"{radius:g}", *(cell(r, int(e), values) for e in columns))

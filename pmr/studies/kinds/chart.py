@@ -228,10 +228,10 @@ class Study(StudyBase):
         if not all(np.isfinite(column).any() for column in columns):
             alone = f"; only the limit {STABILITY} was evaluated; [[limits]] of the study adds others"
             hint = "" if self.limits else alone
-            return f"no limit is reached up to {self.up_to:g} kg at any of {points} points{hint}"
+            return f"no limit is reached up to {self.up_to:.10g} kg at any of {points} points{hint}"
         most = f"{float(np.nanmax(columns[1])):.0f} kg"
         if (governing_limit(self.table(results)["load"]) < 0).any():
-            most = f"more than {self.up_to:g} kg, where the search ends,"
+            most = f"more than {self.up_to:.10g} kg, where the search ends,"
         low = f"it carries {float(np.nanmin(columns[0])):.0f} to {most}"
         return f"{low} at {points} points, by all limits{self._error_bar_clause(results)}"
 

@@ -37,7 +37,7 @@ def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_n
     assert [block.heading for block in chapter.blocks] == ["What is not in this chart", "Limits", "Load cases"]
     assert not any(block.drawings for block in chapter.blocks) and not chapter.key_numbers
     assert "not reached" not in str([grid.rows for block in chapter.blocks for grid in block.grids])
-    start = "No limit is reached up to 20000\u00a0kg at any of 6 points. Only the limit stability was evaluated"
+    start = "No limit is reached up to 20\u202f000\u00a0kg at any of 6 points. Only the limit stability was evaluated"
     assert chapter.headline.startswith(start)
 
 
@@ -73,19 +73,24 @@ def test_labels_of_a_steep_boom_do_not_overlap(luffing: float) -> None:
 
 def test_the_legend_names_the_colour_of_places_where_no_limit_is_reached() -> None:
     place = np.array([[[1.0, 0.0], [0.7, 0.7]], [[2.0, 0.0], [1.4, 1.4]]])
-    chart = LoadChart(place, np.array([[np.nan, 5.0], [4.0, 3.0]]), np.array([[-1, 0], [0, 0]]), ["tip"], 2000.0)
+    chart = LoadChart(place, np.array([[np.nan, 5.0], [4.0, 3.0]]), np.array([[-1, 0], [0, 0]]), ["tip"], 1.25e6)
     labels = [text.get_text() for text in load_chart(chart).legends[0].get_texts()]
-    assert labels == ["A tip", "more than 2000 kg (search ends there)"]
+    assert labels == ["A tip", "more than 1\u202f250\u202f000 kg (search ends there)"]
 
 
 def test_lines_of_duty_have_length_and_letter_and_end_where_the_tip_does() -> None:
-    """Two boom lengths; the shorter one is limited by `pads` where it is low, and by nothing where it is steep."""
+    """Two boom lengths; the shorter one is limited by `pads` where it is low, and by nothing where it is steep.
+
+    The length stands above the end of its line, at the largest radius.
+    """
     angle = np.deg2rad([10.0, 40.0, 70.0])
     place = np.array([8.0, 12.0])[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     load = np.array([[900.0, 1200.0, np.nan], [500.0, 700.0, 1500.0]])
     chart = LoadChart(place, load, np.array([[1, 1, -1], [0, 0, 1]]), ["tip", "pads"], 2000.0)
     ax = duty_lines(chart).axes[0]
-    assert sorted(text.get_text() for text in ax.texts) == ["A 12 m", "B", "B 8 m"]
+    assert sorted(text.get_text() for text in ax.texts) == ["12 m", "8 m", "A", "B", "B"]
+    ends = {text.get_text(): text.xy for text in ax.texts if text.get_text().endswith("m")}
+    assert ends["8 m"] == (place[0, 0, 0], 900.0) and ends["12 m"] == (place[1, 0, 0], 500.0)
     drawn = np.concatenate([line.get_xydata() for line in ax.lines if line.get_marker() == "."])
     drawn = drawn[np.isfinite(drawn[:, 1])]
     assert np.allclose(sorted(drawn[:, 0]), sorted([*place[0, :2, 0], *place[1, :, 0]]))
