@@ -33,6 +33,7 @@ from pmr.cli.console import (
 from pmr.cli.console import study_file as found_file
 from pmr.errors import InputError, environment
 from pmr.errors.text import escape_controls
+from pmr.results.quantities import stress_remark
 
 if TYPE_CHECKING:
     from pmr.scene import Scene
@@ -243,6 +244,15 @@ of = "stress"
 most = {most:.6g}e6    # Pa, the least yield stress where probes are
 factor = 1.5    # bending of walls under pads comes on top of stresses of beams: limits of pads keep it small
 """
+#: Limit of a chart on the forces of the pads of a joint, for a section by name, with a force in N.
+WALLS = """
+[[limits]]
+name = "walls at pads of {name}"
+of = "pad"
+which = ["{name} *"]
+most = {force:.1f}    # N of a pad alone, at which the walls of {section} begin to yield at its edge
+factor = 1.5    # bending of the whole section comes on top
+"""
 LIMITS = """
 # Further limits that the load must keep, each with your own safety factor.
 # [[limits]]
@@ -300,10 +310,27 @@ def _slewing_angles(frame: Frame, end: float) -> list[float]:
     return [low + width * k / max(count, 1) for k in range(count + (width < turn))]
 
 
+def _wall_limits(scene: Scene) -> Iterator[str]:
+    """Yield a limit of a chart for each joint of beams whose walls' stress at pads can be computed."""
+    from pmr.fullmodel.wall_stress import yield_forces
+
+    if not stress_remark(scene):  # shells have a limit of their own, on the stress field
+        return
+    try:
+        forces = yield_forces(scene)
+    except InputError as error:
+        print_text(err, f"walls at pads are not limited: {error.allowed}")
+        return
+    for name, at_yield in forces.items():
+        yield WALLS.format(name=name, force=at_yield.force, section=at_yield.section)
+
+
 def _chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
     """Return the text of a study file for a load chart, over the ranges of the scene's extensions and luffing angle.
 
-    `up_to` is the largest load in kg.  Raises InputError if the scene has no luffing angle.
+    Limits are tipping, the stress at probes and that of walls at pads, as far as the scene has what they need; pads are
+    pressed on shells of the sections for it.  `up_to` is the largest load in kg.  Raises InputError if the scene has no
+    luffing angle.
     """
     if scene.frame is None or scene.frame.luffing is None or scene.frame.luffing == "free":
         allowed = "a scene whose [frame] has a luffing angle over time is allowed"
@@ -334,6 +361,7 @@ def _chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
             f"slewing = [{', '.join(f'{angle:.6g}' for angle in slewing)}]  # the least load of all counts\n",
             TIPPING if scene.frame.ground is not None else "",
             STRESS.format(most=1e-6 * min(filter(None, yields))) if yields and all(yields) else "",
+            *_wall_limits(scene),
             LIMITS,
         ]
     )

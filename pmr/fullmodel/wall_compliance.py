@@ -116,10 +116,8 @@ def _compute_compliance(
     body: PlateBody, standing: tuple[Pad, ...], ends: tuple[tuple[str, str], ...], rings: tuple[Ring, ...]
 ) -> tuple[Array, list[SlidingCompliance]]:
     """Solve on the shell and the beam of a body for the compliance that `wall_compliance` returns."""
-    box = body.box
-    line = Beam3DBody(length=box.length, profile=body.profile, material=body.material, shear=True, elements=ELEMENTS)
-    sigma = (HELD * box_beam(line, body.profile).reference_frequency) ** 2
-    shell, beam = _HeldModel(_shell(body), body, sigma), _HeldModel(box_beam(line, body.profile), body, sigma)
+    box, line = body.box, _beam_of(body)
+    shell, beam = HeldModel(shell_of(body), body), HeldModel(line, body)
     fixed_shell, fixed_beam = (
         sp.vstack([model.pads(standing, np.zeros(1)), model.motions(ends)], "csr") for model in (shell, beam)
     )
@@ -135,14 +133,14 @@ def _compute_compliance(
     return (C + C.T) / 2.0, sliding
 
 
-class _HeldModel:
+class HeldModel:
     """A model of a body and its static displacements under unit forces.
 
     The clamps and rigid masses that keep the shape of its ends hold the model.  If they leave a rigid motion free, its
-    inertia holds the model, and `sigma` in 1/s^2 times the mass is added to the stiffness.
+    inertia holds the model, and the mass times a small shift is added to the stiffness.
     """
 
-    def __init__(self, model: StructuralModel, body: PlateBody, sigma: float) -> None:
+    def __init__(self, model: StructuralModel, body: PlateBody) -> None:
         structure = Structure(model, clamps=body.clamps, masses=body.masses)
         self._model, self._means, self._T = model, PadMeans(model), couple(structure).T
         self._full = full = structural_model(structure, MPI.COMM_SELF)
@@ -153,6 +151,7 @@ class _HeldModel:
         self._J = self._R.T @ self._MR
         F = full.K.copy()
         if self._R.size:
+            sigma = (HELD * _beam_of(body).reference_frequency) ** 2
             F.axpy(sigma, full.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         self._factor = factor_for_columns(F, "stiffness")
         free_objects(F)
@@ -178,6 +177,10 @@ class _HeldModel:
         x = self._factor.solve_columns(np.asfortranarray(f - self._MR @ self._solve_rigid(self._R.T @ f)))
         x -= self._R @ self._solve_rigid(self._MR.T @ x)
         return x
+
+    def under_pads(self, pads: Sequence[Pad]) -> Array:
+        """Displacements (c, k) of the model's own c coordinates under a unit force on each of k pads alone."""
+        return np.asarray(self._T @ self._displacements(self.pads(pads, np.zeros(1))))
 
     def compliance(self, loaded_rows: sp.csr_matrix, rows: sp.csr_matrix) -> Array:
         """What `rows` (m, n) measure under a unit force on each of the `loaded_rows` (f, n): compliance (m, f).
@@ -231,7 +234,15 @@ def _smooth(values: Array) -> Array:
     return np.concatenate([between[:1], (between[:-1] + between[1:]) / 2.0, between[-1:]])
 
 
-def _shell(body: PlateBody) -> Shell:
+def _beam_of(body: PlateBody) -> StructuralModel:
+    """Beam of a box, whose compliance is subtracted from that of the shell."""
+    line = Beam3DBody(
+        length=body.box.length, profile=body.profile, material=body.material, shear=True, elements=ELEMENTS
+    )
+    return box_beam(line, body.profile)
+
+
+def shell_of(body: PlateBody) -> Shell:
     """Shell of a box, meshed by gmsh."""
     with TemporaryDirectory() as folder:
         write_shell(body.box, Path(folder, "walls.msh"))

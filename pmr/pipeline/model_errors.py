@@ -22,6 +22,7 @@ from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI, has_compiled_code
 from pmr.files.arrays import Array
 from pmr.fullmodel.build import build_bodies, log_warnings
+from pmr.fullmodel.wall_stress import stress_growth
 from pmr.reduction.bodies import Reduction, reduce_bodies, with_stress_flags
 from pmr.reduction.cache import Cache, SystemCache, cache_in
 from pmr.reduction.from_scene import Vectors
@@ -139,8 +140,9 @@ class ComparedScene:
         """Entry ``wall_stress`` of ``budget.model``: the largest von Mises stress of a scene of shells; collective.
 
         It has ``value`` in Pa, ``t`` in s, ``position`` in m, ``section`` and ``region``, and length and width of the
-        section's ``cells`` in m.  The stresses are those at the times of a `recovery`, from the reduced shells.  The
-        entry is missing without a recovery of stresses, and for models other than shells.
+        section's ``cells`` in m.  If a pad of a joint is near, ``growth`` is the factor by which the stress of this pad
+        grows with short cells.  The stresses are those at the times of a `recovery`, from the reduced shells.
+        The entry is missing without a recovery of stresses, and for models other than shells.
         """
         shells = all(model_of(of) == "shell" and of.part.body.box is not None for of in members(self.scene))
         if recovery is None or not recovery.stress or not shells:
@@ -156,9 +158,16 @@ class ComparedScene:
         part = self.scene.sections[int(section)]
         box = part.body.box
         assert box is not None  # as of all sections
-        return {"wall_stress": {"value": value, "t": t, "position": position, "section": part.name,
-                                "region": [*(side.name for side in box.sides), ""][int(side)],
-                                "cells": [part.mesh.along or part.mesh.size, part.mesh.size]}}  # fmt: skip
+        entry = {"value": value, "t": t, "position": position, "section": part.name,
+                 "region": [*(side.name for side in box.sides), ""][int(side)],
+                 "cells": [part.mesh.along or part.mesh.size, part.mesh.size]}  # fmt: skip
+        with suppress(*UNNEEDED):  # walls that change along the section
+            place = np.array(position)
+            growth = self.comm.bcast(
+                call_on_first_rank(self.comm, lambda: stress_growth(self.scene, int(section), place))
+            )
+            entry |= {} if growth is None else {"growth": growth}
+        return {"wall_stress": entry}
 
     def _peak_numbers(self, recovery: Recovery) -> Array:
         """Number of the section and of the side of its box (-1: none), stress in Pa, time in s, place (3,) in m."""

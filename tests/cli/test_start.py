@@ -22,6 +22,7 @@ from pmr import scene as scenes
 from pmr.cli.app import TEMPLATES, app, scene_kinds
 from pmr.cli.console import scene_file, study_file
 from pmr.errors import InputError
+from pmr.fullmodel.wall_stress import YieldForce
 from pmr.scene.members import member_at, members
 from pmr.simulation.frame import load_signals
 from pmr.studies import call
@@ -224,10 +225,17 @@ def test_what_has_no_chart_is_refused_in_one_line(
     assert not list(tmp_path.iterdir())
 
 
+def _only_write_charts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let `pmr chart` write its study without computing it, and with a yield force of pads that takes no shell."""
+    monkeypatch.setattr("pmr.cli.study.study", lambda *_, **__: None)
+    forces = {"middle": YieldForce(38.5e3, "middle", "tail bottom left")}
+    monkeypatch.setattr("pmr.fullmodel.wall_stress.yield_forces", lambda scene: forces)
+
+
 def test_the_study_that_it_writes_asks_for_all_that_the_scene_goes_through(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
-    monkeypatch.setattr("pmr.cli.study.study", lambda *_, **__: None)  # written, not computed
+    _only_write_charts(monkeypatch)
     called(monkeypatch, capsys, "chart", "crane", "--up-to", "20000", "--out", str(tmp_path))
     asked = call.load(tmp_path / "chart.toml").parts[0].study
     assert (asked.extensions[0], asked.extensions[-1]) == (
@@ -239,7 +247,7 @@ def test_the_study_that_it_writes_asks_for_all_that_the_scene_goes_through(
 def test_the_study_that_it_writes_looks_over_all_sides_of_a_boom_that_slews(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
-    monkeypatch.setattr("pmr.cli.study.study", lambda *_, **__: None)  # written, not computed
+    _only_write_charts(monkeypatch)
     monkeypatch.chdir(tmp_path)
     for most, angles in (("360.0", tuple(range(0, 360, 45))), ("-30.0", (-30.0, 0.0)), ("0.0", (0.0,))):
         signal = f"slewing = {{ kind = 'smooth_ramp', times = [2.0, 10.0], values = [0.0, {most}] }}"
@@ -251,13 +259,15 @@ def test_the_study_that_it_writes_looks_over_all_sides_of_a_boom_that_slews(
 
 
 def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    monkeypatch.setattr("pmr.cli.study.study", lambda *_, **__: None)  # written, not computed
+    _only_write_charts(monkeypatch)
     monkeypatch.chdir(tmp_path)
     called(monkeypatch, capsys, "new", "crane", "mine")
     called(monkeypatch, capsys, "chart", "mine", "--up-to", "20000")
     study = call.load(tmp_path / "reports" / "chart_mine" / "chart.toml").parts[0].study
     limits = [(limit.of, limit.most, limit.factor) for limit in study.limits]
-    assert limits == [("tipping", 1.0, 1.33), ("stress", 355e6, 1.5)]  # the scene has outriggers and a probe of stress
+    # the scene has outriggers, a probe of stress and pads
+    assert limits == [("tipping", 1.0, 1.33), ("stress", 355e6, 1.5), ("pad", 38.5e3, 1.5)]
+    assert study.limits[-1].which == ("middle *",)
     assert study.slewing == (0.0, 45.0, 90.0)
     scene = json.dumps(study.plan().runs[0].arguments)
     assert "hook block" in scene and '"name": "payload"' not in scene  # the load that is looked for hangs in its place

@@ -15,12 +15,12 @@ from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure
 from pmr.fullmodel.wall_compliance import (
     A_LAYER,
+    HeldModel,
     PlateBody,
     Ring,
     _compute_compliance,
-    _HeldModel,
-    _shell,
     places_along,
+    shell_of,
     wall_compliance,
 )
 from pmr.fullmodel.walls import Sliding, Standing, Walls, summary
@@ -220,15 +220,15 @@ def test_the_shells_compliance_is_symmetric_definite_and_a_mirror_image_of_itsel
 @pytest.mark.numerical
 def test_forces_that_are_mirror_images_take_no_solve(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("gmsh")
-    box, solved, solve = Box(length=2.4, width=0.3, height=0.4, wall=0.008), [], _HeldModel._displacements
+    box, solved, solve = Box(length=2.4, width=0.3, height=0.4, wall=0.008), [], HeldModel._displacements
     body = PlateBody(draw_box(box, 0.15, 0.3), box, Material(), 5.0 / 6.0, (Clamp("tail"),))
     ring = tuple(Pad(f"{on} {y}", on, across=y, width=0.06, at=0.6) for on in ("top", "bottom") for y in (-0.1, 0.1))
 
-    def count(model: _HeldModel, rows: sp.csr_matrix) -> np.ndarray:
+    def count(model: HeldModel, rows: sp.csr_matrix) -> np.ndarray:
         solved.append(rows.shape[0])
         return solve(model, rows)
 
-    monkeypatch.setattr(_HeldModel, "_displacements", count)
+    monkeypatch.setattr(HeldModel, "_displacements", count)
     request = body, PRESSED[:2], (("tip", "y"),), (Ring(ring, 0.6),)
     C, (along,) = _compute_compliance(*request)
     assert solved == [2, 3, 5, 20]  # shell, then beam, under what stays; the same under the ring at five places
@@ -243,7 +243,7 @@ def test_pads_that_mirror_others_measure_as_by_quadrature_of_their_own(monkeypat
     """One of each group of mirror images is integrated; a pad off the group's places, or longer ones, are too."""
     pytest.importorskip("gmsh")
     box, strips, strip = Box(length=2.4, width=0.3, height=0.4, wall=0.008), [], Shell.strip
-    model = _shell(PlateBody(draw_box(box, 0.15, 0.3), box, Material(), 5.0 / 6.0))
+    model = shell_of(PlateBody(draw_box(box, 0.15, 0.3), box, Material(), 5.0 / 6.0))
     monkeypatch.setattr(Shell, "strip", lambda *which: strips.append(which[1]) or strip(*which))
     on_top = [Pad(f"{on} {y}", on, across=y, width=0.06) for on in ("top", "bottom") for y in (-0.1, 0.1)]
     on_sides = [Pad(f"{on} {z}", on, across=z, width=0.06) for on in ("left", "right") for z in (-0.1, 0.1)]

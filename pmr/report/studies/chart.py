@@ -15,6 +15,7 @@ from pmr.report.figures.canvas import drawing
 from pmr.report.figures.load_chart import LINES, BentBoom, LoadChart, bent_boom, duty_lines, load_chart, pointer_cells
 from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.studies.finished import FinishedStudy
+from pmr.report.subject import shown_force_name
 from pmr.results.response import FORCES
 from pmr.scene.keys import ALONE
 from pmr.studies import charting
@@ -26,6 +27,11 @@ from pmr.studies.limits import KINDS, STABILITY
 PARTS = ("", *(f".{of}" for of in charting.PARTS))
 #: Text in place of a load if no load up to the largest one that was tried reaches the limit.
 NOT_REACHED = "limit not reached"
+#: Sentence of a chart without limits of pads or of the stress field.
+NO_WALLS = (
+    " These loads are not those that are allowed: walls and pads are not looked at, and walls may yield at pads under "
+    "smaller loads. A run states the stress of walls at pads."
+)
 #: Least error bar in kg that is shown beside a load.
 SHOWN = 0.5
 
@@ -137,9 +143,10 @@ def _headline(study: FinishedStudy, least_loads: Array) -> str:
     beyond = np.isnan(least_loads).any()
     high = _ceiling(study) if beyond else _format_load(np.nanmax(least_loads))
     limits = [f"{limit['name']} (factor {limit['factor']:g})" for limit in study.study_file["limits"]]
+    walls = "" if {"pad", "field"} & {str(limit["of"]) for limit in study.study_file["limits"]} else NO_WALLS
     return (
         f"It carries {_format_load(np.nanmin(least_loads))} to {high}, depending on extension and angle, by these "
-        f"limits alone: {', '.join([*limits, STABILITY])}."
+        f"limits alone: {', '.join([*limits, STABILITY])}.{walls}"
     )
 
 
@@ -460,7 +467,9 @@ def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections:
             tips = tuple((name, format_quantity(value, "m")) for name, value in zip(sections, deflections, strict=True))
             tables.append(Table(f"Tips of sections, {way}", tips))
     forces = zip(arrays["at.forces.names"], arrays["at.kinds"], _zero_round_off(arrays["at.forces"][n]), strict=True)
-    some = tuple((str(name), format_quantity(float(f), "N")) for name, kind, f in forces if kind in FORCES)
+    some = tuple(
+        (shown_force_name(str(name)), format_quantity(float(f), "N")) for name, kind, f in forces if kind in FORCES
+    )
     return [*tables, Table("Forces, positive where they push", some)] if some else tables
 
 
