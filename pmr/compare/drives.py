@@ -91,12 +91,17 @@ def extension_part(scene: Scene, response: Response) -> SummaryPart:
     return replace(part, figures={EXTENSION_CYLINDER.replace(" ", "_"): figures | {"stops": spans}})
 
 
+def _more_times(count: int) -> str:
+    """Clause that something happens `count` more times; empty for none."""
+    return f", and {count} more time{'s' * (count > 1)}" if count else ""
+
+
 def _stop_warnings(name: str, end: str, spans: list[dict[str, float]]) -> list[str]:
     """A warning that section `name` meets the stop at its smallest or greatest extension; nothing without `spans`."""
     if not spans:
         return []
     worst = max(spans, key=lambda of: abs(of["speed"]))
-    more = f", and {len(spans) - 1} more times" if len(spans) > 1 else ""
+    more = _more_times(len(spans) - 1)
     deepest = with_unit(max(abs(of["give"]) for of in spans), "m")
     fewest = min(of["steps"] for of in spans)
     missed = f"; {fewest:g} steps do not resolve it: a shorter time.step or a softer stop" * (fewest < IMPACT)
@@ -209,7 +214,7 @@ def hoist_part(scene: Scene, response: Response) -> SummaryPart:
     if spans:
         figures["slack"] = spans
         worst = max(spans, key=lambda span: span["snatch"])
-        more = f", and {len(spans) - 1} more times" if len(spans) > 1 else ""
+        more = _more_times(len(spans) - 1)
         snatch = (
             f"snatches with up to {with_unit(worst['snatch'], 'N')}, {worst['snatch'] / weight:.3g} times the weight"
         )

@@ -272,6 +272,25 @@ def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, poi
     return Frequencies(points.along, points.s, curves, t=t)
 
 
+def lowest_mode_part(scene: Scene, system: System, excitation: Excitation, natural: Frequencies) -> SummaryPart:
+    """Entry ``lowest_mode`` of summary.json: the direction, ``y`` or ``z``, in which this mode moves the tip most.
+
+    It is the mode of the reduced system with the lowest of the frequencies `natural`; the tip is that of the last
+    section.  Without displacements of the tip the entry is missing.
+    """
+    assembly, tips, omega = Assembly(system), tip_names(scene), natural.models.get("reduced", np.empty((0, 0)))
+    outputs = [k for k, name in enumerate(system.output_names) if name in tips]
+    if not outputs or not omega.size or not np.isfinite(omega[:, 0]).any():
+        return SummaryPart()
+    k = int(np.nanargmin(omega[:, 0]))
+    t = np.zeros(len(natural.along)) if natural.t is None else natural.t
+    x = WayPoints(natural.along, natural.paths, 1, t).sides(system)[k]
+    mode = assembly.modes(assembly.contact_rows(x, effects=False), 1, excitation.amplitudes(system.term_names, t)[k])
+    motion = np.abs(assembly.outputs.toarray()[outputs] @ mode.phi[:, 0])
+    name = system.output_names[outputs[int(motion.argmax())]]
+    return SummaryPart({"lowest_mode": {"direction": name[-1]}} if motion.any() else {})
+
+
 def response_on_way(scene: Scene, system: System, excitation: Excitation) -> FrequencyResponse | None:
     """Frequency response of the last body's tip in `RESPONSES` positions on the way; None unless it is asked for."""
     if not scene.sections[-1].observe.frequency_response:
@@ -355,6 +374,6 @@ def published_part(boom: Scene, frequencies: Frequencies) -> SummaryPart:
         rows.append({"reach": at.reach, "published": at.first} | {name: float(f) for name, f in of_models.items()})
     beyond = ", ".join(f"{frequency.reach:g}" for frequency in published if frequency not in within)
     warning = (
-        f"published frequencies at a reach of {beyond} m are left out: this boom reaches {low:.6g} to {high:.6g} m"
+        f"published frequencies at boom lengths of {beyond} m are left out: this boom is {low:.6g} to {high:.6g} m long"
     )
     return SummaryPart({"published_frequencies": rows} if rows else {}, [warning] if beyond else [])

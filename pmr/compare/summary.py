@@ -26,6 +26,7 @@ from pmr.compare.forces import forces_part, ropes_part
 from pmr.compare.frequencies import (
     frequencies_on_way,
     frequency_part,
+    lowest_mode_part,
     published_part,
     response_on_way,
     result_paths,
@@ -251,6 +252,7 @@ def parts_of_motion(
         *parts_of_forces(scene, system, simulations.first.response),
         step,
         published_part(scene, natural),
+        lowest_mode_part(scene, system, excitation, natural),
         SummaryPart(divided, contact_step.warnings(omega, excitation.stepping)),
         sampling_part(excitation),
         frame_part(scene, system, excitation, natural),

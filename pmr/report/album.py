@@ -284,7 +284,7 @@ class _Views:
         largest = stress_name(self.result.scene)
         stress = f", {largest} {format_quantity(moment.peak, 'Pa')}{walls_clause(self.result)}" if self.stressed else ""
         length = f"{moment.extension:.2f}{SPACE}m"
-        out = f"{length} beyond the mouth" if is_alone(self.result) else f"A reach of {length}"
+        out = f"{length} beyond the mouth" if is_alone(self.result) else f"A boom length of {length}"
         around = "" if is_alone(self.result) else " Pads are drawn on the outside of the section that they slide in."
         return f"{out}, at {moment.t:.2f}{SPACE}s{stress}; {deformed}.{around}"
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pmr.files.arrays import Array
 from pmr.report.numbers import NOTHING, round_number
-from pmr.report.subject import is_alone, luffing_support_names
+from pmr.report.subject import is_alone, luffing_support_names, shown_force_name
 from pmr.results import Response, RunResult
 from pmr.results.response import outputs_of
 from pmr.results.tables import FORCE_OF
@@ -137,7 +137,7 @@ class Force:
     @property
     def full_name(self) -> str:
         """Name in a table: that of the output, or the name in the group if the output has none, with its remark."""
-        return (self.output_name.replace(FORCE_OF, "", 1) or self.name) + self.remark
+        return shown_force_name(self.output_name.replace(FORCE_OF, "", 1) or self.name) + self.remark
 
     def history(self, response: Response) -> Array:
         """Read the force or moment (T,) in its `unit` from a response."""
@@ -303,7 +303,13 @@ def forces_by_group(result: RunResult, kind: str = "pad") -> dict[str, list[Forc
     }
     stand_ins = luffing_support_names(result) if result.scene.holding_cylinder is None else set()
     group = [
-        Force(k, name, called, units.get(called, "N"), ACROSS if name.replace(FORCE_OF, "", 1) in stand_ins else "")
+        Force(
+            k,
+            shown_force_name(name),
+            called,
+            units.get(called, "N"),
+            ACROSS if name.replace(FORCE_OF, "", 1) in stand_ins else "",
+        )
         for (k, called), name in zip(chosen, names, strict=True)
     ]
     return {"": group} if group else {}

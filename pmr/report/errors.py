@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from math import ceil, log10
 from typing import Any
@@ -31,7 +31,7 @@ from pmr.report.numbers import (
     significant,
     times_the_true_error,
 )
-from pmr.report.subject import force_words, is_alone, scope_words
+from pmr.report.subject import force_words, is_alone, is_luffing_cylinder_alone, scope_words, shown_force_name
 from pmr.results import RunResult
 from pmr.results.quantities import COMPARED, QUANTITIES, error_label, reduction_error, stress_name, wall_stress
 from pmr.results.tables import REACTION_OF
@@ -47,6 +47,8 @@ MODELS = {"beam3d": "a beam in space", "shell": "a shell", "coarse shell": "a co
 NOT_COMPARED = "not known: no full model was simulated to compare with"
 #: Relative error at which the scale of the bars begins.
 LEAST = 1e-5
+#: Label of the luffing cylinder's force, where it is the only support that gives way.
+LUFFING_LABEL = QUANTITIES["luffing_force"].label
 #: Clause on what the errors of the stresses of beams do not cover.
 WALLS = "in stresses the bending of a beam's walls under pads, which a shell has"
 
@@ -99,7 +101,12 @@ def error_notes(result: RunResult, table: Sequence[Row]) -> list[str]:
 def error_name(result: RunResult, kind: str) -> str:
     """Name of the quantity that an error measures, such as ``all sections`` for the kind ``beam``."""
     names = {"tip": "tip", "beam": "beam" if is_alone(result) else "all sections", "pad_force": force_words(result)}
-    return names.get(kind) or error_label(kind)
+    return names.get(kind) or shown_force_name(_shown_label(result, error_label(kind)))
+
+
+def _shown_label(result: RunResult, label: str) -> str:
+    """Label of a quantity; if the luffing cylinder is the only support that gives way, its force has its own name."""
+    return LUFFING_LABEL if label == QUANTITIES["support_force"].label and is_luffing_cylinder_alone(result) else label
 
 
 def _error_rows(result: RunResult) -> Iterator[Row]:
@@ -238,14 +245,9 @@ def trust_table(result: RunResult) -> Table:
     """
     summary = result.summary
     budget, step, estimate = (summary.get(name) or {} for name in ("budget", "step", "estimate"))
-    model, mesh = budget.get("model") or {}, budget.get("mesh")
-    source, reduction = reduction_error(summary)
-    parts = {
-        "model": _errors_by_label(model),
-        "mesh": _errors_by_label(mesh if isinstance(mesh, dict) else {"beam": mesh}),
-        "time step": _errors_by_label(step),
-        "reduction": _errors_by_label(reduction),
-    }
+    model, (source, reduction) = budget.get("model") or {}, reduction_error(summary)
+    parts = _errors_by_source(summary)
+    parts = {name: _with_shown_labels(result, errors) for name, errors in parts.items()}
     texts = {name: _list_without_round_off(errors) for name, errors in parts.items()}
     texts["model"] = (
         f"beside {MODELS[model['beside']]}: {texts['model']}"
@@ -258,7 +260,10 @@ def trust_table(result: RunResult) -> Table:
     remark = _estimate_words(result)
     texts["reduction"] = f"{source}: {texts['reduction']}" if reduction else ""
     texts["reduction"] = "; ".join(filter(None, (texts["reduction"], remark))) or NOT_COMPARED
-    texts |= _sum_of_errors(parts)
+    if sums := (summed := summed_errors(summary)).by_label:
+        of_largest = dict(sorted(sums.items(), key=lambda item: -item[1]))
+        text = _list_without_round_off(_with_shown_labels(result, of_largest))
+        texts["added up"] = f"{text}; not in it: {', '.join(summed.unknown)}" if summed.unknown else text
     stressed = "reduced" in summary.get("max_von_mises", {})
     walls = [WALLS] if stressed and any(model_of(of).startswith("beam") for of in members(result.scene)) else []
     missing = {
@@ -279,34 +284,47 @@ def trust_table(result: RunResult) -> Table:
     return Table("How far to trust it", rows, bars, decades, note if bars else "")
 
 
-def summed_error(summary: Summary, kinds: Collection[str]) -> float | None:
-    """Sum over model, mesh, time step and reduction of the largest relative error of the `kinds`.
+def _with_shown_labels(result: RunResult, errors: Mapping[str, float]) -> dict[str, float]:
+    """Errors by the labels under which the pages of a run show them."""
+    return {_shown_label(result, label): error for label, error in errors.items()}
 
-    It is None unless errors of both model and mesh are known; an unknown one of time step or reduction is left out.
-    """
+
+def _errors_by_source(summary: Summary) -> dict[str, dict[str, float]]:
+    """Relative errors by the labels of quantities, of each source: model, mesh, time step and reduction."""
     budget = summary.get("budget") or {}
-    parts = [budget.get("model") or {}, budget.get("mesh") or {}]
-    if any(not isinstance(part, Mapping) or all(part.get(kind) is None for kind in kinds) for part in parts):
-        return None
-    parts += [summary.get("step") or {}, reduction_error(summary).by_kind]
-    return sum(max((part[kind] for kind in kinds if part.get(kind) is not None), default=0.0) for part in parts)
+    mesh = budget.get("mesh")
+    return {
+        "model": _errors_by_label(budget.get("model") or {}),
+        "mesh": _errors_by_label(mesh if isinstance(mesh, dict) else {"beam": mesh}),
+        "time step": _errors_by_label(summary.get("step") or {}),
+        "reduction": _errors_by_label(reduction_error(summary).by_kind),
+    }
 
 
-def _sum_of_errors(parts: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
-    """Row with the sum of the errors of all sources in each quantity; empty unless two sources or more are known.
+@dataclass(frozen=True)
+class SummedErrors:
+    """Relative errors added up over all sources, by the label of a quantity, and the sources that are not known.
 
-    `parts` are relative errors by source, then by label of the quantity.  A quantity for which the model or the mesh,
-    where these are known, states no error is left out.  The row names sources that are not known.
+    A quantity is left out if the model or the mesh states errors, but none in this quantity.  There are no sums unless
+    two sources or more are known.
     """
-    unknown = [name for name, errors in parts.items() if not errors]
-    if len(unknown) > len(parts) - 2:
-        return {}
+
+    by_label: Mapping[str, float]
+    unknown: tuple[str, ...]
+
+
+def summed_errors(summary: Summary) -> SummedErrors:
+    """Add up the errors of model, mesh, time step and reduction of a run in each quantity."""
+    parts = _errors_by_source(summary)
+    unknown = tuple(name for name, errors in parts.items() if not errors)
     needed = [parts[source] for source in ("model", "mesh") if parts[source]]
     labels = dict.fromkeys(label for errors in parts.values() for label in errors)
     complete = [label for label in labels if all(label in errors for errors in needed)]
-    sums = {label: sum(errors.get(label, 0.0) for errors in parts.values()) for label in complete}
-    text = _list_without_round_off(dict(sorted(sums.items(), key=lambda item: -item[1])))
-    return {"added up": f"{text}; not in it: {', '.join(unknown)}" if unknown else text}
+    if len(unknown) > len(parts) - 2:
+        return SummedErrors({}, unknown)
+    return SummedErrors(
+        {label: sum(errors.get(label, 0.0) for errors in parts.values()) for label in complete}, unknown
+    )
 
 
 def _step_words(step: Mapping[str, object]) -> str:

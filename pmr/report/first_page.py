@@ -58,6 +58,10 @@ OF_KINDS = {"pad_force": "pad", "cylinder_force": "cylinder", "support": "suppor
 OIL_SIDES = {"bore": "in the bore", "rod": "on the rod side"}
 #: End of the name of a cylinder that moves sections by ropes.
 ROPES = "which pulls the ropes"
+#: Labels of the quantities whose errors are those of the boom's moment on its machine.
+MARGIN_ERRORS = (QUANTITIES["reaction"].label, QUANTITIES["support_force"].label)
+#: Clauses on the direction in which a mode moves the tip most.
+TIP_MOVES = {"y": ", the tip moves sideways, along y", "z": ", the tip moves up and down, along z"}
 #: Share of the highest natural frequency up to which a frequency is round-off and is printed as 0.
 ROUND_OFF = 1e-9
 
@@ -149,9 +153,17 @@ def _wall_stress_text(result: RunResult, shell: Summary) -> str:
     share = "" if allowed is None else (
         f", {format_percent(shell['value'] / allowed)} of the yield stress of {format_quantity(allowed, 'Pa')}"
     )  # fmt: skip
+    shorter = "under pads shorter cells give more"
+    if (growth := shell.get("growth")) is not None:
+        most = growth * shell["value"]
+        used = "" if allowed is None else f", {format_percent(most / allowed)} of the yield stress"
+        shorter = (
+            f"with short cells the stress by the pad at this place grows {growth:.2f} times, so the sum is at "
+            f"most {format_quantity(most, 'Pa')}{used}"
+        )
     return (
         f"{format_quantity(shell['value'], 'Pa')}{share}, {_peak_clause(result, at)}; on a shell of the same machine "
-        f"with cells of {long} × {wide}{SPACE}mm: under pads shorter cells give more, and welds are not in it"
+        f"with cells of {long} × {wide}{SPACE}mm: {shorter}; welds are not in it"
     )
 
 
@@ -377,14 +389,16 @@ def _margin_error(result: RunResult) -> str:
 
     The moments of the machine's masses are exact for their given places.
     """
-    error = errors.summed_error(result.summary, ("reaction", "support_force"))
-    names = [f"{PIVOT}{axis}" for axis in ("rx", "ry")]
+    summed, names = errors.summed_errors(result.summary), [f"{PIVOT}{axis}" for axis in ("rx", "ry")]
+    of_forces = [summed.by_label[label] for label in MARGIN_ERRORS if label in summed.by_label]
     moments = [Extremes.from_summary(of).size for of in result.summary.get("reactions", ()) if of["name"] in names]
-    if error is None or not moments:
+    if not of_forces or not moments or {"model", "mesh"} & {*summed.unknown}:
         return "; its error is not known"
-    size = format_quantity(error * max(moments), "N m", 2)
+    size = format_quantity(max(of_forces) * max(moments), "N m", 2)
+    lacking = f", without that of the {' and '.join(summed.unknown)}, which is not known" if summed.unknown else ""
     return (
-        f"; ± {size} by the known errors of the boom's moment; masses of the machine, ground and chassis are as given"
+        f"; ± {size} by the errors of the boom's moment{lacking}; masses of the machine are as given, and ground and "
+        "chassis do not give way"
     )
 
 
@@ -403,6 +417,10 @@ def _frequency_rows(result: RunResult) -> Rows:
         closed = ", every pad closed" if has_pushing_pads(result) else ""
         closed += ", without the payload of the hoist" if result.scene.hoist is not None else ""
         closed += ", the luffing cylinder locked" if has_free_luffing(result) else ""
+        way = result.summary.get("lowest_mode", {}).get("direction", "")
+        where = f"{TIP_MOVES[way]}{where}" if way in TIP_MOVES else where
+        masses = [f"{of.name} {format_input(of.mass, 'kg')}" for part in result.scene.sections for of in part.masses]
+        closed += f", with {' and '.join(masses)}" if masses else ""
         yield QUANTITIES["frequency"].reported, f"{significant(lowest)}{SPACE}Hz{where}{closed}"
     else:
         yield QUANTITIES["frequency"].reported, f"0{where}"
@@ -430,14 +448,14 @@ def _angles_clause(result: RunResult, t: float) -> str:
 
 
 def _position_text(result: RunResult, position: float) -> str:
-    """Describe `position` in m: the reach of a boom, the length of a section beyond its mouth, or s of the sliders.
+    """Describe `position` in m: the length of a boom, the length of a section beyond its mouth, or s of the sliders.
 
     The text is empty for a body that does not slide.
     """
     if mover := crossing(result):
         return f"{mover} at {_round(position)}{SPACE}m"
     if not is_alone(result):
-        return f"reach {_round(position)}{SPACE}m"
+        return f"boom length {_round(position)}{SPACE}m"
     if moving_part(result) == "mouth":
         return f"{_round(reach_of(result) - position)}{SPACE}m out"
     return f"s = {_round(position)}{SPACE}m" if moving_part(result) else ""

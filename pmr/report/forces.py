@@ -15,7 +15,17 @@ from pmr.report.figures import loads as figures
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.histories import drawn_history
 from pmr.report.numbers import NOTHING, Unit, format_input, format_quantity, format_time, significant, unit_for
-from pmr.report.subject import crossing, drive_of, force_words, has_pushing_pads, is_alone, moving_part, places_at
+from pmr.report.subject import (
+    crossing,
+    drive_of,
+    force_words,
+    has_pushing_pads,
+    is_alone,
+    is_luffing_cylinder_alone,
+    moving_part,
+    places_at,
+    shown_force_name,
+)
 from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES
 from pmr.results.response import LUFFING_ANGLE, Extremes, Output, Response
@@ -186,7 +196,7 @@ def _driven_grids(result: RunResult, key: str) -> Iterator[Grid]:
     bases = {name: QUANTITIES[quantity].unit for name, quantity in keys.items()}
     units = {name: unit_for(extremes.size, bases[name]) for name, extremes in by_name.items()}
     raises = key == "luffing_cylinder"
-    what = "The cylinder that raises the boom, hinged as frame.cylinder says" if raises else "What drives the extension"
+    what = "The luffing cylinder, hinged as frame.cylinder says" if raises else "What drives the extension"
     caption = f"{what}: positive where it presses, and where it gets longer; when that is{then_words(result)}."
     yield extremes_grid(caption, by_name, units)
 
@@ -229,7 +239,7 @@ def exceeds_round_off(result: RunResult, force: Force) -> bool:
 
 
 def then_words(result: RunResult) -> str:
-    """Clause on the coordinate at which extremes occur: the path coordinate s for a body alone, else the reach.
+    """Clause on the coordinate at which extremes occur: the path coordinate s for a body alone, else the boom length.
 
     Where a mass on a wheel crosses another section, it is the place of the wheel.  The clause is empty if nothing
     slides.
@@ -238,7 +248,7 @@ def then_words(result: RunResult) -> str:
         return ""
     if mover := crossing(result):
         return f", and the place of {mover} then"
-    return f", and {'the path coordinate s' if is_alone(result) else 'the reach'} then"
+    return f", and {'the path coordinate s' if is_alone(result) else 'the boom length'} then"
 
 
 def _caption(result: RunResult, kind: str, group: str, unit: str) -> str:
@@ -249,6 +259,8 @@ def _caption(result: RunResult, kind: str, group: str, unit: str) -> str:
     if kind == "cylinder":
         note = "What a cylinder or rope pushes its section out with, friction included; negative where it pulls."
         return f"Cylinder forces over time. {note}"
+    if kind == "support" and is_luffing_cylinder_alone(result):
+        return "Force of the luffing cylinder, positive where it pushes."
     if kind == "support":
         return f"{'Moments' if unit == 'N m' else 'Forces'} of supports that give way, positive along the axes."
     if not is_alone(result):
@@ -267,8 +279,10 @@ def force_extremes_grid(result: RunResult, kind: str, forces: Sequence[Force]) -
     path, unit = places_at(result, t), forces[0].unit
     by_name = {force.full_name: Extremes.from_history(force.history(response), t, path) for force in forces}
     what = "moments" if unit == "N m" else "forces"
-    on = " on supports that give way" if kind == "support" else ""
-    caption = f"Least and largest {what}{on}, when they occur{then_words(result)}.{SIGNS.get(kind, '')}"
+    on, signs = " on supports that give way" if kind == "support" else "", SIGNS.get(kind, "")
+    if kind == "support" and is_luffing_cylinder_alone(result):
+        on, signs = " of the luffing cylinder", " Positive where it pushes."
+    caption = f"Least and largest {what}{on}, when they occur{then_words(result)}.{signs}"
     grid = _grid(by_name, unit, float(np.abs(response.slider_force).max(initial=0.0)), caption)
     cylinders_of_run = result.summary.get("cylinders", ())
     friction = {of["name"]: format_quantity(of["friction"], "N") for of in cylinders_of_run if "friction" in of}
@@ -293,7 +307,7 @@ def _rigid_support_grids(result: RunResult, at_pivot: bool, caption: str) -> Ite
     response, by_unit = result.responses["reduced"], dict[str, dict[str, Extremes]]()
     for of, extreme in reaction_extremes(response, places_at(result, response.t)).items():
         if (result.frame is not None and of.support.startswith(PIVOT)) == at_pivot:
-            by_unit.setdefault(of.unit, {})[of.support.removeprefix(PIVOT)] = extreme
+            by_unit.setdefault(of.unit, {})[shown_force_name(of.support).removeprefix(PIVOT)] = extreme
     for base, of_unit in by_unit.items():
         largest = max(extreme.size for extreme in of_unit.values())
         bearing = {name: extreme for name, extreme in of_unit.items() if extreme.size > ROUND_OFF * largest}

@@ -69,7 +69,7 @@ def system_rows(result: RunResult) -> Rows:
     if result.reach is not None and (mover := crossing(result)):
         yield f"way of {mover}", format_range(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")
     elif result.reach is not None:
-        yield "reach along the boom", format_range(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")
+        yield "boom length", format_range(float(result.reach.min()), float(result.reach.max()), f"{SPACE}m")
     elif moving_part(result) == "mouth":
         low, high = scene.path_bounds
         yield "out of its mouth", format_range(reach(result) - high, reach(result) - low, f"{SPACE}m")
@@ -118,7 +118,7 @@ def _tip_rows(result: RunResult) -> Rows:
         far, high = (
             format_range(float(coordinate.min()), float(coordinate.max()), f"{SPACE}m") for coordinate in (out, up)
         )
-        yield "tip from the pivot", f"{far} out, {high} up"
+        yield "tip from the pivot", f"radius {far}, height {high}"
 
 
 def _load_text(load: AppliedLoad) -> str:

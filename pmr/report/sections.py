@@ -233,7 +233,7 @@ def _published_frequency_grids(result: RunResult) -> Iterator[Grid]:
     if rows and (published := result.scene.published) is not None:
         remarks = "".join(f" {remark}" for remark in published.remarks)
         caption = f"First natural frequency in Hz beside the published one ({published.source}).{remarks}"
-        yield Grid(caption, ("reach", "published", *models), tuple(rows))
+        yield Grid(caption, ("boom length", "published", *models), tuple(rows))
 
 
 def response_block(result: RunResult, prefix: str) -> Block | None:
@@ -245,7 +245,7 @@ def response_block(result: RunResult, prefix: str) -> Block | None:
     if response is None:
         return None
     drawings, grids = [], []
-    condition = "everything at rest, each curve at one reach in m"
+    condition = "everything at rest, each curve at one boom length in m"
     if is_alone(result):
         condition = "the sliders at rest, each curve at one s in m"
     for number, (load, output) in enumerate(zip(response.inputs, response.outputs, strict=True)):
@@ -257,7 +257,7 @@ def response_block(result: RunResult, prefix: str) -> Block | None:
         places = (format_input(round(float(s), 3), "m") for s in response.s)
         static, at = map(significant, gains["static"]), map(significant, gains["at"])
         largest = [significant(gain) if response.damped else "no damping" for gain in gains["largest"]]
-        head = (result.abscissa_name, f"static, {gains['unit']}", f"largest, {gains['unit']}", "at, Hz")
+        head = (subject.abscissa_label(result), f"static, {gains['unit']}", f"largest, {gains['unit']}", "at, Hz")
         grids.append(Grid(f"{output} under {load}", head, tuple(zip(places, static, largest, at, strict=False))))
     return Block(heading="Response in frequency", drawings=drawings, grids=tuple(grids))
 

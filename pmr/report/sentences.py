@@ -59,7 +59,7 @@ def opening_sentences(result: RunResult) -> str:
         if mover := crossing(result):
             return f"{mover.capitalize()} crosses {names[-2]}: it is {out} from the tail of {names[0]}."
         bend = f"A boom of {len(names)} sections, all of which bend: {', '.join(names)}."
-        return f"{bend} It reaches {out} from the tail of the base."
+        return f"{bend} Its length is {out}, from the tail of the base to the tip."
     low, high = result.scene.path_bounds
     low, high, end = (round(x, 3) for x in (low, high, reach(result)))
     model = structural_model(result)

@@ -18,7 +18,7 @@ from pmr.scene.built import PadRing
 from pmr.scene.choice import choose_model, input_directions
 from pmr.scene.joints import JointPads
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, input_name, qualified_name
-from pmr.scene.mechanism import supports_at_lug
+from pmr.scene.mechanism import AT_PIVOT, supports_at_lug
 from pmr.scene.members import member_at, members
 from pmr.scene.scene import BoomSection
 from pmr.scene.signals import SignalBase
@@ -279,6 +279,22 @@ def has_pushing_pads(result: RunResult) -> bool:
 def has_free_luffing(result: RunResult) -> bool:
     """Whether the luffing angle is computed together with the motion of the boom."""
     return result.scene.frame is not None and result.scene.frame.computed_key == "luffing"
+
+
+def abscissa_label(result: RunResult) -> str:
+    """Name of the position along the motion on axes and in tables: the length of a boom, or the path coordinate s."""
+    return "boom length" if result.abscissa_name == "reach" else result.abscissa_name
+
+
+def shown_force_name(name: str) -> str:
+    """Name of a force or error as pages show it: the luffing cylinder has one name, as a contact and at the pivot."""
+    return LUFFING_CYLINDER if name.endswith((f" {LUFFING_CYLINDER}", f"{AT_PIVOT} cylinder")) else name
+
+
+def is_luffing_cylinder_alone(result: RunResult) -> bool:
+    """Whether the luffing cylinder is the only support of the run that gives way."""
+    supports = [output.name for output in result.responses["reduced"].outputs if output.kind == "support"]
+    return bool(supports) and all(name.endswith(LUFFING_CYLINDER) for name in supports)
 
 
 def luffing_support_names(result: RunResult) -> set[str]:

@@ -18,6 +18,7 @@ from pmr.scene import run_settings
 from pmr.scene.built import ENDS, Body, Face, Load, MeshChoice, PadRing, Slider, Support, clearance_on
 from pmr.scene.extension import FreeExtension
 from pmr.scene.keys import (
+    OVER_TIME,
     AxialStiffness,
     Count,
     Distance,
@@ -127,13 +128,13 @@ class Rope(SceneTable):
 
 
 def _extension_tag(data: object) -> str:
-    """``free`` for an extension of this kind, ``over time`` for all others, which is no key that errors could name."""
+    """``free`` for an extension of this kind, `OVER_TIME` for all others, which is no key that errors could name."""
     kind = data.get("kind") if isinstance(data, dict) else getattr(data, "kind", None)
-    return "free" if kind == "free" else "over time"
+    return "free" if kind == "free" else OVER_TIME
 
 
 Extension = Annotated[
-    Annotated[Signal, Usual(0.0, 2.0, "reach", "m"), Tag("over time")] | Annotated[FreeExtension, Tag("free")],
+    Annotated[Signal, Usual(0.0, 2.0, "reach", "m"), Tag(OVER_TIME)] | Annotated[FreeExtension, Tag("free")],
     Discriminator(_extension_tag),
 ]
 

@@ -53,6 +53,10 @@ def key_error(key: str, value: object, allowed: str) -> PydanticCustomError:
     return PydanticCustomError(_OF_A_KEY, "{allowed}", {"key": key, "value": value, "allowed": allowed})
 
 
+#: Branch of an extension whose signal is given; beside its kinds, ``free`` is allowed.
+OVER_TIME = "over time"
+
+
 @dataclass(frozen=True)
 class Refusal:
     """A value that is refused: its location, the value (None: not shown) and what is allowed instead."""
@@ -88,7 +92,7 @@ class Refusal:
                 )
                 value = None if isinstance(value, (Mapping, list)) else value
             case "union_tag_invalid":
-                tags = re.findall(r"'(\w+)'", about["expected_tags"])
+                tags = re.findall(r"'(\w+)'", about["expected_tags"]) + ["free"] * (OVER_TIME in first["loc"])
                 location, value = [*location, "kind"], about["tag"]
                 allowed = f"{similar_name_hint(value, tags)}{', '.join(tags)} are allowed"
             case "literal_error":

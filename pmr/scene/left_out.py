@@ -22,6 +22,7 @@ def left_out(scene: Scene, at_rest: bool = False) -> dict[str, str]:
     clauses = {
         "strength": _strength(scene, at_rest),
         "pads": _pads(scene, at_rest),
+        "masses": _masses(scene),
         "loads": _loads(scene),
         "machine": _machine(scene),
     }
@@ -86,6 +87,15 @@ def _pads(scene: Scene, at_rest: bool) -> list[str]:
     gaps = [ring.clearance.values() if isinstance(ring.clearance, dict) else [ring.clearance] for ring in rings]
     clauses += [] if any(gap for of_ring in gaps for gap in of_ring) else ["play"]
     return [*clauses, "wear", "spread of the pressure under a pad"]
+
+
+def _masses(scene: Scene) -> list[str]:
+    """Parts of a boom of boxes that have no mass in the model, unless the scene names a mass for them."""
+    if not any(part.body.box for part in scene.sections):
+        return []
+    joined = any(part.joint is not None and part.joint.cylinder is not None for part in scene.sections)
+    cylinders = ["cylinders"] if joined or scene.frame is not None and scene.frame.cylinder is not None else []
+    return [*cylinders, "stiffeners, pads, hoses and fittings, unless [[masses]] has them: walls alone have weight"]
 
 
 def _loads(scene: Scene) -> list[str]:

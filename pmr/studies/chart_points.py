@@ -35,7 +35,9 @@ from pmr.system.contacts import Contact
 #: Names of the errors in a budget, by the kind of outputs and contacts.
 KINDS = {"tip": "tip", "pad": "pad_force", "cylinder": "cylinder_force", "support": "support_force"}
 #: Kinds of outputs and contacts that limits use, by the limits' quantities; the others are eigenvalues, or use none.
-USED = {"pad": "pad", "deflection": "tip", "cylinder": "cylinder", "rope": "cylinder", "support": "support"}
+USED = {"pad": "pad", "deflection": "tip", "cylinder": "cylinder", "rope": "cylinder", "support": "support"} | {
+    "luffing": "support"  # the luffing cylinder is a support that gives way
+}
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ def stable_equilibria(place: Place, load: float, reach: float) -> list[Equilibri
     An unstable equilibrium is left out.  `reach` in m, the length of the boom, is used in the descriptions only.
     """
     at, k = place.postures, place.k
-    where = f"at a reach of {reach:.4g} m, raised {np.rad2deg(at.place.luffing[k]):.4g} degrees"
+    where = f"at a boom length of {reach:.4g} m, raised {np.rad2deg(at.place.luffing[k]):.4g} degrees"
     if at.place.slewing[k]:
         where += f", slewed {np.rad2deg(at.place.slewing[k]):.4g} degrees"
     equilibria = [Equilibrium(place, 0.0, f"{where}, without a load")]

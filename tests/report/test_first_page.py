@@ -15,7 +15,7 @@ from matplotlib.patches import Rectangle
 from pmr.report import columns
 from pmr.report.blocks import Chapter, Drawing, KeyNumber, Table
 from pmr.report.document import render_runs as rendered
-from pmr.report.errors import summed_error, trust_table
+from pmr.report.errors import summed_errors, trust_table
 from pmr.report.figures import sketch, space
 from pmr.report.figures.canvas import INK, style
 from pmr.report.figures.shapes import budget_figure
@@ -465,10 +465,12 @@ def test_without_a_tolerance_nothing_is_said(make_result) -> None:
     assert accuracy_block(make_result(summary={}), "case") is None
 
 
-def test_an_error_is_summed_over_sources_if_model_and_mesh_are_known() -> None:
-    """Of each source the largest error of the kinds counts; what only the mesh states is not a sum."""
+def test_errors_are_summed_over_sources_and_sources_that_are_not_known_are_named() -> None:
+    """What only the mesh states is no sum, as the model would have an error in it too."""
     mesh, step = {"reaction": 0.02, "support_force": 0.05}, {"reaction": 1e-3}
     known = {"budget": {"model": {"reaction": 0.01}, "mesh": mesh}, "step": step}
-    assert summed_error(known, ("reaction", "support_force")) == pytest.approx(0.01 + 0.05 + 1e-3)
-    assert summed_error(known | {"budget": {"mesh": mesh}}, ("reaction",)) is None
-    assert summed_error(known, ("pad_force",)) is None
+    summed = summed_errors(known)
+    assert summed.by_label == pytest.approx({"reactions of rigid supports": 0.01 + 0.02 + 1e-3})
+    assert summed.unknown == ("reduction",)
+    alone = summed_errors({"step": step})
+    assert not alone.by_label and alone.unknown == ("model", "mesh", "reduction")

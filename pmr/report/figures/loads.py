@@ -27,12 +27,12 @@ from pmr.report.figures.canvas import (
 )
 from pmr.report.figures.histories import Array, Timeline, history_figure, largest_of
 from pmr.report.numbers import unit_for, with_sign
-from pmr.report.subject import field_times, moving_part, reach, slider_offsets
+from pmr.report.subject import field_times, moving_part, reach, shown_force_name, slider_offsets
 from pmr.results import BodyResult, RunResult
 from pmr.results.quantities import UNIT_QUANTITIES, unit_text
 from pmr.results.response import Output
 from pmr.scene.built import force_name
-from pmr.scene.keys import qualified_name
+from pmr.scene.keys import LUFFING_CYLINDER, qualified_name
 from pmr.scene.mechanism import TIPPING_MARGIN
 from pmr.scene.signals import SignalBase
 
@@ -129,7 +129,7 @@ def force_figure(result: RunResult, group: Sequence[Force]) -> Figure:
     unit, columns = unit_for(largest_of(*signals), group[0].unit), min(len(group), 2)
     rows = -(-len(group) // columns)
     gaps, what = {"hspace": 0.3, "wspace": 0.09}, UNIT_QUANTITIES[group[0].unit].capitalize()
-    tall, margins = 0.85 if columns > 1 else 1.39, {"top": 0.42}  # each panel has a title below the legend
+    tall, margins = 0.76 if columns > 1 else 1.39, {"top": 0.42}  # each panel has a title below the legend
     figure, axes = make_sheet(
         WIDE, 0.66 + tall * rows, rows, columns, margins=margins, sharex=True, sharey=True, gridspec_kw=gaps
     )
@@ -147,7 +147,8 @@ def force_figure(result: RunResult, group: Sequence[Force]) -> Figure:
 
 def pivot_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
     """Draw outputs of one unit over time, all in one panel: forces or moments on the machine, what a cylinder has."""
-    names = [output.name.rpartition(" ")[2] for output in outputs]
+    names = [shown_force_name(output.name) for output in outputs]
+    names = [name if name == LUFFING_CYLINDER else name.rpartition(" ")[2] for name in names]
     return _panel_of_outputs(result, outputs, names, UNIT_QUANTITIES[outputs[0].unit].capitalize())
 
 

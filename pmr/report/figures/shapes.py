@@ -188,7 +188,7 @@ def frequency_figure(result: RunResult) -> Figure:
     closed = np.where(closed <= 1.01 * top, closed, np.nan)
     heads = {"slider": "Slider position s in m", "mouth": "Length beyond the mouth in m", "": "s in m"}
     x = reach(result) - lowest.along if moving_part(result) == "mouth" else lowest.along
-    head = heads.get(moving_part(result), "Reach from the base's tail in m")
+    head = heads.get(moving_part(result), "Boom length in m")
     head = f"Place of {mover} in m" if (mover := crossing(result)) else head
     if lowest.t is not None and len(x) > 1 and not np.ptp(x):  # the reach is constant, only forces change
         x, head = lowest.t, "Time in s"
@@ -202,6 +202,8 @@ def frequency_figure(result: RunResult) -> Figure:
         if np.isfinite(f).any():
             ax.plot(at, f, **look)
             handles.append(Line2D([], [], label=label, **look))
+    for number, end in enumerate(next(iter(curves.values()))[int(np.argmax(x))], start=1):
+        ax.annotate(str(number), (x.max(), end), (3.0, -2.5), textcoords="offset points", fontsize=7.0, color=INK)
     octave_axis(ax, min(float(np.nanmin(f)) for f in curves.values()), float(top.max()))
     ax.set_xlabel(head)
     ax.set_ylabel("Eigenfrequency in Hz")

@@ -34,7 +34,7 @@ from pmr.report.figures.canvas import (
 from pmr.report.figures.histories import Timeline
 from pmr.report.figures.shapes import exaggeration
 from pmr.report.numbers import SPACE, format_input, format_quantity
-from pmr.report.subject import changing_angles, reach, walls_clause
+from pmr.report.subject import abscissa_label, changing_angles, reach, walls_clause
 from pmr.results import RunResult
 from pmr.results.quantities import stress_name
 
@@ -51,8 +51,8 @@ CLEAR = 0.06  # in, between a label and what is drawn
 
 
 def side_view(result: RunResult) -> Figure:
-    """Draw the boom from the side at a few moments: height over the distance from the pivot in the plane of luffing."""
-    return _draw_boom(result, "side", "Distance from the pivot in m", "Height over the pivot in m", ground=True)
+    """Draw the boom from the side at a few moments: height over the radius from the pivot, in the plane of luffing."""
+    return _draw_boom(result, "side", "Radius from the pivot in m", "Height over the pivot in m", ground=True)
 
 
 def plan_view(result: RunResult) -> Figure:
@@ -61,10 +61,10 @@ def plan_view(result: RunResult) -> Figure:
 
 
 def tip_figure(result: RunResult) -> Figure:
-    """Draw over time the tip's distance from the pivot, in the plane of luffing, and the tip's height."""
+    """Draw over time the tip's radius and height from the pivot, in the plane of luffing."""
     time, steps = Timeline(result), spread_indices(len(result.responses["reduced"].t), WAY)
     figure, axes = make_sheet(HALF, 1.9)
-    lines = list(zip(body_axes(result, steps)[-1].side[:, -1].T, ("distance", "height"), SECTIONS[1:], strict=False))
+    lines = list(zip(body_axes(result, steps)[-1].side[:, -1].T, ("radius", "height"), SECTIONS[1:], strict=False))
     for values, _, colour in lines:
         axes[0, 0].plot(time.t[steps], values, color=colour)
     time.frame(axes[0, 0], "Tip from the pivot in m")
@@ -82,7 +82,7 @@ def buckling_figure(result: RunResult, abscissa: str) -> Figure:
     if abscissa == "angle":
         x, label = np.rad2deg(frame.angles[0].value(t)), "Luffing angle in degrees"
     else:
-        x, label = np.interp(t, times, result.abscissa_at(times)), f"{result.abscissa_name.capitalize()} in m"
+        x, label = np.interp(t, times, result.abscissa_at(times)), f"{abscissa_label(result).capitalize()} in m"
     ax.plot(x, factor, color=INK, linewidth=0.7, marker=".", markersize=3.0)
     ax.plot(x[:1], factor[:1], "o", color=INK, markersize=4.5)
     ax.axhline(1.0, color=LIMIT, linewidth=0.9)
@@ -359,7 +359,7 @@ def space_drawings(result: RunResult, prefix: str) -> list[Drawing]:
     drawings = list[Drawing]()
     if slews(result):  # the view from the side is at the top of the page
         drawings.append(drawing(f"{prefix}-plan", plan_view, view_caption(result, "from above"), result))
-    caption = "The tip over time: its distance from the pivot in the plane of luffing, and its height over the pivot."
+    caption = "The tip over time: its radius and its height from the pivot."
     drawings.append(drawing(f"{prefix}-tip-in-space", tip_figure, caption, result))
     if any(result.summary.get("buckling", {}).get("over", {}).get("factor", ())):
         caption = "Factor by which all axial forces would have to grow until the boom buckles, with every pad closed, "
