@@ -107,8 +107,7 @@ def joint_pads(scene: Scene, number: int, places: int = PLACES) -> list[JointPad
             mirrored = face == "right" and across in faces.get("left", ())
             mirrored |= face in ("bottom", "top") and across < 0.0 and -across in faces[face]
             if not mirrored:
-                size = {"length": ring.length, "width": ring.width}
-                pads += [JointPad(seat.joint, Pad(name, face, at, across, **size)) for at in x]
+                pads += [JointPad(seat.joint, Pad(name, face, at, across, ring.length, ring.width)) for at in x]
     return pads
 
 

@@ -415,12 +415,12 @@ def _frequency_rows(result: RunResult) -> Rows:
     where = f", {'with' if crossing(result) else 'at'} {where}" if where else ""
     if lowest > ROUND_OFF * np.nanmax(frequencies):
         closed = ", every pad closed" if has_pushing_pads(result) else ""
+        masses = [f"{of.name} {format_input(of.mass, 'kg')}" for part in result.scene.sections for of in part.masses]
+        closed += f", with {' and '.join(masses)}" if masses else ""
         closed += ", without the payload of the hoist" if result.scene.hoist is not None else ""
         closed += ", the luffing cylinder locked" if has_free_luffing(result) else ""
         way = result.summary.get("lowest_mode", {}).get("direction", "")
         where = f"{TIP_MOVES[way]}{where}" if way in TIP_MOVES else where
-        masses = [f"{of.name} {format_input(of.mass, 'kg')}" for part in result.scene.sections for of in part.masses]
-        closed += f", with {' and '.join(masses)}" if masses else ""
         yield QUANTITIES["frequency"].reported, f"{significant(lowest)}{SPACE}Hz{where}{closed}"
     else:
         yield QUANTITIES["frequency"].reported, f"0{where}"

@@ -66,7 +66,9 @@ def test_summary_says_what_each_section_and_joint_does(outcome: Outcome) -> None
     assert summary["sections"][2]["coordinates"] == {"full": 39, "reduced": 8}
     assert len(summary["pads"]) == 8 and len(summary["cylinders"]) == 2
     assert [row["reach"] for row in summary["published_frequencies"]] == [9.0]
-    assert any("at a reach of 30 m are left out: this boom reaches 8 to 9.2 m" in said for said in summary["warnings"])
+    assert any(
+        "at boom lengths of 30 m are left out: this boom is 8 to 9.2 m long" in said for said in summary["warnings"]
+    )
     force = outcome.result.responses["reduced"].force("force of fly mouth top", 0)
     listed = next(pad for pad in summary["pads"] if pad["name"] == "fly mouth top")
     assert listed["min"] == force.min() and listed["max"] == force.max()

@@ -67,7 +67,7 @@ def test_each_kind_of_force_has_its_largest_with_when_and_where(result: RunResul
     assert bears["largest von Mises stress"].startswith(
         f"49.0{SPACE}MPa, outer face of bottom, 1.5{SPACE}m from the tail"
     )
-    assert bears["lowest natural frequency"] == f"6.50{SPACE}Hz, at 4.5{SPACE}m out"
+    assert bears["lowest natural frequency"] == f"6.50{SPACE}Hz, at 4.5{SPACE}m out, with payload 250{SPACE}kg"
 
 
 def test_what_a_chief_looks_for_besides_has_a_row(make_space: MakeSpace) -> None:

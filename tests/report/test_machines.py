@@ -42,7 +42,7 @@ def test_a_vehicle_is_told_by_its_place_on_the_bridge_and_counts_with_its_mass()
     assert asked["bridge"].startswith(f"20{SPACE}m long, 20")
     assert asked["vehicle"].startswith(f"mass 4000{SPACE}kg, wheel mass 500{SPACE}kg")
     assert asked["total mass"].replace("\u202f", "").startswith(f"24500{SPACE}kg")
-    assert asked["way of vehicle"] == f"0 to 20{SPACE}m" and "reach along the boom" not in asked
+    assert asked["way of vehicle"] == f"0 to 20{SPACE}m" and "boom length" not in asked
     lowest = carries["largest displacement of vehicle, vertical, z"]
     assert "down" in lowest and "vehicle at" in lowest
     assert f", 10{SPACE}m from its tail, " in carries["largest deflection of bridge"]

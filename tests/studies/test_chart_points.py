@@ -124,7 +124,10 @@ def test_a_chart_warns_as_a_run_of_the_boom_at_rest_does(chart: StudyResults, fo
     of = re.compile(r"pull: (.*) with up to ([\d.]+) kN")
     (name, force), (of_run, force_of_run) = (of.search(one).groups() for one in (said, pull))
     assert name == of_run and float(force) == pytest.approx(float(force_of_run), rel=0.01)
-    assert f"at a reach of {2.0 + EXTENSION:g} m, raised {np.rad2deg(ANGLE):.4g} degrees, under {load:.4g} kg" in said
+    assert (
+        f"at a boom length of {2.0 + EXTENSION:g} m, raised {np.rad2deg(ANGLE):.4g} degrees, under {load:.4g} kg"
+        in said
+    )
     assert any(one.startswith("the model is off by up to") for one in record.warnings)
     (row,) = csv.DictReader((folder / "runs.csv").read_text().splitlines())
     assert row["warnings"] == " | ".join(record.warnings)

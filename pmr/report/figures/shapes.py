@@ -202,8 +202,9 @@ def frequency_figure(result: RunResult) -> Figure:
         if np.isfinite(f).any():
             ax.plot(at, f, **look)
             handles.append(Line2D([], [], label=label, **look))
-    for number, end in enumerate(next(iter(curves.values()))[int(np.argmax(x))], start=1):
-        ax.annotate(str(number), (x.max(), end), (3.0, -2.5), textcoords="offset points", fontsize=7.0, color=INK)
+    for number, end in enumerate(drawn[0][2][int(np.argmax(x))], start=1):
+        if np.isfinite(end):
+            ax.annotate(str(number), (x.max(), end), (3.0, -2.5), textcoords="offset points", fontsize=7.0, color=INK)
     octave_axis(ax, min(float(np.nanmin(f)) for f in curves.values()), float(top.max()))
     ax.set_xlabel(head)
     ax.set_ylabel("Eigenfrequency in Hz")
