@@ -312,12 +312,12 @@ def _slewing_angles(frame: Frame, end: float) -> list[float]:
 
 def _wall_limits(scene: Scene) -> Iterator[str]:
     """Yield a limit of a chart for each joint of beams whose walls' stress at pads can be computed."""
-    from pmr.fullmodel.wall_stress import yield_forces
+    from pmr.studies.shared import pad_yield_forces
 
     if not stress_remark(scene):  # shells have a limit of their own, on the stress field
         return
     try:
-        forces = yield_forces(scene)
+        forces = pad_yield_forces(scene)
     except InputError as error:
         print_text(err, f"walls at pads are not limited: {error.allowed}")
         return
