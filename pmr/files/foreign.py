@@ -445,6 +445,9 @@ def _read_market(path: Path) -> sp.csr_matrix:
     if not _is_market(path):
         entries = labelled.read_entries(path)
         return _complete_symmetric(entries.matrix(entries.pairs))
+    lines = path.read_bytes().splitlines()[1:]
+    if not any(line.strip() and line.lstrip()[:1] != b"%" for line in lines):  # SciPy would read on for ever
+        raise UnreadableError("a line with the numbers of rows, columns and entries is allowed: this file is cut off")
     *_, kind, symmetry = scipy.io.mminfo(path)
     if kind not in ("real", "integer") or symmetry not in ("general", "symmetric"):
         raise UnreadableError(f"real entries, general or symmetric, are allowed, not {kind} {symmetry} ones", 1)

@@ -582,6 +582,14 @@ def test_nodes_that_depend_on_others_in_part_are_refused(card: str, tmp_path: Pa
         read_foreign(files)
 
 
+@pytest.mark.parametrize("rest", ["", "\n", "\n% a comment\n", "\n\n \n%"])
+def test_a_file_of_matrix_market_that_ends_in_its_head_is_refused(rest: str, tmp_path: Path) -> None:
+    files = as_matrix_market(tmp_path)
+    files.stiffness.write_text("%%MatrixMarket matrix coordinate real symmetric" + rest)
+    with pytest.raises(InputError, match="K.mtx: a line with the numbers of rows, columns and entries is allowed"):
+        read_foreign(files)
+
+
 def test_a_dense_matrix_of_matrix_market_is_read(tmp_path: Path) -> None:
     files = as_matrix_market(tmp_path)
     scipy.io.mmwrite(files.stiffness, given().K.toarray(), precision=17)
