@@ -57,7 +57,9 @@ def test_the_punch_of_a_superelement_is_read(tmp_path: Path, caplog: pytest.LogC
     assert (read.size, read.modal.sum(), len(read.held)) == (part.size, 3, 0)
     assert read.mass == pytest.approx(part.mass, rel=1e-8) and read.centre == pytest.approx(part.centre, abs=1e-8)
     assert read.K.diagonal() == pytest.approx(part.K.diagonal(), rel=1e-8)
-    assert caplog.messages == ["damping is not read, as the scene has its own: K4AAX, BAAX"]
+    assert caplog.messages == ["damping is not read: K4AAX, BAAX; --damping-name chooses a viscous one"]
+    damped = read_foreign(foreign_files(tmp_path / "part.pch", None, None, None, damping_name="BAAX"))
+    assert damped.D is not None and damped.D.diagonal() == pytest.approx(1e-4 * part.K.diagonal(), rel=1e-8)
 
 
 def test_a_second_superelement_in_a_file_is_refused_with_its_line(tmp_path: Path) -> None:
