@@ -1,16 +1,17 @@
-"""Checks of a whole scene, which raise InputError: time, path, reduction, comparison, simulators, a free extension.
+"""Checks of a whole scene, which raise InputError: time, path, reduction, comparison, simulators.
 
 Each check raises an InputError for the first key that contradicts another key.  The file of the error is ``"scene"``,
 for which the reader of the scene puts the name of the file.  Checks of a single table are in its validators, checks of
-one body in `pmr.scene.structure_checks`, of neighbouring sections in `pmr.scene.joint_checks`, and of a moving frame in
-`pmr.scene.frame_checks`.
+one body in `pmr.scene.structure_checks`, of neighbouring sections in `pmr.scene.joint_checks`, of a moving frame in
+`pmr.scene.frame_checks`, and of a free extension in `pmr.scene.extension_checks`.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from pmr.scene.choice import REFERENCE, SimulatorNeeds, fewest_rows, has_driven_tail, is_pinned_beam, refuse_unsupported
+from pmr.scene.choice import REFERENCE, SimulatorNeeds, fewest_rows, is_pinned_beam, refuse_unsupported
+from pmr.scene.extension_checks import check_free_extension
 from pmr.scene.frame_checks import check_exclusions, check_frame, check_hoist
 from pmr.scene.joint_checks import check_joints
 from pmr.scene.keys import check_bounds
@@ -209,75 +210,3 @@ def _check_accuracy(scene: Scene) -> None:
     if choice.basis != "free_modes" or not (choice.flexibility and choice.estimate):
         allowed = "free modes with flexibility and estimate = true are allowed: they hold all smaller models"
         raise scene_error(key, None, allowed)
-
-
-def check_free_extension(scene: Scene) -> None:
-    """Refuse several free extensions, and what one of them does not go with; a scene without one passes."""
-    for number, extension in scene.free_extensions.items():
-        free = f"the free extension of {scene.names[number]}"
-        key = f"sections[{number}].joint"
-        if number != min(scene.free_extensions):
-            raise scene_error(f"{key}.extension.kind", "free", "one free extension is allowed")
-        if scene.frame is None:
-            allowed = f"a table is needed beside {free}: luffing = 0 is a level boom"
-            raise scene_error("frame", None, allowed)
-        if scene.frame.second_order is not False:
-            allowed = f"false is allowed beside {free}: what a boom shortens by bending is not in its equation"
-            raise scene_error("frame.second_order", scene.frame.second_order, allowed)
-        unknown, single = "the motion depends on model and step", "one motion is computed at a time"
-        refused = (
-            ("hoist", scene.hoist, "a rope's path is known for a prescribed extension alone"),
-            ("accuracy", scene.accuracy, unknown),
-            ("budget", scene.budget, unknown),
-            ("frame.machine", scene.frame.machine, single),
-        )
-        for part, table, why in refused:
-            if table is not None:
-                raise scene_error(part, None, f"none is allowed beside {free}: {why}")
-        if scene.frame.luffing == "free":
-            raise scene_error("frame.luffing", "free", f"an angle over time is allowed beside {free}: {single}")
-        if scene.start != "equilibrium":
-            allowed = f"'equilibrium' is allowed beside {free}, which its cylinder holds then"
-            raise scene_error("start", scene.start, allowed)
-        if (opening := extension.worst_opening(scene.time.end)) is not None:
-            raise scene_error(f"{key}.extension.oil.valve.opening", opening, "openings from -1 to 1 are allowed")
-        _check_sections(scene, number, free)
-
-
-def moved_sections(scene: Scene, number: int) -> dict[int, tuple[float, float]]:
-    """Ratio and offset in m of each section that moves with the free extension of section `number`, by its number."""
-    ratios_and_offsets = {number: (1.0, 0.0)}
-    for k in range(number + 1, len(scene.sections)):
-        follows = scene.joint(k).follows
-        leader = None if follows is None else scene.names.index(follows)
-        if leader in ratios_and_offsets:
-            ratio, offset = ratios_and_offsets[leader]
-            joint = scene.joint(k)
-            ratios_and_offsets[k] = joint.ratio * ratio, joint.ratio * offset + joint.offset
-    return ratios_and_offsets
-
-
-def _check_sections(scene: Scene, number: int, free: str) -> None:
-    """Refuse drives that give way, pads that only push, wind and frequency responses.
-
-    `free` names the free extension of section `number` in messages.
-    """
-    for k in moved_sections(scene, number):
-        joint, key = scene.joint(k), f"sections[{k}].joint"
-        if joint.rope is not None:
-            raise scene_error(f"{key}.rope", None, f"none is allowed beside {free}: its cylinder moves the section")
-        if joint.cylinder.stiffness != "rigid":
-            allowed = f"'rigid' is allowed beside {free}: oil or a spring gives way"
-            raise scene_error(f"{key}.cylinder.stiffness", joint.cylinder.stiffness, allowed)
-        if not has_driven_tail(member_at(scene, k)):
-            allowed = f"a model with displacements along the boom is allowed beside {free}"
-            raise scene_error(scene.section_key(k, "body.model"), None, allowed)
-    for k, part in enumerate(scene.sections):
-        if part.observe.frequency_response:
-            raise scene_error(
-                scene.section_key(k, "observe.frequency_response"), None, f"none is allowed beside {free}"
-            )
-        for n, load in enumerate(part.loads):
-            if load.acts == "wind":
-                allowed = f"'force' is allowed beside {free}: the pressure of wind follows motions that are prescribed"
-                raise scene_error(scene.section_key(k, f"loads[{n}].acts"), "wind", allowed)

@@ -26,9 +26,9 @@ from pmr.kernel.kernel import Kernel, Signals
 from pmr.kernel.machine import CYLINDER_COLUMNS, Cylinder
 from pmr.kernel.state import Record, Settings, State, StepError
 from pmr.scene import Scene
-from pmr.scene.checks import moved_sections
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.extension import FreeExtension
+from pmr.scene.extension_checks import moved_sections
 from pmr.scene.frame import INERTIA
 from pmr.scene.keys import cylinder_name
 from pmr.scene.signals import SignalBase
