@@ -186,6 +186,19 @@ def leveled_basket(found: Found) -> None:
 
 
 @figures_of
+def set_down(found: Found) -> None:
+    """The ground takes over the weight; the faster the winch, the harder the load meets it."""
+    weight = found["PAYLOAD"] * found["GRAVITY"]
+    slow, fast = found["SPEEDS"]
+    for run in found["runs"].values():
+        rope, ground = run["force of the hoist rope"], run["force of the ground"]
+        assert 2.0 * rope[0] == pytest.approx(weight, rel=0.01) and ground[0] == 0.0
+        assert ground[-250:].mean() == pytest.approx(weight, rel=0.02) and 2.0 * rope[-250:].mean() < 0.03 * weight
+    assert found["hardest"][fast] > found["hardest"][slow] > 0.98
+    assert min(found["rebound"].values()) > 0.01
+
+
+@figures_of
 def emergency_stop(found: Found) -> None:
     gentle, hard = (result.summary["ground"] for result in found["results"].values())
     margins = [min(of["min"] for of in stand["margins"]) for stand in (gentle, hard)]
