@@ -14,8 +14,8 @@ from pmr.report import document
 EXAMPLES = (
     "sliding_beam", "own_beam", "residual_flexibility", "saved_model", "study", "accuracy", "pushing_pads", "crane",
     "crane_on_turret", "anti_sway", "set_down", "emergency_stop", "load_chart", "shell_boom", "weld", "sections",
-    "own_mesh", "matrices", "real_time", "velocity_feedback", "tip_damping", "leveled_basket", "luffing_oil", "driven_extension",
-    "fmu", "own_basis",
+    "own_mesh", "matrices", "real_time", "velocity_feedback", "tip_damping", "leveled_basket", "luffing_oil",
+    "driven_extension", "fmu", "own_basis",
 )  # fmt: skip
 FRAME = """
 .. raw:: html
