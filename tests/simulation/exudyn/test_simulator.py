@@ -20,6 +20,7 @@ from pmr.scene import Simulation
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.exudyn import Formulation, contacts, equations, items, simulator
+from pmr.simulation.exudyn.solver import describe_slider, read_sensor
 from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 from pmr.system.contact_rows import ContactRows
@@ -143,6 +144,23 @@ def test_dependent_rows_fail_with_time_and_place(
 def test_an_overflow_fails_with_time_and_place(rich: FullBody) -> None:
     with pytest.raises(SimulationError, match=r"step 100, t = 0\.1 s, slider at 2\.337\d* m"):
         one_body.in_exudyn(rich, driven(PATH, [LOADS[0], Step(time=0.1, after=1e308)], STEPPING))
+
+
+class StoredData:
+    """An mbs whose sensor stored what is given."""
+
+    def __init__(self, values: Array) -> None:
+        self.GetSensorStoredData = lambda sensor: np.column_stack([np.arange(len(values)), values])
+
+
+def test_only_complete_and_finite_results_count() -> None:
+    values = np.ones((STEPPING.steps + 1, 2))
+    np.testing.assert_array_equal(read_sensor(StoredData(values), 0, STEPPING, describe_slider(PATH.value)), values)
+    with pytest.raises(SimulationError, match="200 of 201 steps"):
+        read_sensor(StoredData(values[1:]), 0, STEPPING, describe_slider(PATH.value))
+    values[7, 1] = np.nan
+    with pytest.raises(SimulationError, match=r"step 7, t = 0\.007 s, slider at 2\.02\d* m: not finite"):
+        read_sensor(StoredData(values), 0, STEPPING, describe_slider(PATH.value))
 
 
 def test_nothing_is_printed_or_written(
