@@ -11,7 +11,6 @@ from random_scenes import random_boom
 
 from pmr import InputError, Response, run
 from pmr import scene as scenes
-from pmr.compare import trials
 from pmr.compare.errors import relative_error
 from pmr.compare.estimate import MARGIN
 from pmr.scene.run_settings import Accuracy
@@ -115,18 +114,6 @@ def _apart(own: Response, fine: Response) -> float:
         for response, every in ((own, 1), (fine, (len(fine.t) - 1) // (len(own.t) - 1)))
     )
     return relative_error(one, other)
-
-
-@pytest.mark.slow
-def test_budgets_of_time_as_of_one_body(few_steps: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A multiple of real time limits the steps, and less time than the smallest model takes is refused."""
-    monkeypatch.setattr(trials, "TIMES", 1)  # that many times each is timed: none of these budgets is a close one
-    common = ("compare.against=[]", "budget.mesh=false", "section.mesh.elements=9")
-    found = summary("budget.real_time=1e-6", *common)
-    assert found["accuracy"]["tolerance"] is None and found["budget"]["mesh_reason"] == "the scene leaves it out"
-    assert found["coordinates"]["reduced"] > 20 and "us here" in found["accuracy"]["reasons"][-1]
-    with pytest.raises(InputError, match="the smallest model takes"):
-        summary("budget.microseconds_per_step=1e-9", *common)
 
 
 @pytest.mark.slow

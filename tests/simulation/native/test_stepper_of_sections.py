@@ -105,8 +105,6 @@ def test_how_fine_a_step_is_for_pads_that_push(system: System) -> None:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"step": 0.0}, "step = 0.0"),
-        ({"rho_inf": 1.0}, "rho_inf = 1.0"),
         ({"s": [1.0]}, r"s = \[1.0\]: one path coordinate for each path is allowed, in this order: middle, fly"),
         ({"s": {"fly": 2.0}}, "s: all paths are needed at the start: middle, fly"),
         ({"s": {"middle": 1.0, "fyl": 2.0}}, "s = 'fyl': did you mean 'fly'"),
@@ -159,12 +157,6 @@ def test_bodies_of_full_order_are_stepped_too() -> None:
         stepper.step(2.0)
         found, forces = np.array(list(stepper.forces.values())), expected.forces[k]
         np.testing.assert_allclose(found, forces, rtol=0.0, atol=1e-9 * np.abs(expected.forces).max())
-
-
-def test_a_body_alone_is_stepped_as_its_system() -> None:
-    model = replace(reduced(Nested(2, elements=8), 2).bodies["0"])
-    one, other = (pmr.Stepper(body, STEP, 3.0, 0.0) for body in (model, System.of(model)))
-    np.testing.assert_array_equal(one.step(3.0, 1.0), other.step(3.0, 1.0))
 
 
 @pytest.mark.slow
