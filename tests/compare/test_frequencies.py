@@ -13,13 +13,22 @@ from oracle import flexible, full_body
 from scipy.interpolate import PPoly
 from textbook import CLOSED_FORM, EI, LENGTH, RHO_A, TIP_DEFLECTION, static_tip_deflection
 
-from pmr import InputError, ReducedModel, RunResult, run
+from pmr import InputError, ReducedModel, RunResult, reduce, run
 from pmr import pipeline as whole
 from pmr import scene as scenes
 from pmr.compare.errors import band_limit, error_below_frequency
-from pmr.compare.frequencies import bending_frequencies, closed_form_frequencies, frequency_part, response_on_way
+from pmr.compare.frequencies import (
+    bending_frequencies,
+    closed_form_frequencies,
+    frequencies_on_way,
+    frequency_part,
+    lowest_mode_part,
+    response_on_way,
+    way_points,
+)
 from pmr.report import sections
 from pmr.report.numbers import SPACE
+from pmr.simulation import Excitation
 from pmr.system.assembly import Assembly
 from pmr.system.from_scene import system_of
 
@@ -237,3 +246,14 @@ def test_the_band_ends_where_a_hundredth_is_left() -> None:
         found = band_limit(tone(10.0) + tone(60.0, amplitude), STEP)
         assert highest <= found <= highest + 3.0 / (len(T) * STEP)  # the window's width
     assert band_limit(np.zeros((10, 2)), STEP) == 0.0
+
+
+@pytest.mark.parametrize(("width", "height", "direction"), [(0.3, 0.6, "y"), (0.8, 0.4, "z")])
+def test_the_lowest_mode_moves_the_tip_across_the_thinner_side_of_a_box(
+    width: float, height: float, direction: str
+) -> None:
+    sizes = [f"body.box.width={width}", f"body.box.height={height}"]
+    scene = scenes.load_any("boom_beam", [*sizes, "compare.against=[]"])
+    system, excitation = reduce(scene).system, Excitation.from_scene(scene)
+    natural = frequencies_on_way(scene, system, excitation, way_points(scene, excitation, 0))
+    assert lowest_mode_part(scene, system, excitation, natural).figures == {"lowest_mode": {"direction": direction}}

@@ -20,11 +20,19 @@ def test_what_is_left_out_follows_from_the_scene() -> None:
     crane = left_out(scenes.load_any(CRANE))
     assert "local bending of walls" in crane["strength"] and "fatigue" in crane["strength"]
     assert "friction" in crane["pads"] and "swing of the payload" in crane["loads"] and "ground" in crane["machine"]
+    assert "cylinders" in crane["masses"] and "masses" not in left_out(scenes.load_any("paper_evolved"))
     rubbing = scenes.load_any(CRANE, ["section.joint.tail.0.friction=0.1", "sections.fly.masses=[]"])
     other = left_out(rubbing)
     assert "friction" not in other["pads"] and "swing" not in other["loads"]
     assert "friction" in left_out(rubbing, at_rest=True)["pads"]  # as in a load chart
     assert left_out(scenes.load_any(Path("workflows/paper_simple.toml"))) == {}
+
+
+def test_kinds_of_an_extension_name_the_free_one_and_kinds_of_an_angle_do_not() -> None:
+    for key, has_free in (("section.joint.extension", True), ("frame.slewing", False)):
+        with pytest.raises(InputError) as refused:
+            scenes.load_any(CRANE, [f"{key}.kind='fre'"])
+        assert ("free" in refused.value.allowed) is has_free and "smooth_ramp" in refused.value.allowed
 
 
 def test_a_hung_force_without_a_mass_is_named_in_one_remark() -> None:

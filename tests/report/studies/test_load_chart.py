@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pmr.report.figures.canvas import style
 from pmr.report.figures.load_chart import BentBoom, LoadChart, bent_boom, duty_lines, load_chart
-from pmr.report.studies.chart import build_chapter
+from pmr.report.studies.chart import NO_WALLS, _headline, build_chapter
 
 
 def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_nothing() -> None:
@@ -39,6 +39,14 @@ def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_n
     assert "not reached" not in str([grid.rows for block in chapter.blocks for grid in block.grids])
     start = "No limit is reached up to 20\u202f000\u00a0kg at any of 6 points. Only the limit stability was evaluated"
     assert chapter.headline.startswith(start)
+
+
+def test_the_first_sentence_says_whether_walls_and_pads_are_looked_at() -> None:
+    """A limit of the stress of beams alone must not look as if loads were allowed."""
+    for of, is_said in (("stress", True), ("tipping", True), ("pad", False), ("field", False)):
+        limits = [{"name": "limit", "of": of, "factor": 1.5}]
+        study: Any = SimpleNamespace(study_file={"limits": limits, "up_to": 2e4})
+        assert _headline(study, np.array([[500.0, 900.0]])).endswith(NO_WALLS) is is_said
 
 
 @pytest.mark.parametrize(("reaches", "angles"), [(4, 5), (1, 5), (4, 1), (2, 2)])
