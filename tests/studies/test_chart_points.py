@@ -87,7 +87,8 @@ def test_the_bar_has_the_structural_model(chart: StudyResults, folder: Path) -> 
     assert float(row["lower bound [kg]"]) <= min(arrays["load"][0, :2] - arrays["error.model"][0, :2])
     page = render_studies(folder)
     assert "structural model, from shells" in page and "reduction, mesh, model, rotations" in page
-    assert f"Lower bounds: these loads, less the error bars of all limits. Not in them: {row['not covered']}." in page
+    bounds = "Lower bounds: these loads, less error bars and doubt of interpolation. Not in them: "
+    assert f"{bounds}{row['not covered']}." in page
 
 
 def test_a_chart_names_the_pad_that_governs(folder: Path, tmp_path: Path) -> None:
