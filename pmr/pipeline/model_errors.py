@@ -22,7 +22,6 @@ from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI, has_compiled_code
 from pmr.files.arrays import Array
 from pmr.fullmodel.build import build_bodies, log_warnings
-from pmr.fullmodel.wall_stress import stress_growth
 from pmr.reduction.bodies import Reduction, reduce_bodies, with_stress_flags
 from pmr.reduction.cache import Cache, SystemCache, cache_in
 from pmr.reduction.from_scene import Vectors
@@ -144,6 +143,8 @@ class ComparedScene:
         grows with short cells.  The stresses are those at the times of a `recovery`, from the reduced shells.
         The entry is missing without a recovery of stresses, and for models other than shells.
         """
+        from pmr.fullmodel.wall_stress import stress_growth  # needs FEniCSx, given matrices do not
+
         shells = all(model_of(of) == "shell" and of.part.body.box is not None for of in members(self.scene))
         if recovery is None or not recovery.stress or not shells:
             return {}
