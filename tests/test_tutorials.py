@@ -115,7 +115,7 @@ def test_a_crane_from_an_empty_folder(
     walls, beams = model["wall_stress"]["value"], first["max_von_mises"]["reduced"]
     assert f"{1e-6 * walls:.0f} MPa in walls" in page and f"{1e-6 * beams:.0f} MPa of the beams" in page
     luffing = first["luffing_cylinder"]["force"]
-    assert f"up to {1e-3 * luffing['max']:.0f} kN, at {luffing['t_max']:.2f} s and a reach" in page
+    assert f"up to {1e-3 * luffing['max']:.0f} kN, at {luffing['t_max']:.2f} s and a boom length" in page
     buckling = first["buckling"]
     assert f"by up to {100.0 * buckling['share']:.1f} %" in page
     assert f"{buckling['t']:.1f} s, all axial" in page and f"grow {buckling['factor']:.0f} times" in page
@@ -144,6 +144,7 @@ def test_a_load_chart_from_an_empty_folder(
         json.loads((tmp_path / "reports" / name / "summary.json").read_text()) for name in ("chart_mine", "chart")
     )
     assert stable["figures"]["never.stability"] == stable["figures"]["points"] == 360  # slewed by 0, 45 and 90 degrees
+    assert sum(stable["figures"][f"governs.walls at pads of {name}"] for name in ("middle", "fly")) == 360
     figures = found["figures"]
     assert f"at {figures['governs.luffing cylinder']} of {figures['points']} points" in page
     assert f"tipping at {figures['governs.tipping']}, the deflection of the tip at {figures['governs.tip']}." in page

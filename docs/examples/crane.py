@@ -37,7 +37,7 @@ figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
 for hook, curve in curves.items():
     (line,) = axes.plot(curve.along, curve.models["full"][:, 0], label=f"{hook:.0f} kg")
     axes.plot(curve.along, curve.models["reduced"][:, 0], "o", mfc="none", ms=4, color=line.get_color())
-axes.set(xlabel="reach in m", ylabel="lowest frequency in Hz", title="lines: full model; circles: reduced")
+axes.set(xlabel="boom length in m", ylabel="lowest frequency in Hz", title="lines: full model; circles: reduced")
 axes.legend()
 plt.show()
 
