@@ -29,7 +29,7 @@ from pmr.simulation import Excitation
 
 BOOM = Path(__file__).parents[1] / "workflows" / "boom_beam.toml"
 COUNT = 200
-NUMBERS = range(COUNT) if os.environ.get("PMR_SWEEP") == "full" else sorted({*range(0, COUNT, 25), 40, 139})
+NUMBERS = range(COUNT) if os.environ.get("PMR_SWEEP") == "full" else sorted({*range(0, COUNT, 50), 40, 139})
 MODELS = ("beam3d", "beam3d", "beam2d", "shell", "solid", "beam3d", "beam2d", "beam2d")
 NORMALS = {"bottom": (0, 0, -1), "top": (0, 0, 1), "left": (0, 1, 0), "right": (0, -1, 0)}
 
