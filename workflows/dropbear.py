@@ -7,6 +7,7 @@ Displacement, 2023, CC BY-SA 4.0) as .npz files with the arrays acceleration, st
 from __future__ import annotations
 
 import argparse
+import math
 import time
 from dataclasses import fields, replace
 from pathlib import Path
@@ -71,11 +72,14 @@ def models() -> PlaceModels:
     return place_models(space, "sensor", STEP, DAMPING, SENSOR, MEASURED, [curvature])
 
 
-def judge(observer: PositionObserver, data: list[dict[str, Any]]) -> dict[str, float]:
-    """Errors of positions in mm, over all and at rest and in motion, and shares in 90 % bands."""
+def judge(observer: PositionObserver, data: list[dict[str, Any]], delay: float = 0.0) -> dict[str, float]:
+    """Errors of positions in mm, over all and at rest and in motion, and shares in 90 % bands.
+
+    Positions follow from accelerations up to `delay` s later.
+    """
     errors, inside, moving = list[Any](), list[Any](), list[Any]()
     for one in data:
-        found = observer.run(one["y"], one["power"])
+        found = observer.run(one["y"], one["power"], delay)
         low, high = found.band()
         speed = np.abs(np.gradient(np.convolve(one["place"], np.ones(25) / 25, "same"), STEP))
         chosen = slice(begin(one["place"]), -25)
@@ -154,10 +158,11 @@ def main() -> None:
     if arguments.tune:
         settings = tune(of, [one for one in data if one["name"] in arguments.on], arguments.tune, settings)
         print(settings)
+    observer, patient = (PositionObserver(of, each) for each in (settings, replace(settings, temper=PATIENT_TEMPER)))
     for one in data:
-        figures = judge(PositionObserver(of, settings), [one])
-        print(one["name"], ", ".join(f"{name} {value:.2f}" for name, value in figures.items()))
-    observer = PositionObserver(of, settings)
+        for delay in DELAYS:
+            figures = judge(patient if delay else observer, [one], delay)
+            print(one["name"], f"{delay} s later:", ", ".join(f"{name} {value:.2f}" for name, value in figures.items()))
     tuned, others = ([one for one in data if (one["name"] in arguments.on) is of_them] for of_them in (True, False))
     for gauge in (0, 1):
         recorded = [[one for one in some if np.isfinite(one["strain"][gauge]).all()] for some in (tuned, others)]
@@ -181,6 +186,8 @@ SETTINGS = PositionSettings(
     active=4e-3,
     share=0.0586,
 )
+#: Seconds after a position whose measurements are used, and exponent of likelihoods then: chosen on these series.
+DELAYS, PATIENT_TEMPER = (0.0, 0.04, 0.1, math.inf), 0.2
 #: Noise of modes for strains, chosen on rand0 as the place of the gauges.
 STRAIN_NOISE = (0.0885, 0.92, 5.35e-4)
 

@@ -235,12 +235,12 @@ class Bank:
     following: Following
 
 
-def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array) -> BankRecord:
+def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array, delay: int = 0) -> BankRecord:
     """Take T steps from equally likely places, with measurements y (T,), NaN where there is none.
 
     `activity` (T,), 0 to 1, is how much the slider is in motion.  The level of the innovations, a running mean of their
     squares over their variance, scales all variances; it never falls below `least_level` (T,) and
-    ``bank.following.floor``.
+    ``bank.following.floor``.  Probabilities of a step are those by measurements of up to `delay` further steps.
     """
     S, n = bank.H.shape
     arrays = {
@@ -252,8 +252,10 @@ def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array) -> B
     data = ffi.new("pmr_bank *", numbers | {name: pointer(array) for name, array in arrays.items()})
     memory = np.zeros(lib.pmr_bank_memory(data))
     lib.pmr_bank_start(data, pointer(memory))
-    record = BankRecord(np.zeros((len(y), S)), np.zeros((len(y), n)), np.zeros(len(y)))
+    record = BankRecord(np.zeros((len(y), len(bank.up) * S)), np.zeros((len(y), n)), np.zeros(len(y)))
     out = ffi.new("pmr_bank_record *", {name: pointer(array) for name, array in record._asdict().items()})
     signals = [np.ascontiguousarray(x, float) for x in (y, activity, least_level)]
     lib.pmr_bank_advance(data, pointer(memory), len(y), *map(pointer, signals), out)
-    return record
+    places, of_models = np.zeros((len(y), S)), pointer(record.probability)
+    lib.pmr_bank_places(data, pointer(memory), len(y), pointer(signals[1]), delay, of_models, pointer(places))
+    return record._replace(probability=places)

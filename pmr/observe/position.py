@@ -247,18 +247,24 @@ class PositionObserver:
             W[d, d] = 1.0 - W[d].sum()
         return W
 
-    def run(self, acceleration: ArrayLike, activity: ArrayLike = 0.0) -> Positions:
+    def run(self, acceleration: ArrayLike, activity: ArrayLike = 0.0, delay: float = 0.0) -> Positions:
         """Positions from accelerations (T,) at the models' step; NaN where nothing was measured.
 
+        A position follows from the accelerations up to `delay` s later, `math.inf` for all of a record.
+
         `activity` (T,) or a number is the power of what only a slider in motion excites, such as the acceleration above
-        the modes' frequencies; by default nothing tells.  Raises InputError for arrays of other shapes.
+        the modes' frequencies; by default nothing tells.  Raises InputError for arrays of other shapes and for a delay
+        below 0.
         """
         y = np.ascontiguousarray(acceleration, float)
         if y.ndim != 1:
             raise InputError("observe", "acceleration", y.shape, "(T,) is allowed")
+        if not delay >= 0.0:
+            raise InputError("observe", "delay", delay, "0 s or more is allowed")
+        later = round(min(delay / self.models.step, len(y)))
         power = np.ascontiguousarray(np.broadcast_to(np.asarray(activity, float), y.shape))
         settings, models = self.settings, self.models
-        record = advance_bank(self.bank(), y, power / (power + settings.active), settings.share * power)
+        record = advance_bank(self.bank(), y, power / (power + settings.active), settings.share * power, later)
         likely = np.argmax(record.probability, axis=1)
         outputs = np.einsum("ton,tn->to", models.rows[likely], record.states)
         return Positions(models.places, record.probability, record.states, record.level, outputs)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -9,6 +11,7 @@ from scipy.linalg import expm
 
 from pmr import InputError, PositionObserver
 from pmr.export.state_space import StateSpace
+from pmr.kernel.kernel import Bank
 from pmr.observe.position import PlaceModels, PositionSettings, place_models, sensor_modes
 
 Array = NDArray[np.float64]
@@ -60,8 +63,27 @@ def test_models_are_those_of_the_state_space() -> None:
     np.testing.assert_allclose(undamped.F[2], expm(A * STEP), atol=1e-12)
 
 
+def chances(bank: Bank, activity: float) -> Array:
+    """Chances (D S, D S) to change in a step from one pair of speed and place to another."""
+    D, S = len(bank.up), len(GRID)
+    speeds = np.kron((1.0 - activity) * bank.rest + activity * bank.active, np.eye(S))
+    places = np.zeros((D * S, D * S))
+    for d in range(D):
+        for i in range(S):
+            up, down = bank.up[d] * (i < S - 1), bank.down[d] * (i > 0)
+            places[d * S + i, d * S + i] = 1.0 - up - down
+            if i < S - 1:
+                places[d * S + i, d * S + i + 1] = up
+            if i > 0:
+                places[d * S + i, d * S + i - 1] = down
+    return np.asarray(speeds @ places)
+
+
 def test_the_bank_is_a_mixture_of_filters() -> None:
-    """Blom and Bar-Shalom's equations, with a transition matrix over all pairs of speed and place."""
+    """Blom and Bar-Shalom's equations, with a transition matrix over all pairs of speed and place.
+
+    With a delay a place has the chance of the measurements so far and, from it on, of those that follow.
+    """
     models, rng = string_models(), np.random.default_rng(1)
     settings = PositionSettings(mode_noise=(0.01, 0.02), speeds=(0.2, 1.0), floor=1e-4, spread=0.02)
     observer = PositionObserver(models, settings)
@@ -71,19 +93,10 @@ def test_the_bank_is_a_mixture_of_filters() -> None:
     found, bank = observer.run(y, power), observer.bank()
     D, S = len(bank.up), len(GRID)
     p, x, level = np.full(D * S, 1.0 / (D * S)), np.zeros((D * S, 4)), settings.floor
+    likelihoods, filtered, changes = np.ones((40, D * S)), np.zeros((40, D * S)), list[Array]()
     for k in range(40):
-        a = power[k] / (power[k] + settings.active)
-        speeds = np.kron((1.0 - a) * bank.rest + a * bank.active, np.eye(S))
-        places = np.zeros((D * S, D * S))
-        for d in range(D):
-            for i in range(S):
-                up, down = bank.up[d] * (i < S - 1), bank.down[d] * (i > 0)
-                places[d * S + i, d * S + i] = 1.0 - up - down
-                if i < S - 1:
-                    places[d * S + i, d * S + i + 1] = up
-                if i > 0:
-                    places[d * S + i, d * S + i - 1] = down
-        joint = p[:, None] * (speeds @ places)
+        changes.append(chances(bank, power[k] / (power[k] + settings.active)))
+        joint = p[:, None] * changes[k]
         p = joint.sum(axis=0)
         x = (joint.T @ x) / p[:, None]
         x = np.array([models.F[j % S] @ x[j] for j in range(D * S)])
@@ -96,11 +109,20 @@ def test_the_bank_is_a_mixture_of_filters() -> None:
         if np.isfinite(y[k]):
             x += np.tile(bank.gain, (D, 1)) * e[:, None]
             weight = -0.5 * settings.temper * (np.log(V) + e**2 / (V * level))
-            p = p * np.exp(weight - weight.max()) + 1e-10
-        p /= p.sum()
+            likelihoods[k] = np.exp(weight - weight.max()) + 1e-10 / p
+        filtered[k] = p * likelihoods[k]
+        p = filtered[k] / filtered[k].sum()
         np.testing.assert_allclose(found.probability[k], p.reshape(D, S).sum(axis=0), rtol=1e-9, atol=1e-14)
         np.testing.assert_allclose(found.states[k], p @ x, rtol=1e-8, atol=1e-12)
         np.testing.assert_allclose(found.level[k], level, rtol=1e-10)
+    for delay, steps in ((0.005, 5), (math.inf, 40)):
+        later = observer.run(y, power, delay).probability
+        for k in range(40):
+            behind = np.ones(D * S)  # chance of the measurements behind step k, up to `steps` of them
+            for n in range(min(k + steps, 39), k, -1):
+                behind = changes[n] @ (likelihoods[n] * behind)
+            p = filtered[k] * behind / (filtered[k] @ behind)
+            np.testing.assert_allclose(later[k], p.reshape(D, S).sum(axis=0), rtol=1e-9, atol=1e-14)
 
 
 def test_the_place_is_found_from_the_acceleration() -> None:
@@ -127,3 +149,5 @@ def test_wrong_input_is_refused() -> None:
             PositionObserver(models, settings)
     with pytest.raises(InputError, match="acceleration"):
         PositionObserver(models, PositionSettings(mode_noise=(1.0, 1.0))).run(np.zeros((2, 2)))
+    with pytest.raises(InputError, match="delay"):
+        PositionObserver(models, PositionSettings(mode_noise=(1.0, 1.0))).run(np.zeros(2), delay=-1.0)

@@ -469,7 +469,7 @@ typedef struct {
     double attack, decay, floor;           /* shares by which the level of innovations follows, and its least value */
 } pmr_bank;
 
-/* Probabilities of places (., S), mean states (., n) and level (.,), a row each step. */
+/* Probabilities of speeds and places (., D, S), mean states (., n) and level (.,), a row each step. */
 typedef struct {
     double *probability, *states, *level;
 } pmr_bank_record;
@@ -480,6 +480,10 @@ size_t pmr_bank_memory(const pmr_bank *bank);
 void pmr_bank_start(const pmr_bank *bank, double *memory);
 void pmr_bank_advance(const pmr_bank *bank, double *memory, int64_t steps, const double *y, const double *activity,
                       const double *least_level, const pmr_bank_record *record);
+/* Probabilities of places (steps, S) from those of speeds and places, each by the measurements of up to `delay` further
+   steps.  `memory` is as long as that of the bank, which it replaces. */
+void pmr_bank_places(const pmr_bank *bank, double *memory, int64_t steps, const double *activity, int64_t delay,
+                     const double *probability, double *places);
 
 /* ---- a Kalman filter on linear models of steps ---- */
 
