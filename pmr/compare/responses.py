@@ -68,6 +68,7 @@ class Simulations:
     agreement: Mapping[str, float]  # m: largest difference of displacements between two simulators, by pair
     time_grid: TimeStepping  # with the first simulation's parts of each step if contacts only push
     repeat: Callable[[], Mapping[str, float]]  # repeats simulations; least seconds of each
+    contact_frequency: float  # rad/s: largest one of contacts that only push (`pmr.simulation.contact_step`)
 
     def with_least_seconds(self) -> Simulations:
         """Repeat short simulations; return the same results with the shortest solver time of each simulator."""
@@ -107,7 +108,7 @@ def simulate(
         repeats = scene.simulation.repeats
         return {name: simulation.least_seconds(seconds[name], repeats) for name, simulation in prepared.items()}
 
-    return Simulations(results[names[0]], seconds, agreement(responses), stepping, repeat_all)
+    return Simulations(results[names[0]], seconds, agreement(responses), stepping, repeat_all, omega)
 
 
 def simulate_by(

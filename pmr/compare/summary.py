@@ -245,8 +245,7 @@ def parts_of_motion(
     `simulations` are the simulations of `simulated`; `natural` are natural frequencies on the way; `step` is the part
     on the error of the step.
     """
-    excitation, system = Excitation.from_scene(scene), simulated.system
-    omega = contact_step.contact_frequency(system, excitation)
+    excitation, system, omega = Excitation.from_scene(scene), simulated.system, simulations.contact_frequency
     divided = contact_step.summary(omega, simulations.time_grid)
     return [
         *parts_of_forces(scene, system, simulations.first.response),
