@@ -100,6 +100,8 @@ def run(
         mpirun -n 2 pmr run SCENE.toml --set reduction.solver=slepc
     """
     from pmr import scene as scenes
+    from pmr.scene.choice import traits_of
+    from pmr.scene.members import members
 
     changes = [*(overrides or ())]
     if simulators is not None:
@@ -116,7 +118,7 @@ def run(
     ]
     if len(set(names)) != len(names):
         raise InputError("command line", "SCENE", names, "names must differ")
-    if any(part.body.model != "matrices" for *_, scene in loaded for part in scene.sections):
+    if any(traits_of(member).needs_fenicsx for *_, scene in loaded for member in members(scene)):
         environment.check_installed("dolfinx")
     environment.check_report()  # before the work, not after it
     folder = out_dir or Path("reports", names[0])

@@ -30,7 +30,7 @@ from pmr.errors import InputError
 from pmr.files.arrays import Indices, Summary
 from pmr.results.quantities import COMPARED
 from pmr.scene import Scene
-from pmr.scene.choice import has_giving_walls, model_of
+from pmr.scene.choice import has_giving_walls, traits_of
 from pmr.scene.joints import BoomSection
 from pmr.scene.members import members
 
@@ -72,10 +72,7 @@ def other_mesh(scene: Scene) -> OtherMesh:
 
 def has_rigid_beams(scene: Scene) -> bool:
     """Whether all bodies are beams whose walls don't give way, or movers on them."""
-    return all(
-        model_of(member) in ("beam2d", "beam3d", "mover") and member.part.body.walls == "rigid"
-        for member in members(scene)
-    )
+    return all(traits_of(member).has_line and member.part.body.walls == "rigid" for member in members(scene))
 
 
 def has_long_elements(scene: Scene) -> bool:
@@ -141,7 +138,7 @@ def mesh_warnings(scene: Scene) -> list[str]:
     worst, message = LONGEST, ""
     for member in members(scene):
         body, cells = member.part.body, member.part.mesh
-        has_walls = has_giving_walls(member) or model_of(member) in ("shell", "solid")
+        has_walls = has_giving_walls(member) or traits_of(member).has_cells
         if body.box is None or cells.file is not None or not has_walls:
             continue
         across = {side.name: side.length / side.cells(cells.size) for side in body.box.sides}

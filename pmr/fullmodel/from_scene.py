@@ -7,7 +7,7 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
@@ -19,13 +19,10 @@ from pmr.fullmodel.probes import gauges
 from pmr.fullmodel.structure import Action, Clamp, Inertia, LineLoad, PadForce, Structure, Warmth, Weight
 from pmr.models import StructuralModel
 from pmr.models.box_mesh import DIMENSIONS, BoxBoom, write_shell, write_solid
-from pmr.models.matrices import Matrices
-from pmr.models.mesh_drawing import NotDrawnError, graded_nodes, read_nodes
+from pmr.models.mesh_drawing import NotDrawnError
 from pmr.models.mesh_faces import add_faces
-from pmr.models.mover import Mover
 from pmr.models.named_mesh import NamedMesh, read_mesh
-from pmr.scene.box import Box
-from pmr.scene.built import Load, OwnModel, PadRing
+from pmr.scene.built import Load, PadRing
 from pmr.scene.choice import (
     axis_loads,
     has_driven_tail,
@@ -36,16 +33,15 @@ from pmr.scene.choice import (
     motion_directions,
     observed_places,
     pad_faces,
+    traits_of,
     transverse_axes,
 )
 from pmr.scene.mechanism import tail_outputs
 from pmr.scene.members import EXTENSION, TAIL, Member
+from pmr.scene.model_traits import MODELS
 from pmr.scene.signals.base import Interval
-from pmr.scene.structures import Beam3DBody
 from pmr.system.rows import StraightRows
 
-#: Models that need no FEniCSx; the modules of all others load it.
-WITHOUT_FORMS = ("matrices", "mover")
 #: Nodes of a beam that are observed by default: with all nodes, tables of outputs grow with the mesh's square.
 MOST_OBSERVED = 1000
 
@@ -64,9 +60,9 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
 
     Raises an `InputError` if the mesh can't be read or drawn, or lacks a group.
     """
-    if model_of(member) not in WITHOUT_FORMS:
+    if traits_of(member).needs_fenicsx:
         check_fenicsx(model_of(member))
-    model, pads = _MODELS.get(model_of(member), _mesh_model)(member, comm), _pads(member)
+    model, pads = structural_model_of(member, comm), _pads(member)
     if has_giving_walls(member):
         from pmr.fullmodel.wall_compliance import walls_of  # needs FEniCSx
 
@@ -191,87 +187,35 @@ def _supports(member: Member) -> tuple[Support, ...]:
     )
 
 
-def _planar_beam(member: Member, comm: MPI.Comm) -> StructuralModel:
-    """Planar beam of a body from its stiffnesses or its box, on generated nodes or on the nodes of a mesh file."""
-    from pmr.models.beam2d import Beam2D, planar_beam
+def structural_model_of(member: Member, comm: MPI.Comm) -> StructuralModel:
+    """Structural model of a body, made by the module of `pmr.models` or of a plug-in with the model's name; collective.
 
-    mesh, length = member.part.mesh, member.part.length
-    nodes = graded_nodes(length, mesh.elements, mesh.grading) if mesh.file is None else read_nodes(mesh.file, length)
-    profile = member.part.body.profile
-    return Beam2D(profile, nodes) if profile else planar_beam(_beam_body(member), _box(member), nodes)
+    A module with `KINDS`, the kinds of cells that it allows, makes its model from the body and the mesh by ``of``.
+    Other modules read no mesh and make it from the member of the scene by ``from_member``, on every rank.
 
-
-def _beam(member: Member, comm: MPI.Comm) -> StructuralModel:
-    """Beam in space of a body, from its section or its box."""
-    from pmr.models.beam3d import Beam3D, box_beam
-
-    body = _beam_body(member)
-    return box_beam(body, _box(member)) if body.profile else Beam3D(body)
-
-
-def _beam_body(member: Member) -> Beam3DBody:
-    """Data of a beam in space in a body's table: box or section, material and number of elements."""
-    box, body = _box(member), member.part.body
-    return Beam3DBody(
-        length=box.length,
-        section=body.section,
-        profile=None if body.section else box,
-        material=body.material,
-        shear=body.shear,
-        elements=member.part.mesh.elements,
-    )
-
-
-def _mesh_model(member: Member, comm: MPI.Comm) -> StructuralModel:
-    """Shell or solid of a body, made by the module that is called as the scene's model; collective.
-
-    The module's `KINDS` are the cells that it allows.  Its function `of` makes the model from the body and the mesh.
+    Raises an `InputError` for a plug-in that has no `KINDS` or `of`.
     """
-    kind = _model_module(model_of(member))
+    name, models_of_pmr = model_of(member), frozenset({"auto", *MODELS})
+    if name in models_of_pmr:
+        module: Any = import_module(f"pmr.models.{name}")
+    else:
+        module = environment.plugin_object("pmr.models", name, models_of_pmr)
+        if not (hasattr(module, "KINDS") and callable(getattr(module, "of", None))):
+            raise environment.plugin_error("pmr.models", name)
+    model: StructuralModel
+    if not hasattr(module, "KINDS"):
+        model = module.from_member(member)
+        return model
 
     def write(boom: BoxBoom, file: Path) -> None:
         """Mesh a box with cells that the model allows, and write the mesh to `file`."""
-        if "triangle" in kind.KINDS:
+        if "triangle" in module.KINDS:
             write_shell(boom, file)
         else:
             write_solid(boom, file, hexahedra=member.part.mesh.cells == "hexahedra")
 
-    model: StructuralModel = kind.of(member.part.body, _mesh(member, comm, kind.KINDS, write))
+    model = module.of(member.part.body, _mesh(member, comm, module.KINDS, write))
     return model
-
-
-def _model_module(name: str) -> Any:
-    """Module of the shell or solid `name`, in pmr or in an installed plug-in.
-
-    Raises an `InputError` for a plug-in that has no `KINDS` or `of`.
-    """
-    models_of_pmr = frozenset(get_args(OwnModel))
-    if name in models_of_pmr:
-        return import_module(f"pmr.models.{name}")
-    kind = environment.plugin_object("pmr.models", name, models_of_pmr)
-    if not (hasattr(kind, "KINDS") and callable(getattr(kind, "of", None))):
-        raise environment.plugin_error("pmr.models", name)
-    return kind
-
-
-def _matrices(member: Member, comm: MPI.Comm) -> StructuralModel:
-    """Structural model of given matrices; every rank reads the file by itself."""
-    assert member.part.mesh.file is not None  # the scene's check
-    return Matrices.load(member.part.mesh.file)
-
-
-def _mover(member: Member, comm: MPI.Comm) -> StructuralModel:
-    """Structural model of a mass that crosses another section."""
-    assert member.part.body.mover is not None  # the scene's check
-    return Mover(member.part.body.mover, motion_directions(member))
-
-
-_MODELS: dict[str, Callable[[Member, MPI.Comm], StructuralModel]] = {
-    "beam2d": _planar_beam,
-    "beam3d": _beam,
-    "matrices": _matrices,
-    "mover": _mover,
-}
 
 
 def _mesh(member: Member, comm: MPI.Comm, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
@@ -294,7 +238,8 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
         return add_faces(read_mesh(member.part.mesh.file, kinds), member.part.mesh.faces)
     from pmr.models.shell import draw_box
 
-    box, mesh = _box(member), member.part.mesh
+    box, mesh = member.part.body.box, member.part.mesh
+    assert box is not None  # the scene's check
     try:
         boom = draw_box(box, mesh.size, mesh.along or 0.0, mesh.tail_layer)
         with TemporaryDirectory() as folder:
@@ -311,9 +256,3 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
             raise
         key = {"size": "mesh.size", "size_along": "mesh.along", "tail_layer": "mesh.tail_layer"}.get(error.key)
         raise InputError("scene", key or f"body.box.{error.key}", error.value, error.allowed) from None
-
-
-def _box(member: Member) -> Box:
-    """Box of the body; the checks of the scene have made sure that it has one."""
-    assert member.part.body.box is not None  # the scene's check
-    return member.part.body.box

@@ -30,6 +30,7 @@ from pmr.models.sections_along import SectionsAlong
 from pmr.models.trace import Extent, Plane, Strip, Window, line_points
 from pmr.results.field_series import Grid
 from pmr.results.field_stress import ForceRows, StressRows, force_rows
+from pmr.scene.members import Member
 from pmr.scene.structures import Beam3DBody, Profile
 
 if TYPE_CHECKING:
@@ -420,3 +421,17 @@ class Beam(Line, ABC):
 def measure(mesh: Mesh) -> ufl.Measure:
     """UFL measure by which weak forms of beams are integrated."""
     return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 6})
+
+
+def beam_body(member: Member) -> Beam3DBody:
+    """Data of the beam of a body of a scene: box or section, material and number of elements."""
+    body = member.part.body
+    assert body.box is not None  # the scene's check
+    return Beam3DBody(
+        length=body.box.length,
+        section=body.section,
+        profile=None if body.section else body.box,
+        material=body.material,
+        shear=body.shear,
+        elements=member.part.mesh.elements,
+    )

@@ -31,7 +31,8 @@ from pmr.errors import InputError
 from pmr.fem.compat import hermite_space
 from pmr.files.arrays import Array, Indices
 from pmr.models import Forms, UnitState, ufl_product
-from pmr.models.beam import Beam, measure
+from pmr.models.beam import Beam, beam_body, measure
+from pmr.models.mesh_drawing import graded_nodes, read_nodes
 from pmr.models.sections_along import (
     HERMITE,
     Bending,
@@ -44,6 +45,7 @@ from pmr.models.sections_along import (
 from pmr.models.trace import FACES, Extent, Plane
 from pmr.results.field_stress import ForceRows, StressRows
 from pmr.scene.box import Box
+from pmr.scene.members import Member
 from pmr.scene.structures import Beam3DBody, Profile
 
 if TYPE_CHECKING:
@@ -281,6 +283,16 @@ def planar_beam(body: Beam3DBody, box: Box, nodes: Array) -> Beam2D:
         return Beam2D(body, nodes)
     stations = stations_of(box.breaks, body.elements)
     return Beam2D(body, stations, sections_of(body, stations, box))
+
+
+def from_member(member: Member) -> Beam2D:
+    """Planar beam of a body from its stiffnesses or its box, on generated nodes or on the nodes of a mesh file."""
+    body, mesh, length = member.part.body, member.part.mesh, member.part.length
+    nodes = graded_nodes(length, mesh.elements, mesh.grading) if mesh.file is None else read_nodes(mesh.file, length)
+    if body.profile is not None:
+        return Beam2D(body.profile, nodes)
+    assert body.box is not None  # the scene's check
+    return planar_beam(beam_body(member), body.box, nodes)
 
 
 def _trial_and_test(space: FunctionSpace) -> tuple[Expr, ...]:

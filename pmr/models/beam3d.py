@@ -40,7 +40,7 @@ import ufl
 from pmr.fem.compat import cellwise, hermite_space
 from pmr.files.arrays import Array, Indices
 from pmr.models import DIRECTIONS, Forms, UnitState, ufl_product
-from pmr.models.beam import Beam, measure
+from pmr.models.beam import Beam, beam_body, measure
 from pmr.models.profile_section import RingMasses, ring_masses
 from pmr.models.sections_along import (
     Bending,
@@ -55,6 +55,7 @@ from pmr.models.sections_along import (
 from pmr.models.trace import FACES, Extent, Plane
 from pmr.results.field_stress import FORCES, ForceRows, StressRows
 from pmr.scene.box import Box
+from pmr.scene.members import Member
 from pmr.scene.structures import Beam3DBody, BeamSection
 
 if TYPE_CHECKING:
@@ -361,3 +362,9 @@ def box_beam(body: Beam3DBody, box: Box) -> Beam3D:
         stations = stations_of(box.breaks, body.elements)
         beam = Beam3D(body, stations, sections_of(body, stations, box))
     return replace(beam, rings=ring_masses(box, beam.node_stations)) if box.frames else beam
+
+
+def from_member(member: Member) -> Beam3D:
+    """Beam in space of a body, from its section or its box."""
+    body, box = beam_body(member), member.part.body.box
+    return box_beam(body, box) if body.profile and box else Beam3D(body)

@@ -18,6 +18,7 @@ from pmr.files.rigid import elastic_energies
 from pmr.models import DIRECTIONS
 from pmr.models.meshed import TracedModel
 from pmr.models.trace import Extent, Strip, Trace, Window, orient_outward
+from pmr.scene.members import Member
 
 #: A face's nodes lie in a plane within this share of the face's extent.
 FLAT = 1e-3
@@ -206,3 +207,9 @@ def _divide(start: float, end: float, spacing: float) -> Array:
         if end > start
         else np.empty(0)
     )
+
+
+def from_member(member: Member) -> Matrices:
+    """Structural model of the matrices in the file that a scene names; every rank reads the file by itself."""
+    assert member.part.mesh.file is not None  # the scene's check
+    return Matrices.load(member.part.mesh.file)

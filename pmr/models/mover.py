@@ -22,6 +22,8 @@ import scipy.sparse as sp
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices
 from pmr.models.trace import Strip, Window
+from pmr.scene.choice import motion_directions
+from pmr.scene.members import Member
 from pmr.scene.structures import MoverBody
 
 
@@ -99,3 +101,9 @@ class Mover:
         """Coordinates (n, t) under unit translations along the t `directions`."""
         along = np.arange(self.size) > self.wheel
         return np.stack([along if axis == "x" else ~along for axis in self.directions], axis=1).astype(float)
+
+
+def from_member(member: Member) -> Mover:
+    """Structural model of a mass that crosses another section of a scene."""
+    assert member.part.body.mover is not None  # the scene's check
+    return Mover(member.part.body.mover, motion_directions(member))

@@ -35,14 +35,13 @@ from pmr.report.subject import force_words, is_alone, is_luffing_cylinder_alone,
 from pmr.results import RunResult
 from pmr.results.quantities import COMPARED, QUANTITIES, error_label, reduction_error, stress_name, wall_stress
 from pmr.results.tables import REACTION_OF
-from pmr.scene.choice import model_of
+from pmr.scene.choice import traits_of
 from pmr.scene.members import members
+from pmr.scene.model_traits import model_traits
 
 NAMES = {"full": "full", "ancf": "ANCF", "reduced": "reduced"}
 #: Order of the pairs of models in the error table, and order of the kinds of errors of each pair.
 ORDER = ("reduced_vs_full", "reduced_vs_ancf", "full_vs_ancf")
-#: Words for the structural models that a simpler model is compared to.
-MODELS = {"beam3d": "a beam in space", "shell": "a shell", "coarse shell": "a coarse shell"}
 #: Clause on the error of a reduction that nothing tells.
 NOT_COMPARED = "not known: no full model was simulated to compare with"
 #: Relative error at which the scale of the bars begins.
@@ -250,7 +249,7 @@ def trust_table(result: RunResult) -> Table:
     parts = {name: _with_shown_labels(result, errors) for name, errors in parts.items()}
     texts = {name: _list_without_round_off(errors) for name, errors in parts.items()}
     texts["model"] = (
-        f"beside {MODELS[model['beside']]}: {texts['model']}"
+        f"beside {model_traits(model['beside']).words}: {texts['model']}"
         if model.get("beside")
         else _reason_without_model_error(model)
     )
@@ -265,7 +264,7 @@ def trust_table(result: RunResult) -> Table:
         text = _list_without_round_off(_with_shown_labels(result, of_largest))
         texts["added up"] = f"{text}; not in it: {', '.join(summed.unknown)}" if summed.unknown else text
     stressed = "reduced" in summary.get("max_von_mises", {})
-    walls = [WALLS] if stressed and any(model_of(of).startswith("beam") for of in members(result.scene)) else []
+    walls = [WALLS] if stressed and any(traits_of(of).is_beam for of in members(result.scene)) else []
     missing = {
         "model": model.get("not_covered") or walls,
         "mesh": budget.get("mesh_not_covered") or (),
@@ -384,5 +383,5 @@ def model_key_number(result: RunResult) -> Iterator[KeyNumber]:
     if part is None or part["beside"] is None or part.get("beam") is None:
         return
     frequencies = format_percent(part["frequency"] or 0.0)
-    more = f"{scope_words(result)}; lowest frequencies {frequencies}; beside {MODELS[part['beside']]}"
+    more = f"{scope_words(result)}; lowest frequencies {frequencies}; beside {model_traits(part['beside']).words}"
     yield KeyNumber(format_percent(part["beam"]), "the model's own error", more)

@@ -20,17 +20,10 @@ from pmr.scene.joints import JointPads
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, input_name, qualified_name
 from pmr.scene.mechanism import AT_PIVOT, supports_at_lug
 from pmr.scene.members import member_at, members
+from pmr.scene.model_traits import model_traits
 from pmr.scene.scene import BoomSection
 from pmr.scene.signals import SignalBase
 
-MODELS = {
-    "beam2d": "a planar beam",
-    "beam3d": "a beam in space",
-    "shell": "a shell",
-    "solid": "a solid",
-    "matrices": "given matrices",
-    "mover": "a mass on a wheel",
-}
 #: Text in the name of a load between the component of a force and the axis of the whole force.
 GROUND = ", of a force"
 #: Words for the directions across the axis.
@@ -111,8 +104,8 @@ def reduced_size(result: RunResult) -> int:
 
 def structural_model_words(model: str, walls: str = "rigid") -> str:
     """Name a structural model in words, such as ``a planar beam``; for beams also say if their walls give way."""
-    gives = " whose walls give way" if walls == "give" and model in ("beam2d", "beam3d") else ""
-    return MODELS.get(model, f"a {model.replace('_', ' ')}") + gives
+    traits = model_traits(model)
+    return traits.words + " whose walls give way" * (walls == "give" and traits.walls_may_give)
 
 
 def choice_clause(measured: Summary) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, ModelWrapValidatorHandler, model_validator
@@ -36,6 +36,7 @@ from pmr.scene.keys import (
     key_error,
     or_plugin_name,
 )
+from pmr.scene.model_traits import MODELS
 from pmr.scene.profile import Face
 from pmr.scene.signals import Constant, Signal, SignalBase, SmoothRamp
 from pmr.scene.structures import BeamSection, Material, MoverBody, Profile, unit_vector
@@ -43,8 +44,10 @@ from pmr.scene.structures import BeamSection, Material, MoverBody, Profile, unit
 GRAVITY = 9.80665  # m/s^2
 #: Name of the input of the weight of all bodies.
 WEIGHT = "gravity"
-OwnModel = Literal["auto", "beam2d", "beam3d", "shell", "solid", "matrices", "mover"]
-ModelName = Annotated[OwnModel, or_plugin_name("pmr.models"), AS_WORD]
+if TYPE_CHECKING:
+    ModelName = str
+else:
+    ModelName = Annotated[Literal["auto", *MODELS], or_plugin_name("pmr.models"), AS_WORD]
 #: Names of two pads on a face, by their side of its middle: on bottom and top, and on all other faces.
 SIDES, UPWARDS = dict.fromkeys(("bottom", "top"), ("right", "left")), ("lower", "upper")
 #: Directions that each kind of support holds; a direction that a model lacks has no effect.

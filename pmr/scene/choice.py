@@ -21,6 +21,7 @@ from pmr.scene.built import POLYNOMIALS, PRESSED, Load
 from pmr.scene.hoist import HOIST
 from pmr.scene.keys import Direction
 from pmr.scene.members import Member, members
+from pmr.scene.model_traits import ModelTraits, model_traits
 from pmr.scene.profile import FACES, Face
 from pmr.scene.signals import Constant
 
@@ -28,8 +29,6 @@ from pmr.scene.signals import Constant
 QUASI_STATIC = 1.0 / 3.0
 #: Distance of the first and last observed position from the ends of a body, as a share of its length.
 FROM_AN_END = 0.05
-#: Models whose motion is in the vertical plane.
-PLANAR = ("beam2d", "mover")
 #: Pairs of faces that mirror each other at y = 0.
 SIDES: tuple[tuple[Face, Face], ...] = (("left", "right"), ("bottom left", "bottom right"), ("top left", "top right"))
 
@@ -65,12 +64,17 @@ def choose_model(member: Member, by_itself: bool = False) -> ModelChoice:
 def is_undecided(member: Member) -> bool:
     """Whether the model is left to measurements: the scene says ``auto``, and a beam may represent the body's box."""
     body = member.part.body
-    return body.model == "auto" and body.box is not None and model_of(member) != "shell"
+    return body.model == "auto" and body.box is not None and traits_of(member).is_beam
 
 
 def model_of(member: Member) -> str:
     """Name of the structural model that `choose_model` returns for a body."""
     return choose_model(member).model
+
+
+def traits_of(member: Member) -> ModelTraits:
+    """Traits of the structural model that `choose_model` returns for a body."""
+    return model_traits(model_of(member))
 
 
 def observed_places(member: Member) -> tuple[float, ...] | None:
@@ -80,7 +84,7 @@ def observed_places(member: Member) -> tuple[float, ...] | None:
     Raises an `InputError` if the length of another model than a beam is not known.
     """
     observe, length = member.part.observe, member.part.body.length
-    if observe.stations is not None or model_of(member) in ("beam2d", "beam3d", "mover"):
+    if observe.stations is not None or traits_of(member).has_line:
         return observe.stations
     if length is None:
         allowed = "places in m are needed, from observe.start to observe.end: the body has no length without a mesh"
@@ -90,18 +94,18 @@ def observed_places(member: Member) -> tuple[float, ...] | None:
 
 def has_giving_walls(member: Member) -> bool:
     """Whether the chosen model is a beam whose walls are locally flexible under pads, as ``body.walls`` says."""
-    return member.part.body.walls == "give" and model_of(member) in ("beam2d", "beam3d")
+    return member.part.body.walls == "give" and traits_of(member).walls_may_give
 
 
 def has_walls_that_could_give(member: Member) -> bool:
     """Whether the chosen model is a beam of a box whose walls are rigid under pads, but could be made flexible."""
     body = member.part.body
-    return body.box is not None and body.walls == "rigid" and model_of(member) in ("beam2d", "beam3d")
+    return body.box is not None and body.walls == "rigid" and traits_of(member).walls_may_give
 
 
 def motion_directions(member: Member) -> tuple[Direction, ...]:
     """Return those of x, y, z, rx, ry, rz along or about which points of a body can move in its model."""
-    if model_of(member) == "mover":  # along the boom it moves with the section that carries it
+    if traits_of(member).kind == "mass":  # along the boom it moves with the section that carries it
         carrier = motion_directions(Member(member.scene, member.number - 1)) if member.number else ()
         return ("x", "z") if "x" in carrier else ("z",)
     if not is_planar(member):
@@ -219,8 +223,8 @@ def inertia_fields(member: Member) -> tuple[str, ...]:
     along = [axis for axis in turning if axis in motion_directions(member)]
     if not member.frame.has_angles:
         return tuple(along)
-    if model_of(member) in ("beam2d", "beam3d") and not _has_rotary_inertia(member):
-        torsion = ("yz", "zy") if model_of(member) == "beam3d" and "y" in turning else ()
+    if traits_of(member).is_beam and not _has_rotary_inertia(member):
+        torsion = () if is_planar(member) or "y" not in turning else ("yz", "zy")
         return (*along, *(axis + "x" for axis in along), *torsion)
     return (*along, *(axis + over for axis in along for over in turning))
 
@@ -229,12 +233,12 @@ def _has_rotary_inertia(member: Member) -> bool:
     """Whether a beam or a mass on it has inertia about axes across the beam, or a mass is off the beam's axis."""
     is_off_axis = [mass.at is not None and mass.at[1:] != (0.0, 0.0) for mass in member.part.masses]
     attached = any(any(mass.inertia) for mass in member.part.masses)
-    return attached or any(is_off_axis) or (model_of(member) == "beam3d" and member.part.body.shear)
+    return attached or any(is_off_axis) or (member.part.body.shear and not is_planar(member))
 
 
 def is_planar(member: Member) -> bool:
     """Whether a body is modelled as a planar beam, or is a mover on one."""
-    return model_of(member) in PLANAR
+    return traits_of(member).is_planar
 
 
 def fewest_rows(member: Member) -> int:
@@ -292,7 +296,7 @@ def _wall_reasons(member: Member) -> list[str]:
 def _other_model_reasons(member: Member) -> list[str]:
     """Reasons for a beam in space from other sections: if one section is no planar beam, all have to be in space."""
     neighbours = [section for section in members(member.scene) if section.number != member.number]
-    spatial = [other for other in neighbours if choose_model(other, by_itself=True).model not in PLANAR]
+    spatial = [other for other in neighbours if not model_traits(choose_model(other, by_itself=True).model).is_planar]
     return [f"section {other.part.name} is no planar beam" for other in spatial]
 
 

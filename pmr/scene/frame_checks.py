@@ -13,7 +13,7 @@ import numpy as np
 
 from pmr.files.arrays import Array
 from pmr.scene.built import Gravity
-from pmr.scene.choice import has_axial_motion, input_directions, is_planar, model_of
+from pmr.scene.choice import has_axial_motion, input_directions, is_planar, model_of, traits_of
 from pmr.scene.frame import Frame, Machine
 from pmr.scene.joints import JointPads
 from pmr.scene.keys import LUFFING
@@ -92,9 +92,9 @@ def _check_computed(scene: Scene, frame: Frame, computed: str) -> None:
     if frame.second_order == "auto":
         raise scene_error("frame.second_order", "auto", f"true or false is allowed beside {computed}")
     for member in members(scene):
-        if model_of(member) == "beam2d":
+        if is_planar(member):
             key = scene.section_key(member.number, "body.model")
-            raise scene_error(key, "beam2d", f"a model in space is allowed beside {computed}")
+            raise scene_error(key, model_of(member), f"a model in space is allowed beside {computed}")
         for k, load in enumerate(member.part.loads):
             if load.acts == "wind":
                 key, allowed = (
@@ -203,10 +203,10 @@ def check_frame(scene: Scene) -> None:
         )
         raise scene_error("gravity", None, allowed)
     for member in members(scene):
-        if model_of(member) == "matrices":
+        if traits_of(member).kind == "matrices":
             allowed = "models with a mesh are allowed in a frame: matrices do not say where their mass is"
             raise scene_error(scene.section_key(member.number, "body.model"), "matrices", allowed)
-        if model_of(member) == "beam2d" and (frame.out_of_plane_key or frame.tail_position[1] != 0.0):
+        if is_planar(member) and (frame.out_of_plane_key or frame.tail_position[1] != 0.0):
             key = frame.out_of_plane_key or "pivot"
             raise scene_error(f"frame.{key}", None, "models in space are allowed with it: beam2d has no lateral motion")
     for number in range(1, len(scene.sections) if frame.second_order else 1):
@@ -255,7 +255,7 @@ def _check_holding_cylinder(scene: Scene, frame: Frame) -> None:
     """
     key, base = "frame.cylinder.stiffness", members(scene)[0]
     assert frame.cylinder is not None
-    if not base.has_joint or model_of(base) not in ("beam2d", "beam3d"):
+    if not base.has_joint or not traits_of(base).is_beam:
         allowed = "a boom of several sections whose base is a beam is allowed with it: body.model = 'beam3d' in the "
         raise scene_error(key, None, f"{allowed}section {scene.names[0]!r} makes it one; the others may be shells")
     if frame.luffing is None:
@@ -362,7 +362,7 @@ def check_hoist(scene: Scene) -> None:
                 f"a model in space is allowed beside hoist.{hoist.lateral_key}, which is not in the vertical plane"
             )
             raise scene_error(key, model_of(member), allowed)
-        if model_of(member) == "matrices":
+        if traits_of(member).kind == "matrices":
             key = scene.section_key(member.number, "body.model")
             raise scene_error(key, "matrices", "models with a mesh are allowed with [hoist]")
         for place, (on, (x, _, _)) in member.rope_places.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pmr.scene.built import Load
-from pmr.scene.choice import model_of
+from pmr.scene.choice import traits_of
 from pmr.scene.keys import qualified_name
 from pmr.scene.members import members
 from pmr.scene.scene import Scene
@@ -70,7 +70,7 @@ def _strength(scene: Scene, at_rest: bool) -> list[str]:
     if all(part.body.profile is not None or part.body.mover is not None for part in scene.sections):
         return []  # lines without a section, which have no stress
     clauses, boxes = list[str](), [member for member in members(scene) if member.part.body.box is not None]
-    if any(model_of(member).startswith("beam") and member.pads for member in boxes):
+    if any(traits_of(member).is_beam and member.pads for member in boxes):
         clauses.append("local bending of walls under pads in the stress of beams")
     if boxes:
         clauses.append("buckling of plates")

@@ -6,14 +6,13 @@ from typing import NamedTuple
 
 from pmr.errors import InputError
 from pmr.scene.checks import check_scene
-from pmr.scene.choice import FROM_AN_END, is_undecided, model_of
+from pmr.scene.choice import FROM_AN_END, is_undecided, model_of, traits_of
 from pmr.scene.joints import BoomSection
 from pmr.scene.members import members
+from pmr.scene.model_traits import model_traits, models_by_rank
 from pmr.scene.run_settings import Observe, Reduction, Simulation
 from pmr.scene.scene import Scene
 
-#: Structural models from the poorest to the richest.
-ORDER = ("beam2d", "beam3d", "shell")
 #: For comparisons of models: coordinates of a body, and observed positions.
 COORDINATES, PLACES = 20, 9
 #: For shells that no scene names: length of cells over that of the scene, for beams with rigid walls; most cells.
@@ -43,22 +42,24 @@ def model_comparison(scene: Scene) -> ModelComparison:
     if scene.compare.richer == "auto":
         return _default_comparison(scene)
     richer_model, models_of_scene = scene.compare.richer, [model_of(member) for member in members(scene)]
-    ranks = [ORDER.index(model) for model in models_of_scene if model in ORDER]
-    if len(ranks) < len(models_of_scene) or max(ranks) == len(ORDER) - 1:
+    traits, order = [model_traits(model) for model in models_of_scene], models_by_rank()
+    ranks = [each.rank for each in traits if each.rank is not None]
+    if len(ranks) < len(models_of_scene) or max(ranks) == len(order) - 1:
         models = " and ".join(dict.fromkeys(models_of_scene))
-        if "mover" in models_of_scene:
+        if any(each.kind == "mass" for each in traits):
             raise _no_comparison(richer_model, "not measured: no shell stands for a mass on a wheel")
         raise _no_comparison(
             richer_model, f"a shell is the richest model there is to compare with, beams are less; this is {models}"
         )
-    richer = ORDER[max(ranks) + 1] if richer_model == "next" else richer_model
-    if ORDER.index(richer) <= max(ranks):
+    richer = order[max(ranks) + 1] if richer_model == "next" else richer_model
+    if order.index(richer) <= max(ranks):
         raise _no_comparison(richer_model, f"{' and '.join(dict.fromkeys(models_of_scene))} is as rich as that")
     if any(part.body.box is None for part in scene.sections):
         raise _no_comparison(richer_model, "[body.box] is needed: from it the richer model is made")
-    if richer == "shell" and any(part.body.section is not None for part in scene.sections):
+    has_cells = model_traits(richer).has_cells
+    if has_cells and any(part.body.section is not None for part in scene.sections):
         raise _no_comparison(richer_model, "body.section gives stiffnesses that a shell of the box does not have")
-    if richer == "beam3d" and any(part.body.walls == "give" for part in scene.sections):
+    if not has_cells and any(part.body.walls == "give" for part in scene.sections):
         raise _no_comparison(richer_model, "'shell' is allowed for a beam whose walls give way")
     with_richer = _scene_with_models(scene, [richer] * len(models_of_scene))
     return ModelComparison(comparable_scene(scene), with_richer, richer)
@@ -73,7 +74,7 @@ def _default_comparison(scene: Scene) -> ModelComparison:
 
     Raises an InputError if the shells would take long.
     """
-    of_scene, shells, called = model_comparison(scene.with_keys(compare={"richer": ORDER[-1]}))
+    of_scene, shells, called = model_comparison(scene.with_keys(compare={"richer": models_by_rank()[-1]}))
     by = 1.0 if any(part.body.walls == "give" for part in scene.sections) else COARSE
     if sum(shell_cell_count(part, by) for part in shells.sections) > MOST_RECTANGLES:
         minutes = (FIXED + EACH * sum(shell_cell_count(part, 1.0) for part in shells.sections)) / 60.0
@@ -106,13 +107,16 @@ def candidate_scenes(scene: Scene) -> list[Scene]:
     open_ = [member for member in members(scene) if is_undecided(member)]
     if not open_:
         return []
-    least = max(ORDER.index(model_of(member)) for member in open_)
-    beams = [(walls, model) for walls in ("rigid", "give") for model in ORDER[least:-1]]
+    *beams, shell = models_by_rank()
+    least = max(traits_of(member).rank or 0 for member in open_)
+    candidates = [(walls, model) for walls in ("rigid", "give") for model in beams[least:]]
     walls_of_scene = [walls for walls in ("rigid", "give") if any(member.part.body.walls == walls for member in open_)][
         -1
     ]
-    beam_scenes = [_choose_models(scene, model, walls) for walls, model in beams if walls_of_scene in ("rigid", walls)]
-    return [*filter(_passes_checks, beam_scenes), _choose_models(scene, ORDER[-1], "rigid")]
+    beam_scenes = [
+        _choose_models(scene, model, walls) for walls, model in candidates if walls_of_scene in ("rigid", walls)
+    ]
+    return [*filter(_passes_checks, beam_scenes), _choose_models(scene, shell, "rigid")]
 
 
 def comparable_scene(scene: Scene) -> Scene:
@@ -153,11 +157,11 @@ def _scene_with_models(scene: Scene, models: list[str]) -> Scene:
     """
     parts = []
     for part, model in zip(scene.sections, models, strict=True):
-        length, walls = part.length, part.body.walls if model != "shell" else "rigid"
+        length, walls = part.length, part.body.walls if model_traits(model).walls_may_give else "rigid"
         places = {"start": FROM_AN_END * length, "end": (1.0 - FROM_AN_END) * length, "count": PLACES}
         changes = {
             "body": part.body.model_copy(update={"model": model, "walls": walls}),
-            "observe": Observe(tip=part.observe.tip, **places),
+            "observe": Observe(tip=part.observe.tip, rotation=part.observe.rotation, **places),
             "probes": (),
             "reduction": Reduction(coordinates=COORDINATES, estimate=False, solver=part.reduction.solver),
         }

@@ -15,16 +15,22 @@ import numpy as np
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.box import Box
 from pmr.scene.built import WEIGHT, Face, PadRing
-from pmr.scene.choice import axis_loads, inertia_fields, is_planar, model_of, motion_directions, observed_places
+from pmr.scene.choice import (
+    axis_loads,
+    inertia_fields,
+    is_planar,
+    model_of,
+    motion_directions,
+    observed_places,
+    traits_of,
+)
 from pmr.scene.frame import INERTIA
 from pmr.scene.joints import Joint, OneBody
 from pmr.scene.members import Member
+from pmr.scene.model_traits import MODELS, model_traits
 from pmr.scene.signals import SignalBase
 from pmr.scene.structures import ALLOWED_INERTIA, is_inertia
 
-BEAMS = ("beam2d", "beam3d")
-#: Models whose section may vary along the body.
-VARYING = ("beam2d", "beam3d", "shell")
 #: Most elements of a beam in space: round-off in its stiffness grows with the fourth power of their number, and these
 #: leave two digits of the lowest frequency.
 MOST_ELEMENTS = 5000
@@ -38,7 +44,7 @@ def check_structure(member: Member) -> None:
     check_names("pads", (name for ring in member.pads for name, _, _ in ring.named_pads))
     for key in ("loads", "masses", "probes"):
         check_names(key, (part.name for part in getattr(member.part, key)))
-    for i, mass in enumerate(member.part.masses if model_of(member) != "beam2d" else ()):  # beam2d turns about y
+    for i, mass in enumerate(() if is_planar(member) else member.part.masses):  # planar beams turn about y alone
         if not is_inertia(mass.inertia):
             raise scene_error(f"masses[{i}].inertia", list(mass.inertia), ALLOWED_INERTIA)
     fields = (INERTIA + field for field in inertia_fields(member))
@@ -88,7 +94,7 @@ def _check_points_wind_and_temperatures(member: Member) -> None:
             )
         if load.acts == "force":
             continue
-        if model_of(member) not in BEAMS:
+        if not traits_of(member).is_beam:
             allowed = "'force' is allowed on a body that is no beam"
             raise scene_error(f"loads[{i}].acts", load.acts, allowed)
         if load.acts == "wind" and member.frame is None:
@@ -172,19 +178,20 @@ def _check_travel(member: Member) -> None:
 def _check_body(member: Member) -> None:
     """Refuse a body whose keys, with those of its mesh, contradict each other or its model."""
     body, file, model = member.part.body, member.part.mesh.file, model_of(member)
-    if body.mover is not None or model == "mover":
+    traits = model_traits(model)
+    if body.mover is not None or traits.kind == "mass":
         return _check_mover(member)
     if body.profile is not None and model != "beam2d":
         raise scene_error("body.model", model, "auto or beam2d is allowed with body.profile")
     if body.profile is None and (body.box is None) == (file is None):
         raise scene_error("body.box", None, "a box, a profile or mesh.file, one of them is allowed")
-    if file is not None and model in BEAMS and body.profile is None:
+    if file is not None and traits.is_beam and body.profile is None:
         raise scene_error("mesh.file", str(file), "a beam of a box is divided into mesh.elements; others read files")
     if file is not None and body.model == "auto" and body.profile is None:
         raise scene_error("body.model", "auto", "shell or solid is allowed for a mesh that is read")
-    if model == "matrices" and file is None:
+    if traits.kind == "matrices" and file is None:
         raise scene_error("mesh.file", None, "body.model = 'matrices' needs a file that pmr matrices wrote")
-    if model == "matrices" and member.scene.recovery is not None:
+    if traits.kind == "matrices" and member.scene.recovery is not None:
         raise scene_error("recovery", None, "given matrices have no cells and no stresses: leave it out")
     if file is not None and model == "shell" and body.thickness is None:
         raise scene_error("body.thickness", None, "a thickness in m is needed for a shell that is read")
@@ -198,19 +205,20 @@ def _check_body(member: Member) -> None:
     if body.box is not None:
         _check_box_variation(member, body.box)
     for name, region in body.regions.items():
-        if model in BEAMS:
+        if traits.is_beam:
             raise scene_error(f"body.regions.{name}", None, "regions are for shells and solids")
         if model == "solid" and region.thickness is not None:
             raise scene_error(f"body.regions.{name}.thickness", region.thickness, "a solid has none")
-    if model == "beam3d" and member.part.mesh.elements > MOST_ELEMENTS:
-        raise scene_error("mesh.elements", member.part.mesh.elements, f"at most {MOST_ELEMENTS} are allowed for beam3d")
+    if traits.is_beam and not traits.is_planar and member.part.mesh.elements > MOST_ELEMENTS:
+        allowed = f"at most {MOST_ELEMENTS} are allowed for {model}"
+        raise scene_error("mesh.elements", member.part.mesh.elements, allowed)
     if member.part.mesh.grading != 1.0 and model != "beam2d":
         allowed = "1 is allowed: elements of beam2d alone can be graded"
         raise scene_error("mesh.grading", member.part.mesh.grading, allowed)
-    if member.part.reduction.positions == "nodes" and member.part.reduction.uses_pod and model not in BEAMS:
+    if member.part.reduction.positions == "nodes" and member.part.reduction.uses_pod and not traits.is_beam:
         allowed = "'path' or a list of places in m is allowed: nodes are a beam's"
         raise scene_error("reduction.positions", "nodes", allowed)
-    if model == "beam2d":
+    if traits.is_planar:
         _check_planar_beam(member)
 
 
@@ -226,7 +234,7 @@ def _check_mover(member: Member) -> None:
     part = member.part
     if part.body.mover is None:
         raise scene_error("body.mover", None, "a table with the mass is needed with body.model = 'mover'")
-    if model_of(member) != "mover":
+    if traits_of(member).kind != "mass":
         raise scene_error("body.model", part.body.model, "auto or mover is allowed with body.mover")
     check_wheel(part.joint, "")
     for key in ("masses", "pads", "probes", "supports"):
@@ -248,17 +256,18 @@ def _check_mover(member: Member) -> None:
 
 def _check_box_variation(member: Member, box: Box) -> None:
     """Refuse a box that varies along x or has frames, together with models and keys that can't represent this."""
-    model, key = model_of(member), "body.box." + " and ".join(box.varying_keys)
-    if box.varying_keys and model not in VARYING:
-        raise scene_error("body.model", model, f"{', '.join(VARYING[:-1])} and {VARYING[-1]} are allowed with {key}")
+    model, traits, key = model_of(member), traits_of(member), "body.box." + " and ".join(box.varying_keys)
+    if box.varying_keys and not traits.may_vary:
+        *others, last = (name for name, other in MODELS.items() if other.may_vary)
+        raise scene_error("body.model", model, f"{', '.join(others)} and {last} are allowed with {key}")
     if box.varying_keys and member.part.body.section is not None:
         raise scene_error("body.section", None, f"none is allowed with {key}, which says what the section is")
     if box.varying_keys and member.part.mesh.grading != 1.0:
         allowed = f"1 is allowed with {key}, which says where nodes are"
         raise scene_error("mesh.grading", member.part.mesh.grading, allowed)
-    if box.frames and model == "beam2d":  # also frames from a file that this one extends: their mass would be missing
+    if box.frames and traits.is_planar:  # also frames from a file that this one extends: their mass would be missing
         raise scene_error("body.model", model, "beam3d and shell are allowed with body.box.frames; [] has none")
-    if box.frames and model == "beam3d":
+    if box.frames and traits.is_beam:
         _check_frames(box)
 
 
@@ -280,8 +289,11 @@ def _check_flexible_walls(member: Member) -> None:
     box, key = member.part.body.box, "body.walls"
     if box is None:
         raise scene_error(key, "give", "'rigid' is allowed without body.box: nothing says how thick the walls are")
-    if model_of(member) not in BEAMS:
+    traits = traits_of(member)
+    if not traits.is_beam:
         return  # the walls of these models give way anyway
+    if not traits.walls_may_give:
+        raise scene_error(key, "give", f"'rigid' is allowed: walls of {model_of(member)} are not computed")
     if member.points or not member.pads:
         raise scene_error(key, "give", "'rigid' is allowed without pads that have faces: walls give way under those")
 
@@ -352,10 +364,8 @@ def _check_pad_range(member: Member, length: float, ring: PadRing, key: str) -> 
 
 def _check_probe_faces(member: Member) -> None:
     """Refuse a probe of stress on a face that the model of a box lacks; other faces are known to their models alone."""
-    box, model = member.part.body.box, model_of(member)
-    faces = {"beam2d": ("bottom", "top"), "shell": ("outer", "middle", "inner")}.get(model, ()) if box else ()
-    if box is not None and model == "beam3d":
-        faces = tuple(corner.name for corner in box.corners)
+    box = member.part.body.box
+    faces = () if box is None else traits_of(member).probe_faces(box)
     for i, probe in enumerate(member.part.probes):
         if faces and probe.face not in ("", *faces) and set(probe.measures) - {"displacement"}:
             raise scene_error(f"probes[{i}].face", probe.face, f"{', '.join(faces)} are allowed")

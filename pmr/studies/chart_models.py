@@ -14,7 +14,7 @@ from pmr.errors import ConvergenceError, InputError, SimulationError
 from pmr.files import npz
 from pmr.files.arrays import Array
 from pmr.scene import Scene
-from pmr.scene.choice import model_of
+from pmr.scene.choice import traits_of
 from pmr.scene.members import members
 from pmr.scene.model_ladder import model_comparison
 from pmr.scene.structures import PointMass
@@ -89,7 +89,7 @@ def compute_postures(arguments: Arguments, needs: Needs) -> TaskResult:
         better = richer_system(scene, system, at, arguments["up_to"])
         arrays |= npz.record_arrays(PostureMatrices.from_scene(scene, better, at), "richer.")
         arrays |= npz.record_arrays(postures_with_tip_mass(scene, at, arguments["up_to"]), "mass.")
-        if all(model_of(member) in ("beam2d", "beam3d", "mover") for member in members(scene)):
+        if all(traits_of(member).has_line for member in members(scene)):
             with suppress(InputError):  # a mesh that is read from a file has no other one
                 other = mesh_part.other_mesh(scene)
                 on_mesh = shared.reduced_system(mesh_part.motion_only(other.scene))

@@ -75,6 +75,14 @@ def test_cells_of_the_shell_may_be_said_where_a_beam_is_compared_with_one() -> N
         scene("boom_beam", "mesh.size=0.2")
 
 
+def test_the_rotation_of_the_tip_is_observed_in_the_richer_model_too() -> None:
+    compared = model_comparison(scene("boom_beam", "observe.rotation=true", "compare.richer=shell"))
+    for of in (compared.scene, compared.richer):
+        assert of.sections[0].observe.rotation
+    plain = model_comparison(scene("boom_beam", "compare.richer=shell"))
+    assert not plain.richer.sections[0].observe.rotation
+
+
 PLANAR = ("loads.gust.direction=z",)
 AUTO = ("section.body.model=auto",)
 

@@ -11,10 +11,10 @@ from pydantic import BaseModel
 
 from pmr.report.blocks import Block, Grid
 from pmr.report.numbers import SPACE, Unit, format_in_unit, format_input, significant, unit_for
-from pmr.report.subject import MODELS
 from pmr.results.quantities import unit_text
 from pmr.scene.joints import BoomSection
 from pmr.scene.keys import quantity_of as quantity_in
+from pmr.scene.model_traits import MODELS
 from pmr.scene.scene import BodyFile
 from pmr.studies.study import RunRecord
 from pmr.studies.tasks import Scalar, cell_number
@@ -64,7 +64,7 @@ def value_words(value: Scalar) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if value in MODELS:
-        return MODELS[str(value)].partition(" ")[2]
+        return MODELS[str(value)].words.partition(" ")[2]
     return (
         value.replace("_", " ")
         if isinstance(value, str)

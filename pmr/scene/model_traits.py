@@ -1,0 +1,106 @@
+"""Structural models by name, each with what scenes, reductions, charts and reports ask of a model before it exists.
+
+`MODELS` has an entry for each structural model of pmr.  The names that ``body.model`` takes are its keys, and
+`pmr.models` has a module of each name, which makes the model (`pmr.fullmodel.from_scene`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from pmr.scene.box import Box
+
+#: Keys of a mesh that is drawn from a box.
+CELLS = ("mesh.size", "mesh.along", "mesh.tail_layer", "mesh.cells")
+#: Keys without effect on a body that is not meshed, and on one that has neither a mesh nor a material.
+_NO_CELLS = (*CELLS, "mesh.faces", "body.shear_correction")
+_NO_MATERIAL = (*_NO_CELLS, "mesh.elements", "body.material", "body.regions", "body.shear", "body.walls")
+
+
+@dataclass(frozen=True)
+class ModelTraits:
+    """What is true of all bodies with a structural model, whatever their scene says."""
+
+    words: str  # its name in reports, with an article
+    #: ``beam``: elements on a line; ``cells``: a shell or solid on a mesh; ``mass``: a mover; or given matrices
+    kind: Literal["beam", "cells", "mass", "matrices"]
+    is_planar: bool  # whether it moves in the vertical plane alone
+    rank: int | None  # its place among models of a box, the poorest is 0; None: it is compared with no richer model
+    may_vary: bool  # whether it represents a box whose section varies along the axis
+    walls_may_give: bool  # whether it obeys body.walls = "give"; walls of cells give way anyway
+    #: Faces of a box at which it has stresses; none where the model alone knows them
+    probe_faces: Callable[[Box], tuple[str, ...]]
+    without_effect: tuple[str, ...]  # keys of a section that change nothing
+
+    @property
+    def is_beam(self) -> bool:
+        """Whether the model is a beam, in the plane or in space."""
+        return self.kind == "beam"
+
+    @property
+    def has_cells(self) -> bool:
+        """Whether the model is a shell or a solid, which has a field of stress in its walls."""
+        return self.kind == "cells"
+
+    @property
+    def has_line(self) -> bool:
+        """Whether the body is nodes on its axis, or a mass there: rigid walls and no cells."""
+        return self.kind in ("beam", "mass")
+
+    @property
+    def needs_fenicsx(self) -> bool:
+        """Whether FEniCSx assembles the model's matrices."""
+        return self.kind in ("beam", "cells")
+
+
+#: Structural models of pmr by their names in ``body.model``.
+MODELS: dict[str, ModelTraits] = {
+    "beam2d": ModelTraits(
+        "a planar beam", "beam", is_planar=True, rank=0, may_vary=True, walls_may_give=True,
+        probe_faces=lambda box: ("bottom", "top"), without_effect=(*_NO_CELLS, "body.shear"),
+    ),
+    "beam3d": ModelTraits(
+        "a beam in space", "beam", is_planar=False, rank=1, may_vary=True, walls_may_give=True,
+        probe_faces=lambda box: tuple(corner.name for corner in box.corners), without_effect=_NO_CELLS,
+    ),
+    "shell": ModelTraits(
+        "a shell", "cells", is_planar=False, rank=2, may_vary=True, walls_may_give=False,
+        probe_faces=lambda box: ("outer", "middle", "inner"),
+        without_effect=("mesh.elements", "mesh.cells", "body.shear", "body.walls"),
+    ),
+    "solid": ModelTraits(
+        "a solid", "cells", is_planar=False, rank=None, may_vary=False, walls_may_give=False,
+        probe_faces=lambda box: (),
+        without_effect=("mesh.elements", "body.shear", "body.shear_correction", "body.walls"),
+    ),
+    "matrices": ModelTraits(
+        "given matrices", "matrices", is_planar=False, rank=None, may_vary=False, walls_may_give=False,
+        probe_faces=lambda box: (), without_effect=(*_NO_MATERIAL, "body.thickness"),
+    ),
+    "mover": ModelTraits(
+        "a mass on a wheel", "mass", is_planar=True, rank=None, may_vary=False, walls_may_give=False,
+        probe_faces=lambda box: (), without_effect=_NO_MATERIAL,
+    ),
+}  # fmt: skip
+
+
+def model_traits(model: str) -> ModelTraits:
+    """Return the traits of a structural model; one that an installed package offers is on cells, as a shell or solid.
+
+    Of the keys of a scene, such a model gets those of the body and a mesh, so that the elements of beams and the walls
+    under their pads have no effect on it.
+    """
+    words = f"a {model.replace('_', ' ')}"
+    unlisted = ModelTraits(
+        words, "cells", is_planar=False, rank=None, may_vary=False, walls_may_give=False,
+        probe_faces=lambda box: (), without_effect=("mesh.elements", "body.walls"),
+    )  # fmt: skip
+    return MODELS.get(model, unlisted)
+
+
+def models_by_rank() -> tuple[str, ...]:
+    """Return the first model of each rank, from the poorest to the richest: what models are compared with."""
+    ranked = {traits.rank: name for name, traits in reversed(MODELS.items()) if traits.rank is not None}
+    return tuple(ranked[rank] for rank in sorted(ranked))
