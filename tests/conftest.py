@@ -21,6 +21,8 @@ import pytest
 from oracle import CASES, Case, full_body, paper_basis, project, rich_body
 
 from pmr import scene
+from pmr.kernel import build
+from pmr.kernel._native import ffi, lib
 from pmr.report import album, background, document
 from pmr.report.blocks import Drawing
 from pmr.report.figures.canvas import drawing
@@ -82,6 +84,13 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         sys.stdout.flush()
         time.sleep(10.0)
         MPI.COMM_WORLD.Abort(1)
+
+
+def pytest_configure() -> None:
+    """Stop where the compiled kernel is not that of the sources beside it; an installed package has no sources."""
+    digest = getattr(lib, "SOURCES_DIGEST", ffi.NULL)
+    if build.SOURCES.is_dir() and (not digest or ffi.string(digest).decode() != build.sources_digest()):
+        pytest.exit("the kernel is older than its sources: run setup.py build_ext --inplace", returncode=2)
 
 
 def pytest_sessionstart() -> None:

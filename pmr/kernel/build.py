@@ -5,12 +5,13 @@ To build it in place, for a package that is used from its folder: ``python setup
 
 from __future__ import annotations
 
+import hashlib
 import sys
 from pathlib import Path
 
 from cffi import FFI
 
-SOURCES = Path("pmr", "kernel", "src")
+SOURCES = Path(__file__).parent / "src"  # from the root of a checkout where setup.py reads this file
 #: Files that are compiled by themselves; all other files are included by avx2.c and baseline.c (variant.c).
 FILES = ("block.c", "system.c", "signals.c", "frame.c", "ground.c", "bank.c", "dispatch.c", "avx2.c", "baseline.c")
 FLAGS = ["-std=gnu11", "-O2", "-ffp-contract=fast", "-fvisibility=hidden", "-Wall", "-Wextra"]
@@ -22,11 +23,19 @@ def declarations(header: str) -> str:
     return header.partition(BEGIN)[2].partition(END)[0]
 
 
+def sources_digest() -> str:
+    """Digest of all sources of the kernel, which the compiled module has as `SOURCES_DIGEST`."""
+    contents = [f"{path.name}\n{path.read_text()}" for path in sorted(SOURCES.glob("*.[ch]"))]
+    return hashlib.sha256("\n".join(contents).encode()).hexdigest()
+
+
 ffi = FFI()
-ffi.cdef(declarations((SOURCES / "pmr_kernel.h").read_text()))
+for header in ("law.h", "pmr_kernel.h"):
+    ffi.cdef(declarations((SOURCES / header).read_text()))
+ffi.cdef("static char *const SOURCES_DIGEST;")
 ffi.set_source(
     "pmr.kernel._native",
-    '#include "pmr_kernel.h"',
+    f'#include "pmr_kernel.h"\nstatic char *const SOURCES_DIGEST = "{sources_digest()}";',
     sources=[str(SOURCES / name) for name in FILES],
     depends=[str(path) for path in sorted(SOURCES.glob("*.[ch]"))],
     include_dirs=[str(SOURCES)],

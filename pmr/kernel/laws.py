@@ -202,7 +202,7 @@ def slide_pads(
     cylinder : JointCylinder
         The joint's cylinder, which gives way to the friction.
     """
-    if np.shape(laws) != (len(old), constants := lib.pmr_law_constants()):
+    if np.shape(laws) != (len(old), constants := lib.LAW_CONSTANTS):
         raise ValueError(f"{constants} constants of each of {len(old)} pads are allowed, not {np.shape(laws)}")
     arrays = [np.ascontiguousarray(array, float) for array in (stiffness, laws, forces, old)]
     limits, new = np.zeros((2, len(old)))

@@ -14,6 +14,7 @@ from pmr.files.arrays import Array
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.kernel import pointer
 from pmr.kernel.state import State
+from pmr.system.contacts import FrictionLaw
 
 Integers = NDArray[np.int32]
 
@@ -61,7 +62,7 @@ class Cylinder:
     stroke: tuple[float, float] = (0.0, np.inf)
     stop_stiffness: float = 0.0
     stop_damping: float = 0.0
-    friction: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    friction: FrictionLaw = FrictionLaw()
     shear_stiffness: float = 0.0
     oil: Mapping[str, Any] = field(default_factory=dict)  # further fields
     drive: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (T, 2): force in N, length in m or opening; rate

@@ -15,12 +15,12 @@ from pydantic import BaseModel
 from pmr.files.arrays import Summary
 from pmr.report.blocks import Table
 from pmr.report.numbers import SPACE, format_input, format_quantity, unit_for
-from pmr.report.subject import reduced_size, structural_model_words
+from pmr.report.subject import reduced_size
 from pmr.results import RunResult
 from pmr.results.quantities import unit_text
 from pmr.scene import Scene
 from pmr.scene.built import Load
-from pmr.scene.choice import choose_model, is_undecided, model_of
+from pmr.scene.choice import choose_model, is_undecided, traits_of
 from pmr.scene.keys import qualified_name, quantity_of, usual_ranges
 from pmr.scene.members import members
 from pmr.scene.signals import SignalBase
@@ -42,8 +42,6 @@ WORDS = {"young": "Young's modulus", "poisson": "Poisson's ratio", "rho_inf": "Ï
 OF_POD, OF_CELLS, OF_BEAMS = ("snapshots", "modes", "positions"), ("size", "along", "cells"), ("elements", "grading")
 #: Keys without effect where a body is given by its stiffnesses; the last one has an effect for beams alone.
 OF_MATERIAL = ("material", "shear_correction")
-#: Keys of pads that have an effect only with friction.
-OF_FRICTION = ("stribeck_speed", "shear_stiffness")
 #: Keys that are shown even if their values are the defaults.
 ALWAYS = ("stiffness", "basis", "against", "ancf_elements", "on", "direction")
 #: Tables of a scene of which only those keys are shown whose values differ from their defaults.
@@ -56,15 +54,15 @@ def input_tables(scene: Scene) -> list[Table]:
     tables = list[Table]()
     words = SceneWords("rad" if scene.frame is None else scene.frame.unit)
     for member, (name, part) in zip(members(scene), scene.bodies.items(), strict=True):
-        model, choice = model_of(member), choose_model(member)
+        traits, choice = traits_of(member), choose_model(member)
         at_least = ", or a larger one by measurement" if is_undecided(member) else ""
         why = f": {'; '.join(choice.reasons)}{at_least}" if part.body.model == "auto" else ""
-        beam, by_stiffness = model.startswith("beam"), part.body.profile is not None or model in ("matrices", "mover")
+        beam, by_stiffness = traits.is_beam, part.body.profile is not None or traits.kind in ("matrices", "mass")
         without_cells = () if beam and part.mesh.file is None else OF_BEAMS
         unused = {"": ("name",), "mesh": (*without_cells, *(OF_CELLS if beam or part.mesh.file else ()))}
         unused |= {"body": ("model", *(OF_MATERIAL if by_stiffness else () if beam else OF_MATERIAL[1:]))}
         unused |= {"reduction": () if part.reduction.uses_pod else OF_POD}
-        rows = (("model", f"{structural_model_words(model)}{why}"), *words.rows(part, unused))
+        rows = (("model", f"{traits.words}{why}"), *words.rows(part, unused))
         tables.append(Table(name or "Body, pads and loads", rows))
     unused = {"": ("title", "section", "sections", "published"), "frame": ("unit",)}
     run = words.rows(scene, unused | {"compare": () if "ancf" in scene.compare.against else ("ancf_elements",)})
@@ -198,11 +196,7 @@ def _telling_values(
     Left out are the keys `unused`, empty values, zeros, words and switches with their default values and, unless
     `defaults`, all default values.
     """
-    unused = (
-        *unused,
-        *getattr(table, "unused_keys", ()),
-        *(OF_FRICTION if not getattr(table, "friction", True) else ()),
-    )
+    unused = (*unused, *getattr(table, "unused_keys", ()))
     fields = type(table).model_fields
     for key in sorted(fields, key=lambda key: key != "kind"):
         value, field = getattr(table, key), fields[key]

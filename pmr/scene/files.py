@@ -21,8 +21,9 @@ from pydantic import ValidationError
 
 from pmr.errors import InputError
 from pmr.scene.checks import check_scene
-from pmr.scene.choice import has_axial_motion, has_giving_walls, model_of, observed_places
+from pmr.scene.choice import has_axial_motion, has_giving_walls, is_planar, model_of, observed_places, traits_of
 from pmr.scene.members import Member, member_at, members
+from pmr.scene.model_traits import CELLS
 from pmr.scene.scene import BodyFile, Scene
 from pmr.scene.structure_checks import scene_error
 from pmr.scene.tomlfiles import OPTION, Change, Dialect, TomlFile, override, resolve_path
@@ -85,22 +86,6 @@ def _leave_out(data: object, keys: Sequence[str]) -> None:
         data.pop(first, None)
 
 
-_CELLS = ("size", "along", "tail_layer", "cells")
-#: Keys without effect, by model.
-UNUSED = {
-    "beam2d": (*(f"mesh.{key}" for key in (*_CELLS, "faces")), "body.shear_correction", "body.shear"),
-    "beam3d": (*(f"mesh.{key}" for key in (*_CELLS, "faces")), "body.shear_correction"),
-    "shell": ("mesh.elements", "mesh.cells", "body.shear", "body.walls"),
-    "solid": ("mesh.elements", "body.shear", "body.shear_correction", "body.walls"),
-    "mover": (
-        *(f"mesh.{key}" for key in (*_CELLS, "elements", "faces")),
-        *(f"body.{key}" for key in ("material", "regions", "shear", "shear_correction", "walls")),
-    ),
-    "matrices": (
-        *(f"mesh.{key}" for key in (*_CELLS, "elements", "faces")),
-        *(f"body.{key}" for key in ("material", "thickness", "regions", "shear", "shear_correction", "walls")),
-    ),
-}
 #: Keys that a beam uses if its walls give way, or if it is compared with a shell.
 OF_WALLS = ("mesh.size", "mesh.along", "body.shear_correction")
 #: Keys of a box that a planar beam can't represent.
@@ -165,16 +150,16 @@ def _unused_body_keys(member: Member, compared: bool) -> Iterator[UnusedKey]:
     `compared` says whether the body is compared with a richer model, which uses the keys of a shell.
     """
     model = model_of(member)
-    for key in UNUSED.get(model, ()) if member.part.body.model != "auto" else ():
-        if model == "beam2d" and key == "body.shear" and not member.part.body.shear:
+    for key in traits_of(member).without_effect if member.part.body.model != "auto" else ():
+        if key == "body.shear" and traits_of(member).is_beam and not member.part.body.shear:
             continue  # the beam has no shear deformation, as the key says
         if key in OF_WALLS and (compared or has_giving_walls(member)):
             continue
         yield UnusedKey(key, "body.model", f"it has no effect on {model}")
-    if model == "beam2d":
+    if is_planar(member):
         yield from (UnusedKey(key, "", f"{model} has no frames; beam3d and shell have them") for key in STIFFENERS)
     if member.part.mesh.file is not None:
-        yield from (UnusedKey(f"mesh.{key}", "mesh.file", "the mesh is read from a file") for key in _CELLS)
+        yield from (UnusedKey(key, "mesh.file", "the mesh is read from a file") for key in CELLS)
     else:
         yield UnusedKey("mesh.faces", "mesh.file", "only faces of a mesh that is read are found by their normals")
     if member.part.body.profile is not None:
@@ -193,11 +178,7 @@ def _unused_joint_keys(scene: Scene, number: int) -> Iterator[UnusedKey]:
         yield from (UnusedKey(f"joint.{key}", "", f"{name} follows no other section") for key in ("ratio", "offset"))
     keyed = {f"joint.tail.{k}": ring for k, ring in enumerate(joint.tail)}
     for key, ring in (keyed | {f"joint.mouth.{k}": ring for k, ring in enumerate(joint.mouth)}).items():
-        if not ring.friction:
-            yield UnusedKey(f"{key}.shear_stiffness", "", "without friction nothing sticks")
-        if not ring.static_friction:
-            why = "it has an effect with static_friction alone, from which the friction falls"
-            yield UnusedKey(f"{key}.stribeck_speed", "", why)
+        yield from (UnusedKey(f"{key}.{unused}", "", why) for unused, why in ring.unused_keys.items())
     for key in ("cylinder", "rope") if not has_axial_motion(member_at(scene, number)) else ():
         yield UnusedKey(f"joint.{key}", "", f"{name} has no coordinates along the boom, and so no {key}")
 

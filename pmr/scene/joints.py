@@ -63,12 +63,8 @@ class PadPlaces(SceneTable):
     )
 
 
-class JointPads(PadPlaces):
-    """A ring of pads at one end of a joint, between a section and the next outer one.
-
-    Without `faces`, which only planar beams allow, a ring is a point on the axis; if it only pushes, there is one point
-    above and one below.
-    """
+class RingFriction(SceneTable):
+    """Friction of a ring of pads along the boom; each key is a field of `pmr.system.contacts.Contact` too."""
 
     friction: Friction = Field(default=0.0, description="Coulomb's coefficient of friction along the boom")
     static_friction: Friction = Field(
@@ -81,6 +77,21 @@ class JointPads(PadPlaces):
     shear_stiffness: Stiffness = Field(
         default=SHEAR_STIFFNESS, description="Stiffness of each pad along the boom while it sticks"
     )
+
+    @property
+    def unused_keys(self) -> dict[str, str]:
+        """Keys of the friction without effect beside the others, with the reason."""
+        falls = "it has an effect with static_friction alone, from which the friction falls"
+        unused = {} if self.static_friction else {"stribeck_speed": falls}
+        return unused if self.friction else unused | {"shear_stiffness": "without friction nothing sticks"}
+
+
+class JointPads(RingFriction, PadPlaces):
+    """A ring of pads at one end of a joint, between a section and the next outer one.
+
+    Without `faces`, which only planar beams allow, a ring is a point on the axis; if it only pushes, there is one point
+    above and one below.
+    """
 
     @model_validator(mode="after")
     def _check_friction_and_clearance(self) -> JointPads:

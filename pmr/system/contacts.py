@@ -144,16 +144,15 @@ def contact_error(contact: str, key: str, value: object, allowed: str) -> InputE
     return InputError("system", f"contacts.{contact}.{key}", value, allowed)
 
 
-#: Keys of friction: of a ring of pads in a scene, and of a `Contact`.
-FRICTION = ("friction", "shear_stiffness", "static_friction", "stribeck_speed")
-
-
 class FrictionLaw(NamedTuple):
-    """Coefficients of friction and Stribeck speed in m/s, ordered as in src/law.h."""
+    """Coefficients of friction, or forces in N, and Stribeck speed in m/s; no friction by itself.
 
-    sliding: float
-    at_rest: float
-    stribeck_speed: float
+    The fields are ordered as the constants in src/law.h.
+    """
+
+    sliding: float = 0.0
+    at_rest: float = 0.0
+    stribeck_speed: float = STRIBECK_SPEED
 
 
 def friction_law(contact: Contact) -> FrictionLaw:
@@ -161,7 +160,8 @@ def friction_law(contact: Contact) -> FrictionLaw:
 
     A contact without a coefficient at rest has its sliding coefficient there too.
     """
-    return FrictionLaw(contact.friction, contact.static_friction or contact.friction, contact.stribeck_speed)
+    at_rest = contact.static_friction or contact.friction
+    return FrictionLaw(contact.friction, at_rest, contact.stribeck_speed)
 
 
 def pad_at_tail(pad: Contact, outer: str, path: str) -> Contact:
@@ -252,7 +252,7 @@ class Friction:
     first_pads: Indices  # (J + 1,): index in `pads` of the first pad of each joint; n at the end
     cylinders: Indices  # (J,): numbers of the cylinders' contacts; -1 for a joint without a cylinder
     cylinder_compliance: Array  # (J,) m/N: compliance 1/k of the cylinders; 0 if rigid or missing
-    laws: Array  # (n, 3): constants of the friction laws, as `friction_law` returns them
+    laws: Array  # (n, l): constants of the friction laws, as `friction_law` returns them
     stiffness: Array  # (n,) N/m: stiffness kappa along the boom
     arms: Array  # (n,) m: distance e from the axis
     count: int  # number m of all contacts

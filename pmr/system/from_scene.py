@@ -29,13 +29,13 @@ from pmr.files.arrays import Array, Indices
 from pmr.scene import Scene
 from pmr.scene.built import force_name
 from pmr.scene.choice import has_driven_tail, motion_directions, pad_faces
-from pmr.scene.joints import BoomSection, JointPads
+from pmr.scene.joints import BoomSection, JointPads, RingFriction
 from pmr.scene.keys import ALONE, LUFFING, LUFFING_CYLINDER, cylinder_name, qualified_name
 from pmr.scene.mechanism import Drive, rope_shares
 from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, body_ring, footprint, member_at, members
 from pmr.system.body import SlidingBody
 from pmr.system.carriers import CarrierFlexibility, CarrierRows
-from pmr.system.contacts import FRICTION, Contact, Place, pad_at_mouth, pad_at_tail
+from pmr.system.contacts import Contact, Place, pad_at_mouth, pad_at_tail
 from pmr.system.hoist import hoist_of
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Row, dense_entries
@@ -160,7 +160,7 @@ def _pads(scene: Scene, number: int, ring: JointPads, prefix: str, rows: set[str
     """
     prefix = " ".join(filter(None, (prefix, ring.name)))
     compliance = 0.0 if ring.stiffness == "rigid" else 1.0 / ring.stiffness
-    law, section = {key: getattr(ring, key) for key in FRICTION}, scene.names[number]
+    law, section = {key: getattr(ring, key) for key in RingFriction.model_fields}, scene.names[number]
     if ring.faces is None:
         clearance, runs = ring.clearance_on("") if ring.unilateral else None, not scene.joint(number).mouth
         ways = {" above": 1.0, " below": -1.0}

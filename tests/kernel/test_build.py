@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pmr.kernel import build
 from pmr.kernel.build import FILES, FLAGS, declarations
 
 SOURCES = Path(__file__).parents[2] / "pmr" / "kernel" / "src"
@@ -54,6 +55,23 @@ def test_sources_compile_without_a_warning_and_export_what_the_header_declares(
     assert all(name.startswith("pmr_") for name in own)
     declared = set(re.findall(r"\b(pmr_\w+)\(", declarations((SOURCES / "pmr_kernel.h").read_text())))
     assert declared <= set(own) and len(declared) > 20
+
+
+def test_tests_stop_where_the_compiled_kernel_is_older_than_its_sources(
+    pytestconfig: pytest.Config, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    configure = pytestconfig.pluginmanager.get_plugin(str(Path(__file__).parents[1] / "conftest.py")).pytest_configure
+    configure()
+    for file in SOURCES.glob("*.[ch]"):
+        shutil.copy(file, tmp_path)
+    monkeypatch.setattr(build, "SOURCES", tmp_path)
+    configure()
+    law = tmp_path / "law.h"
+    law.write_text(law.read_text().replace("exp(-speed", "exp(-2.0 * speed"))
+    with pytest.raises(pytest.exit.Exception, match="run setup.py build_ext --inplace"):
+        configure()
+    monkeypatch.setattr(build, "SOURCES", tmp_path / "none")  # an installed package has no sources
+    configure()
 
 
 def test_no_step_allocates() -> None:

@@ -18,6 +18,7 @@ from pmr.kernel.laws import (
     slide_pads,
     solve_contact,
 )
+from pmr.system.contacts import FrictionLaw
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -157,13 +158,13 @@ def test_friction_of_a_joint_solves_its_equation(seed: int) -> None:
         x = (low + high) / 2.0
         low, high = (low, x) if x + softness * (friction(x).sum() - given) > slides else (x, high)
     cylinder = JointCylinder(gives, gives + soft, force, given, drive)
-    laws = np.stack([mu_k, mu_s, falls_by], axis=1)
+    laws = np.array([FrictionLaw(k, s, stribeck_speed=v) for k, s, v in zip(mu_k, mu_s, falls_by, strict=True)])
     found, found_limits = slide_pads(kappa, laws, forces, old, moved, speed, cylinder)
     np.testing.assert_allclose(found_limits, limits, rtol=1e-14)
     np.testing.assert_allclose(found, friction(low), rtol=1e-8, atol=1e-9 * limits.max() + 1e-12 * kappa.max() * 1e-3)
 
 
 def test_another_number_of_constants_of_friction_is_refused():
-    pads, laws = np.ones(2), np.array([[0.2, 0.3, 0.05, 2.0]] * 2)
-    with pytest.raises(ValueError, match="3 constants of each of 2 pads are allowed"):
+    pads, laws = np.ones(2), np.array([[*FrictionLaw(), 2.0]] * 2)
+    with pytest.raises(ValueError, match=f"{len(FrictionLaw())} constants of each of 2 pads are allowed"):
         slide_pads(pads, laws, pads, pads, 0.0, 0.0, JointCylinder(0.0, 0.0, 0.0, 0.0, 0.0))

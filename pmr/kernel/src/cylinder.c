@@ -163,7 +163,6 @@ static double push_of_stops(const pmr_actuator *c, double length, double speed)
 }
 
 /* Friction of a cylinder that got longer by `moved` in a step of h: the law of a pad (law.h) with limits in N. */
-_Static_assert(sizeof(((pmr_actuator *)0)->friction) == LAW_CONSTANTS * sizeof(double), "all constants of the law");
 static double rub_cylinder(const pmr_actuator *c, double old, double moved, double h)
 {
     const double limit = friction_limit(c->friction, 1.0, fabs(moved) / h, NULL);

@@ -83,7 +83,6 @@ void pmr_machine_run_close(pmr_machine_run *run) { pmr_free_aligned(run); }
 
 size_t pmr_contact_work(int m) { return m < 0 ? 0 : (size_t)m * m + 4 * (size_t)m + 1; }
 
-int pmr_law_constants(void) { return LAW_CONSTANTS; }
 
 void pmr_restart(pmr_iteration *iteration) { iteration->pairs = iteration->begun = 0; }
 

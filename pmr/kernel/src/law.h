@@ -1,4 +1,4 @@
-/* The law of friction: a new one is another `friction_limit`, its constants those of `friction_law` in
+/* The law of friction: a new one is another `friction_limit`, its constants those of `FrictionLaw` in
    pmr/system/contacts.py. */
 #ifndef PMR_LAW_H
 #define PMR_LAW_H
@@ -6,9 +6,13 @@
 #include <math.h>
 #include <stddef.h>
 
+/* ---- from here on cffi reads this file: declarations only ---- */
+
 /* Constants of a pad's law: coefficients of a pad that slides and of one at rest, speed in m/s by which it falls from
    the latter to the former. */
 enum { SLIDING, AT_REST, FALLS_BY, LAW_CONSTANTS };
+
+/* ---- up to here ---- */
 
 /* Largest friction of a pad that presses with a force, mu(v) |N|, and how it changes with the speed,
 

@@ -30,6 +30,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "law.h"
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -185,7 +187,7 @@ typedef struct {
     double foot[2], lug[2];                /* m from the pivot, the lug where the boom lies level; not of an extension */
     double spring, damping;                /* N/m over the length, N s/m */
     double stroke[2], stop_stiffness, stop_damping; /* m, N/m, s/m */
-    double friction[3], shear_stiffness;   /* N that slides and at rest, m/s by which it falls; N/m where it sticks */
+    double friction[LAW_CONSTANTS], shear_stiffness; /* law of a pad that presses with 1 N (law.h); N/m where it sticks */
     double areas[2], volumes[2];           /* m^2; m^3 at the ends of the stroke, hoses included */
     double bulk_modulus, leakage;          /* Pa, m^3/s/Pa */
     double supply, tank, back_pressure;    /* Pa; the last one at the start in the chamber that the load does not press on */
@@ -449,10 +451,8 @@ typedef struct {
     double friction;   /* N: sum of the pads' friction under which that was found */
     double drive;      /* N: force plus friction at the end of the last step */
 } pmr_cylinder;
-/* Number l of constants of a pad's law of friction (law.h). */
-int pmr_law_constants(void);
 /* Friction f (n,) N of the pads of one joint at the end of a step, of elements that stick with stiffness kappa (n,) N/m
-   and slide at limits (n,) N, by `laws` (n, l) and the pads' forces (n,) N; from the `old` one (n,) N, where the
+   and slide at limits (n,) N, by `laws` (n, LAW_CONSTANTS) and the pads' forces (n,) N; from the `old` one (n,) N, where the
    path of the joint has moved by `moved` m, at a speed of `speed` m/s.  Returns their sum. */
 double pmr_friction(int n, const double *kappa, const double *laws, const double *forces, const double *old,
                     double moved, double speed, const pmr_cylinder *cylinder, double *limits, double *f);

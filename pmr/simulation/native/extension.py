@@ -37,7 +37,7 @@ from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
 from pmr.simulation.moving import EXTENSION_DRIVE, MovingFrame, held_at_start
 from pmr.simulation.native.form import SystemForm, path_text, start_in_equilibrium, start_modes, step_failure
-from pmr.system.contacts import Friction
+from pmr.system.contacts import Friction, FrictionLaw
 from pmr.system.system import System
 
 #: Units of a cylinder's columns by name; the power is that of its force and that out of the supply.
@@ -70,7 +70,7 @@ def kernel_cylinder(cylinder: LuffingCylinder | FreeExtension, t: Array) -> Cyli
         apart = {"foot": cylinder.foot, "lug": cylinder.lug}
     else:
         at_rest = max(cylinder.dry_friction, cylinder.dry_friction_at_rest)
-        apart["friction"] = cylinder.dry_friction, at_rest, cylinder.stribeck_speed
+        apart["friction"] = FrictionLaw(cylinder.dry_friction, at_rest, stribeck_speed=cylinder.stribeck_speed)
         apart["shear_stiffness"] = cylinder.shear_stiffness
     drive: SignalBase | None = next(iter(cylinder.drive_signals.values()), None)
     further = dict[str, Any]()
