@@ -99,6 +99,7 @@ def capacity_rows(result: RunResult) -> Rows:
         when = f"at {format_time(buckling['t'])}{_angles_clause(result, buckling['t'])}"
         yield QUANTITIES["buckling"].reported, f"{significant(buckling['factor'])}, {when}"
     yield from _deflection_rows(result)
+    yield from _further_output_rows(result)
     yield from _frequency_rows(result)
     yield from _driven_rows(result)
     yield from _pressure_rows(result)
@@ -337,6 +338,23 @@ def _deflection_rows(result: RunResult) -> Rows:
         largest = Extremes.from_history(deflections[:, k], response.t, result.abscissa_at(response.t)).largest
         where = f"{_deflection_text('z', largest.value)}, {_round(line.x[k])}{SPACE}m from its tail"
         yield f"largest deflection of {line.body}", f"{where}, {_extreme_clause(result, largest)}"
+
+
+def _further_output_rows(result: RunResult) -> Rows:
+    """Yield a row for each output that is measured but that no ``[[probes]]`` asks for, such as the tip's rotation."""
+    response = result.responses["reduced"]
+    probes = {probe["name"] for probe in result.summary.get("probes", ())}
+    for number, output in enumerate(response.outputs):
+        if output.kind == "probe" and output.name not in probes:
+            values, path = response.column(number), result.abscissa_at(response.t)
+            largest = Extremes.from_history(values, response.t, path).largest
+            is_angle = output.unit == "rad"
+            size = (
+                f"{significant(np.rad2deg(largest.value))}°"
+                if is_angle
+                else format_quantity(largest.value, output.unit)
+            )
+            yield f"largest {output.name}", f"{size}, {_extreme_clause(result, largest)}"
 
 
 def _deflection_text(direction: str, value: float) -> str:

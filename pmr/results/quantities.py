@@ -20,7 +20,7 @@ import numpy as np
 from pmr.files.arrays import Array, Summary
 from pmr.results.response import Extreme, Extremes, Output, Response
 from pmr.scene.built import force_name, reaction_name
-from pmr.scene.choice import model_of
+from pmr.scene.choice import traits_of
 from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import AT_GROUND, AT_PIVOT, CYLINDER, drive_rows, rope_shares
 from pmr.scene.members import members
@@ -127,6 +127,27 @@ def values_of(response: Response) -> Array:
 MeasureOf = Callable[[Columns, Callable[[str], bool]], Measure | None]
 
 
+class ChartLimit(NamedTuple):
+    """Limit of a load chart on a quantity; all of it is said for each limit, so that no chart lacks it in silence.
+
+    Attributes
+    ----------
+    key : str
+        Name of the limit in charts, such as ``"pad"``.
+    measure : MeasureOf
+        Function that returns, for the columns of a chart, the `Measure` that is limited; its larger values are worse.
+    compared : str
+        Kind of the columns by which a chart says what mesh and structural model are off by; empty if by none.
+    usual : str
+        Words by which a chart that has no such limit says so, such as ``"pad forces"``; empty if few machines have it.
+    """
+
+    key: str
+    measure: MeasureOf
+    compared: str
+    usual: str
+
+
 @dataclass(frozen=True)
 class Quantity:
     """Quantity that results state.
@@ -150,10 +171,8 @@ class Quantity:
         Value that is reported: the one with the largest absolute value (with its sign), the largest, or the smallest.
     sign : str
         Meaning of a positive value; empty if the quantity has no sign, or if its sign is that of the axes.
-    limit : str
-        Key of a load chart's limit on the quantity; empty if charts have no such limit.
-    measure : MeasureOf, optional
-        Function that returns, for the columns of a chart, the `Measure` that is limited; its larger values are worse.
+    limit : ChartLimit, optional
+        Limit of a load chart on the quantity; None if charts have no such limit.
     """
 
     key: str
@@ -164,8 +183,7 @@ class Quantity:
     reported: str = ""
     extreme: str = "size"
     sign: str = ""
-    limit: str = ""
-    measure: MeasureOf | None = None
+    limit: ChartLimit | None = None
 
     def histories(self, response: Response) -> dict[str, Array]:
         """Return the columns (T,) of a response that hold the quantity, by the names of the outputs.
@@ -330,7 +348,7 @@ UNBENT_WALLS = "without the bending of walls under pads"
 
 def stress_remark(scene: Scene) -> str:
     """Return `UNBENT_WALLS` if a section of the scene is a beam of a box, else an empty text."""
-    beams = (member for member in members(scene) if model_of(member).startswith("beam"))
+    beams = (member for member in members(scene) if traits_of(member).is_beam)
     return UNBENT_WALLS if any(member.part.body.box for member in beams) else ""
 
 
@@ -354,7 +372,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity("beam", "displacements", "m", "section", ("beam", "tip")),
         Quantity(
             "tip", "displacements of the tip", "m", "tip", ("tip",), "largest deflection of the tip",
-            limit="deflection", measure=_deflection_measure,
+            limit=ChartLimit("deflection", _deflection_measure, "tip", "deflection"),
         ),
         Quantity("largest", "largest displacement", "m", "section", ("beam", "tip"), "largest displacement"),
         Quantity("velocity", "velocities", "m/s", "section"),
@@ -365,20 +383,25 @@ QUANTITIES: Mapping[str, Quantity] = {
         # forces within the boom
         Quantity(
             "pad_force", "pad forces", "N", "pad", ("pad",), "largest pad force",
-            sign="pushes the sections apart, or the body inwards", limit="pad", measure=_force_measure("pad"),
+            sign="pushes the sections apart, or the body inwards",
+            limit=ChartLimit("pad", _force_measure("pad"), "pad", "pad forces"),
         ),
         Quantity("pad_pressure", "mean pressures of pads", "Pa", "pad", (), "largest mean pressure of a pad"),
         Quantity("indentation", "indentations of walls", "m", "pad", (), "largest indentation of walls under a pad"),
         Quantity(
             "cylinder_force", "cylinder forces", "N", "cylinder", ("cylinder",),
-            "largest force of a cylinder that extends", sign=PUSHES, limit="cylinder", measure=_cylinder_measure,
+            "largest force of a cylinder that extends", sign=PUSHES,
+            limit=ChartLimit("cylinder", _cylinder_measure, "cylinder", "forces of cylinders"),
         ),
         Quantity(
-            "rope_force", "rope forces", "N", "rope", (), "largest rope force", limit="rope", measure=_rope_measure
+            "rope_force", "rope forces", "N", "rope", (), "largest rope force",
+            limit=ChartLimit("rope", _rope_measure, "cylinder", "forces of cylinders"),
         ),
         Quantity(
             "luffing_force", "forces of the luffing cylinder", "N", "cylinder", (),
-            "largest force of the luffing cylinder", sign=PUSHES, limit="luffing", measure=_luffing_measure,
+            "largest force of the luffing cylinder", sign=PUSHES,
+            # a luffing cylinder is a support that gives way
+            limit=ChartLimit("luffing", _luffing_measure, "support", "forces of cylinders"),
         ),
         Quantity(
             "extension_force", "forces on the free extension", "N", "cylinder", (),
@@ -413,7 +436,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity("reaction", "reactions of rigid supports", "N", "support", ("reaction",)),
         Quantity(
             "support", "forces of supports", "N", "support", ("support", "reaction"), "largest force of a support",
-            limit="support", measure=_support_measure,
+            limit=ChartLimit("support", _support_measure, "support", "forces of supports"),
         ),
         Quantity("support_moment", "moments of supports", "N m", "support", (), "largest moment of a support"),
         Quantity(
@@ -434,11 +457,11 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "outrigger_force", "outrigger forces", "N", "ground", ("outrigger",), "largest force of an outrigger",
-            "most", PRESSES, "outrigger", _force_measure("outrigger"),
+            "most", PRESSES, ChartLimit("outrigger", _force_measure("outrigger"), "", ""),
         ),
         Quantity(
             "outrigger_rest", "smallest outrigger forces", "N", "ground", (), "smallest force of an outrigger",
-            "least", PRESSES, "lift-off", _least_measure("outrigger"),
+            "least", PRESSES, ChartLimit("lift-off", _least_measure("outrigger"), "", ""),
         ),
         Quantity(
             "tipping_margin", "margins against tipping", "N m", "ground", ("margin",), "least margin against tipping",
@@ -446,14 +469,16 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "tipping", "use of the support polygon", "1", "ground", ("tipping",), "largest use of the support polygon",
-            "most", limit="tipping", measure=_force_measure("tipping"),
+            "most", limit=ChartLimit("tipping", _force_measure("tipping"), "", "tipping"),
         ),
         # strength
         Quantity(
             "stress", "stresses", "Pa", "section", (), "largest von Mises stress", "most",
-            limit="stress", measure=_stress_measure,
+            limit=ChartLimit("stress", _stress_measure, "", "stress"),
         ),
-        Quantity("field", "stresses of walls", "Pa", "section", limit="field", measure=_stress_measure),
+        Quantity(
+            "field", "stresses of walls", "Pa", "section", limit=ChartLimit("field", _stress_measure, "", "stress")
+        ),
         Quantity("probe", "what probes measure", "", "probe", ("probe",)),
         Quantity(
             "utilisation", "stresses over yield stresses", "1", "section", (), "largest stress over yield stress",
@@ -468,8 +493,11 @@ UNIT_QUANTITIES = {
     "m": "length", "N": "force", "N m": "moment", "Pa": "pressure", "K": "temperature", "m^3/s": "flow", "W": "power",
     "rad": "angle",
 }  # fmt: skip
-#: Quantities that a load chart can limit, by the keys of the chart's limits.
-LIMITED = {quantity.limit: quantity for quantity in QUANTITIES.values() if quantity.measure is not None}
+#: Limits of load charts on quantities, and the quantities that they limit, by the names of the limits.
+LIMITS = {quantity.limit.key: quantity.limit for quantity in QUANTITIES.values() if quantity.limit is not None}
+LIMITED = {quantity.limit.key: quantity for quantity in QUANTITIES.values() if quantity.limit is not None}
+#: Keys of the quantities that are columns of one kind, by this kind: what errors of such columns are called.
+ERRORS_OF_KINDS = {quantity.kinds[0]: key for key, quantity in QUANTITIES.items() if len(quantity.kinds) == 1}
 
 
 def error_label(name: str) -> str:

@@ -193,7 +193,10 @@ def stress_table(result: RunResult) -> Table:
 
 
 def probe_table(result: RunResult) -> Table:
-    """Return a table of the smallest and largest measurement of each probe, with times and path coordinates."""
+    """Return a table of the smallest and largest measurement of each probe, with times and path coordinates.
+
+    Outputs of the same kind that no ``[[probes]]`` asks for, such as the tip's rotation, have neither place nor face.
+    """
     rows = []
     for model, response in result.responses.items():
         extremes = probe_extremes(response, result.abscissa_at(response.t))
@@ -210,7 +213,7 @@ def load_cycle_table(result: RunResult) -> Table:
     rows = []
     for model, response in result.responses.items():
         for probe in _measured_probes(result, response):
-            if probe["unit"] != "mm":
+            if probe["unit"] in ("Pa", "1"):
                 loops = rainflow_cycles(response.t, response.other(probe["name"]))
                 rows += [(model, probe["name"], probe["unit"], *cycle) for cycle in loops.tolist()]
     return Table(("model", "probe", "unit", "range", "mean", "count", "t_begin [s]", "t_end [s]"), tuple(rows))
@@ -250,8 +253,12 @@ def _extreme_heads_without_unit() -> tuple[str, ...]:
 
 
 def _measured_probes(result: RunResult, response: Response) -> Iterator[Summary]:
-    """Yield the entries of summary.json about those probes whose measurements are in the response."""
-    yield from (probe for probe in result.summary.get("probes", ()) if probe["name"] in response.other_names)
+    """Yield name, unit, place and face of each output of a response that is a measurement."""
+    probes = {probe["name"]: probe for probe in result.summary.get("probes", ())}
+    for output in response.outputs:
+        if output.kind == "probe":
+            without_place = {"name": output.name, "unit": output.unit, "at": ("", "", ""), "face": ""}
+            yield probes.get(output.name, without_place)
 
 
 def load(folder: str | Path) -> dict[str, DataFrame]:

@@ -18,7 +18,7 @@ from pmr.compare.forces import missing_reaction_warnings, pulled_pad_warnings, r
 from pmr.compare.trust import budget_warnings, large_motion_warnings
 from pmr.files.arrays import Array, Summary
 from pmr.results import Energy, Response
-from pmr.results.quantities import von_mises_stress
+from pmr.results.quantities import ERRORS_OF_KINDS, LIMITS, von_mises_stress
 from pmr.results.run import SummaryPart, grave_warnings
 from pmr.scene import Scene
 from pmr.scene.built import force_name
@@ -31,13 +31,6 @@ from pmr.studies.allowed import JUST_BELOW, Place
 from pmr.studies.chart_models import ChartModels
 from pmr.studies.limits import FIELD, Limit
 from pmr.system.contacts import Contact
-
-#: Names of the errors in a budget, by the kind of outputs and contacts.
-KINDS = {"tip": "tip", "pad": "pad_force", "cylinder": "cylinder_force", "support": "support_force"}
-#: Kinds of outputs and contacts that limits use, by the limits' quantities; the others are eigenvalues, or use none.
-USED = {"pad": "pad", "deflection": "tip", "cylinder": "cylinder", "rope": "cylinder", "support": "support"} | {
-    "luffing": "support"  # the luffing cylinder is a support that gives way
-}
 
 
 @dataclass(frozen=True)
@@ -116,7 +109,7 @@ def warnings_of_row(
         SummaryPart(grave=large_motion_warnings(float(reach.max()), [response])),
     ]
     budget = {}
-    kinds = dict.fromkeys(USED[of] for of in limited if of in USED)
+    kinds = dict.fromkeys(LIMITS[of].compared for of in limited if of in LIMITS and LIMITS[of].compared)
     for part, other in compared.items() if kinds else ():
         other_model = {"beside": other.label} if part == "model" else {}
         if errors := _relative_errors(equilibria, of_compared[part], other.share, list(kinds)):
@@ -204,7 +197,7 @@ def _relative_errors(
             for n, at_rest in enumerate((equilibria[0], counterparts[0]))
         )
         if y.size and y.shape == reference.shape and np.any(reference):
-            differences[KINDS[kind]] = share * relative_error(y, reference)
+            differences[ERRORS_OF_KINDS[kind]] = share * relative_error(y, reference)
     return differences
 
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors import InputError
 from pmr.files import npz
 from pmr.files.arrays import Array, Summary
 from pmr.results.quantities import stress_remark
@@ -30,18 +31,9 @@ from pmr.studies.chart_points import (
     unnamed_loads,
     warnings_of_row,
 )
-from pmr.studies.limits import Limit
+from pmr.studies.limits import KINDS, Limit
 from pmr.studies.tasks import Arguments, Needs, TaskResult
 
-#: Limits that a machine usually has, in words, with the quantities of limits that look at them.
-USUAL_LIMITS = {
-    "stress": {"stress", "field"},
-    "pad forces": {"pad"},
-    "forces of cylinders": {"cylinder", "rope", "luffing"},
-    "forces of supports": {"support"},
-    "deflection": {"deflection"},
-    "tipping": {"tipping", "overturning"},
-}
 #: Factors on an error that another model indicates: in general, and where buckling decides (docs/load_chart.md).
 MARGIN, MARGIN_OF_BUCKLING = 1.25, 2.0
 #: Sources of error whose parts make up an error bar.
@@ -126,11 +118,16 @@ class Chart:
         smallest load of the model ``models.comparisons[part]``, times ``share`` of that model.  The error is NaN for
         limits that this model can't evaluate, and for all limits if there is no such model.
         """
-        error = np.full(loads.shape[1], np.nan)
+        errors = np.full(loads.shape[1], np.nan)
         if (other := models.comparisons.get(part)) is not None:
             which = [n for n, limit in enumerate(self.limits) if part == "mesh" or limit.kind.in_richer_model]
-            error[[*which, -1]] = other.share * self._differences(self.places(other.postures, k), which, loads)
-        return error
+            try:
+                differences = self._differences(self.places(other.postures, k), which, loads)
+            except InputError as error:
+                allowed = f"{error.allowed} in the {other.label} that the scene is compared with"
+                raise InputError(error.source, error.key, error.value, allowed) from None
+            errors[[*which, -1]] = other.share * differences
+        return errors
 
     def _differences(self, places: Sequence[Place], which: Sequence[int], loads: Array) -> Array:
         """Return differences in kg between two models' smallest loads of the limits `which`, then of stability.
@@ -220,8 +217,8 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
 
 def left_out_of_chart(scene: Scene, limits: Sequence[Limit]) -> dict[str, str]:
     """Return what a chart of a scene leaves out, as clauses by subject: limits, motion, and what the model lacks."""
-    kinds = {limit.of for limit in limits}
-    lacking = [name for name, of in USUAL_LIMITS.items() if not kinds & of]
+    usual = dict.fromkeys(kind.words for kind in KINDS.values() if kind.words)
+    lacking = [words for words in usual if words not in {limit.kind.words for limit in limits}]
     rows = {"limits that are not set": ", ".join(lacking)} if lacking else {}
     rows["motion"] = (
         "inertia and swings by hoisting, luffing, slewing and telescoping; factors of cases and stops stand for it"

@@ -27,9 +27,9 @@ from pydantic import Field, model_validator
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.results.quantities import LIMITED, Columns, Measure, matches_pattern
+from pmr.results.quantities import LIMITED, LIMITS, Columns, Measure, matches_pattern
 from pmr.scene import Scene
-from pmr.scene.choice import model_of
+from pmr.scene.choice import traits_of
 from pmr.scene.frame import boom_rotation
 from pmr.scene.ground import MachineMass, edge_rows, polygon_area
 from pmr.scene.keys import SceneTable, Usual, qualified_name
@@ -57,8 +57,8 @@ Share = Callable[[LoadedStates], Array]
 STABILITY = "stability"
 #: Text between the body's name and the rest in names of probes of the stress field; faces of walls with such probes.
 FIELD, FACES = "field of ", ("outer", "inner")
-#: Structural models with a stress field; name of the region of a mesh without regions.
-WITH_FIELD, WHOLE = ("shell", "solid"), "walls"
+#: Name of the region of a mesh without regions.
+WHOLE = "walls"
 #: Most numbers that a limit of the field may store for all points of a chart.
 MOST_NUMBERS = 2**27
 
@@ -90,6 +90,8 @@ class Kind:
         reaches the limit.
     in_richer_model : bool
         Whether a richer structural model has the quantity at the same positions.
+    words : str
+        Words by which a chart without such a limit says so; empty if few machines have it.
     """
 
     amount: Literal["most", "least", ""]
@@ -100,6 +102,7 @@ class Kind:
     eigenvalue_load: Callable[[Form, float, float, float], float] | None = None
     grows: bool = False
     in_richer_model: bool = True
+    words: str = ""
 
 
 def _share_of_quantity(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
@@ -197,17 +200,20 @@ NAMES: Mapping[str, Callable[[Scene], Sequence[str]]] = {
 }
 #: All kinds of limits by name: quantities that runs have too, and others.
 KINDS: Mapping[str, Kind] = {
-    key: Kind("most", q.unit, _share_of_quantity, USUAL.get(q.unit), NAMES.get(key), in_richer_model=q.unit != "Pa")
+    key: Kind(
+        "least" if q.extreme == "least" else "most",
+        q.unit.removeprefix("1"),
+        _share_of_ground if q.place == "ground" else _share_of_quantity,
+        None if q.place == "ground" else USUAL.get(q.unit),
+        NAMES.get(key),
+        in_richer_model=q.unit != "Pa",
+        words=LIMITS[key].usual,
+    )
     for key, q in LIMITED.items()
 } | {
     "buckling": Kind("least", "", _share_of_buckling, eigenvalue_load=Form.load_of_factor, grows=True),
     "frequency": Kind("least", "Hz", _share_of_frequency, eigenvalue_load=Form.load_of_frequency, grows=True),
-    "overturning": Kind("", "", _share_of_overturning, grows=True),
-    **{
-        key: Kind("least" if q.extreme == "least" else "most", q.unit.removeprefix("1"), _share_of_ground)
-        for key, q in LIMITED.items()
-        if q.place == "ground"
-    },
+    "overturning": Kind("", "", _share_of_overturning, grows=True, words="tipping"),
     "function": Kind("most", "", _share_of_user_function, in_richer_model=False),
     "expression": Kind("most", "", _share_of_user_function, in_richer_model=False),
 }
@@ -231,7 +237,7 @@ class Limit(SceneTable):
     )
     most: Positive | None = Field(
         default=None,
-        description="Largest allowed value: stress in Pa, force in N, deflection in m, or of expression or function",
+        description="Largest allowed value: stress in Pa, force in N, deflection in m, angle in rad, or of a function",
     )
     least: Positive | None = Field(
         default=None, description="Smallest allowed value: buckling factor, frequency in Hz, force of an outrigger in N"
@@ -309,8 +315,7 @@ class Limit(SceneTable):
 
         Raises InputError if none of the columns belongs to the limit.
         """
-        measure_of = LIMITED[self.of].measure
-        measure = measure_of and measure_of(columns, self.concerns)
+        measure = LIMITS[self.of].measure(columns, self.concerns)
         if measure is None:
             probes = [probe for probe in columns.stress_columns() if FIELD not in probe] if self.of == "stress" else []
             raise self._unknown_name(probes)
@@ -321,9 +326,9 @@ class Limit(SceneTable):
 
         `values` (c,) are those of the `columns` in this state.  Limits without such members have an empty name.
         """
-        measure_of, sizes = self.kind.names and LIMITED[self.of].measure, dict[str, float]()
+        sizes = dict[str, float]()
         for member in filter(self.concerns, self.kind.names(scene) if self.kind.names else ()):
-            measure = measure_of and measure_of(columns, partial(eq, member))
+            measure = LIMITS[self.of].measure(columns, partial(eq, member))
             if measure is not None:
                 sizes[member] = float(measure(values[None])[0])
         return max(sizes, key=lambda member: sizes[member], default="")
@@ -400,7 +405,7 @@ class Limit(SceneTable):
 
     def _unknown_name(self, names: Sequence[str]) -> InputError:
         """Return the error for a name in ``which`` that `names` lack; empty `names`: the scene has nothing to limit."""
-        no_such = f"the scene has no {self.of}{' of this name' if self.which else ''}"
+        no_such = f"there is no {self.of}{' of this name' if self.which else ''}"
         allowed = f"names among {', '.join(names)} are allowed" if names else no_such
         return InputError("study", f"limits.{self.name}.which", ", ".join(self.which), allowed)
 
@@ -421,7 +426,7 @@ def _ratio(part: float, total: float) -> float:
 def bodies_with_field(scene: Scene) -> list[str]:
     """Names of a scene's bodies with a stress field (shells, solids); ``"walls"`` stands for a body without a name."""
     named_members = zip(scene.names, members(scene), strict=True)
-    return [name or WHOLE for name, member in named_members if model_of(member) in WITH_FIELD]
+    return [name or WHOLE for name, member in named_members if traits_of(member).has_cells]
 
 
 def with_fields(scene: Scene, patterns: Sequence[str], places: int) -> Scene:

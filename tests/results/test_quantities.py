@@ -10,7 +10,7 @@ import pytest
 
 from pmr import Response
 from pmr.results import Energy
-from pmr.results.quantities import LIMITED, QUANTITIES, Columns, error_label, support_names, with_unit
+from pmr.results.quantities import ERRORS_OF_KINDS, LIMITED, QUANTITIES, Columns, error_label, support_names, with_unit
 from pmr.results.response import KINDS, Extreme, Extremes
 from pmr.scene.run_settings import OutputKind
 
@@ -45,8 +45,11 @@ def test_each_quantity_stands_once_and_is_of_kinds_that_responses_have() -> None
     assert len(set(labels)) == len(labels) and all(labels)
     assert {kind for quantity in QUANTITIES.values() for kind in quantity.kinds} <= set(KINDS)
     assert set(get_args(OutputKind)) <= QUANTITIES.keys()
-    limited = [quantity.limit for quantity in QUANTITIES.values() if quantity.limit]
-    assert sorted(limited) == sorted(LIMITED)
+    limits = [quantity.limit for quantity in QUANTITIES.values() if quantity.limit]
+    assert sorted(limit.key for limit in limits) == sorted(LIMITED)
+    kinds_of_errors = {limit.compared for limit in limits} - {""}
+    assert kinds_of_errors <= ERRORS_OF_KINDS.keys()
+    assert all(QUANTITIES[ERRORS_OF_KINDS[kind]].kinds == (kind,) for kind in kinds_of_errors)
 
 
 @pytest.mark.parametrize(

@@ -12,13 +12,14 @@ import pytest
 import pmr.results
 from pmr import InputError, RunResult, run
 from pmr import scene as scenes
+from pmr.report.first_page import capacity_rows
 from pmr.results.tables import write_tables
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 CHANGES = (
     "time.end=2.0", "time.step=5e-3", "recovery.every=0.1", "mesh.elements=12", "reduction.coordinates=6",
     "supports=[{name='cylinder',directions=['x'],stiffness=1e8}]",
-    "probes=[{name='weld',at=[1.5,0.15,0.2],measures=['stress','displacement']}]",
+    "probes=[{name='weld',at=[1.5,0.15,0.2],measures=['stress','displacement']}]", "observe.rotation=true",
 )  # fmt: skip
 
 
@@ -48,6 +49,21 @@ def test_forces_have_their_extremes_times_and_places(folder: Path) -> None:
         assert (float(row["min [N]"]), float(row["max [N]"])) == (force.min(), force.max())
         at = int(np.flatnonzero(response.t == float(row["t_max [s]"]))[0])
         assert force[at] == force.max() and float(row["s_max [m]"]) == pytest.approx(result.abscissa[at], rel=1e-12)
+
+
+def test_an_output_that_no_probe_asks_for_has_rows_under_its_own_name(folder: Path) -> None:
+    """The tip's rotation: without place, face and load cycles; on the first page in degrees."""
+    result = RunResult.load(folder)
+    found = [row for row in rows(folder, "probes") if row["probe"] == "tip ry"]
+    assert [(row["model"], row["unit"], row["x [m]"], row["face"]) for row in found] == [
+        (model, "rad", "", "") for model in ("reduced", "full")
+    ]
+    turned = result.responses["reduced"].other("tip ry")
+    assert (float(found[0]["min"]), float(found[0]["max"])) == (turned.min(), turned.max())
+    assert "tip ry" not in {row["probe"] for row in rows(folder, "cycles")}
+    (text,) = [text for name, text in capacity_rows(result) if name == "largest tip ry"]
+    size = turned[np.abs(turned).argmax()]
+    assert float(text.partition("°")[0].replace("−", "-")) == pytest.approx(np.rad2deg(size), rel=0.05)
 
 
 def test_frequencies_are_in_hertz_over_the_path(folder: Path) -> None:

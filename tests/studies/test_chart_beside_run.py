@@ -15,7 +15,7 @@ from pmr import InputError
 from pmr.results.quantities import LIMITED
 from pmr.scene import Scene
 from pmr.studies.kinds.chart import _check_at_rest
-from pmr.studies.limits import Limit
+from pmr.studies.limits import KINDS, Limit
 
 pytestmark = pytest.mark.slow
 
@@ -29,6 +29,12 @@ def test_no_limit_has_a_formula_of_its_own() -> None:
     """All are quantities of runs, eigenvalues, what a user makes, or sums of moments of what a run says."""
     kinds = set(get_args(Limit.model_fields["of"].annotation))
     assert kinds == {*LIMITED, "buckling", "frequency", "overturning", "function", "expression"}
+
+
+def test_a_kind_of_limit_that_no_run_is_asked_for_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(KINDS, "slope", KINDS["deflection"])
+    with pytest.raises(NotImplementedError, match="slope"):
+        chart({}, {}, 0.0, 0.0, 1.0)
 
 
 @pytest.mark.parametrize("seed", range(COUNT) if os.environ.get("PMR_SWEEP") == "full" else SAMPLED)

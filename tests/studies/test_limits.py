@@ -365,7 +365,7 @@ def test_ropes_bear_by_statics_what_follows() -> None:
     assert cylinder == pytest.approx((most - own[0] - 1.5 * own[1]) / 1.5, rel=1e-6)
     with pytest.raises(InputError, match="limits.a.which = 'base': names among middle, fly are allowed"):
         Limit(name="a", of="rope", which=("base",), most=1.0).check(scene)
-    with pytest.raises(InputError, match="the scene has no rope"):
+    with pytest.raises(InputError, match="there is no rope"):
         Limit(name="a", of="rope", most=1.0).check(crane())
 
 
@@ -398,7 +398,7 @@ def test_a_field_of_walls_is_that_of_probes_at_its_points() -> None:
         (),
     )
     assert arrays["stress"].shape[1] == len(arrays["stress.names"])  # of the scene's own probes alone
-    with pytest.raises(InputError, match="the scene has no field"):
+    with pytest.raises(InputError, match="there is no field"):
         field.check(crane())
     with pytest.raises(InputError, match="a body or region with walls is allowed"):
         with_fields(scene, ["base"], 1)
