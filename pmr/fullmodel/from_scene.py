@@ -19,6 +19,7 @@ from pmr.fullmodel.probes import gauges
 from pmr.fullmodel.structure import Action, Clamp, Inertia, LineLoad, PadForce, Structure, Warmth, Weight
 from pmr.models import StructuralModel
 from pmr.models.box_mesh import DIMENSIONS, BoxBoom, write_shell, write_solid
+from pmr.models.matrices import Matrices
 from pmr.models.mesh_drawing import NotDrawnError
 from pmr.models.mesh_faces import add_faces
 from pmr.models.named_mesh import NamedMesh, read_mesh

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -19,16 +20,18 @@ from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Inertia, Structure, Weight
 from pmr.models import FiniteElementModel
 from pmr.models.beam2d import Beam2D
-from pmr.models.beam3d import Beam3D
+from pmr.models.beam3d import Beam3D, box_beam
 from pmr.models.named_mesh import NamedMesh
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
+from pmr.scene.box import Box
 from pmr.scene.frame import INERTIA
 from pmr.scene.structures import Beam3DBody, BeamSection, Material, Plate, PointMass, Profile, ShellBody, SolidBody
 from pmr.system.body_matrices import CARRIED, CONSTANT, LINEAR, ROTATING
 
 pytestmark = pytest.mark.mpi
 LENGTH, WIDTH, DEPTH = 2.0, 0.1, 0.05  # a flat bar along x, bent along z (the planar beam: along y)
+HOLLOW = Box(length=5.0, width=0.2, height=0.3, wall=0.008)
 STEEL = Material()
 MASS = STEEL.density * LENGTH * WIDTH * DEPTH
 
@@ -58,21 +61,54 @@ def spatial() -> Beam3D:
     return Beam3D(Beam3DBody(length=LENGTH, section=section, shear=True, elements=8))
 
 
+def hollow() -> Beam3D:
+    return box_beam(Beam3DBody(length=HOLLOW.length, profile=HOLLOW, shear=True, elements=8), HOLLOW)
+
+
+@dataclasses.dataclass(frozen=True)
+class Bar:
+    """A straight body along x from its tail at 0, and what every model of it has to know; by default the flat bar."""
+
+    make: Callable[[], FiniteElementModel]
+    length: float = LENGTH
+    mass: float = MASS
+    bending_stiffness: float = STEEL.young * WIDTH * DEPTH**3 / 12  # N m^2, of bending along z
+    spread: tuple[float, float] = (WIDTH**2 / 12, DEPTH**2 / 12)  # m^2: means of y^2 and z^2 over the mass
+
+
+def hollow_bar() -> Bar:
+    """The box of plates by its mid-surface: the second moments of its outer less those of its inner rectangle."""
+    length, b, h, t = HOLLOW.length, HOLLOW.width, HOLLOW.height, HOLLOW.wall
+    area = 2.0 * (b + h) * t
+    about_y, about_z = (
+        ((across + t) * (along + t) ** 3 - (across - t) * (along - t) ** 3) / 12.0 for across, along in ((b, h), (h, b))
+    )
+    spread = (about_z / area, about_y / area)
+    return Bar(hollow, length, STEEL.density * area * length, STEEL.young * about_y, spread)
+
+
+#: Models of the room; one that is made from boxes alone brings its own dimensions, as the last one.
 MODELS = {
-    "beam2d": planar,
-    "beam3d": spatial,
-    "shell": lambda: Shell(ShellBody(plate=Plate(thickness=DEPTH)), strip()),
-    "hexahedra": lambda: Solid(SolidBody(), bar("hexahedron")),
-    "tetrahedra": lambda: Solid(SolidBody(), bar("tetrahedron")),
+    "beam2d": Bar(planar),
+    "beam3d": Bar(spatial),
+    "shell": Bar(lambda: Shell(ShellBody(plate=Plate(thickness=DEPTH)), strip())),
+    "hexahedra": Bar(lambda: Solid(SolidBody(), bar("hexahedron"))),
+    "tetrahedra": Bar(lambda: Solid(SolidBody(), bar("tetrahedron"))),
+    "beam3d of a box": hollow_bar(),
 }
 
 
 @pytest.fixture(scope="module", params=MODELS)
-def model(request) -> FiniteElementModel:
-    return MODELS[request.param]()
+def body(request) -> Bar:
+    return MODELS[request.param]
 
 
-def test_matrices_are_symmetric_and_know_rigid_motions(model: FiniteElementModel) -> None:
+@pytest.fixture(scope="module")
+def model(body: Bar) -> FiniteElementModel:
+    return body.make()
+
+
+def test_matrices_are_symmetric_and_know_rigid_motions(model: FiniteElementModel, body: Bar) -> None:
     operators = assemble_model(model, model.domain(MPI.COMM_WORLD))
     M, K, R = gathered(operators.M), gathered(operators.K), model.rigid_motions()
     assert M.shape == K.shape == (model.size, model.size) and R.shape == (model.size, len(model.directions))
@@ -83,9 +119,9 @@ def test_matrices_are_symmetric_and_know_rigid_motions(model: FiniteElementModel
     held = K + np.abs(K).max() * 1e-3 * R @ R.T  # no other motion is free
     assert np.linalg.eigvalsh(held)[0] > 1e-9 * np.abs(K).max()
     along = model.directions.index("z")
-    assert R[:, along] @ M @ R[:, along] == pytest.approx(MASS, rel=1e-12)
+    assert R[:, along] @ M @ R[:, along] == pytest.approx(body.mass, rel=1e-12)
     turning = R[:, model.directions.index("ry")]
-    assert turning @ M @ turning == pytest.approx(MASS * (LENGTH**2 / 3 + DEPTH**2 / 12), rel=3e-4)
+    assert turning @ M @ turning == pytest.approx(body.mass * (body.length**2 / 3 + body.spread[1]), rel=3e-4)
 
 
 def test_a_place_follows_a_rigid_motion(model: FiniteElementModel) -> None:
@@ -120,38 +156,37 @@ def test_points_of_the_grid_follow_a_rigid_motion_and_nothing_is_stressed(model:
         assert len(rows.points) == len(rows.cell) == len(rows.face) and rows.cell.max() == len(grid.cells) - 1
 
 
-def test_a_cantilever_bends_and_sags_as_a_beam(model: FiniteElementModel) -> None:
+def test_a_cantilever_bends_and_sags_as_a_beam(model: FiniteElementModel, body: Bar) -> None:
     """F L^3 / (3 EI) and rho g A L^4 / (8 EI), but for Poisson's ratio, shear and coarse meshes."""
     tip = Action("tip", "tip", "z")
     full = structural_model(Structure(model, (Clamp("tail", model.directions),), (), (tip, Weight()), (tip,)))
     under_force, under_weight = static_outputs(full)[0]
-    EI = STEEL.young * WIDTH * DEPTH**3 / 12
-    assert under_force == pytest.approx(LENGTH**3 / (3 * EI), rel=2e-2)
-    assert under_weight == pytest.approx(-MASS * LENGTH**3 / (8 * EI), rel=2e-2)
+    EI, length = body.bending_stiffness, body.length
+    assert under_force == pytest.approx(length**3 / (3 * EI), rel=2e-2)
+    assert under_weight == pytest.approx(-body.mass * length**3 / (8 * EI), rel=2e-2)
 
 
-def test_the_frequency_scale_has_the_right_magnitude(model: FiniteElementModel) -> None:
-    EI, mass = STEEL.young * WIDTH * DEPTH**3 / 12, MASS / LENGTH
-    first = 3.516 * np.sqrt(EI / mass) / LENGTH**2
+def test_the_frequency_scale_has_the_right_magnitude(model: FiniteElementModel, body: Bar) -> None:
+    first = 3.516 * np.sqrt(body.bending_stiffness / (body.mass / body.length)) / body.length**2
     assert first / 4.0 < model.reference_frequency < 0.8 * first
 
 
-CENTRE, TURNING = np.array([LENGTH, 0.02, -0.03]), (0.5, 0.4, 0.6)
+TURNING = (0.5, 0.4, 0.6)
 
 
-def on_tip(model: FiniteElementModel) -> PointMass:
+def on_tip(model: FiniteElementModel, body: Bar) -> PointMass:
     """A body whose centre is off the axis, where the model knows what that is."""
-    at = None if len(model.directions) == 3 else tuple(CENTRE)
+    at = None if len(model.directions) == 3 else (body.length, 0.02, -0.03)
     return PointMass(name="load", on="tip", mass=40.0, inertia=TURNING, at=at)
 
 
-def moments(model: FiniteElementModel, mass: PointMass | None) -> tuple[float, np.ndarray, np.ndarray]:
+def moments(model: FiniteElementModel, body: Bar, mass: PointMass | None) -> tuple[float, np.ndarray, np.ndarray]:
     """The integrals of rho, rho r and rho r r^T over the bar and a body on it."""
     planar = len(model.directions) == 3
-    m, first = MASS, MASS * np.array([LENGTH / 2, 0.0, 0.0])
-    second = MASS * np.diag([LENGTH**2 / 3, *([0.0, 0.0] if planar else [WIDTH**2 / 12, DEPTH**2 / 12])])
+    m, first = body.mass, body.mass * np.array([body.length / 2, 0.0, 0.0])
+    second = body.mass * np.diag([body.length**2 / 3, *((0.0, 0.0) if planar else body.spread)])
     if mass is not None:
-        at = np.array([LENGTH, 0.0, 0.0]) if mass.at is None else np.array(mass.at)
+        at = np.array([body.length, 0.0, 0.0]) if mass.at is None else np.array(mass.at)
         own = np.diag(sum(mass.inertia) / 2.0 - np.array(mass.inertia))
         m, first, second = m + mass.mass, first + mass.mass * at, second + mass.mass * np.outer(at, at) + own
     return m, first, second
@@ -164,12 +199,12 @@ def turned(direction: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.fixture(scope="module", params=["bare", "with a mass"])
-def mass(request, model: FiniteElementModel) -> PointMass | None:
+def mass(request, model: FiniteElementModel, body: Bar) -> PointMass | None:
     if request.param == "bare":
         return None
     if isinstance(model, Shell):
         pytest.skip("the end of a flat shell has no rotation")
-    return on_tip(model)
+    return on_tip(model, body)
 
 
 @pytest.fixture(scope="module")
@@ -182,11 +217,11 @@ def full(model: FiniteElementModel, mass: PointMass | None) -> FullModel:
 
 
 def test_inertia_in_a_moving_frame_is_that_of_a_rigid_body(
-    model: FiniteElementModel, mass: PointMass | None, full: FullModel
+    model: FiniteElementModel, body: Bar, mass: PointMass | None, full: FullModel
 ) -> None:
     R, directions = model.rigid_motions(), model.directions
-    m, first, second = moments(model, mass)
-    scale = m * LENGTH**2
+    m, first, second = moments(model, body, mass)
+    scale = m * body.length**2
     for name, S in (ROTATING | CARRIED).items():
         found = gathered(full.matrices[name]) if name in full.matrices else np.zeros((full.size, full.size))
         expected = np.array(
@@ -215,10 +250,10 @@ def test_the_carried_matrices_add_up_to_the_mass(model: FiniteElementModel, full
 
 
 def test_inertia_loads_are_those_of_a_field_of_acceleration(
-    model: FiniteElementModel, mass: PointMass | None, full: FullModel
+    model: FiniteElementModel, body: Bar, mass: PointMass | None, full: FullModel
 ) -> None:
     R, directions = model.rigid_motions(), model.directions
-    m, first, second = moments(model, mass)
+    m, first, second = moments(model, body, mass)
     known = dict(zip(full.input_names, (R.T @ gathered(full.inputs)).T, strict=True))
     for j in range(3):
         fields = {f"inertia {'xyz'[j]}": (m, first)}
