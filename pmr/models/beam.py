@@ -427,11 +427,6 @@ def beam_body(member: Member) -> Beam3DBody:
     """Data of the beam of a body of a scene: box or section, material and number of elements."""
     body = member.part.body
     assert body.box is not None  # the scene's check
-    return Beam3DBody(
-        length=body.box.length,
-        section=body.section,
-        profile=None if body.section else body.box,
-        material=body.material,
-        shear=body.shear,
-        elements=member.part.mesh.elements,
-    )
+    by = {"section": body.section} if body.section else {"profile": body.box}
+    given = {"length": body.box.length, "material": body.material, "shear": body.shear}
+    return Beam3DBody(**given, **by, elements=member.part.mesh.elements)

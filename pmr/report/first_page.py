@@ -342,19 +342,14 @@ def _deflection_rows(result: RunResult) -> Rows:
 
 def _further_output_rows(result: RunResult) -> Rows:
     """Yield a row for each output that is measured but that no ``[[probes]]`` asks for, such as the tip's rotation."""
-    response = result.responses["reduced"]
-    probes = {probe["name"] for probe in result.summary.get("probes", ())}
-    for number, output in enumerate(response.outputs):
-        if output.kind == "probe" and output.name not in probes:
-            values, path = response.column(number), result.abscissa_at(response.t)
-            largest = Extremes.from_history(values, response.t, path).largest
-            is_angle = output.unit == "rad"
-            size = (
-                f"{significant(np.rad2deg(largest.value))}°"
-                if is_angle
-                else format_quantity(largest.value, output.unit)
-            )
-            yield f"largest {output.name}", f"{size}, {_extreme_clause(result, largest)}"
+    response, probes = result.responses["reduced"], {probe["name"] for probe in result.summary.get("probes", ())}
+    units = dict(zip(response.other_names, response.other_units, strict=True))
+    for name, values in QUANTITIES["probe"].histories(response).items():
+        if name not in probes:
+            most = Extremes.from_history(values, response.t, result.abscissa_at(response.t)).largest
+            is_angle, value = units[name] == "rad", most.value
+            size = f"{significant(np.rad2deg(value))}°" if is_angle else format_quantity(value, units[name])
+            yield f"largest {name}", f"{size}, {_extreme_clause(result, most)}"
 
 
 def _deflection_text(direction: str, value: float) -> str:

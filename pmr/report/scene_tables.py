@@ -21,6 +21,7 @@ from pmr.results.quantities import unit_text
 from pmr.scene import Scene
 from pmr.scene.built import Load
 from pmr.scene.choice import choose_model, is_undecided, traits_of
+from pmr.scene.files import unused_body_keys
 from pmr.scene.keys import qualified_name, quantity_of, usual_ranges
 from pmr.scene.members import members
 from pmr.scene.signals import SignalBase
@@ -38,10 +39,6 @@ MILLIONS = {"N/m": "kN/mm", "N m/rad": "MN m/rad"}
 DEGREES = {"rad": "degrees", "rad/s": "degrees/s"}
 #: Words for keys that are symbols or names of persons.
 WORDS = {"young": "Young's modulus", "poisson": "Poisson's ratio", "rho_inf": "ρ∞ of generalised-α"}
-#: Keys of a reduction that only POD of eigenmodes uses; keys of a mesh that beams do not use, and that others do not.
-OF_POD, OF_CELLS, OF_BEAMS = ("snapshots", "modes", "positions"), ("size", "along", "cells"), ("elements", "grading")
-#: Keys without effect where a body is given by its stiffnesses; the last one has an effect for beams alone.
-OF_MATERIAL = ("material", "shear_correction")
 #: Keys that are shown even if their values are the defaults.
 ALWAYS = ("stiffness", "basis", "against", "ancf_elements", "on", "direction")
 #: Tables of a scene of which only those keys are shown whose values differ from their defaults.
@@ -57,15 +54,14 @@ def input_tables(scene: Scene) -> list[Table]:
         traits, choice = traits_of(member), choose_model(member)
         at_least = ", or a larger one by measurement" if is_undecided(member) else ""
         why = f": {'; '.join(choice.reasons)}{at_least}" if part.body.model == "auto" else ""
-        beam, by_stiffness = traits.is_beam, part.body.profile is not None or traits.kind in ("matrices", "mass")
-        without_cells = () if beam and part.mesh.file is None else OF_BEAMS
-        unused = {"": ("name",), "mesh": (*without_cells, *(OF_CELLS if beam or part.mesh.file else ()))}
-        unused |= {"body": ("model", *(OF_MATERIAL if by_stiffness else () if beam else OF_MATERIAL[1:]))}
-        unused |= {"reduction": () if part.reduction.uses_pod else OF_POD}
+        unused = {"": ["name"], "body": ["model"]}
+        for of in unused_body_keys(member):
+            table, _, key = of.key.partition(".")
+            unused.setdefault(table, []).append(key)
         rows = (("model", f"{traits.words}{why}"), *words.rows(part, unused))
         tables.append(Table(name or "Body, pads and loads", rows))
-    unused = {"": ("title", "section", "sections", "published"), "frame": ("unit",)}
-    run = words.rows(scene, unused | {"compare": () if "ancf" in scene.compare.against else ("ancf_elements",)})
+    unneeded = {"": ("title", "section", "sections", "published"), "frame": ("unit",)}
+    run = words.rows(scene, unneeded | {"compare": () if "ancf" in scene.compare.against else ("ancf_elements",)})
     return [*tables, Table("Time stepping and settings", (*run, ("steps", format_input(scene.time.steps))))]
 
 

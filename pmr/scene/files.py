@@ -109,12 +109,11 @@ def check_unused(file: TomlFile, scene: Scene) -> None:
     The deciding key is `UnusedKey.decided_by`.  Keys taken over from a file that this one extends, from the table
     common to all sections, or from the grid of a study may have an effect elsewhere and pass.
     """
-    compared = scene.compare.richer not in ("auto", "none")
     if "sections" not in file.data:
-        _refuse_any(file, "", file.data, _unused_body_keys(member_at(scene), compared))
+        _refuse_any(file, "", file.data, _refused_body_keys(member_at(scene)))
     else:
         for number, (member, section) in enumerate(zip(members(scene), file.data["sections"], strict=True)):
-            _refuse_any(file, f"sections[{number}].", section, _unused_body_keys(member, compared))
+            _refuse_any(file, f"sections[{number}].", section, _refused_body_keys(member))
             if number:
                 _refuse_any(file, f"sections[{number}].", section, _unused_joint_keys(scene, number))
     _refuse_any(file, "", file.data, _unused_simulation_keys(scene))
@@ -144,13 +143,16 @@ def _has_key(data: object, key: str) -> bool:
     return bool(key)
 
 
-def _unused_body_keys(member: Member, compared: bool) -> Iterator[UnusedKey]:
-    """Yield keys without effect on a body.
+def _refused_body_keys(member: Member) -> Iterator[UnusedKey]:
+    """Yield keys without effect on a body; a model that is left to measurements is not decided yet."""
+    decided = member.part.body.model != "auto"
+    return (unused for unused in unused_body_keys(member) if decided or unused.decided_by != "body.model")
 
-    `compared` says whether the body is compared with a richer model, which uses the keys of a shell.
-    """
-    model = model_of(member)
-    for key in traits_of(member).without_effect if member.part.body.model != "auto" else ():
+
+def unused_body_keys(member: Member) -> Iterator[UnusedKey]:
+    """Yield keys without effect on a body; if it is compared with a richer model, those of a shell have one."""
+    model, compared = model_of(member), member.scene.compare.richer not in ("auto", "none")
+    for key in traits_of(member).without_effect:
         if key == "body.shear" and traits_of(member).is_beam and not member.part.body.shear:
             continue  # the beam has no shear deformation, as the key says
         if key in OF_WALLS and (compared or has_giving_walls(member)):
@@ -159,7 +161,7 @@ def _unused_body_keys(member: Member, compared: bool) -> Iterator[UnusedKey]:
     if is_planar(member):
         yield from (UnusedKey(key, "", f"{model} has no frames; beam3d and shell have them") for key in STIFFENERS)
     if member.part.mesh.file is not None:
-        yield from (UnusedKey(key, "mesh.file", "the mesh is read from a file") for key in CELLS)
+        yield from (UnusedKey(key, "mesh.file", "the mesh is read from a file") for key in (*CELLS, "mesh.elements"))
     else:
         yield UnusedKey("mesh.faces", "mesh.file", "only faces of a mesh that is read are found by their normals")
     if member.part.body.profile is not None:

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from pmr.scene.box import Box
@@ -92,12 +92,11 @@ def model_traits(model: str) -> ModelTraits:
     Of the keys of a scene, such a model gets those of the body and a mesh, so that the elements of beams and the walls
     under their pads have no effect on it.
     """
-    words = f"a {model.replace('_', ' ')}"
-    unlisted = ModelTraits(
-        words, "cells", is_planar=False, rank=None, may_vary=False, walls_may_give=False,
-        probe_faces=lambda box: (), without_effect=("mesh.elements", "body.walls"),
-    )  # fmt: skip
-    return MODELS.get(model, unlisted)
+    if model in MODELS:
+        return MODELS[model]
+    return replace(
+        MODELS["solid"], words=f"a {model.replace('_', ' ')}", without_effect=("mesh.elements", "body.walls")
+    )
 
 
 def models_by_rank() -> tuple[str, ...]:

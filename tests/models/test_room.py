@@ -31,7 +31,7 @@ from pmr.system.body_matrices import CARRIED, CONSTANT, LINEAR, ROTATING
 
 pytestmark = pytest.mark.mpi
 LENGTH, WIDTH, DEPTH = 2.0, 0.1, 0.05  # a flat bar along x, bent along z (the planar beam: along y)
-HOLLOW = Box(length=5.0, width=0.2, height=0.3, wall=0.008)
+HOLLOW = Box(length=5.0, width=0.3, height=0.2, wall=0.008)  # softest along z, as the bar
 STEEL = Material()
 MASS = STEEL.density * LENGTH * WIDTH * DEPTH
 
