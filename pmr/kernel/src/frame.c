@@ -108,26 +108,68 @@ void pmr_frame_along(const pmr_system *y, const double *motions, const double *s
     for (k = 0; k < y->paths; k++) {
         const number path = motion(&c, y->frame_paths[k], 0);
         u[k] = path.at;
-        if (along) along[k] = path.along;
+        along[k] = path.along;
     }
     for (; k < drivers; k++) {
         const int32_t *first = y->first_product + (k - y->paths);
-        double sum = 0.0, change = 0.0;
+        number sum = constant(0.0);
         for (n = first[0]; n < first[1]; n++) {
             const int32_t *of = y->products + 3 * n;
-            const number *p = quantities + of[0], *q = quantities + of[1], *r = quantities + of[2];
-            sum += y->factors[n] * (p->at * q->at * r->at);
-            if (along) change += y->factors[n] * times(times(*p, *q), *r).along;
+            const number product = times(times(quantities[of[0]], quantities[of[1]]), quantities[of[2]]);
+            sum = plus(sum, times(constant(y->factors[n]), product));
+        }
+        u[k] = sum.at;
+        along[k] = sum.along;
+    }
+}
+
+/* `quantity` without a derivative. */
+static double plain_quantity(const pmr_system *y, const double *motions, const pmr_turning *boom, const int32_t *of)
+{
+    const double *w = boom->velocity;
+    double sum = 0.0;
+    int k;
+    switch (of[0]) {
+    case PMR_TURNED: return boom->R[3 * of[1] + of[2]];
+    case PMR_VELOCITY: return w[of[1]];
+    case PMR_TURNING: return boom->acceleration[of[1]];
+    case PMR_GRADIENT:
+        if (of[1] != of[2]) return w[of[1]] * w[of[2]] + GRADIENT_SIGN[of[1]][of[2]] * boom->acceleration[3 - of[1] - of[2]];
+        for (k = 0; k < 3; k++)
+            if (k != of[1]) sum -= w[k] * w[k];
+        return sum;
+    case PMR_MOTION: return motions[of[1]];
+    case PMR_REACH:
+        for (k = 0; k < of[1]; k++) sum += motions[of[2] * y->motions + k];
+        return sum;
+    case PMR_OVER: return 1.0 / motions[of[1] - 1];
+    default: return 1.0;
+    }
+}
+
+void pmr_frame_turned(const pmr_system *y, const double *motions, const pmr_turning *boom, int drivers, double *u,
+                      double *work)
+{
+    int32_t k, n;
+    for (k = 0; k < y->quantities; k++) work[k] = plain_quantity(y, motions, boom, y->quantity_list + 3 * k);
+    for (k = 0; k < y->paths; k++) u[k] = motions[y->frame_paths[k]];
+    for (; k < drivers; k++) {
+        const int32_t *first = y->first_product + (k - y->paths);
+        double sum = 0.0;
+        for (n = first[0]; n < first[1]; n++) {
+            const int32_t *of = y->products + 3 * n;
+            sum += y->factors[n] * (work[of[0]] * work[of[1]] * work[of[2]]);
         }
         u[k] = sum;
-        if (along) along[k] = change;
     }
 }
 
 int pmr_frame_drivers(const pmr_system *y, const double *motions, double *u, double *work)
 {
+    pmr_turning boom, base;
     if (!y->motions) return PMR_REFUSED;
-    pmr_frame_along(y, motions, NULL, y->drivers, u, NULL, work);
+    pmr_frame_turning(y, motions, &boom, &base);
+    pmr_frame_turned(y, motions, &boom, y->drivers, u, work);
     return PMR_DONE;
 }
 

@@ -206,6 +206,8 @@ struct pmr_state {
     double *joint_sums;        /* (joints) N: friction that the gaps are of */
     double *u;                 /* (N): drivers where it stands */
     size_t saved;              /* doubles */
+    size_t stepped;            /* doubles that a step changes, or that it computes anew at its end */
+    double *answer, *answer_drift; /* of a free luffing angle (machine.h) */
     /* workspace */
     double *began, *peak;
     double *s, *s_rates, *x; /* (P), (P), (blocks): paths, their rates at the start, places in blocks' intervals */
@@ -338,9 +340,17 @@ typedef struct {
 #undef VOID_POINTER
 } pmr_functions;
 
-/* u (N,) from motions (3, n), how its first `drivers` change along a seed of them, and all its derivatives (N, 3 n);
-   with `pmr_frame_work` doubles. */
+/* How a frame, or the base that carries it, is turned: its rotation (3, 3) into axes of the ground, its angular velocity
+   and acceleration in its own axes. */
+typedef struct {
+    double R[9], velocity[3], acceleration[3];
+} pmr_turning;
+
+/* u (N,) from motions (3, n); the first `drivers` of it where the boom is turned so; how these change along a seed of the
+   motions; all derivatives (N, 3 n).  With `pmr_frame_work` doubles. */
 int pmr_frame_drivers(const pmr_system *system, const double *motions, double *u, double *work);
+void pmr_frame_turned(const pmr_system *system, const double *motions, const pmr_turning *boom, int drivers, double *u,
+                      double *work);
 void pmr_frame_along(const pmr_system *system, const double *motions, const double *seed, int drivers, double *u,
                      double *along, double *work);
 int pmr_frame_derivatives(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
@@ -351,12 +361,6 @@ int pmr_frame_outputs(const pmr_system *system, const double *motions, const dou
 /* Of these those of outriggers alone; PMR_LIFTED or PMR_NOT_FINITE where they are not found. */
 int pmr_ground_outputs(const pmr_system *system, const double *motions, const double *seed, const double *values,
                        const double *changes, double *columns, double *along);
-/* How a frame, or the base that carries it, is turned: its rotation (3, 3) into axes of the ground, its angular velocity
-   and acceleration in its own axes. */
-typedef struct {
-    double R[9], velocity[3], acceleration[3];
-} pmr_turning;
-
 void pmr_frame_turning(const pmr_system *system, const double *motions, pmr_turning *boom, pmr_turning *base);
 /* How fast the rate of a driver grows within h around t. */
 double pmr_signals_spread(const pmr_signals *signals, int32_t driver, double t, double h);

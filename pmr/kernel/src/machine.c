@@ -49,15 +49,23 @@ static void store_luffing(pmr_machine_run *ms);
 
 static void save_boom(pmr_machine_run *ms)
 {
-    if (ms->state->run == ms) store_luffing(ms);
-    memcpy(ms->saved, ms->state->mark, ms->state->saved * sizeof(double));
+    memcpy(ms->saved, ms->state->mark, ms->state->stepped * sizeof(double));
     ms->progress = ms->state->progress;
 }
 
 static void restore_boom(pmr_machine_run *ms)
 {
-    memcpy(ms->state->mark, ms->saved, ms->state->saved * sizeof(double));
+    memcpy(ms->state->mark, ms->saved, ms->state->stepped * sizeof(double));
     ms->state->progress = ms->progress;
+}
+
+/* End a step, or the start, with what the next one begins with. */
+static void store_end(pmr_machine_run *ms)
+{
+    if (ms->state->run == ms)
+        store_luffing(ms);
+    else
+        save_boom(ms);
 }
 
 /* Tell the boom's state the frame's motions, of which further outputs are; second rates of directions that are not free
@@ -104,9 +112,9 @@ static int try_rates(pmr_machine_run *ms, int64_t k, const double *rates)
             now->felt[3 + i] = (now->carrier.omega[i] - old->carrier.omega[i]) / w.h;
         }
         seconds_of(&old->carrier, now->felt, second);
-        drivers_at(ms, k - 1, old->b, second, y->paths + y->inputs, ms->u_old);
+        drivers_at(ms, k - 1, &old->carrier, old->b, second, y->paths + y->inputs, ms->u_old);
         seconds_of(&now->carrier, now->felt, second);
-        drivers_at(ms, k, now->b, second, y->paths + y->inputs, ms->u);
+        drivers_at(ms, k, &now->carrier, now->b, second, y->paths + y->inputs, ms->u);
         for (n = 0; n < m->inertial_count; n++) {
             const double mean = (loads[m->inertial[n]] + old_loads[m->inertial[n]]) / 2.0;
             ms->new_smooth[n] = by_impulse(&w, w.h * mean, ms->inertia_smooth[n]);
@@ -115,7 +123,7 @@ static int try_rates(pmr_machine_run *ms, int64_t k, const double *rates)
         for (n = 0; n < 6; n++) second[n] = old->rates_known > 1 ? (3.0 * now->felt[n] - old->felt[n]) / 2.0 : now->felt[n];
         seconds_of(&now->carrier, second, now->b + 12);
     }
-    drivers_at(ms, k, now->b, now->b + 12, y->drivers, ms->u);
+    drivers_at(ms, k, &now->carrier, now->b, now->b + 12, y->drivers, ms->u);
     for (n = 0; n < m->inertial_count; n++) {
         if (free)
             ms->u[y->paths + m->inertial[n]] = ms->new_inertia[n];
@@ -175,6 +183,108 @@ static int find_machine_slope(pmr_machine_run *ms, int64_t k, const int *which, 
     return try_rates(ms, k, at.b + 6); /* what is taken is what was tried last */
 }
 
+/* ---- how the end of a step changes by the rate of a single direction ----
+
+   A second trial tells this answer, a D, and how it drifts from step to step.  In the steps that follow the first trial's
+   end x becomes x + D dr, with no second trial, while what the answer is off by leaves it accurate. */
+
+enum { END_PARTS = 3, ANSWER_AGE = 20 };
+/* What an answer that was just learned may be off by; what it may leave of rates, over the fastest. */
+#define ANSWER_FRESH 1e-4
+#define ANSWER_LEFT 3e-14
+
+_Static_assert(offsetof(trial, cylinder.emptied) % (PMR_LANES * sizeof(double)) == 0, "registers of a trial");
+
+static size_t filled_up(size_t count) { return (count + 7) / 8 * 8; } /* as `take_room` does */
+
+/* A part of what a step ends with, its place among all numbers of an end, and how many it has; NULL behind the last. */
+static double *end_part(pmr_machine_run *ms, int part, size_t *at, size_t *count)
+{
+    const size_t of_state = ms->state->stepped, of_trial = offsetof(trial, cylinder.emptied) / sizeof(double);
+    const pmr_system *y = ms->state->system;
+    switch (part) {
+    case 0: *at = 0, *count = of_state; return ms->state->mark;
+    case 1: *at = of_state, *count = of_trial; return (double *)(void *)&ms->now;
+    case 2:
+        *at = of_state + of_trial;
+        *count = 2 * filled_up(ms->machine->inertial_count) + filled_up(y->drivers);
+        return ms->new_inertia;
+    default: return NULL;
+    }
+}
+
+static size_t end_size(const pmr_system *y, const pmr_state *st, const pmr_machine *machine)
+{
+    return st->stepped + offsetof(trial, cylinder.emptied) / sizeof(double) + 2 * filled_up(machine->inertial_count) +
+           filled_up(y->drivers);
+}
+
+static void keep_end_tried(pmr_machine_run *ms)
+{
+    const double *from;
+    size_t at, count;
+    int part;
+    for (part = 0; (from = end_part(ms, part, &at, &count)); part++)
+        memcpy(ms->tried + at, from, count * sizeof(double));
+}
+
+static int is_taut(const pmr_state *st) { return st->system->hoist && st->hoist[AT_FORCE] > 0.0; }
+
+/* Learn from what a change of the rate did to the end since `keep_end_tried`.  The answer is off by the share by which
+   rates of modes were foreseen wrong, over the square of the steps since the last one. */
+static void learn_answer(pmr_machine_run *ms, double change)
+{
+    const size_t rates = (size_t)(ms->state->v - ms->state->mark), modes = (size_t)ms->state->system->modes;
+    const double *now;
+    const double age = ms->past.answer_age, by_change = 1.0 / change, by_age = ms->past.answers ? 1.0 / age : 0.0;
+    double *answer = ms->answer, *drift = ms->answer_drift, off = 0.0, all = 0.0;
+    size_t at, count, n;
+    int part;
+    for (part = 0; (now = end_part(ms, part, &at, &count)); part++)
+        for (n = 0; n < count; n++) {
+            const double is = (now[n] - ms->tried[at + n]) * by_change, more = is - answer[at + n],
+                         missed = more - drift[at + n] * age;
+            answer[at + n] = is;
+            drift[at + n] = more * by_age;
+            if (at + n - rates < modes) off += missed * missed, all += is * is;
+        }
+    ms->past.answer_off = sqrt(off / all) / (age * age);
+    ms->past.answer_age = 0;
+    ms->past.answers++;
+    ms->past.answer_taut = is_taut(ms->state);
+}
+
+/* How the impulse of direction n changes by its rate. */
+static double answered_slope(const pmr_machine_run *ms, int n)
+{
+    const size_t at = ms->state->stepped + offsetof(trial, left) / sizeof(double) + n;
+    return ms->answer[at] + ms->answer_drift[at] * ms->past.answer_age;
+}
+
+/* Go on from the end that was tried to that of a rate of direction n which differs by a change, `error` of the fastest, if
+   the answer is that good, and the law of the cylinder agrees with it; whether this was so. */
+static int follow_answer(pmr_machine_run *ms, int64_t k, int n, double change, double error)
+{
+    const machine_past *past = &ms->past;
+    const double age = past->answer_age, off = age > 0.0 ? past->answer_off * age * age : ANSWER_FRESH,
+                 drifted = change * age;
+    double springs[6], *now;
+    size_t at, count;
+    int part;
+    if (past->answers < 2 || age > ANSWER_AGE || error * off > ANSWER_LEFT || ms->state->system->pads ||
+        is_taut(ms->state) != past->answer_taut)
+        return 0;
+    for (part = 0; (now = end_part(ms, part, &at, &count)); part++) {
+        add_columns(ms->answer + at, 0, &change, 1, now, (int)count);
+        add_columns(ms->answer_drift + at, 0, &drifted, 1, now, (int)count);
+    }
+    find_springs(ms->machine, k, ms->now.b, springs);
+    if (ms->machine->cylinder.kind) push_by_cylinder(ms, k, ms->now.b, springs);
+    return fabs(springs[n] - ms->now.whole.springs[n]) * ms->state->settings.step <=
+               MACHINE_ROUND_OFF * fabs(past->slope[0] * change / error) &&
+           is_taut(ms->state) == past->answer_taut;
+}
+
 /* Find the motion at the end of step k; PMR_LOST if it is not found. */
 static int find_motion_at(pmr_machine_run *ms, int64_t k)
 {
@@ -193,12 +303,8 @@ static int find_motion_at(pmr_machine_run *ms, int64_t k)
                                         : 3.0 * (old->rates[2][n] - old->rates[1][n]) + old->rates[0][n];
     failed = try_rates(ms, k, rates);
     if (failed || !count) return failed;
-    if (count == 1 && ms->past.slope_known) { /* it changes from step to step as it did last */
-        const double slope = old->slope[0];
-        ms->past.slope[0] += ms->past.slope_known > 1 ? slope - old->slope_before : 0.0;
-        ms->past.slope_before = slope;
-        ms->past.slope_known = 2;
-    }
+    ms->past.answer_age++;
+    if (count == 1 && old->answers) ms->past.slope[0] = answered_slope(ms, which[0]);
     for (tries = 0; tries < MOST_TRIALS; tries++) {
         double error = 0.0, square = 0.0, left[6];
         if (!ms->past.slope_known || since == PATIENCE) {
@@ -228,8 +334,11 @@ static int find_motion_at(pmr_machine_run *ms, int64_t k)
             square = change[0] * change[0];
         }
         for (n = 0; n < count; n++) rates[which[n]] += change[n];
+        if (count == 1 && follow_answer(ms, k, which[0], change[0], error)) return PMR_DONE;
+        if (count == 1 && !tries) keep_end_tried(ms);
         failed = try_rates(ms, k, rates);
         if (failed) return failed;
+        if (!tries && count == 1 && error > MACHINE_NEAR) learn_answer(ms, change[0]);
         for (n = 0; n < count && error > MACHINE_NEAR; n++) { /* as Broyden has it; less is round-off */
             double missed = ms->now.left[which[n]] - left[n];
             for (j = 0; j < count; j++) missed -= old->slope[n * count + j] * change[j];
@@ -297,7 +406,7 @@ static int end_machine_step(pmr_machine_run *ms, int64_t k)
     copy(ms->inertia_smooth, ms->new_smooth, m->inertial_count);
     find_fastest(ms, now->b, past->fastest);
     tell_motions(ms, k, now->b);
-    save_boom(ms);
+    store_end(ms);
     return PMR_DONE;
 }
 
@@ -310,19 +419,24 @@ static void lay_out_machine(pmr_machine_run *ms, const pmr_state *st, const pmr_
     int o;
     if (taken) ms = taken;
 #define ROOM(field, count) ms->field = take_room(r, (size_t)(count), sizeof(double))
-    ROOM(saved, st->saved);
+    ROOM(saved, st->stepped);
+    ROOM(tried, end_size(y, st, machine));
+    if (machine != &y->boom) {
+        ROOM(answer, end_size(y, st, machine));
+        ROOM(answer_drift, end_size(y, st, machine));
+    }
     ROOM(motions, 3 * y->motions);
     ROOM(inertia, machine->inertial_count);
     ROOM(inertia_smooth, machine->inertial_count);
-    ROOM(new_inertia, machine->inertial_count);
+    ROOM(new_inertia, machine->inertial_count); /* up to `u` a part of a step's end */
     ROOM(new_smooth, machine->inertial_count);
     ROOM(u, y->drivers);
     ROOM(u_old, y->drivers);
     ROOM(accelerations, y->modes);
     ROOM(begun, 2 * y->modes);
     for (o = 0; o < 3; o++) {
-        ROOM(tables.C[o], (size_t)y->rows * y->modes);
-        ROOM(tables.H[o], (size_t)y->rows * y->ip);
+        ROOM(tables.C[o], o ? (size_t)y->rows * y->modes : 0); /* the first are those of the state */
+        ROOM(tables.H[o], o ? (size_t)y->rows * y->ip : 0);
         ROOM(tables.A[o], (size_t)y->rows * y->mp);
         ROOM(inertial[o], y->ip);
     }
@@ -383,7 +497,9 @@ static int machine_run_holding_forces(pmr_machine_run *ms, const double *b, cons
     const pmr_system *y = ms->state->system;
     double *const of = ms->state->others, *const rates = ms->state->pulled;
     const double *modes[3] = {of, rates, ms->accelerations};
-    drivers_at(ms, 0, b, b + 12, y->drivers, ms->u);
+    carrier c;
+    find_carrier(ms, 0, b, &c);
+    drivers_at(ms, 0, &c, b, b + 12, y->drivers, ms->u);
     if (y->hoist) { /* whose rope pulls where the boom stands */
         const int failed = start(ms->state, PMR_GIVEN, ms->u, NULL, z, v);
         if (failed) return failed;
@@ -418,8 +534,10 @@ static int begin_with(pmr_machine_run *ms, const double *b, const double *z, con
 {
     const pmr_system *y = ms->state->system;
     const double *modes[3] = {ms->state->z, ms->state->v, ms->accelerations};
+    carrier c;
     int failed;
-    drivers_at(ms, 0, b, b + 12, y->drivers, ms->u);
+    find_carrier(ms, 0, b, &c);
+    drivers_at(ms, 0, &c, b, b + 12, y->drivers, ms->u);
     failed = start(ms->state, PMR_GIVEN, ms->u, NULL, z, v);
     if (failed) return failed;
     accelerate_boom(ms);
@@ -448,6 +566,8 @@ static int machine_run_start(pmr_machine_run *ms, const double *given, const dou
     int which[6], count = 0, failed, n, j;
     copy(b, given, 18);
     memset(past, 0, sizeof *past);
+    memset(ms->answer, 0, end_size(y, ms->state, m) * sizeof(double));
+    memset(ms->answer_drift, 0, end_size(y, ms->state, m) * sizeof(double));
     ms->rows_known = 0;
     for (n = 0; n < 6; n++)
         if (m->free[n]) which[count++] = n;
@@ -481,7 +601,7 @@ static int machine_run_start(pmr_machine_run *ms, const double *given, const dou
     past->fastest[0] = past->fastest[1] = larger(balanced, 1e-100); /* whose square is a number */
     find_fastest(ms, b, past->fastest);
     tell_motions(ms, 0, b);
-    save_boom(ms);
+    store_end(ms);
     record_machine(ms, record, 0);
     return PMR_DONE;
 }

@@ -37,8 +37,8 @@ typedef struct {
     carrier carrier;
     machine_whole whole;
     cylinder_state cylinder;
-    double slope_before; /* of a single direction, a step before */
-    int32_t rates_known, slope_known;
+    double answer_off;   /* of the answer to a rate of a single direction (machine.c) */
+    int32_t rates_known, slope_known, answers, answer_age, answer_taut;
 } machine_past;
 
 /* A motion that a step may end with. */
@@ -72,6 +72,8 @@ struct pmr_machine_run {
     int32_t failed;                 /* PMR_DEPENDENT where these depend on each other */
     moved *paths;
     moved_tables tables; /* of the contacts that give way, with their rates */
+    double *answer, *answer_drift, *tried; /* (end): how a step's end changes by the rate; that from step to step; end of a
+                                              first trial */
     double *saved, *motions, *inertia, *inertia_smooth, *new_inertia, *new_smooth, *u, *u_old, *accelerations, *begun;
     double *factor, *lambda, *right, *product;
     double *inertial[3]; /* (ip): displacements of inputs' points by inertia alone, with their rates */

@@ -63,23 +63,22 @@ static void place_moving(pmr_machine_run *ms, int64_t k)
         at[p] = now;
         st->u_begun[p] = now.at;
     }
+    if (!stands) {
+        (void)place(st, still, st->u_begun); /* its tables; F of rigid contacts is singular */
+        st->placed = 0; /* a step has another A */
+    }
+    ms->tables.C[0] = st->C, ms->tables.H[0] = st->H; /* which `place` exchanges */
     if (same || !y->contacts) return;
     ms->rows_known = orders;
-    if (stands)
-        enter_intervals(st, still);
-    else
-        (void)place(st, still, st->u_begun); /* its tables; F of rigid contacts is singular */
+    if (stands) enter_intervals(st, still);
     for (p = 0; p < orders; p++) {
-        tables.C[p] = memset(ms->tables.C[p], 0, rows * r * sizeof(double));
-        tables.H[p] = memset(ms->tables.H[p], 0, rows * i * sizeof(double));
+        if (p) tables.C[p] = memset(ms->tables.C[p], 0, rows * r * sizeof(double));
+        if (p) tables.H[p] = memset(ms->tables.H[p], 0, rows * i * sizeof(double));
         tables.A[p] = memset(ms->tables.A[p], 0, rows * mp * sizeof(double));
     }
-    memcpy(ms->tables.C[0], y->C0, rows * r * sizeof(double));
-    memcpy(ms->tables.H[0], y->H0, rows * i * sizeof(double));
     for (a = 0; a < y->rows && !y->whole; a++)
         for (b = 0; b <= a; b++) ms->tables.A[0][a * mp + b] = ms->tables.A[0][b * mp + a] = y->F0[a * mp + b];
     move_rows(st, still, at, &tables);
-    if (!stands) st->placed = 0; /* a step has another A */
     ms->count = 0;
     for (a = 0; a < y->contacts; a++)
         if (!is_rigid_by(st, ms->tables.A[0], a)) ms->giving[ms->count++] = a;

@@ -38,7 +38,7 @@ static void add_polynomials(double *const table[3], size_t at, const double *c, 
     for (n = 0; n + VL <= width; n += VL) {
         vec value = {0.0}, rate = {0.0}, second = {0.0};
         for (p = 0; p < powers; p++) {
-            second = second * x.at + rate * (2.0 * x.rate) + value * x.second;
+            if (table[2]) second = second * x.at + rate * (2.0 * x.rate) + value * x.second;
             rate = rate * x.at + value * x.rate;
             value = value * x.at + CONST_LOOSE(c + (size_t)p * stride + n);
         }
@@ -103,14 +103,14 @@ static void move_rows(const pmr_state *st, const pmr_scheme *c, const moved *pat
     for (k = 0; k < y->blocks; k++) {
         const pmr_block *block = y->block_list + k;
         const moved s = paths[block->path];
-        if (to->C[0] || s.rate != 0.0) move_block(st, k, of_A, (moved){st->x[k], s.rate, s.second}, to);
+        if (to->A[0] || s.rate != 0.0) move_block(st, k, of_A, (moved){st->x[k], s.rate, s.second}, to);
         of_A += block_room(block);
     }
     for (k = 0; k < y->pairs; k++) {
         const pmr_pair *pair = y->pair_list + k;
         const pmr_block *one = y->block_list + pair->first, *two = y->block_list + pair->second;
         const moved s = paths[one->path], t = paths[two->path];
-        if (to->C[0] || s.rate != 0.0 || t.rate != 0.0)
+        if (to->A[0] || s.rate != 0.0 || t.rate != 0.0)
             move_pair(st, k, of_pair, (moved){st->x[pair->first], s.rate, s.second},
                       (moved){st->x[pair->second], t.rate, t.second}, to);
         of_pair += pair_size(one, two);

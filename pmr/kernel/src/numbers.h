@@ -73,14 +73,15 @@ static inline turning rock_by(const angle by[3])
     return turn_on(&bent, &roll);
 }
 
+static const double GRADIENT_SIGN[3][3] = {{0.0, -1.0, 1.0}, {1.0, 0.0, -1.0}, {-1.0, 1.0, 0.0}};
+
 /* Entry i, j of alpha x . + omega x (omega x .). */
 static inline number gradient(const turning *turned, int i, int j)
 {
-    static const double sign[3][3] = {{0.0, -1.0, 1.0}, {1.0, 0.0, -1.0}, {-1.0, 1.0, 0.0}};
     const number *w = turned->velocity;
     number entry = times(w[i], w[j]);
     int k;
-    if (i != j) return plus(entry, times(constant(sign[i][j]), turned->acceleration[3 - i - j]));
+    if (i != j) return plus(entry, times(constant(GRADIENT_SIGN[i][j]), turned->acceleration[3 - i - j]));
     for (k = 0; k < 3; k++) entry = minus(entry, times(w[k], w[k]));
     return entry;
 }

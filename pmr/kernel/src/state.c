@@ -95,10 +95,12 @@ static size_t past_size(const pmr_system *y)
     return y->computed ? (sizeof(machine_past) + 7) / sizeof(double) + 2 * (size_t)y->boom.inertial_count : 0;
 }
 
+static size_t end_size(const pmr_system *y, const pmr_state *st, const pmr_machine *machine);
+
 static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
 {
     const size_t n = y->modes, m = y->rows, mp = y->mp;
-    size_t first;
+    size_t first, size_of_end;
     int k;
     int32_t *parts;
     take_room(r, 1, sizeof *st);
@@ -136,6 +138,10 @@ static void lay_out(const pmr_system *y, pmr_state *st, int levels, room *r)
     NUMBERS(gap, mp);
     NUMBERS(joint_sums, y->joints);
     NUMBERS(u, y->drivers);
+    st->stepped = (r->at - first) / sizeof(double);
+    size_of_end = y->computed && !y->extension.sections ? end_size(y, st, &y->boom) : 0;
+    NUMBERS(answer, size_of_end);
+    NUMBERS(answer_drift, size_of_end);
     st->saved = (r->at - first) / sizeof(double);
     NUMBERS(began, st->saved);
     NUMBERS(peak, mp);

@@ -249,7 +249,7 @@ static int stop(pmr_state *st, int failed)
 {
     const pmr_system *y = st->system;
     const int trouble = st->trouble;
-    if (is_iterated(y)) memcpy(st->mark, st->began, st->saved * sizeof(double));
+    if (is_iterated(y)) memcpy(st->mark, st->began, st->stepped * sizeof(double));
     st->progress.active = st->progress.came = -1;
     st->placed = 0;
     stand(st);
@@ -286,7 +286,7 @@ static int make_step(pmr_state *st, int given_level, const pmr_course *course)
         st->progress.came = -1;
     else if (st->progress.active >= 0)
         st->progress.came = st->progress.active;
-    if (is_iterated(y)) memcpy(st->began, st->mark, st->saved * sizeof(double));
+    if (is_iterated(y)) memcpy(st->began, st->mark, st->stepped * sizeof(double));
     for (;;) {
         if (course->samples && st->settings.parts[level] > 1 && course->per % st->settings.parts[level]) {
             st->progress.level = level;

@@ -20,20 +20,23 @@ enum { SETTLED = 0, AGAIN = 1, LAST_TIME = 2 };
 static void combine_terms(pmr_state *st, const double *amplitudes)
 {
     const pmr_system *y = st->system;
+    const int32_t *registers_of = y->registers_of;
+    const double *entries = y->entry_values;
+    double *now = st->now;
     int same = 1, k, e, n;
     for (k = 0; k < y->terms; k++) {
         same = same && amplitudes[k] == st->known_amplitudes[k];
         st->known_amplitudes[k] = amplitudes[k];
     }
     if (same) return;
-    memset(st->now, 0, (size_t)PMR_LANES * y->registers * sizeof(double));
+    memset(now, 0, (size_t)PMR_LANES * y->registers * sizeof(double));
     for (k = 0; k < y->terms; k++) {
-        if (amplitudes[k] == 0.0) continue;
-        for (e = y->first_entry[k]; e < y->first_entry[k + 1]; e++) {
-            double *to = st->now + (size_t)PMR_LANES * y->registers_of[e];
+        const double amplitude = amplitudes[k];
+        const int last = y->first_entry[k + 1];
+        if (amplitude == 0.0) continue;
+        for (e = y->first_entry[k]; e < last; e++)
             for (n = 0; n < PMR_LANES; n += VL)
-                V(to + n) += CV(y->entry_values + (size_t)PMR_LANES * e + n) * amplitudes[k];
-        }
+                V(now + PMR_LANES * registers_of[e] + n) += CV(entries + (size_t)PMR_LANES * e + n) * amplitude;
     }
 }
 

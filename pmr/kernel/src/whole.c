@@ -25,16 +25,6 @@ static const double *motions_at(const pmr_machine_run *ms, int64_t k, const doub
     return ms->motions;
 }
 
-/* The first `drivers`; loads by a hoist's rope, which `push` has by itself, are 0. */
-static void drivers_at(const pmr_machine_run *ms, int64_t k, const double *rows, const double *second, int drivers,
-                       double *u)
-{
-    const pmr_system *y = ms->state->system;
-    int n;
-    pmr_frame_along(y, motions_at(ms, k, rows, second), NULL, drivers, u, NULL, ms->state->quantities);
-    for (n = 0; n < y->hoist; n++) u[y->paths + y->hoist_inputs[n]] = 0.0;
-}
-
 /* Axes about which roll, pitch and yaw turn, as columns. */
 static void axes_of(const double *b, double *axes)
 {
@@ -64,6 +54,24 @@ static void find_carrier(const pmr_machine_run *ms, int64_t k, const double *b, 
             for (l = 0; l < 3; l++) c->turned[3 * i + j] += boom.R[3 * l + i] * c->axes[3 * l + j];
         }
     }
+}
+
+/* The first `drivers` where the machine's motion carries the boom by c; loads by a hoist's rope, which `push` has by
+   itself, are 0. */
+static void drivers_at(const pmr_machine_run *ms, int64_t k, const carrier *c, const double *rows, const double *second,
+                       int drivers, double *u)
+{
+    const pmr_system *y = ms->state->system;
+    const int luffs = y->frame_angles[2] < 0; /* and turns about no other axis but that of slewing */
+    pmr_turning boom;
+    int i, j, n;
+    copy(boom.R, c->R, 9);
+    copy(boom.velocity, c->omega, 3);
+    copy(boom.acceleration, c->left, 3);
+    for (j = luffs; j < (luffs && y->frame_angles[1] < 0 ? 2 : 3); j++)
+        for (i = 0; i < 3; i++) boom.acceleration[i] += c->turned[3 * i + j] * second[3 + j];
+    pmr_frame_turned(y, motions_at(ms, k, rows, second), &boom, drivers, u, ms->state->quantities);
+    for (n = 0; n < y->hoist; n++) u[y->paths + y->hoist_inputs[n]] = 0.0;
 }
 
 /* Accelerations (6,) that the boom feels by second rates of the directions (6,), and the other way round. */

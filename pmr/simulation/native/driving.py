@@ -137,17 +137,21 @@ class Drivers:
     def _take_motions_at_once(self, motions: dict[Any, Any], limits: Limits) -> bool:
         """Take all `motions` of a frame at once and return True; or take none and return False.
 
-        They are taken if each is a tuple of three floats, value, rate and second rate, within its `limits`, with a
-        second rate where inertia needs one.  Otherwise the caller takes one after the other.
+        They are taken if each is a float or a tuple of two or three floats, value, rate and second rate, within its
+        `limits`, with a second rate where inertia needs one.  Otherwise the caller takes one after the other.
         """
         written, rates, seconds, counts = self._values, self._rates, self._seconds, self._counts
         for name, motion in motions.items():
-            if type(motion) is not tuple or len(motion) != 3:
+            k, low, high, jump, fastest = limits.get(name, NOWHERE)
+            if type(motion) is float:
+                if not (low <= motion <= high and -jump <= motion - written[k] <= jump) or k in self._unwarned:
+                    return False
+                continue
+            if type(motion) is not tuple or not 2 <= len(motion) <= 3:
                 return False
-            value, rate, second = motion
+            value, rate, second = motion if len(motion) == 3 else (*motion, 0.0)
             if not (type(value) is type(rate) is type(second) is float):
                 return False
-            k, low, high, jump, fastest = limits.get(name, NOWHERE)
             change = value - written[k]
             if not (low <= value <= high and -jump <= change <= jump and -fastest <= rate <= fastest):
                 return False
@@ -155,8 +159,13 @@ class Drivers:
                 return False
         for name, motion in motions.items():
             k = limits[name][0]
-            written[k], rates[k], seconds[k] = motion
-            counts[k] = 3
+            if type(motion) is float:
+                written[k] = motion
+                rates[k] = seconds[k] = 0.0
+                counts[k] = 1
+                continue
+            written[k], rates[k], seconds[k] = motion if len(motion) == 3 else (*motion, 0.0)
+            counts[k] = len(motion)
         return True
 
     def take_loads(self, F: Values) -> None:
