@@ -144,8 +144,10 @@ def summary(omega: float, stepping: TimeStepping) -> dict[str, object]:
 def warnings(omega: float, stepping: TimeStepping) -> list[str]:
     """Warning, in a list, if even a part of a step is too long for contacts of frequency `omega` in rad/s.
 
-    The list is empty if the parts are short enough.
+    The list is empty if the parts are short enough.  A part is as short as a step may be divided, whatever parts the
+    schedule of another run has: its steps were divided no further, as their error allowed it.
     """
+    stepping = replace(stepping, schedule=())
     count = count_parts(omega, stepping)
     reached = stepping.step * omega / count
     if reached <= RESOLVED * (1.0 + 1e-9):

@@ -198,3 +198,11 @@ def test_first_impacts_of_random_falls_are_those_of_a_fine_step() -> None:
         whole.append(abs(found[1] / found[2] - 1.0))
     assert max(off) < 0.05
     assert np.count_nonzero(np.array(whole) > 0.1) > 0.1 * FALLS
+
+
+def test_parts_that_another_run_has_chosen_are_no_reason_for_a_warning() -> None:
+    """Steps that are divided as those of a free extension were: they may have had shorter parts, and needed none."""
+    stepping, omega = TimeStepping(1.0, 2e-3), 2000.0
+    assert contact_step.warnings(omega, stepping) == []
+    assert contact_step.warnings(omega, replace(stepping, schedule=(16,) * stepping.steps)) == []
+    assert contact_step.warnings(omega, replace(stepping, parts=16)) != []
