@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from pmr.observe.linear import LinearMotion, StepMatrices
+from pmr.kernel.filter import StepMatrices
+from pmr.observe.linear import LinearMotion
 
 Array = NDArray[np.float64]
 H, OMEGA, G = 0.01, 6.0, 9.81

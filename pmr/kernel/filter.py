@@ -36,14 +36,38 @@ class FilterData:
 
 
 @dataclass(frozen=True)
-class FilterSteps:
-    """Linear models of T steps, as `pmr_filter_step` (src/pmr_kernel.h) has them for one."""
+class StepMatrices:
+    """Matrices of T steps of r modes, n = 3 r, from which A and B follow.
 
-    reference: Array  # (T, q)
+    A step's acceleration is R (z*, v*) + G f.  Each mode's next prediction (z*, v*, a*) is a sum of its prediction and
+    its acceleration, and so are z and its rate at the end of the step: `courses` has the factors.
+    """
+
+    courses: Array  # (5, 4, r)
     R: Array  # (T, r, 2 r)
     G: Array  # (T, r, i)
-    C: Array  # (T, q, 2 r)
+    C: Array  # (T, q, 2 r): of outputs
     D: Array  # (T, q, i)
+
+    @property
+    def modes(self) -> int:
+        """Number r of modes."""
+        return self.courses.shape[2]
+
+    def transitions(self, steps: slice = slice(None)) -> tuple[Array, Array]:
+        """Matrices A (T, n, n) and B (T, n, i) of some steps."""
+        by_acceleration, r = self.courses[:3, 3], self.modes
+        R, G = np.pad(self.R[steps], [(0, 0), (0, 0), (0, r)]), self.G[steps]
+        A, B = (np.einsum("pj,tjc->tpjc", by_acceleration, by).reshape(len(by), 3 * r, by.shape[2]) for by in (R, G))
+        return A + np.block([[np.diag(factors) for factors in part[:3]] for part in self.courses[:3]]), B
+
+
+@dataclass(frozen=True)
+class FilterSteps:
+    """Linear models of T steps, and how their outputs change with parameters and by each kg of a payload."""
+
+    reference: Array  # (T, q)
+    matrices: StepMatrices
     sensitivity: Array  # (T, q, parameters)
     per_kilogram: Array  # (T, q, parameters)
 
@@ -70,7 +94,9 @@ class KalmanFilter:
         self.P = self.memory[stride : stride + N * stride].reshape(N, stride)[:, :N]
         self.lasting = self.memory[: counts.kept]
         self.level = self.memory[counts.kept - data.sizes["sensors"] : counts.kept]
-        self._steps = {name: np.ascontiguousarray(array, float) for name, array in vars(steps).items()}
+        arrays = {name: getattr(steps, name) for name in ("reference", "sensitivity", "per_kilogram")}
+        arrays |= {name: getattr(steps.matrices, name) for name in "RGCD"}
+        self._steps = {name: np.ascontiguousarray(array, float) for name, array in arrays.items()}
         self._places = {name: (pointer(array), array[0].size) for name, array in self._steps.items()}
         self._step = ffi.new("pmr_filter_step *")
 
@@ -119,11 +145,11 @@ class LinearSteps:
 
     def __init__(self, chosen: ChosenOutputs, T: int) -> None:
         q, i, r = len(chosen.columns), len(chosen.loads), len(chosen.at_modes)
-        self.reference, self.R, self.G = np.zeros((T, q)), np.zeros((T, r, 2 * r)), np.zeros((T, r, i))
-        self.C, self.D, self.courses = np.zeros((T, q, 2 * r)), np.zeros((T, q, i)), np.zeros((5, 4, r))
+        shapes = ((5, 4, r), (T, r, 2 * r), (T, r, i), (T, q, 2 * r), (T, q, i))
+        self.reference, self.matrices = np.zeros((T, q)), StepMatrices(*map(np.zeros, shapes))
         self._chosen, stored = chosen, T if chosen.orders.any() else 1  # without rates nothing is stored for them
         self._arrays = {
-            "reference": self.reference, "R": self.R, "G": self.G, "C": self.C, "D": self.D,
+            "reference": self.reference, **{name: getattr(self.matrices, name) for name in "RGCD"},
             "shapes": np.zeros((stored, q, r)), "loaded": np.zeros((stored, q)), "motion": np.zeros((stored, 3 * r)),
         }  # fmt: skip
         sizes = {"outputs": q, "inputs": i, "modes": r}
@@ -133,7 +159,7 @@ class LinearSteps:
         """Take a step of the `state` to drivers u (N,), and store it as step k.  A StepError is raised if it fails."""
         u, where = np.ascontiguousarray(u, float), f"step {state.step_number + 1}"
         arguments = (state.pointer, self._data, pointer(u), self._step_data(k))
-        lib.pmr_linear_courses(state.pointer, self._data, pointer(self.courses))
+        lib.pmr_linear_courses(state.pointer, self._data, pointer(self.matrices.courses))
         state.raise_unless_done(lib.pmr_linear_matrices(*arguments), where)
         state.step(u)
         state.raise_unless_done(lib.pmr_linear_outputs(*arguments), where)
@@ -143,7 +169,7 @@ class LinearSteps:
         if self._chosen.orders.any():
             steps = [ffi.NULL, *(self._step_data(k) for k in range(len(self.reference))), ffi.NULL]
             for before, now, after in zip(steps[:-2], steps[1:-1], steps[2:], strict=True):
-                lib.pmr_output_rates(self._data, pointer(self.courses), h, before, now, after)
+                lib.pmr_output_rates(self._data, pointer(self.matrices.courses), h, before, now, after)
 
     def _step_data(self, k: int) -> Any:
         """Addresses of the arrays of step k."""

@@ -235,8 +235,7 @@ class FilterModel:
             sensitivity[..., j] = parameter.sensitivity
             if parameter.per_kilogram is not None:
                 growth[..., j] = parameter.per_kilogram
-        of = model.matrices
-        return FilterSteps(model.reference, of.R, of.G, of.C, of.D, sensitivity, growth)
+        return FilterSteps(model.reference, model.matrices, sensitivity, growth)
 
     def data(self) -> FilterData:
         """Sizes and numbers of the filter, and its first state: the boom stands in equilibrium with what is unknown."""

@@ -31,7 +31,7 @@ from pmr.compare.responses import march_once
 from pmr.compare.simulated import excitation_of_scene
 from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.kernel.filter import ChosenOutputs, LinearSteps
+from pmr.kernel.filter import ChosenOutputs, LinearSteps, StepMatrices
 from pmr.results.quantities import QUANTITIES
 from pmr.scene.built import force_name
 from pmr.scene.scene import Scene
@@ -45,33 +45,6 @@ from pmr.system.system import System
 VELOCITY, ACCELERATION, SPECIFIC_FORCE = "velocity of ", "acceleration of ", "specific force of "
 _ORDERS = {VELOCITY: 1, ACCELERATION: 2, SPECIFIC_FORCE: 2}
 _UNITS = {VELOCITY: "m/s", ACCELERATION: "m/s^2", SPECIFIC_FORCE: "m/s^2"}
-
-
-@dataclass(frozen=True)
-class StepMatrices:
-    """Matrices of T steps of r modes, n = 3 r, from which A and B follow.
-
-    A step's acceleration is R (z*, v*) + G f.  Each mode's next prediction (z*, v*, a*) is a sum of its prediction and
-    its acceleration, and so are z and its rate at the end of the step: `courses` has the factors.
-    """
-
-    courses: Array  # (5, 4, r)
-    R: Array  # (T, r, 2 r)
-    G: Array  # (T, r, i)
-    C: Array  # (T, q, 2 r): of outputs
-    D: Array  # (T, q, i)
-
-    @property
-    def modes(self) -> int:
-        """Number r of modes."""
-        return self.courses.shape[2]
-
-    def transitions(self, steps: slice = slice(None)) -> tuple[Array, Array]:
-        """Matrices A (T, n, n) and B (T, n, i) of some steps."""
-        by_acceleration, r = self.courses[:3, 3], self.modes
-        R, G = np.pad(self.R[steps], [(0, 0), (0, 0), (0, r)]), self.G[steps]
-        A, B = (np.einsum("pj,tjc->tpjc", by_acceleration, by).reshape(len(by), 3 * r, by.shape[2]) for by in (R, G))
-        return A + np.block([[np.diag(factors) for factors in part[:3]] for part in self.courses[:3]]), B
 
 
 @dataclass(frozen=True)
@@ -237,7 +210,7 @@ def linearize(
         chosen.kinds,
         tuple(inputs),
         steps.reference + gravity,
-        StepMatrices(steps.courses, steps.R, steps.G, steps.C, steps.D),
+        steps.matrices,
     )
 
 

@@ -7,8 +7,16 @@ import pytest
 from numpy.typing import NDArray
 
 from pmr import SimulationError
-from pmr.kernel.filter import AS_EXPECTED, IF_NEAR, IF_POSSIBLE, NOT_USED, FilterData, FilterSteps, KalmanFilter
-from pmr.observe.linear import StepMatrices
+from pmr.kernel.filter import (
+    AS_EXPECTED,
+    IF_NEAR,
+    IF_POSSIBLE,
+    NOT_USED,
+    FilterData,
+    FilterSteps,
+    KalmanFilter,
+    StepMatrices,
+)
 
 Array = NDArray[np.float64]
 N, n, r, q, p, i = 12, 6, 2, 3, 2, 2  # states X = (xi, load, payload, parameter, bias, gain, error): 6 + 6
@@ -16,8 +24,8 @@ N, n, r, q, p, i = 12, 6, 2, 3, 2, 2  # states X = (xi, load, payload, parameter
 
 def made(rng: np.random.Generator, considered: int) -> tuple[FilterData, FilterSteps]:
     """Random filter of two sensors, of the outputs 2 and 0, with everything that one can have."""
-    shapes = {"reference": (2, q), "R": (2, r, 2 * r), "G": (2, r, i), "C": (2, q, 2 * r), "D": (2, q, i)}
-    steps = {name: rng.standard_normal(shape) for name, shape in shapes.items()}
+    shapes = ((2, q), (2, r, 2 * r), (2, r, i), (2, q, 2 * r), (2, q, i))
+    reference, *matrices = (rng.standard_normal(shape) for shape in shapes)
     sensitivity, growth = rng.standard_normal((2, 2, q, 1))
     root = rng.standard_normal((N, N))
     sizes = {"states": n, "outputs": q, "sensors": p, "inputs": i, "loads": 1, "parameters": 1, "biased": 1,
@@ -32,16 +40,16 @@ def made(rng: np.random.Generator, considered: int) -> tuple[FilterData, FilterS
         sizes, numbers, {name: np.array(of, np.int32) for name, of in indices.items()}, arrays,
         x=rng.standard_normal(N), P=root @ root.T, square=rng.uniform(1.0, 2.0, q),
     )  # fmt: skip
-    return data, FilterSteps(**steps, sensitivity=sensitivity, per_kilogram=growth)
+    return data, FilterSteps(reference, StepMatrices(arrays["courses"], *matrices), sensitivity, growth)
 
 
 def rows_of(data: FilterData, steps: FilterSteps, x: Array) -> tuple[Array, Array]:
     """Rows R (q, N) and offsets (q,) of the outputs R X + offset of the first step."""
     lift = -(9.81 + steps.reference[0, 1])
     of_parameter = steps.sensitivity[0] + x[n + 1] * steps.per_kilogram[0]
-    C = np.hstack([steps.C[0], np.zeros((q, r))])
-    R = np.hstack([C, steps.D[0][:, :1], lift * steps.D[0][:, 1:], of_parameter, np.zeros((q, 3))])
-    return R, steps.reference[0] - steps.D[0][:, 1] * (R[1] @ x) * x[n + 1]
+    C = np.hstack([steps.matrices.C[0], np.zeros((q, r))])
+    R = np.hstack([C, steps.matrices.D[0][:, :1], lift * steps.matrices.D[0][:, 1:], of_parameter, np.zeros((q, 3))])
+    return R, steps.reference[0] - steps.matrices.D[0][:, 1] * (R[1] @ x) * x[n + 1]
 
 
 @pytest.mark.parametrize("considered", [0, 1])
@@ -73,7 +81,7 @@ def test_a_step_is_that_of_the_textbook(considered: int) -> None:
     of_state = np.einsum("ij,jk,ik->i", R, P, R)
     np.testing.assert_allclose(deviation_square, of_state + data.arrays["errors"] ** 2 * square, rtol=1e-10)
     F = np.diag(data.arrays["decay"])
-    A, B = (each[0] for each in StepMatrices(data.arrays["courses"], steps.R, steps.G, steps.C, steps.D).transitions())
+    A, B = (each[0] for each in steps.matrices.transitions())
     F[:n, :n] = A
     F[:n, n : n + 3] = np.column_stack([B[:, 0], -(9.81 + steps.reference[0, 1]) * B[:, 1], np.zeros(n)])
     swing = np.zeros(N)
@@ -122,6 +130,6 @@ def test_more_sensors_than_states_stay_within_the_memory() -> None:
 
 def test_a_covariance_without_an_inverse_is_said() -> None:
     data, steps = sensors(2)
-    steps.C[0, 0, 0] = np.inf
+    steps.matrices.C[0, 0, 0] = np.inf
     with pytest.raises(SimulationError, match="step 0: the covariance of the measurements"):
         KalmanFilter(data, steps).update(0, np.ones(2), np.full(2, IF_POSSIBLE))

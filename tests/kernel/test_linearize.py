@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from pmr import System
 from pmr.kernel.filter import ChosenOutputs, LinearSteps
 from pmr.kernel.state import Settings, State
-from pmr.observe.linear import StepMatrices
 
 Array = NDArray[np.float64]
 CASES = {
@@ -116,7 +115,7 @@ def test_chosen_matrices_are_those_of_all(make: Callable[[], System]) -> None:
     numbers = (array.astype(np.int32) for array in (columns, np.zeros(3), loads, used))
     steps = LinearSteps(ChosenOutputs(*numbers), 1)
     steps.take(state, 0, u)
-    A, B = StepMatrices(steps.courses, steps.R, steps.G, steps.C, steps.D).transitions()
+    A, B = steps.matrices.transitions()
     at = np.concatenate([part * kernel.modes + used for part in range(3)])
     shares = np.array([contact == 0 for contact in range(kernel.contacts)], float)
     of_states = np.vstack([jacobian.C[columns[:2]], shares @ jacobian.L])[:, at[: 2 * len(used)]]
@@ -124,8 +123,8 @@ def test_chosen_matrices_are_those_of_all(make: Callable[[], System]) -> None:
     for values, expected in (
         (A[0], jacobian.A[np.ix_(at, at)]),
         (B[0], jacobian.B[np.ix_(at, loads)]),
-        (steps.C[0], of_states),
-        (steps.D[0], of_loads),
+        (steps.matrices.C[0], of_states),
+        (steps.matrices.D[0], of_loads),
     ):
         np.testing.assert_allclose(values, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max(initial=1e-300))
 
