@@ -163,6 +163,7 @@ static double push_of_stops(const pmr_actuator *c, double length, double speed)
 }
 
 /* Friction of a cylinder that got longer by `moved` in a step of h: the law of a pad (law.h) with limits in N. */
+_Static_assert(sizeof(((pmr_actuator *)0)->friction) == LAW_CONSTANTS * sizeof(double), "all constants of the law");
 static double rub_cylinder(const pmr_actuator *c, double old, double moved, double h)
 {
     const double limit = friction_limit(c->friction, 1.0, fabs(moved) / h, NULL);
@@ -219,16 +220,23 @@ static void load_by_force(const pmr_actuator *c, double force, double loaded[3])
     }
 }
 
+/* Length of the cylinder at a luffing angle, and by how much it grows for each radian. */
+static double length_at(const pmr_actuator *c, double angle, double *arm)
+{
+    const double s = sin(angle), co = cos(angle);
+    const double lug[2] = {c->lug[0] * co - c->lug[1] * s, c->lug[0] * s + c->lug[1] * co};
+    const double x = lug[0] - c->foot[0], z = lug[1] - c->foot[1], length = sqrt(x * x + z * z);
+    *arm = (z * lug[0] - x * lug[1]) / length;
+    return length;
+}
+
 /* Add the cylinder's share to the machine's forces by its directions, at step k with the machine's motion b. */
 static void push_by_cylinder(pmr_machine_run *ms, int64_t k, const double *b, double *springs)
 {
     const pmr_actuator *c = &ms->machine->cylinder;
-    const double angle = ms->machine->level - b[4], s = sin(angle), co = cos(angle);
-    const double lug[2] = {c->lug[0] * co - c->lug[1] * s, c->lug[0] * s + c->lug[1] * co};
-    const double x = lug[0] - c->foot[0], z = lug[1] - c->foot[1], length = sqrt(x * x + z * z);
-    const double arm = (z * lug[0] - x * lug[1]) / length;
     cylinder_state *now = &ms->now.cylinder;
-    now->length = length;
+    double arm;
+    now->length = length_at(c, ms->machine->level - b[4], &arm);
     now->speed = -arm * b[10];
     find_push(c, ms->state->settings.step, ms->machine->drive + 2 * (size_t)k, ms->loaded, k ? &ms->past.cylinder : NULL,
               now);

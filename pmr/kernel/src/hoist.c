@@ -106,23 +106,6 @@ static void fall(const pmr_system *y, const double *slots, double *a)
                (k == 2 ? slots[SLOT_GRAVITY] : 0.0);
 }
 
-/* to = R from, or R^T from into axes of the boom. */
-static void out_of_boom(const double *slots, const double *from, double *to)
-{
-    const double *R = slots + SLOT_TURNED;
-    int i;
-    for (i = 0; i < 3; i++) to[i] = R[3 * i] * from[0] + R[3 * i + 1] * from[1] + R[3 * i + 2] * from[2];
-}
-
-static void into_boom(const double *slots, const double *from, double *to)
-{
-    const double *R = slots + SLOT_TURNED;
-    int i;
-    for (i = 0; i < 3; i++) to[i] = R[i] * from[0] + R[3 + i] * from[1] + R[6 + i] * from[2];
-}
-
-INLINE double dot_three(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
 static double distance(const double *a, const double *b)
 {
     return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
@@ -257,7 +240,7 @@ static int pull_rope(pmr_state *st, const pmr_scheme *c, const double *free)
     if (!(unstretched > 0.0)) return PMR_BLOCKED;
     fall(y, st->slots, a);
     for (n = 0; n < 3; n++) place[n] = now[AT_NEXT + n] + c->z_gain * a[n];
-    into_boom(st->slots, place, q_free);
+    turn_in(st->slots + SLOT_TURNED, place, q_free);
     copy(q, q_free, 3);
     for (k = 0; k < y->hoist; k++) {
         moved[k] = free[k];
@@ -298,7 +281,7 @@ static int pull_rope(pmr_state *st, const pmr_scheme *c, const double *free)
     now[AT_ELASTIC] = larger(elastic * (now[AT_LENGTH] - unstretched), 0.0);
     for (k = 0; k < y->hoist; k++) st->new_pulls[k] = -force * slope[k];
     for (n = 0; n < 3; n++) q[n] = -force * rope.by_payload[n];
-    out_of_boom(st->slots, q, now + AT_PULL);
+    turn_out(st->slots + SLOT_TURNED, q, now + AT_PULL);
     for (n = 0; n < 3; n++) now[AT_HEAD + n] = rope.head[n], now[AT_WINCH + n] = -force * rope.by_winch[n];
     return PMR_DONE;
 }
@@ -432,14 +415,12 @@ static void add_rope_wrench(const pmr_state *st, double *force, double *moment)
     const double *now = st->hoist, *head = now + AT_HEAD, on_machine = st->system->hoist_numbers[HOIST_LEVEL];
     double pull[3], pulled[3];
     int n;
-    into_boom(st->slots, now + AT_PULL, pull);
+    turn_in(st->slots + SLOT_TURNED, now + AT_PULL, pull);
     for (n = 0; n < 3; n++) {
         pulled[n] = -pull[n] - on_machine * now[AT_WINCH + n];
         force[n] += pulled[n];
     }
-    moment[0] += head[1] * pulled[2] - head[2] * pulled[1];
-    moment[1] += head[2] * pulled[0] - head[0] * pulled[2];
-    moment[2] += head[0] * pulled[1] - head[1] * pulled[0];
+    add_cross(1.0, head, pulled, moment);
 }
 
 /* Force and moment about the pivot (6,) by which the rope pulls a winch on the machine, along axes of the boom. */
@@ -450,11 +431,8 @@ static void show_winch_wrench(const pmr_state *st, double *wrench)
     int n;
     read_slots(st->system, st->u, slots);
     place_winch(st->system, slots, winch);
-    for (n = 0; n < 3; n++) {
-        const int a = (n + 1) % 3, b = (n + 2) % 3;
-        wrench[n] = on_machine * pull[n];
-        wrench[3 + n] = on_machine * (winch[a] * pull[b] - winch[b] * pull[a]);
-    }
+    for (n = 0; n < 3; n++) wrench[n] = on_machine * pull[n];
+    cross(winch, wrench, wrench + 3);
 }
 
 /* ---- start ---- */
@@ -495,13 +473,13 @@ static int begin_hoist(pmr_state *st, const double *u)
     now[AT_FORCE] = now[AT_ELASTIC] = larger(numbers[HOIST_MASS] * dot_three(a, way) / numbers[HOIST_FALLS], 0.0);
     stretched = now[AT_UNSTRETCHED] * (1.0 + now[AT_FORCE] / numbers[HOIST_EA]);
     for (k = 0; k < y->hoist; k++) st->hoist_moved[k] = displaced(st, k, st->z, NULL);
-    into_boom(slots, way, q);
+    turn_in(slots + SLOT_TURNED, way, q);
     if (shape_rope(st, slots, st->hoist_moved, q, &rope) && !(rope.along > 0.0)) return PMR_BLOCKED;
     hanging = (stretched - rope.along) / numbers[HOIST_FALLS];
     if (!(hanging > 0.0)) return PMR_BLOCKED;
     for (n = 0; n < 3; n++) q[n] = rope.head[n] + hanging * q[n];
     if (shape_rope(st, slots, st->hoist_moved, q, &rope)) return PMR_BLOCKED;
-    out_of_boom(slots, q, now + AT_PLACE);
+    turn_out(slots + SLOT_TURNED, q, now + AT_PLACE);
     copy(now + AT_HEAD, rope.head, 3);
     copy(now + AT_RATE, numbers + HOIST_VELOCITY, 3);
     now[AT_LENGTH] = stretched;
@@ -526,7 +504,7 @@ static void show_hoist(pmr_state *st, double *shown)
     int n;
     read_slots(y, st->u, slots);
     R = slots + SLOT_TURNED;
-    out_of_boom(slots, now + AT_HEAD, head);
+    turn_out(slots + SLOT_TURNED, now + AT_HEAD, head);
     for (n = 0; n < 3; n++) way[n] = now[AT_PLACE + n] - head[n];
     size = sqrt(R[1] * R[1] + R[4] * R[4]);
     ahead = (way[0] * R[4] - way[1] * R[1]) / size;
@@ -536,5 +514,5 @@ static void show_hoist(pmr_state *st, double *shown)
     shown[4] = atan2(ahead, -way[2]);
     shown[5] = atan2(aside, sqrt(ahead * ahead + way[2] * way[2]));
     shown[6] = now[AT_FORCE];
-    out_of_boom(slots, now + AT_WINCH, shown + 7);
+    turn_out(slots + SLOT_TURNED, now + AT_WINCH, shown + 7);
 }

@@ -514,10 +514,7 @@ static int machine_run_holding_forces(pmr_machine_run *ms, const double *b, cons
 static int machine_run_load_cylinder(pmr_machine_run *ms, const double *place, const double *z)
 {
     const pmr_actuator *c = &ms->machine->cylinder;
-    const double angle = ms->machine->level - place[4], s = sin(angle), co = cos(angle);
-    const double x = c->lug[0] * co - c->lug[1] * s, y = c->lug[0] * s + c->lug[1] * co;
-    const double arm = ((y - c->foot[1]) * x - (x - c->foot[0]) * y) / hypot(x - c->foot[0], y - c->foot[1]);
-    double b[18] = {0.0}, *nothing = ms->accelerations, needed[6];
+    double b[18] = {0.0}, *nothing = ms->accelerations, needed[6], arm;
     int failed;
     memset(ms->loaded, 0, sizeof ms->loaded);
     if (!c->kind) return PMR_DONE;
@@ -525,6 +522,7 @@ static int machine_run_load_cylinder(pmr_machine_run *ms, const double *place, c
     memset(nothing, 0, ms->state->system->modes * sizeof(double));
     failed = machine_run_holding_forces(ms, b, z, nothing, nothing, needed);
     if (failed) return failed;
+    (void)length_at(c, ms->machine->level - place[4], &arm);
     load_by_force(c, needed[4] / -arm, ms->loaded);
     return PMR_DONE;
 }

@@ -9,6 +9,7 @@
 
 #include "vectors.h"
 
+#include "space.c"
 #include "contact.c"
 #include "scheme.c"
 #include "rows.c"
