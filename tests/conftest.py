@@ -21,7 +21,7 @@ import pytest
 from oracle import CASES, Case, full_body, paper_basis, project, rich_body
 
 from pmr import scene
-from pmr.kernel import build
+from pmr.kernel import state
 from pmr.kernel._native import ffi, lib
 from pmr.report import album, background, document
 from pmr.report.blocks import Drawing
@@ -32,6 +32,8 @@ from pmr.system.reduced_model import ReducedModel
 
 TESTS = Path(__file__).parent
 WORKFLOWS = TESTS.parent / "workflows"
+#: Sources of the kernel beside the package that is tested, if it has them.
+KERNEL_SOURCES = Path(str(state.__file__)).parent / "src"
 #: Where BLAS and LAPACK have a hand in what is compared: run under several kernels of OpenBLAS, but of slow tests only
 #: those that are marked so. Steps are made by C without BLAS: of `simulation` only what stands before them is here.
 NUMERICAL = (
@@ -88,8 +90,12 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 def pytest_configure() -> None:
     """Stop where the compiled kernel is not that of the sources beside it; an installed package has no sources."""
+    if not KERNEL_SOURCES.is_dir():
+        return
+    from pmr.kernel.build import sources_digest  # reads the sources
+
     digest = getattr(lib, "SOURCES_DIGEST", ffi.NULL)
-    if build.SOURCES.is_dir() and (not digest or ffi.string(digest).decode() != build.sources_digest()):
+    if not digest or ffi.string(digest).decode() != sources_digest():
         pytest.exit("the kernel is older than its sources: run setup.py build_ext --inplace", returncode=2)
 
 

@@ -60,7 +60,8 @@ def test_sources_compile_without_a_warning_and_export_what_the_header_declares(
 def test_tests_stop_where_the_compiled_kernel_is_older_than_its_sources(
     pytestconfig: pytest.Config, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    configure = pytestconfig.pluginmanager.get_plugin(str(Path(__file__).parents[1] / "conftest.py")).pytest_configure
+    conftest = pytestconfig.pluginmanager.get_plugin(str(Path(__file__).parents[1] / "conftest.py"))
+    configure = conftest.pytest_configure
     configure()
     for file in SOURCES.glob("*.[ch]"):
         shutil.copy(file, tmp_path)
@@ -70,7 +71,7 @@ def test_tests_stop_where_the_compiled_kernel_is_older_than_its_sources(
     law.write_text(law.read_text().replace("exp(-speed", "exp(-2.0 * speed"))
     with pytest.raises(pytest.exit.Exception, match="run setup.py build_ext --inplace"):
         configure()
-    monkeypatch.setattr(build, "SOURCES", tmp_path / "none")  # an installed package has no sources
+    monkeypatch.setattr(conftest, "KERNEL_SOURCES", tmp_path / "none")  # an installed package has no sources
     configure()
 
 
