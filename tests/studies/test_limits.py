@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import plain_machines
 import pytest
@@ -26,8 +28,9 @@ from pmr.simulation.native import systems
 from pmr.simulation.statics.postures import HOOK, WEIGHT, DeflectionOutputs, PostureMatrices, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, large_rotation_changes
+from pmr.studies.chart_models import ComparedModel
 from pmr.studies.chart_points import StopMotion, governing_details, largest_governed_rows
-from pmr.studies.charting import MARGIN, governing_limit, limits_in_doubt, lower_bounds
+from pmr.studies.charting import MARGIN, Chart, governing_limit, limits_in_doubt, lower_bounds
 from pmr.studies.limits import Limit, with_fields
 from pmr.system.body import kinds_of
 from pmr.system.terms import carried_inertia
@@ -367,6 +370,13 @@ def test_ropes_bear_by_statics_what_follows() -> None:
         Limit(name="a", of="rope", which=("base",), most=1.0).check(scene)
     with pytest.raises(InputError, match="there is no rope"):
         Limit(name="a", of="rope", most=1.0).check(crane())
+
+
+def test_the_model_that_lacks_what_is_limited_is_named(level: PostureMatrices) -> None:
+    chart = Chart([Limit(name="ropes", of="rope", most=1.0)], [[1.0] * len(level.loads.names)], 1e3, G)
+    models = SimpleNamespace(comparisons={"model": ComparedModel(level, "coarse shell", 1.0)})
+    with pytest.raises(InputError, match="there is no rope of this name in the coarse shell that the scene is comp"):
+        chart.comparison_errors(models, "model", 0, np.ones((1, 2)))
 
 
 def test_a_field_of_walls_is_that_of_probes_at_its_points() -> None:
