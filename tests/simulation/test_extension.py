@@ -285,7 +285,7 @@ REFUSED = {
     "sections.fly.joint.extension.start=1.5": "an extension within the stroke, 0.3 to 1.2 m, is allowed",
     "sections.fly.joint.extension.stroke=[1.2, 0.3]": "a smallest extension below the greatest one is allowed",
     "sections.fly.joint.extension.stroke=[0.01, 1.2]": "a smallest extension of stop_travel, 0.02 m, or more is",
-    "sections.fly.joint.extension.kind='fre'": "sections[1].joint.extension.kind = 'fre': constant, ramp,",
+    "sections.fly.joint.extension.kind='fre'": "extension.kind = 'fre': did you mean 'free'? constant, ramp,",
     "sections.fly.joint.extension.length=0.6": "length and spring are allowed together",
     "sections.fly.joint.extension.dry_friction_at_rest=1.0": "as much as dry_friction, which is above 0, or",
 }
