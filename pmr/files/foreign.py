@@ -380,6 +380,15 @@ def _read_csv_nodes(path: Path) -> _Nodes:
     return _make_nodes(numbers, points, groups)
 
 
+def read_groups(path: Path) -> dict[str, Array]:
+    """Return the points (g, 3) in m of each group in a CSV file, such as `pmr matrices --nodes` takes.
+
+    Raises InputError if the file can't be read.
+    """
+    nodes = _read_by_suffix(path, {".csv": _read_csv_nodes})
+    return {name: nodes.points[np.isin(nodes.numbers, members)] for name, members in nodes.groups.items()}
+
+
 def _read_deck_nodes(path: Path) -> _Nodes:
     """Read nodes, sets and constraint cards from an input deck of Abaqus or CalculiX.
 

@@ -236,7 +236,9 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
     being drawn.
     """
     if member.part.mesh.file is not None:
-        return add_faces(read_mesh(member.part.mesh.file, kinds), member.part.mesh.faces)
+        groups = member.part.mesh.groups
+        mesh = read_mesh(member.part.mesh.file, kinds, nodes=None if groups is None else groups.file)
+        return add_faces(mesh, member.part.mesh.faces)
     from pmr.models.shell import draw_box
 
     box, mesh = member.part.body.box, member.part.mesh

@@ -6,7 +6,7 @@ import logging
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ from pmr.files.arrays import Array, Indices
 from pmr.files.cards import Place
 from pmr.files.deck_content import CORNERS, EDGES, Deck, Elements
 from pmr.files.decks import TIED, TURNED, read_deck
+from pmr.files.foreign import read_groups
 
 if TYPE_CHECKING:
     import meshio
@@ -54,6 +55,25 @@ class MeshFile:
     blocks: list[Cells]
     groups: Mapping[str, list[Indices]]
     point_groups: Mapping[str, Indices] = field(default_factory=dict)
+
+    def with_groups(self, file: Path) -> MeshFile:
+        """Return this content with the groups of nodes in a CSV file (`pmr.files.foreign.read_groups`).
+
+        Raises an `InputError` if a node is no point of the mesh, or a group has the name of one that there is.
+        """
+        tree, reach = cKDTree(self.points), COINCIDENT * float(np.ptp(self.points, axis=0).max())
+        groups = read_groups(file)
+        for name in groups.keys() & (self.groups.keys() | self.point_groups.keys()):
+            raise InputError(str(file), "group", name, "a name is allowed that is no group of the mesh")
+        numbers = {}
+        for name, points in groups.items():
+            distance = tree.query(points)[0]
+            far = int(np.argmax(distance))
+            if distance[far] > reach:
+                allowed = f"nodes of the mesh are allowed, in m; the nearest one is {distance[far]:.3g} m away"
+                raise InputError(str(file), f"node of group {name}", points[far].tolist(), allowed)
+            numbers[name] = np.unique(np.concatenate(tree.query_ball_point(points, reach))).astype(np.int64)
+        return replace(self, point_groups={**self.point_groups, **numbers})
 
     def in_triangles(self) -> MeshFile:
         """Return this content with each quadrilateral split into four triangles around its centre."""

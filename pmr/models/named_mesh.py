@@ -186,7 +186,9 @@ class NamedMesh:
             raise InputError(self.source, "", None, f"no group named {', '.join(missing)}; found: {names_there}")
 
 
-def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = ()) -> NamedMesh:
+def read_mesh(
+    file: Path, kinds: Sequence[str], groups: Sequence[str] = (), nodes: Path | None = None
+) -> NamedMesh:
     """Read a mesh from any file that meshio reads, or from a deck of Abaqus or CalculiX.
 
     Groups are gmsh's physical groups or a deck's sets and surfaces.  A set of nodes stands for the cells that have all
@@ -199,6 +201,8 @@ def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = ()) -> N
         Kinds of cells that the model allows, by dolfinx' names, such as ``("triangle",)``.
     groups : sequence of str
         Groups that the mesh must have.
+    nodes : Path, optional
+        CSV file with further groups of nodes (`MeshFile.with_groups`).
 
     Raises
     ------
@@ -207,6 +211,7 @@ def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = ()) -> N
         group is missing; the message says what the file has.
     """
     read = read_mesh_file(file)
+    read = read if nodes is None else read.with_groups(nodes)
     if "triangle" in kinds and all(DIMENSIONS[block.kind] < 3 for block in read.blocks):
         read = read.in_triangles()
     blocks = [(*CELLS_OF_KIND[block.kind][:2], block.corners[:, CELLS_OF_KIND[block.kind][2]]) for block in read.blocks]

@@ -154,12 +154,20 @@ class FaceNormal(SceneTable):
     ] = Field(default=1.0, description="Largest angle between this normal and that of a facet")
 
 
+class NodeGroups(SceneTable):
+    """Groups of a mesh that is read, by a list of nodes."""
+
+    file: ExistingFile = Field(
+        description="CSV file: a line of headings, then node, x, y, z in m and the names of the node's groups"
+    )
+
+
 class MeshChoice(SceneTable):
     """How fine the mesh is, or a file that holds a mesh, in any format of meshio.
 
     A box boom takes `size` and `along`; beams take `elements`.  A file for a planar beam holds a chain of lines.  Any
     other file holds cells and named groups, to which pads, loads and supports refer: tail and tip, bottom, top, left
-    (+y) and right.  A face that is no group of the file has its normal in `faces`.
+    (+y) and right.  A face that is no group of the file has its normal in `faces`, or its nodes in a file of `groups`.
     """
 
     size: Annotated[Size, Usual(0.0, 1.0, "length")] = Field(
@@ -182,6 +190,9 @@ class MeshChoice(SceneTable):
     )
     faces: dict[Name, FaceNormal] = Field(
         default={}, description="Faces of the mesh file by their normals, such as `bottom.normal = [0, 0, -1]`"
+    )
+    groups: NodeGroups | None = Field(
+        default=None, description="Further groups of the mesh file, by a list of nodes as `pmr matrices --nodes` takes"
     )
 
 

@@ -266,8 +266,9 @@ class OneBody(SceneTable):
 
     @property
     def files(self) -> dict[str, Path]:
-        """Files from which the model is made, by the table that names each: ``mesh`` or ``reduction``."""
-        named = {"mesh": self.mesh.file, "reduction": self.reduction.file}
+        """Files from which the model is made, by the table that names each: ``mesh``, ``mesh.groups``, ``reduction``."""
+        groups = None if self.mesh.groups is None else self.mesh.groups.file
+        named = {"mesh": self.mesh.file, "mesh.groups": groups, "reduction": self.reduction.file}
         return {section: file for section, file in named.items() if file is not None}
 
     @property

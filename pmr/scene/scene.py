@@ -6,6 +6,8 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Mapping
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -266,8 +268,8 @@ class Scene(SectionTables):
         if len(self.sections) == 1:
             content = _lift_body_keys(content)
         for part, written in zip(self.sections, content.get("sections", [content]), strict=True):
-            for section, digest in part.file_digests.items():
-                written[section]["file"] = digest
+            for table, digest in part.file_digests.items():
+                reduce(getitem, table.split("."), written)["file"] = digest
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
     @property
@@ -291,7 +293,7 @@ class Scene(SectionTables):
             content = _lift_body_keys(content)
         for part, written in zip(self.sections, content.get("sections", [content]), strict=True):
             for table, file in part.files.items():
-                written[table]["file"] = file.name
+                reduce(getitem, table.split("."), written)["file"] = file.name
         files = {table: hashlib.sha256(file.read_bytes()).hexdigest() for table, file in self.files_read.items()}
         return {"scene": content, "scene_hash": self.hash, "files": files}
 

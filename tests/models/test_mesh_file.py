@@ -286,6 +286,48 @@ def test_faces_by_normals_are_the_groups_of_a_deck(tmp_path: Path) -> None:
         assert "mesh.faces.top" in str(refused.value) and "\n" not in str(refused.value)
 
 
+def test_groups_by_a_list_of_nodes_are_the_groups_of_a_deck(tmp_path: Path) -> None:
+    """The boom's mesh as a file without groups, and the nodes of its faces and ends in a CSV file."""
+    by_groups = read_model(tmp_path, READ.replace("boom.inp", write_boom(tmp_path).name))
+    read = read_mesh_file(tmp_path / "boom.inp")
+    cells = [(block.kind, block.corners) for block in read.blocks if block.kind == "quad"]
+    meshio.write(tmp_path / "plain.vtu", meshio.Mesh(read.points, cells))
+    x, y, z = read.points.T
+    levels = {"bottom": (z, z.min()), "top": (z, z.max()), "left": (y, y.max()), "right": (y, y.min())}
+    levels |= {"tail": (x, x.min()), "tip": (x, x.max())}
+    sides = {name: np.isclose(at, level) for name, (at, level) in levels.items()}
+    lines = [
+        f"{number},{','.join(f'{value:.9g}' for value in point)},{','.join(name for name in sides if sides[name][number])}"
+        for number, point in enumerate(read.points)
+    ]
+    nodes, listed = tmp_path / "nodes.csv", READ.replace("boom.inp", "plain.vtu") + "mesh.groups.file = 'nodes.csv'\n"
+    nodes.write_text("\n".join(["node,x,y,z,groups", *lines]) + "\n")
+    by_list = read_model(tmp_path, listed)
+    window = Window((0.7, 1.1), (-0.12, 0.12), (0.05, 0.05))
+    for face in ("bottom", "top", "left", "right"):
+        strip, expected = (model.strip(face, window) for model in (by_list, by_groups))
+        assert len(strip.weights)
+        np.testing.assert_allclose(strip.weights, expected.weights, rtol=1e-12)
+    for end in ("tail", "tip"):
+        numbers, expected = (model.coordinates_on(end, ("x", "ry")) for model in (by_list, by_groups))
+        assert len(numbers) and set(numbers) == set(expected)
+    scene = pmr.load_scene(tmp_path / "boom.toml")
+    digest, recorded = scene.hash, scene.provenance
+    assert recorded["scene"]["mesh"]["groups"] == {"file": "nodes.csv"} and "mesh.groups" in recorded["files"]
+    for text, says in (
+        ("0,-7,0.15,0.2,top", r"node of group top = .*: nodes of the mesh are allowed, in m; the nearest one is 7 m away"),
+        ("1,0,0", "line 2: node, x, y, z and names of groups are allowed"),
+    ):
+        nodes.write_text(f"node,x,y,z,groups\n{text}\n")
+        assert pmr.load_scene(tmp_path / "boom.toml").hash != digest
+        with pytest.raises(InputError, match=says) as refused:
+            read_model(tmp_path, listed)
+        assert "nodes.csv" in str(refused.value) and "\n" not in str(refused.value)
+    with pytest.raises(InputError, match="a name is allowed that is no group of the mesh"):
+        nodes.write_text("node,x,y,z,groups\n0,0,0,0,top\n")
+        read_model(tmp_path, READ + "mesh.groups.file = 'nodes.csv'\n")
+
+
 def test_a_face_of_a_hollow_solid_is_the_outermost_with_its_normal(tmp_path: Path) -> None:
     """A tube of cubes has the inside of its top, which looks downwards as its bottom does."""
     cubes = [(x, y, z) for x in range(5) for y in range(3) for z in range(3) if (y, z) != (1, 1)]
