@@ -263,8 +263,8 @@ def step_part(
 def step_summary(error: StepError | None, reason: str | None = None, not_covered: Sequence[str] = ()) -> dict[str, Any]:
     """Contents of ``step`` in summary.json: errors by kind, fields of `StepError`, ``limit`` and ``reason``.
 
-    ``not_covered`` lists in words the quantities without an error.  If `error` is None, all fields are None, and
-    ``reason`` says why.
+    ``limit`` is always `STEP_LIMIT`, and ``not_covered`` lists in words the quantities without an error.  If `error` is
+    None, the errors ``beam`` and ``tip`` and the fields of `StepError` are None, and ``reason`` says why.
     """
     errors = dict(error.errors) if error else {}
     figures = {kind: errors.get(kind) for kind in ("beam", "tip")} | {

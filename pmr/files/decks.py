@@ -70,9 +70,10 @@ class _Assembly:
         self._join(card.options["NAME"], content, card.place)
 
     def end(self) -> Deck:
-        """Return the whole; parts of a deck without instances are in place.
+        """Return the whole deck.
 
-        The sets of an only instance have no second names with the instance's name in front.
+        Without instances, each part counts as one instance of itself that is not moved.  With exactly one instance, its
+        sets have their own names only, not those with the instance's name in front, such as ``instance.set``.
         """
         self.end_instance()
         if not self.instances:

@@ -237,8 +237,8 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
     """
     if member.part.mesh.file is not None:
         groups = member.part.mesh.groups
-        mesh = read_mesh(member.part.mesh.file, kinds, nodes=None if groups is None else groups.file)
-        return add_faces(mesh, member.part.mesh.faces)
+        read = read_mesh(member.part.mesh.file, kinds, nodes=None if groups is None else groups.file)
+        return add_faces(read, member.part.mesh.faces)
     from pmr.models.shell import draw_box
 
     box, mesh = member.part.body.box, member.part.mesh

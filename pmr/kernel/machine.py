@@ -141,6 +141,10 @@ class MachineSimulation:
     """
 
     def __init__(self, state: State, machine: Machine, reasons: Mapping[int, str] = REASONS) -> None:
+        """Open a run of a machine on a state of its boom, with arrays of zeros for the results of all steps.
+
+        `reasons` are the messages for the kernel's error codes.  Raises an `InputError` if the kernel refuses it.
+        """
         self._reasons = reasons
         self.state, arrays, scalars = state, dict[str, Any](), dict[str, Any]()
         types = dict(ffi.typeof("pmr_machine").fields)

@@ -186,9 +186,7 @@ class NamedMesh:
             raise InputError(self.source, "", None, f"no group named {', '.join(missing)}; found: {names_there}")
 
 
-def read_mesh(
-    file: Path, kinds: Sequence[str], groups: Sequence[str] = (), nodes: Path | None = None
-) -> NamedMesh:
+def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = (), nodes: Path | None = None) -> NamedMesh:
     """Read a mesh from any file that meshio reads, or from a deck of Abaqus or CalculiX.
 
     Groups are gmsh's physical groups or a deck's sets and surfaces.  A set of nodes stands for the cells that have all

@@ -80,7 +80,10 @@ class SectionsAlong:
 
     @cached_property
     def _middles(self) -> tuple[Array | None, ...]:
-        """Centroid (2,) in m of the walls' mid-line of each section; None where it varies along the section."""
+        """Centroid (2,) in m of the walls' mid-line of each section.
+
+        It is zero for a section without walls of its own, and None where it varies along the section.
+        """
         return tuple(
             np.zeros(2) if stretch is None else MidLine(stretch.first).middle if stretch.first is stretch.last else None
             for stretch in self.stretches

@@ -171,7 +171,11 @@ class ComparedScene:
         return {"wall_stress": entry}
 
     def _peak_numbers(self, recovery: Recovery) -> Array:
-        """Number of the section and of the side of its box (-1: none), stress in Pa, time in s, place (3,) in m."""
+        """The largest stress of all sections in a simulation with the keys of `recovery`, as seven numbers; collective.
+
+        They are the numbers of the section and of the side of its box (-1: none), the stress in Pa, the time in s and
+        the place (3,) in m.
+        """
         reduction = self.reduction
         scene = reduction.scene.model_copy(update={"recovery": recovery})
         simulated = call_on_first_rank(

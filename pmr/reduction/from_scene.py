@@ -257,9 +257,9 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, ob
 def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
     """Number of modes beyond the coordinates, which serve to estimate the error or become modes without inertia.
 
-    If a tolerance or a budget is given, the number is large; at least a quarter of all modes of a coarse mesh is then
-    left, because attachment modes need the flexibility of the rest.  Rigid sliders and pads need some of it too
-    (`pmr.reduction.snapshots`).
+    If a tolerance or a budget is given, the number is large.  On a coarse mesh it leaves a quarter of all modes unused,
+    unless the number falls below `ENRICHMENT_MODES`: attachment modes, rigid sliders and pads need the flexibility of
+    unused modes (`pmr.reduction.snapshots`).
     """
     if choice.estimable and scene.goal is not None:
         searched = SEARCHED_MODES if ALONE in scene.bodies else SEARCHED_OF_SECTIONS

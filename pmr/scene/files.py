@@ -164,6 +164,7 @@ def unused_body_keys(member: Member) -> Iterator[UnusedKey]:
         yield from (UnusedKey(key, "mesh.file", "the mesh is read from a file") for key in (*CELLS, "mesh.elements"))
     else:
         yield UnusedKey("mesh.faces", "mesh.file", "only faces of a mesh that is read are found by their normals")
+        yield UnusedKey("mesh.groups", "mesh.file", "only a mesh that is read gets further groups")
     if member.part.body.profile is not None:
         yield UnusedKey("body.material", "body.profile", "a profile holds stiffness and mass itself")
     if not member.part.reduction.uses_pod:

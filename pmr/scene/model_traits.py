@@ -15,7 +15,7 @@ from pmr.scene.box import Box
 #: Keys of a mesh that is drawn from a box.
 CELLS = ("mesh.size", "mesh.along", "mesh.tail_layer", "mesh.cells")
 #: Keys without effect on a body that is not meshed, and on one that has neither a mesh nor a material.
-_NO_CELLS = (*CELLS, "mesh.faces", "body.shear_correction")
+_NO_CELLS = (*CELLS, "mesh.faces", "mesh.groups", "body.shear_correction")
 _NO_MATERIAL = (*_NO_CELLS, "mesh.elements", "body.material", "body.regions", "body.shear", "body.walls")
 
 

@@ -58,7 +58,7 @@ class Chart:
         return [Place(at, k, amounts, self.gravity) for amounts in self.amounts]
 
     def loads(self, places: Sequence[Place], guesses: Array | None = None) -> Array:
-        """Return the loads (c, l) in kg that the limits allow at c `places`, one row for each place; NaN above `up_to`.
+        """Return the load (c, l) in kg that each of l limits allows at each of c `places`; NaN above `up_to`.
 
         `guesses` (c, l) holds loads in kg near which each search begins, NaN where there is no guess.
         """

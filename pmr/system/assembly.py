@@ -86,7 +86,7 @@ class Assembly:
 
     @cached_property
     def outputs(self) -> sp.csr_matrix:
-        """Outputs (o, n) of unit coordinates, O."""
+        """Matrix O (o, n) from the free coordinates of all bodies to the outputs."""
         return self._blocks(lambda body, free: body.outputs[:, free])
 
     def _blocks(self, block_of: Callable[[SlidingBody, Indices], sp.csr_matrix | Array]) -> sp.csr_matrix:

@@ -187,7 +187,7 @@ def _arm(part: BoomSection, face: str) -> float:
 
 
 def _ground_contacts(name: str, body: Body, joined_rows: set[tuple[str, str]], part: BoomSection) -> Iterator[Contact]:
-    """Contacts of the body `name` with the ground: its pads, and its supports that combine several coordinates.
+    """Contacts of the body `name` with the ground: pads, supports that combine several coordinates, luffing cylinder.
 
     Supports on a single coordinate are no contacts, because the model fixes that coordinate.  The pairs (body, row) in
     `joined_rows`, and the rows of tails and points, are no contacts with the ground either.

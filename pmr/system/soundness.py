@@ -137,7 +137,7 @@ class FreeMotions:
 
     @property
     def basis(self) -> Array:
-        """Orthonormal basis Z (n, r) of the free motions."""
+        """Orthonormal basis Z (n, r) of the motions of n coordinates that the held rows leave free."""
         return self._rotate(np.eye(len(self._reflections)))[:, self._held :]
 
     def project(self, A: Array) -> Array:

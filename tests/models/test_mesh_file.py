@@ -297,7 +297,7 @@ def test_groups_by_a_list_of_nodes_are_the_groups_of_a_deck(tmp_path: Path) -> N
     levels |= {"tail": (x, x.min()), "tip": (x, x.max())}
     sides = {name: np.isclose(at, level) for name, (at, level) in levels.items()}
     lines = [
-        f"{number},{','.join(f'{value:.9g}' for value in point)},{','.join(name for name in sides if sides[name][number])}"
+        ",".join([str(number), *(f"{value:.9g}" for value in point), *(name for name in sides if sides[name][number])])
         for number, point in enumerate(read.points)
     ]
     nodes, listed = tmp_path / "nodes.csv", READ.replace("boom.inp", "plain.vtu") + "mesh.groups.file = 'nodes.csv'\n"
@@ -315,7 +315,10 @@ def test_groups_by_a_list_of_nodes_are_the_groups_of_a_deck(tmp_path: Path) -> N
     digest, recorded = scene.hash, scene.provenance
     assert recorded["scene"]["mesh"]["groups"] == {"file": "nodes.csv"} and "mesh.groups" in recorded["files"]
     for text, says in (
-        ("0,-7,0.15,0.2,top", r"node of group top = .*: nodes of the mesh are allowed, in m; the nearest one is 7 m away"),
+        (
+            "0,-7,0.15,0.2,top",
+            r"node of group top = .*: nodes of the mesh are allowed, in m; the nearest one is 7 m away",
+        ),
         ("1,0,0", "line 2: node, x, y, z and names of groups are allowed"),
     ):
         nodes.write_text(f"node,x,y,z,groups\n{text}\n")

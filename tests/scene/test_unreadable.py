@@ -179,6 +179,7 @@ REFUSED = [
     ("boom_beam", "compare.ancf_elements=5", "compare.ancf_elements: leave it out"),
     ("boom_beam", "simulation.newton={relativeTolerance=1e-9}", "simulation.newton: leave it out: Exudyn"),
     ("boom_beam_walls", "mesh.tail_layer=0.1", "mesh.tail_layer: leave it out: it has no effect on beam3d"),
+    ("boom_shell", f"mesh.groups.file={__file__}", "mesh.groups: leave it out: only a mesh that is read gets further"),
     ("boom_shell", "mesh.faces.top.normal=[0, 0, 1]", "mesh.faces: leave it out: only faces of a mesh that is read"),
     ("boom_shell", "body.walls=give", "body.walls: leave it out: it has no effect on shell"),
     ("boom_solid", "body.walls=give", "body.walls: leave it out: it has no effect on solid"),

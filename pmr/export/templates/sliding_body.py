@@ -69,7 +69,11 @@ START = DATA["start"]  # (n,) coordinates at t = 0
 
 
 def rows_at(s):
-    """C (m, n), F (m, m), H (m, i) and X (o, m) of the contacts with the paths at s (P,) m."""
+    """Namespace of the contacts' matrices with the paths at s (P,) m.
+
+    C (m, n) are displacements of the m contacts by the coordinates, H (m, i) by the inputs and F (m, m) by the
+    contacts' own forces.  X (o, m) are displacements of the outputs by these forces.
+    """
     if "C" in DATA:  # one body, by tables over its path, if it has one
         return SimpleNamespace(**{name: piece(name, s[0] if s else DATA["C.breaks"][0]) for name in "CFHX"})
     m, (o, n), i = len(CLEARANCE), DATA["outputs"].shape, DATA["B"].shape[1]

@@ -123,7 +123,7 @@ class SystemItems:
 
     @property
     def oBody(self) -> exu.ObjectIndex:  # noqa: N802
-        """Object of the body of a system of one body."""
+        """Another name of `oSystem`, for a system of one body."""
         return self.oSystem
 
     @property

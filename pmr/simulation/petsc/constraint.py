@@ -60,6 +60,10 @@ class ContactState:
     """
 
     def __init__(self, system: FullSystem, mass: BlockFactor | None, state: State) -> None:
+        """Begin the constraint of all contacts of `system` at `state`; those with a clearance only push.
+
+        `mass` is a factor of M, or None if no contact only pushes.
+        """
         self.mass, self.pushes, self._comm = mass, ~np.isnan(system.clearance), system.comm
         self._clearance = np.nan_to_num(system.clearance)
         self.begin(state)

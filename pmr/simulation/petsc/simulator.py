@@ -288,10 +288,10 @@ def identity(
     recorder: Recorder,
     initial: Mapping[str, InitialState],
 ) -> dict[str, Any]:
-    """Digests that distinguish this simulation from others, with one product of each matrix; collective.
+    """Digests and numbers that distinguish this simulation from others; collective.
 
-    `at` are paths, loads and terms at the steps; paths and loads are also evaluated in the middle of steps, which may
-    be divided.
+    Each matrix A is represented by x^T A x with a fixed random vector x.  `at` are paths, loads and terms at the steps.
+    As steps may be divided into parts, paths, loads and terms in the middle of each step count, too.
     """
     stepping, between = excitation.stepping, 0.5 * (excitation.times[:-1] + excitation.times[1:])
     forms = []
