@@ -241,8 +241,7 @@ def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBo
         return add_faces(read, member.part.mesh.faces)
     from pmr.models.shell import draw_box
 
-    box, mesh = member.part.body.box, member.part.mesh
-    assert box is not None  # the scene's check
+    box, mesh = member.box, member.part.mesh
     try:
         boom = draw_box(box, mesh.size, mesh.along or 0.0, mesh.tail_layer)
         with TemporaryDirectory() as folder:

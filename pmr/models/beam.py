@@ -425,8 +425,7 @@ def measure(mesh: Mesh) -> ufl.Measure:
 
 def beam_body(member: Member) -> Beam3DBody:
     """Data of the beam of a body of a scene: box or section, material and number of elements."""
-    body = member.part.body
-    assert body.box is not None  # the scene's check
-    by = {"section": body.section} if body.section else {"profile": body.box}
-    given = {"length": body.box.length, "material": body.material, "shear": body.shear}
+    body, box = member.part.body, member.box
+    by = {"section": body.section} if body.section else {"profile": box}
+    given = {"length": box.length, "material": body.material, "shear": body.shear}
     return Beam3DBody(**given, **by, elements=member.part.mesh.elements)

@@ -289,10 +289,7 @@ def from_member(member: Member) -> Beam2D:
     """Planar beam of a body from its stiffnesses or its box, on generated nodes or on the nodes of a mesh file."""
     body, mesh, length = member.part.body, member.part.mesh, member.part.length
     nodes = graded_nodes(length, mesh.elements, mesh.grading) if mesh.file is None else read_nodes(mesh.file, length)
-    if body.profile is not None:
-        return Beam2D(body.profile, nodes)
-    assert body.box is not None  # the scene's check
-    return planar_beam(beam_body(member), body.box, nodes)
+    return Beam2D(body.profile, nodes) if body.profile else planar_beam(beam_body(member), member.box, nodes)
 
 
 def _trial_and_test(space: FunctionSpace) -> tuple[Expr, ...]:

@@ -366,5 +366,5 @@ def box_beam(body: Beam3DBody, box: Box) -> Beam3D:
 
 def from_member(member: Member) -> Beam3D:
     """Beam in space of a body, from its section or its box."""
-    body, box = beam_body(member), member.part.body.box
-    return box_beam(body, box) if body.profile and box else Beam3D(body)
+    body = beam_body(member)
+    return box_beam(body, member.box) if body.profile else Beam3D(body)

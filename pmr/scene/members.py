@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pmr.scene.box import Box
 from pmr.scene.built import WEIGHT, Gravity, PadRing
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.frame import Frame
@@ -76,6 +77,12 @@ class Member:
     def part(self) -> BoomSection:
         """Tables of the section."""
         return self.scene.sections[self.number]
+
+    @property
+    def box(self) -> Box:
+        """Box of the section, for models that the scene's checks allow with a box alone."""
+        assert self.part.body.box is not None
+        return self.part.body.box
 
     @property
     def has_joint(self) -> bool:

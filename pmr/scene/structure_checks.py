@@ -15,15 +15,7 @@ import numpy as np
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.box import Box
 from pmr.scene.built import WEIGHT, Face, PadRing
-from pmr.scene.choice import (
-    axis_loads,
-    inertia_fields,
-    is_planar,
-    model_of,
-    motion_directions,
-    observed_places,
-    traits_of,
-)
+from pmr.scene.choice import axis_loads, inertia_fields, model_of, motion_directions, observed_places, traits_of
 from pmr.scene.frame import INERTIA
 from pmr.scene.joints import Joint, OneBody
 from pmr.scene.members import Member
@@ -44,7 +36,7 @@ def check_structure(member: Member) -> None:
     check_names("pads", (name for ring in member.pads for name, _, _ in ring.named_pads))
     for key in ("loads", "masses", "probes"):
         check_names(key, (part.name for part in getattr(member.part, key)))
-    for i, mass in enumerate(() if is_planar(member) else member.part.masses):  # planar beams turn about y alone
+    for i, mass in enumerate(() if traits_of(member).is_planar else member.part.masses):  # else about y
         if not is_inertia(mass.inertia):
             raise scene_error(f"masses[{i}].inertia", list(mass.inertia), ALLOWED_INERTIA)
     fields = (INERTIA + field for field in inertia_fields(member))
@@ -88,7 +80,7 @@ def _check_points_wind_and_temperatures(member: Member) -> None:
     """
     box, varies = member.part.body.box, member.part.body.box is not None and bool(member.part.body.box.varying_keys)
     for i, load in enumerate(member.part.loads):
-        if load.point is not None and is_planar(member):
+        if load.point is not None and traits_of(member).is_planar:
             raise scene_error(
                 f"loads[{i}].point", list(load.point), "a model in space is allowed with a point beside it"
             )
@@ -99,7 +91,7 @@ def _check_points_wind_and_temperatures(member: Member) -> None:
             raise scene_error(f"loads[{i}].acts", load.acts, allowed)
         if load.acts == "wind" and member.frame is None:
             raise scene_error(f"loads[{i}].acts", "wind", "'force' is allowed without [frame], which says where up is")
-        if member.frame is not None and is_planar(member) and load.blows_sideways(member.frame.unit):
+        if member.frame is not None and traits_of(member).is_planar and load.blows_sideways(member.frame.unit):
             allowed = "0 or half a turn is allowed on a planar beam, which side wind does not move"
             raise scene_error(f"loads[{i}].azimuth", load.azimuth, allowed)
         if load.depth is None and (box is None or varies):
@@ -139,7 +131,7 @@ def _check_sliding_points(member: Member) -> None:
         return
     if any(ring.moving for ring in member.pads):
         raise scene_error("slider.offsets", list(member.points), "pads have an `at` of their own: leave it out")
-    if not is_planar(member) or length is None:
+    if not traits_of(member).is_planar or length is None:
         raise scene_error("pads", None, "at least one ring of pads with moving = true is allowed: nothing slides")
     if len(set(member.points)) != len(member.points):
         raise scene_error("slider.offsets", list(member.points), "sliders must not share an offset")

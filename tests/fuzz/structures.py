@@ -10,6 +10,7 @@ from fuzz.mutations import Random
 from fuzz.scenes import coarse, ran
 
 from pmr import scene as scenes
+from pmr.scene.model_traits import MODELS
 
 FACES = ("bottom", "top", "left", "right")
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -21,11 +22,6 @@ EXTREME = (
 WRONG = ("rigid", "", "tip", "tail", "nose", "z", [], {}, True, None, [0.0, 0.0, 0.0], [1.0], "1.0", 10**400)
 #: What a user's arithmetic leaves.
 ROUND_OFF = (1e-16, 1e-15, 1e-12, 1e-9, 1e-6)
-
-#: Keys that a model has no use for, and that are refused beside it.
-_CELLS = (("mesh", "size"), ("mesh", "along"))
-UNUSED = {"beam2d": (*_CELLS, ("body", "shear")), "beam3d": _CELLS}
-UNUSED |= dict.fromkeys(("shell", "solid"), (("mesh", "elements"), ("body", "shear")))
 
 
 def case(number: int, rng: Random, folder: Path) -> str:
@@ -59,8 +55,8 @@ def structure(rng: Random) -> dict[str, Any]:
         "compare": {"against": pick(rng, ([], [], ["full"]))},
         "damping": pick(rng, ({}, {"mass": 0.1, "stiffness": 1e-5}, {"ratio": 0.01, "frequencies": [5.0, 50.0]})),
     }
-    for part, key in UNUSED.get(model, ()):
-        del data[part][key]
+    for part, _, key in (of.partition(".") for of in (MODELS[model].without_effect if model != "auto" else ())):
+        data[part].pop(key, None)
     if rng.random() < 0.8:
         data["supports"] = [{"name": "cylinder", "on": pick(rng, ("tail", "tip")), "directions": ["x"]}]
     if rng.random() < 0.3:
