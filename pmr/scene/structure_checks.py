@@ -36,7 +36,8 @@ def check_structure(member: Member) -> None:
     check_names("pads", (name for ring in member.pads for name, _, _ in ring.named_pads))
     for key in ("loads", "masses", "probes"):
         check_names(key, (part.name for part in getattr(member.part, key)))
-    for i, mass in enumerate(() if traits_of(member).is_planar else member.part.masses):  # else about y
+    # masses on planar beams turn about y alone
+    for i, mass in enumerate(() if traits_of(member).is_planar else member.part.masses):
         if not is_inertia(mass.inertia):
             raise scene_error(f"masses[{i}].inertia", list(mass.inertia), ALLOWED_INERTIA)
     fields = (INERTIA + field for field in inertia_fields(member))
