@@ -153,7 +153,7 @@ def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str)
     Kinds of displacements and ``largest`` are None if the richer model does not move.  Kinds of outputs that the two
     models do not have in common are missing.
     """
-    shares, moved = dict[str, float | None](), list[Array]()
+    shares, displacements = dict[str, float | None](), list[Array]()
     for kind in ("beam", "tip"):
         histories = motion.histories(kind), richer.histories(kind)
         if kind == "beam":
@@ -162,7 +162,7 @@ def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str)
         if names:
             y, reference = (np.array([of[name] for name in names]) for of in histories)
             shares[kind] = _relative_difference(y, reference)
-            moved.append(y)
+            displacements.append(y)
     shares |= force_errors(motion.forces, richer.forces)
     probes = _probe_errors(motion, richer)
     directions = motion.mode_motions.any(axis=(0, 2))
@@ -173,7 +173,7 @@ def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str)
         "beside": richer_name,
         **shares,
         **({"probe": max(probes.values()), "probes": probes} if probes else {}),
-        "largest": _relative_difference(_largest(*moved), _largest(richer.response.displacement)),
+        "largest": _relative_difference(_largest(*displacements), _largest(richer.response.displacement)),
         "frequency": None if apart is None else apart + motion.frequency_error,
         "frequencies": {name: values.tolist() for name, values in f.items()},
         "not_covered": [STRESS, *[IMPACTS] * pushing],

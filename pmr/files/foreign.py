@@ -224,15 +224,15 @@ def _read_damping(files: ForeignFiles, pairs: Indices) -> sp.csr_matrix:
     D = _read_by_suffix(path, _MATRICES | _nastran_readers("B", name))
     if not _is_labelled(path):
         return D
-    own = _read_by_suffix(path, _DOFS)
+    damped_pairs = _read_by_suffix(path, _DOFS)
     number = {(int(node), int(direction)): k for k, (node, direction) in enumerate(pairs)}
-    at = np.array([number.get((int(node), int(direction)), -1) for node, direction in own], dtype=np.int64)
+    at = np.array([number.get((int(node), int(direction)), -1) for node, direction in damped_pairs], dtype=np.int64)
     for row in np.flatnonzero((at < 0) & (np.diff(D.indptr) > 0)):
-        node, direction = own[row]
+        node, direction = damped_pairs[row]
         allowed = f"the coordinates of {files.dofs.name} are allowed, which has no direction {direction} of this node"
         raise InputError(str(path), "node", int(node), allowed)
     has = np.flatnonzero(at >= 0)
-    T = sp.csr_matrix((np.ones(len(has)), (has, at[has])), shape=(len(own), len(pairs)))
+    T = sp.csr_matrix((np.ones(len(has)), (has, at[has])), shape=(len(damped_pairs), len(pairs)))
     return sp.csr_matrix(T.T @ D @ T)
 
 

@@ -233,10 +233,10 @@ def only_matrix(matrices: dict[str, sp.csr_matrix], letter: str, name: str = "",
     begins = [key for key in square if key.startswith(letter) and not key.startswith("K4")]
     largest = max((by_name[key].shape[0] for key in begins), default=0)  # EXTSEOUT writes (1, 1) for what there is not
     begins = [key for key in begins if by_name[key].shape[0] == largest]
-    left = [key for key in square if key.startswith("K4") or (key.startswith("B") and not damped)]
-    left = [key for key in left if by_name[key].shape[0] == largest]
-    if letter == "K" and left:
-        logger.warning("damping is not read: %s; --damping-name chooses a viscous one", ", ".join(left))
+    damping = [key for key in square if key.startswith("K4") or (key.startswith("B") and not damped)]
+    damping = [key for key in damping if by_name[key].shape[0] == largest]
+    if letter == "K" and damping:
+        logger.warning("damping is not read: %s; --damping-name chooses a viscous one", ", ".join(damping))
     partners = [key for key in begins if {"K" + key[1:], "M" + key[1:]} <= {*square}]
     begins = partners if len(partners) == 1 else begins
     candidates = [*by_name] if len(by_name) == 1 else begins

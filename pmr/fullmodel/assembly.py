@@ -44,12 +44,12 @@ def operators_of(model: StructuralModel, comm: MPI.Comm) -> Operators:
     if is_assembled(model):
         return assemble_model(model, model.domain(comm))
     assert isinstance(model, Matrices | Mover)
-    given = model if isinstance(model, Mover) else model.body_matrices
-    own = [model.body_matrices.D] if isinstance(model, Matrices) and model.body_matrices.D is not None else []
+    body_matrices = model if isinstance(model, Mover) else model.body_matrices
+    damping = [model.body_matrices.D] if isinstance(model, Matrices) and model.body_matrices.D is not None else []
     first, last = share(model.size, comm)
     sizes = (int(last - first), model.size)
     matrices = []
-    for A in (given.M, reduce(pad_pattern, (given.M, *own), given.K), *own):
+    for A in (body_matrices.M, reduce(pad_pattern, (body_matrices.M, *damping), body_matrices.K), *damping):
         share_of_rank = A[first:last].sorted_indices()
         parts = (
             share_of_rank.indptr.astype(PETSc.IntType),

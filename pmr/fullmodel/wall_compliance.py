@@ -183,7 +183,7 @@ class HeldModel:
         return np.asarray(self._T @ self._displacements(self.pads(pads, np.zeros(1))))
 
     def compliance(self, loaded_rows: sp.csr_matrix, rows: sp.csr_matrix) -> Array:
-        """What `rows` (m, n) measure under a unit force on each of the `loaded_rows` (f, n): compliance (m, f).
+        """Compliance (m, f): displacements of `rows` (m, n) under a unit force on each of the `loaded_rows` (f, n).
 
         Forces that are mirror images of others take no solve.
         """

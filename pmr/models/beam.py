@@ -427,5 +427,5 @@ def beam_body(member: Member) -> Beam3DBody:
     """Data of the beam of a body of a scene: box or section, material and number of elements."""
     body, box = member.part.body, member.box
     by = {"section": body.section} if body.section else {"profile": box}
-    given = {"length": box.length, "material": body.material, "shear": body.shear}
-    return Beam3DBody(**given, **by, elements=member.part.mesh.elements)
+    data = {"length": box.length, "material": body.material, "shear": body.shear}
+    return Beam3DBody(**data, **by, elements=member.part.mesh.elements)

@@ -148,10 +148,10 @@ class ComparedScene:
         shells = all(model_of(of) == "shell" and of.part.body.box is not None for of in members(self.scene))
         if recovery is None or not recovery.stress or not shells:
             return {}
-        made = partial(self._peak_numbers, recovery)
+        peak_numbers = partial(self._peak_numbers, recovery)
         request = {"scene": self.scene.model_dump_json(exclude={"title"}), "every": recovery.every}
         try:
-            numbers = made() if self.cache is None else self.cache.arrays("stress", request, made)
+            numbers = peak_numbers() if self.cache is None else self.cache.arrays("stress", request, peak_numbers)
         except UNNEEDED as error:  # the difference of the models is known all the same
             _log.warning("the stress in walls is not known: %s", error)
             return {}

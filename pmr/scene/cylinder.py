@@ -94,7 +94,7 @@ class Oil(SceneTable):
 
 
 class DrivenCylinder(SceneTable):
-    """What drives a luffing angle or an extension that is free, and what acts beside the drive."""
+    """Drive of a free luffing angle or a free extension, and the forces beside it."""
 
     force: Signal | None = Field(default=None, description="Force over time, in N, above 0 where it pushes")
     length: Signal | None = Field(

@@ -21,7 +21,7 @@ _NO_MATERIAL = (*_NO_CELLS, "mesh.elements", "body.material", "body.regions", "b
 
 @dataclass(frozen=True)
 class ModelTraits:
-    """What is true of all bodies with a structural model, whatever their scene says."""
+    """Properties that all bodies with a structural model share, whatever their scene says."""
 
     words: str  # its name in reports, with an article
     #: ``beam``: elements on a line; ``cells``: a shell or solid on a mesh; ``mass``: a mover; or given matrices

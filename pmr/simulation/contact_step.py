@@ -55,7 +55,10 @@ def contact_frequency(system: System, excitation: Excitation) -> float:
 
 
 def contact_frequency_within(system: System, ranges: Mapping[str, tuple[float, float]]) -> float:
-    """The same on the way of all paths from one end of their `ranges` in m to the other, by the paths' names."""
+    """Largest omega in rad/s of one-sided contacts while all paths go from one end of their range to the other.
+
+    `ranges` are the ends in m, by the paths' names.
+    """
     x = system.side_coordinates({path: np.linspace(*ends, PLACES) for path, ends in ranges.items()})
     return contact_frequency_at(system, np.broadcast_to(x, (PLACES, len(system.sides))))
 
