@@ -144,7 +144,12 @@ def test_a_load_chart_from_an_empty_folder(
         json.loads((tmp_path / "reports" / name / "summary.json").read_text()) for name in ("chart_mine", "chart")
     )
     assert stable["figures"]["never.stability"] == stable["figures"]["points"] == 360  # slewed by 0, 45 and 90 degrees
-    assert sum(stable["figures"][f"governs.walls at pads of {name}"] for name in ("middle", "fly")) == 360
+    walls = sum(stable["figures"][f"governs.walls at pads of {name}"] for name in ("middle", "fly"))
+    assert f"Walls at pads govern at {walls}\nof its 360 points" in page and stable["figures"]["governs.tipping"] > 0
+    with (tmp_path / "reports" / "chart_mine" / "chart.csv").open() as file:
+        carried = sorted((float(row["load [kg]"]), float(row["radius [m]"])) for row in csv.DictReader(file))
+    least, radius = carried[0]
+    assert f"it carries {least:,.0f} kg at a radius of {radius:.1f} m, and up to {carried[-1][0]:,.0f} kg where" in page
     figures = found["figures"]
     assert f"at {figures['governs.luffing cylinder']} of {figures['points']} points" in page
     assert f"tipping at {figures['governs.tipping']}, the deflection of the tip at {figures['governs.tip']}." in page
