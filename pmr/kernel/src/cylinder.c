@@ -60,10 +60,11 @@ static flow through_valve(const pmr_actuator *c, double opening, int i, const do
     return q;
 }
 
-/* Flows into both chambers at an opening of the valve, and out of the supply. */
+/* Flows into both chambers at an opening of the valve, and out of the supply.  The spool of a valve has stops: beyond -1
+   or 1 it stays fully open. */
 static void find_flows(const pmr_actuator *c, double opening, const double *p, flow q[2], double *supplied)
 {
-    const double beyond = fabs(opening) - c->dead_band;
+    const double beyond = (fabs(opening) > 1.0 ? 1.0 : fabs(opening)) - c->dead_band;
     const double effective = beyond > 0.0 ? copysign(beyond / (1.0 - c->dead_band), opening) : 0.0;
     int i, fed;
     *supplied = 0.0;

@@ -124,3 +124,15 @@ def test_an_fmu_says_why_a_free_luffing_angle_is_not_found(tmp_path: Path) -> No
     with pytest.raises(CallError, match="the hook is at its head sheaves"):
         for k in range(2000):
             hook.step(k * 1e-3, 1e-3)
+
+
+@pytest.mark.slow
+def test_an_opening_beyond_one_is_a_fully_open_valve(tmp_path: Path) -> None:
+    _, _, library = free_boom("opening", tmp_path)
+    angles = []
+    for opening in (0.5, 1.0, 3.0):
+        instance = Instance(library)
+        instance.initialise(["luffing_drive_opening"], [opening])
+        instance.step(0.0, 0.05)
+        angles.append(float(instance.get(["luffing_angle"])[0]))
+    assert angles[2] == angles[1] != angles[0]

@@ -128,3 +128,15 @@ def test_a_saved_state_goes_on_alike_in_another_stepper() -> None:
         steps = [stepper.step(*driven(scene, "opening", k)) for stepper in (first, other)]
         np.testing.assert_array_equal(*steps)
     assert first.luffing == other.luffing
+
+
+def test_a_valve_opens_no_further_than_fully() -> None:
+    """An opening beyond 1 or -1 is a fully open valve."""
+    for full in (1.0, -1.0):
+        ends = []
+        for opening in (0.5 * full, full, 3.0 * full):
+            stepper = stepped("opening", outputs=["luffing angle"])
+            for _ in range(50):
+                y = stepper.step({}, {"luffing drive opening": opening})
+            ends.append(float(y[0]))
+        assert ends[2] == ends[1] != ends[0]
