@@ -72,13 +72,20 @@ def _check_single_body(scene: Scene) -> None:
 
 
 def _check_computed_motions(scene: Scene) -> None:
-    """Refuse simulators without the equations of a payload that swings, or of a frame whose motion is computed."""
+    """Refuse what does not go with a payload that swings or a motion that is computed with the boom's.
+
+    These are simulators without its equations, and beside a computed motion a comparison with a richer model.
+    """
     hoist, free = scene.hoist is not None, () if scene.frame is None else scene.frame.free_directions
     free = (*free, *(f"extension of {scene.names[number]}" for number in scene.free_extensions))
     for name in scene.simulation.simulators:
         refuse_unsupported(name, SimulatorNeeds(hoist=hoist, free_machine_directions=free))
     if "full" in scene.compare.against and scene.simulation.full != "auto":
         refuse_unsupported(scene.simulation.full, SimulatorNeeds(hoist=hoist), REFERENCE)
+    if scene.computed_key is not None and scene.compare.richer not in ("auto", "none"):
+        allowed = f"'auto' or 'none' is allowed beside {scene.computed_key}, which is computed"
+        allowed += ": a run of the same boom with a prescribed motion compares models"
+        raise scene_error("compare.richer", scene.compare.richer, allowed)
 
 
 def _check_fatigue(scene: Scene) -> None:

@@ -69,7 +69,7 @@ class Oil(SceneTable):
     """
 
     areas: tuple[Annotated[Area, Usual(1e-5, 1.0)], Annotated[Area, Usual(1e-5, 1.0)]] = Field(
-        description="Areas of the piston"
+        description="Areas of the piston: bore, and rod side, which is no larger"
     )
     dead_volumes: tuple[Volume, Volume] = Field(description="Volumes of the chambers at their end of the stroke")
     hose_volumes: tuple[HoseVolume, HoseVolume] = Field(
@@ -86,8 +86,11 @@ class Oil(SceneTable):
     counterbalance: Counterbalance | None = Field(default=None, description="Counterbalance valve on the bore")
 
     @model_validator(mode="after")
-    def _check_valves(self) -> Self:
-        """Refuse a counterbalance valve without the valve that it is in series with."""
+    def _check_complete(self) -> Self:
+        """Refuse a rod side larger than the bore, and a counterbalance valve without the valve it is in series with."""
+        if self.areas[1] > self.areas[0]:
+            allowed = "[bore, rod side] is allowed, the rod side no larger than the bore: the rod takes its part of it"
+            raise key_error("areas", list(self.areas), allowed)
         if self.counterbalance is not None and self.valve is None:
             raise key_error("counterbalance", None, "none is allowed without valve: no oil flows")
         return self

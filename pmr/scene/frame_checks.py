@@ -1,8 +1,8 @@
 """Checks of a moving frame and a hoist, and of what excludes them or a part of them, which raise InputError.
 
-`EXCLUSIONS` lists parts of a scene that do not go together.  The other checks refuse angles that jump, a cylinder
-without an arm about the pivot, and whatever the motion of the frame or its terms of second order do not cover.  Places
-of head and winch of a hoist on the boom stand here too.
+`EXCLUSIONS` lists parts of a scene that do not go together.  The other checks refuse angles that jump, and
+whatever the motion of the frame or its terms of second order do not cover.  Places of head and winch of a hoist on the
+boom stand here too.  Checks of the luffing cylinder are in `pmr.scene.luffing_checks`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from pmr.scene.built import Gravity
 from pmr.scene.choice import has_axial_motion, input_directions, is_planar, model_of, traits_of
 from pmr.scene.frame import Frame, Machine
 from pmr.scene.joints import JointPads
-from pmr.scene.keys import LUFFING
-from pmr.scene.mechanism import supports_at_lug
+from pmr.scene.luffing_checks import FREE, check_luffing
 from pmr.scene.members import member_at, members
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
@@ -32,7 +31,7 @@ class Exclusion(NamedTuple):
     why: str
 
 
-FREE, RESPONSE = "frame.luffing = 'free'", "observe.frequency_response"
+RESPONSE = "observe.frequency_response"
 #: Parts of a scene that exclude each other.
 EXCLUSIONS = (
     Exclusion(RESPONSE, "hoist", "a payload that swings has a part in it"),
@@ -112,42 +111,6 @@ def _check_computed(scene: Scene, frame: Frame, computed: str) -> None:
             raise scene_error(f"{key}.friction", ring.friction, f"0 is allowed beside {computed}")
 
 
-def _check_luffing(scene: Scene, frame: Frame) -> None:
-    """Refuse what a free luffing angle does not go with, and a free angle's keys where the angle is prescribed.
-
-    Beside a free angle these are refused: a cylinder without a drive, valve openings beyond -1 to 1, and a stroke that
-    does not hold the cylinder's first length or does not lie between its dead centres.  Without a cylinder, a free
-    angle is allowed.
-    """
-    cylinder = frame.cylinder
-    if frame.luffing != "free":
-        for key in ("luffing_start", "luffing_rate"):
-            if getattr(frame, key):
-                raise scene_error(f"frame.{key}", getattr(frame, key), f"{FREE} is needed with it")
-        keys = () if cylinder is None else (*cylinder.drives, *(k for k in ("damping",) if cylinder.damping))
-        if keys:
-            raise scene_error(f"frame.cylinder.{keys[0]}", None, f"{FREE} is needed with it: the angle is prescribed")
-        return
-    if cylinder is None:
-        return
-    if not cylinder.drives:
-        allowed = f"force, length or oil is needed beside {FREE}; without frame.cylinder the boom swings by itself"
-        raise scene_error("frame.cylinder", None, allowed)
-    if (opening := cylinder.worst_opening(scene.time.end)) is not None:
-        raise scene_error("frame.cylinder.oil.valve.opening", opening, "openings from -1 to 1 are allowed")
-    length = float(cylinder.length_and_arm(frame.angles.luffing.value(np.zeros(1))).length[0])
-    if cylinder.stroke is not None and not cylinder.stroke[0] <= length <= cylinder.stroke[1]:
-        allowed = f"the length at luffing_start, {length:.4g} m, is needed within the stroke"
-        raise scene_error("frame.cylinder.stroke", list(cylinder.stroke), allowed)
-    reach = [float(np.hypot(*hinge)) for hinge in (cylinder.foot, cylinder.lug)]
-    dead = abs(reach[0] - reach[1]), sum(reach)
-    if cylinder.stroke is not None and not dead[0] < cylinder.stroke[0] < cylinder.stroke[1] < dead[1]:
-        allowed = (
-            f"lengths between {dead[0]:.4g} and {dead[1]:.4g} m are allowed: foot, lug and pivot are in line there"
-        )
-        raise scene_error("frame.cylinder.stroke", list(cylinder.stroke), allowed)
-
-
 def _check_ground(scene: Scene) -> None:
     """Refuse a ground without gravity, and a ground under a base whose forces at the pivot are not known."""
     if scene.gravity is None:
@@ -163,8 +126,6 @@ def _check_ground(scene: Scene) -> None:
 
 #: An angle may jump by this share of its range, which is round-off.
 JUMP = 1e-9
-#: Least arm of a luffing cylinder as a share of the lug's distance from the pivot; number of times that are checked.
-IN_LINE, SAMPLES = 0.01, 1001
 
 
 def check_frame(scene: Scene) -> None:
@@ -184,8 +145,7 @@ def check_frame(scene: Scene) -> None:
     for key, angle in angles.items():
         frame.refuse_without_unit(f"frame.{key}", angle.bounds(0.0, scene.time.end))
         _check_smooth(scene, key, "an angle", angle)
-    _check_cylinder(scene, frame)
-    _check_luffing(scene, frame)
+    check_luffing(scene, frame)
     if frame.machine is not None:
         check_machine(frame, frame.machine)
         _check_computed(scene, frame, "frame.machine")
@@ -226,49 +186,6 @@ def check_frame(scene: Scene) -> None:
                 raise scene_error(scene.section_key(member.number, "loads"), load.on, allowed)
     if "ancf" in scene.compare.against:
         raise scene_error("compare.against", list(scene.compare.against), "['full'] or [] is allowed with a frame")
-
-
-def _check_cylinder(scene: Scene, frame: Frame) -> None:
-    """Refuse a luffing cylinder whose arm about the pivot is zero, or nearly so, at some time.
-
-    Such a cylinder carries no moment.
-    """
-    if frame.cylinder is None:
-        return
-    if frame.cylinder.stiffness is not None:
-        _check_holding_cylinder(scene, frame)
-    t = np.linspace(0.0, scene.time.end, SAMPLES)
-    angle = frame.angles.luffing.value(t)
-    length, arm = frame.cylinder.length_and_arm(angle)
-    reach = float(np.hypot(*frame.cylinder.lug))
-    k = int(np.argmin(np.abs(arm)))
-    if np.abs(arm[k]) < IN_LINE * reach or arm.min() < 0.0 < arm.max() or reach == 0.0:
-        at = f"at {t[k]:.4g} s, {np.rad2deg(angle[k]):.3g} degrees, a cylinder of {length[k]:.3g} m has {arm[k]:.2g} m"
-        raise scene_error("frame.cylinder", None, f"hinges with an arm about the pivot are allowed: {at}")
-
-
-def _check_holding_cylinder(scene: Scene, frame: Frame) -> None:
-    """Refuse a luffing cylinder with a stiffness unless it can hold the base.
-
-    The base has to be a beam of a boom of several sections with a luffing angle.  The lug has to be on the base, and no
-    support may be at the lug.
-    """
-    key, base = "frame.cylinder.stiffness", members(scene)[0]
-    assert frame.cylinder is not None
-    if not base.has_joint or not traits_of(base).is_beam:
-        allowed = "a boom of several sections whose base is a beam is allowed with it: body.model = 'beam3d' in the "
-        raise scene_error(key, None, f"{allowed}section {scene.names[0]!r} makes it one; the others may be shells")
-    if frame.luffing is None:
-        raise scene_error("frame.luffing", None, f"the angle that the boom is raised by is needed with {key}")
-    if LUFFING in scene.names:
-        raise scene_error("sections.name", LUFFING, f"other names are allowed beside {key}: a path has this one")
-    at = frame.cylinder.lug[0] - frame.tail_position[0]
-    if not 0.0 <= at <= base.part.length:
-        allowed = "with a stiffness, a place on the base is allowed"
-        raise scene_error("frame.cylinder.lug", frame.cylinder.lug[0], allowed)
-    if twice := supports_at_lug(scene):
-        allowed = f"the cylinder's stiffness or the support {twice[0]!r} at its lug is allowed, one of both"
-        raise scene_error(key, frame.cylinder.stiffness, allowed)
 
 
 def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None:

@@ -248,6 +248,15 @@ def test_boom_that_slews_on_a_moving_base_luffs_as_a_rigid_body_does() -> None:
 
 
 HINGES = f"foot={FOOT.tolist()}, lug={LUG.tolist()}"
+BESIDE = "'rigid' is allowed beside frame.luffing = 'free'"
+
+
+def supports(lug: str) -> str:
+    """Key of a pin at the tail and a support across the boom whose keys `lug` says."""
+    pin = "{name='pin', on='tail', directions=['x', 'y', 'z', 'rx', 'rz']}"
+    return f"sections.base.supports=[{pin}, {{name='lug', directions=['z'], {lug}}}]"
+
+
 #: Wrong keys, with what is said of them.
 WRONG = {
     oil().replace("areas=[0.008", "areas=[0.0"): "frame.cylinder.oil.areas[0] = 0.0: input should be greater than 0",
@@ -272,15 +281,28 @@ WRONG = {
     "frame.second_order='auto'": "frame.second_order = 'auto': true or false is allowed beside frame.luffing = 'free'",
     free_boom.PUSHING[0]: "unilateral = True: false is allowed beside frame.luffing = 'free': pads that hold both ways",
     "frame.luffing={kind='constant', amount=0.3}": "frame.luffing_start = 0.3: frame.luffing = 'free' is needed",
+    "sections.base.supports.0.stiffness=1e8": f"sections[0].supports[0].stiffness = 100000000.0: {BESIDE}",
+    supports("stiffness=5e7, on=1.0"): f"sections[0].supports[1].stiffness = 50000000.0: {BESIDE}",
+    supports("on=0.9"): "sections[0].supports[1].on = 0.9: 1 m from the tail, where frame.cylinder.lug is, is allowed",
+    supports("on='tip'"): "sections[0].supports[1].on = 'tip': 1 m from the tail, where frame.cylinder.lug is",
+    "compare.richer='shell'": "compare.richer = 'shell': 'auto' or 'none' is allowed beside frame.luffing,",
+    oil().replace("[0.008, 0.005]", "[0.005, 0.008]"): "frame.cylinder.oil.areas = [0.005, 0.008]: [bore, rod side] ",
 }
 
 
 @pytest.mark.parametrize("key", WRONG)
 def test_what_does_not_go_with_a_free_angle_is_refused_in_one_line(key: str) -> None:
     with pytest.raises(InputError) as refused:
-        free_boom.scene(*RIGID, key)
+        free_boom.scene(*RIGID, *([] if "frame.cylinder" in key else [oil()]), key)
     assert WRONG[key] in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_a_rigid_support_at_the_lug_is_allowed_beside_a_free_angle_and_a_soft_pin_at_the_pivot_too() -> None:
+    """The tail of the boom is 0.2 m ahead of its pivot, the lug 1.2 m."""
+    assert len(free_boom.scene(*RIGID, oil(), supports("on=1.0")).sections[0].supports) == 2
+    soft = "sections.base.supports.0.stiffness=1e9"
+    free_boom.scene(*RIGID, oil(), "frame.pivot=[0.0, 0.0, 0.0]", supports("on=1.2"), soft)
 
 
 def test_cylinder_that_comes_in_line_with_the_pivot_ends_the_run_in_one_line() -> None:
