@@ -19,7 +19,8 @@ from pmr.scene.joints import JointPads
 from pmr.scene.luffing_checks import FREE, check_luffing
 from pmr.scene.members import member_at, members
 from pmr.scene.scene import Scene
-from pmr.scene.signals import SignalBase
+from pmr.scene.signals import SignalBase, Table
+from pmr.scene.signals.base import ROUND_OFF
 from pmr.scene.structure_checks import scene_error
 
 
@@ -194,15 +195,21 @@ def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None
     jumps = [t for t in motion.breaks if 0.0 < t <= scene.time.end and _has_jump(motion, t)]
     if jumps or kinks:
         at, defect = (jumps[0], "a jump") if jumps else (min(kinks), "a kink")
-        allowed = f"{what} with a rate that does not jump is allowed, here is {defect} at {at:g} s: a smooth_ramp"
+        smooth = "a smooth_ramp"
+        if isinstance(motion, Table) and motion.interpolation == "akima" and at == motion.times[-1]:
+            smooth = "its table has to end at rest or after time.end"
+        allowed = f"{what} with a rate that does not jump is allowed, here is {defect} at {at:g} s: {smooth}"
         raise scene_error(f"frame.{key}", None, allowed)
 
 
 def _has_jump(angle: SignalBase, t: float) -> bool:
-    """Whether a signal jumps at t (s) by more than the share `JUMP` of its range from 0 to t."""
+    """Whether a signal jumps at t (s) by more than the share `JUMP` of its range from 0 to t and more than round-off.
+
+    The range of a computed angle is no more than round-off before the angle moves.
+    """
     low, high = angle.bounds(0.0, t)
     before, after = angle.value(np.array([np.nextafter(t, -np.inf), t]))
-    return bool(abs(after - before) > JUMP * (high - low))
+    return bool(abs(after - before) > JUMP * (high - low) + ROUND_OFF * max(abs(low), abs(high)))
 
 
 #: Number of times at which the length of the rope is checked.

@@ -159,3 +159,23 @@ def test_every_kind_of_signal_is_an_angle_with_two_rates_or_is_refused() -> None
         luffing = load(*given).frame.angles[0]
         second = (luffing.rate(t + h) - luffing.rate(t - h)) / (2.0 * h)
         assert luffing.second_rate(t) == pytest.approx(second, abs=1e-5), kind
+
+
+@pytest.mark.parametrize("moved", [0.0, 0.2])
+@pytest.mark.parametrize("noise", [4e-11, 3e-16])
+def test_a_computed_angle_that_rests_up_to_round_off_is_a_table_without_jumps(moved: float, noise: float) -> None:
+    """Until a free angle moves, if it ever does, its values differ by round-off alone."""
+    t = np.arange(0.0, 20.0, 0.02)
+    x = np.clip((t - 1.0) / 3.0, 0.0, 1.0)
+    angle = 0.5236 + noise * np.sin(70.0 * t) + moved * x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+    scene = load(PIVOT, f"frame.luffing={{kind='table', times={t.tolist()}, values={angle.tolist()}}}")
+    assert scene.frame is not None
+    assert scene.frame.angles[0].value(t) == pytest.approx(angle, rel=1e-14)
+
+
+def test_a_table_that_ends_in_motion_within_the_run_is_refused_with_what_to_do() -> None:
+    end = load().time.end
+    table = "frame.luffing={{kind='table', times=[0.0, 1.0, 2.5, {}], values=[0.1, 0.15, 0.3, 0.35]}}"
+    with pytest.raises(InputError, match=rf"a kink at {end:g} s: its table has to end at rest or after time\.end"):
+        load(PIVOT, table.format(end))
+    load(PIVOT, table.format(1.01 * end))

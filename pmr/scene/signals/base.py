@@ -21,6 +21,8 @@ Radians = Annotated[float, Field(strict=True, json_schema_extra={"unit": "rad"})
 Floats = tuple[Real, ...]
 #: Least jump of the rate that counts as a kink, as a share of the signal's range over its duration.
 KINK = 1e-6
+#: Difference of two values of a signal that is round-off, as a share of its largest value.
+ROUND_OFF = 1e-14
 
 
 class Interval(NamedTuple):
@@ -84,7 +86,9 @@ class SignalBase(BaseModel):
             return {}
         low, high = self.bounds(0.0, end)
         change = self.rate(at) - self.rate(np.nextafter(at, -np.inf))
-        return {float(t): float(c) for t, c in zip(at, change, strict=True) if abs(c) > KINK * (high - low) / end}
+        nearest = np.diff(self.breaks).min(initial=end)  # over which round-off of the values changes the rate
+        least = KINK * (high - low) / end + ROUND_OFF * max(abs(low), abs(high)) / nearest
+        return {float(t): float(c) for t, c in zip(at, change, strict=True) if abs(c) > least}
 
     @property
     def parts(self) -> tuple[SignalBase, ...]:
