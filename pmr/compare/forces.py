@@ -22,6 +22,7 @@ from pmr.scene.frame import INERTIA
 from pmr.scene.keys import cylinder_name, qualified_name
 from pmr.scene.mechanism import drive_rows, longest_rope, rope_shares
 from pmr.scene.members import EXTENSION, members
+from pmr.simulation.frame_motion import ComputedMotion
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Contact, Friction
 from pmr.system.system import System
@@ -197,22 +198,42 @@ def _pad_force(response: Response, name: str) -> Array | None:
 def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Response) -> list[str]:
     """Warnings about pads that hold both ways and are pulled: one a ring for a single body, one for all joints.
 
-    Each warning says how many pads pull, which pad pulls most, and which key to set.  Points that hold a planar beam
-    both ways are meant to pull, so only pads count.
+    Each warning says how many pads pull, which pad pulls most, and which key to set.  Beside a motion that is computed,
+    pads that only push are refused, so there the key is that of the faces.  Points that hold a planar beam both ways
+    are meant to pull, so only pads count.
     """
+    computed = _computed_motion(scene)
     loads, lines = pad_extremes(scene, response), list[str]()
     largest = max((max(load.most, -load.least) for load in loads.values()), default=0.0)
     pulling = {name: load for name, load in loads.items() if -load.least > PULLED * max(load.most, 0.1 * largest)}
     pulling = {name: load for name, load in pulling.items() if -load.least > response.force_round_off}
     for ring in _pad_rings(scene):
         of_ring = {name: pulling[name] for name, _, _ in ring.named_pads if name in pulling and not ring.unilateral}
-        lines += [_ring_warning(ring, of_ring, response)] if of_ring else []
+        lines += [_ring_warning(ring, of_ring, response) + _push_clause("this ring", computed)] if of_ring else []
     held = [contact for contact in contacts if contact.clearance is None and contact.name in pulling]
     held = [contact for contact in held if contact.inner.body in scene.names[1:]]
-    lines += [_joints_warning(held, pulling, response)] if held else []
-    if scene.frame is not None and scene.frame.luffing == "free":
-        return [f"{line}, which frame.luffing = 'free' does not take" for line in lines]
+    lines += [_joints_warning(held, pulling, response, computed)] if held else []
     return lines
+
+
+def _computed_motion(scene: Scene) -> str | None:
+    """The key, with its value, beside which pads that only push are refused; None if the frame's motion is given."""
+    frame = scene.frame
+    if frame is None or frame.machine is not None:
+        return None if frame is None else "frame.machine"
+    is_computed = frame.luffing == "free" or isinstance(frame.luffing, ComputedMotion)
+    return "frame.luffing = 'free'" if is_computed else None
+
+
+def _push_clause(rings: str, computed: str | None) -> str:
+    """Clause that says what to change in `rings` if pads can only push; `computed` is as `_computed_motion` says."""
+    if computed is None:
+        return f"; if they can only push, set unilateral = true in {rings}"
+    return (
+        f"; if they can only push: unilateral = true is refused beside {computed}, so leave only the faces that bear in "
+        f"faces of {rings}, top at the tail and bottom at the mouth where the tip hangs down; a pad without another "
+        "opposite would lift off there"
+    )
 
 
 def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:
@@ -237,13 +258,16 @@ def _ring_warning(ring: PadRing, pulling: Mapping[str, Extremes], response: Resp
         pads = f"one of {len(ring.named_pads)} pads of the ring {ring.name} pulls"
     worst = f"{most} with up to {with_unit(-load.least, 'N')} {response.when(load.t_least, load.s_least)}"
     most_of_all = "most of all " if len(pulling) > 1 else ""
-    return f"{pads} the body outwards, {most_of_all}{worst}; if they can only push, set unilateral = true in this ring"
+    return f"{pads} the body outwards, {most_of_all}{worst}"
 
 
-def _joints_warning(contacts: Sequence[Contact], pulling: Mapping[str, Extremes], response: Response) -> str:
+def _joints_warning(
+    contacts: Sequence[Contact], pulling: Mapping[str, Extremes], response: Response, computed: str | None
+) -> str:
     """Warning that pads between sections pull: which pulls most, its force and when, and how many others pull.
 
     `contacts` are the contacts of all of these pads.  `pulling` maps each contact's name to the extremes of its force.
+    `computed` is as `_computed_motion` says.
     """
     pad = min((contact.name for contact in contacts), key=lambda name: pulling[name].least)
     sections = list(dict.fromkeys(contact.inner.body for contact in contacts))
@@ -253,8 +277,8 @@ def _joints_warning(contacts: Sequence[Contact], pulling: Mapping[str, Extremes]
     joints, these = ("joints", "these sections") if len(sections) > 1 else ("joint", "this section")
     return (
         f"pads in the {joints} of {', '.join(sections)} hold both ways and pull: {pad} with up to "
-        f"{with_unit(-pulling[pad].least, 'N')} {response.when(pulling[pad].t_least)}{more}; if they can only push, "
-        f"set unilateral = true in {keys} of {these}"
+        f"{with_unit(-pulling[pad].least, 'N')} {response.when(pulling[pad].t_least)}{more}"
+        f"{_push_clause(f'{keys} of {these}', computed)}"
     )
 
 

@@ -13,6 +13,7 @@ from pmr.report.document import render_runs
 from pmr.report.forces import driven_block
 from pmr.report.sections import chapter
 from pmr.results.quantities import QUANTITIES
+from pmr.scene.built import force_name
 
 pytestmark = pytest.mark.slow  # three sections are reduced
 
@@ -71,3 +72,16 @@ def test_oil_that_boils_has_a_warning() -> None:
     scene = pmr.load_scene("luffing_oil", [*QUICK, *keys, "time.end=0.4"])
     lines = [line for line in pmr.run(scene).result.summary["warnings"] if "boils" in line]
     assert any(line.startswith("the oil on the rod side of the luffing cylinder would have -") for line in lines)
+
+
+def test_pads_that_pull_have_a_remedy_that_a_free_angle_takes(result: RunResult) -> None:
+    """A full ring shares a force between the pad that bears and the one opposite; bearing faces alone carry it all."""
+    assert not [line for line in result.summary["warnings"] if "pull" in line]
+    ends = [f"section.joint.{end}.0.faces.{face}=[-0.06, 0.06]" for end, face in (("tail", "bottom"), ("mouth", "top"))]
+    full = pmr.run(pmr.load_scene("luffing_oil", [*QUICK, *ends])).result
+    (line,) = [line for line in full.summary["warnings"] if "hold both ways and pull" in line]
+    assert "set unilateral" not in line and "unilateral = true is refused beside frame.luffing = 'free'" in line
+    assert "leave only the faces that bear in faces of joint.tail and joint.mouth" in line
+    mouth = force_name("middle mouth bottom right")
+    of_faces, of_rings = (run.responses["reduced"].force(mouth, 0)[0] for run in (result, full))
+    assert of_faces == pytest.approx(2.0 * of_rings, rel=0.02)
