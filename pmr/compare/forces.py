@@ -230,8 +230,8 @@ def _push_clause(rings: str, computed: str | None) -> str:
     if computed is None:
         return f"; if they can only push, set unilateral = true in {rings}"
     return (
-        f"; if they can only push: unilateral = true is refused beside {computed}, so leave only the faces that bear in "
-        f"faces of {rings}, top at the tail and bottom at the mouth where the tip hangs down; a pad without another "
+        f"; if they can only push: unilateral = true is refused beside {computed}, so leave only the faces that bear "
+        f"in faces of {rings}, top at the tail and bottom at the mouth where the tip hangs down; a pad without another "
         "opposite would lift off there"
     )
 
