@@ -34,6 +34,7 @@ class Failure(IntEnum):
     BLOCKED = lib.PMR_BLOCKED
     LIFTED = lib.PMR_LIFTED
     BEYOND = lib.PMR_BEYOND
+    STROKE = lib.PMR_STROKE
 
 
 class StepError(SimulationError):
@@ -415,6 +416,7 @@ class State:
             lib.PMR_LOST: "the motion of machine, luffing angle or extension is not found: shorter steps are needed",
             lib.PMR_UPRIGHT: "the machine pitches by 90 degrees, or foot, lug and pivot of its cylinder come in line",
             lib.PMR_BEYOND: "the extension has left its stroke and stop_travel beyond it",
+            lib.PMR_STROKE: "the length of the luffing cylinder at the first luffing angle is needed within its stroke",
             lib.PMR_BLOCKED: "the hook is at its head sheaves: its rope is too short",
         }
         message = f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}"

@@ -1,6 +1,8 @@
 /* A free luffing angle as a part of a system: steps of its boom are those of a machine without mass that is free to pitch
    alone (machine.c), driven by motions of the frame one by one.  The state has what its next step depends on. */
 
+#define STROKE_ROUND_OFF 1e-12
+
 static void lay_out_luffing(const pmr_system *y, pmr_state *st, room *r)
 {
     pmr_machine_run *ms = r->memory ? (pmr_machine_run *)(r->memory + r->at) : NULL, counted = {0};
@@ -62,8 +64,11 @@ static int start_luffing(pmr_state *st, int kind, const double *motions, const d
     const pmr_system *y = st->system;
     pmr_machine_run *ms = st->run;
     const int n = y->motions;
-    double b[18] = {0.0}, *begun = ms->begun, *rates = begun + y->modes;
+    const pmr_actuator *c = &ms->machine->cylinder;
+    double b[18] = {0.0}, *begun = ms->begun, *rates = begun + y->modes, arm;
+    const double length = length_at(c, motions[y->frame_angles[0]], &arm);
     int j, k, failed;
+    if (c->kind && fabs(length - clipped(length, c->stroke)) > STROKE_ROUND_OFF * length) return PMR_STROKE;
     take_row(ms, 0, motions);
     take_row(ms, 1, motions);
     ms->own.largest_weight = fabs(ms->own.weight[0]);

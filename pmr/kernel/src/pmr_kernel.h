@@ -55,7 +55,8 @@ enum {
     PMR_BLOCKED = 9,     /* a hook is at its sheaves: its rope is too short */
     PMR_UPRIGHT = 8,     /* a machine pitches by 90 degrees, where roll and yaw turn about one axis */
     PMR_LIFTED = 10,     /* which outriggers lift off is not found */
-    PMR_BEYOND = 11      /* a free extension leaves what the rows are known for */
+    PMR_BEYOND = 11,     /* a free extension leaves what the rows are known for */
+    PMR_STROKE = 12      /* a free luffing angle starts where its cylinder is outside of its stroke */
 };
 
 /* Room for a message, with the zero at its end. */

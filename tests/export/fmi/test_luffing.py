@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from compare.test_luffing_cylinder import FOOT, LENGTH, LUG, MASS, G, raised
 from export.fmi.libraries import CallError, Instance, Library, loaded
+from oil_boom import STROKE, geometry
 from simulation.native import test_stepper_luffing as freed
 from turning_cylinder import Rigid, boom
 
 import pmr
-from pmr import System
+from pmr import SimulationError, System
 from pmr.export.fmi.fmu import fmu_contents
 from pmr.scene import Scene
 from pmr.simulation.moving import read_scene
@@ -124,6 +125,17 @@ def test_an_fmu_says_why_a_free_luffing_angle_is_not_found(tmp_path: Path) -> No
     with pytest.raises(CallError, match="the hook is at its head sheaves"):
         for k in range(2000):
             hook.step(k * 1e-3, 1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("angle", [-0.4, 0.9])
+def test_a_luffing_angle_beyond_the_stroke_is_no_start(angle: float, tmp_path: Path) -> None:
+    _, _, library = free_boom("opening", tmp_path)
+    assert not STROKE[0] < geometry(angle)[0] < STROKE[1]
+    with pytest.raises(CallError, match="luffing_start: the length of .* is needed within its stroke"):
+        Instance(library).initialise(["luffing_start"], [angle])
+    with pytest.raises(SimulationError, match="at the first luffing angle is needed within its stroke"):
+        freed.stepped("opening", frame={"luffing": angle})
 
 
 @pytest.mark.slow

@@ -246,6 +246,8 @@ int unit_failed(Unit *unit, int failed)
     case PMR_LIFTED: return refuse(unit, "which outriggers lift off is not found");
     case PMR_LOST: return refuse(unit, "the luffing angle or extension is not found: shorter steps are needed");
     case PMR_BEYOND: return refuse(unit, "the extension has left its stroke and stop_travel beyond it");
+    case PMR_STROKE:
+        return refuse(unit, "luffing_start: the length of the luffing cylinder is needed within its stroke");
     case PMR_UPRIGHT:
         return refuse(unit, "foot, lug and pivot of the luffing cylinder come in line; without a cylinder, the boom has "
                             "swung by 90 degrees");
@@ -302,7 +304,8 @@ static int begin(Unit *unit)
     failed = unit->sizes.motions ? pmr_start_in_frame(unit->state, kinds[kind], driven, NULL, z, v)
              : kind == 1         ? pmr_start_moving(unit->state, kinds[kind], driven, driven + unit->drivers, z, v)
                                  : pmr_start(unit->state, kinds[kind], driven, z, v);
-    if (failed && kind == 1 && failed != PMR_BLOCKED && failed != PMR_LOST && failed != PMR_UPRIGHT)
+    if (failed && kind == 1 && failed != PMR_BLOCKED && failed != PMR_LOST && failed != PMR_UPRIGHT &&
+        failed != PMR_STROKE)
         return refuse(unit, "no static start: nothing holds the body against the loads, or rows depend on each other");
     if (failed) return unit_failed(unit, failed);
     unit_changed(unit);
