@@ -198,8 +198,11 @@ class SecondOrderEffect:
 
     @property
     def t_least_factor(self) -> float:
-        """Time in s of the smallest buckling factor."""
-        return float(self.t[np.argmin(self.factors)])
+        """Time in s at which the buckling factor first is the smallest, within 1e-9 of it.
+
+        A boom at rest keeps its factor, so that among later times round-off alone would decide.
+        """
+        return float(self.t[np.argmax(self.factors <= self.least_factor * (1.0 + 1e-9))])
 
     @property
     def largest_share(self) -> float:
