@@ -33,7 +33,6 @@ from pmr.cli.console import (
 from pmr.cli.console import study_file as found_file
 from pmr.errors import InputError, environment
 from pmr.errors.text import escape_controls
-from pmr.results.quantities import stress_remark
 
 if TYPE_CHECKING:
     from pmr.scene import Scene
@@ -312,6 +311,7 @@ def _slewing_angles(frame: Frame, end: float) -> list[float]:
 
 def _wall_limits(scene: Scene) -> Iterator[str]:
     """Yield a limit of a chart for each joint of beams whose walls' stress at pads can be computed."""
+    from pmr.results.quantities import stress_remark
     from pmr.studies.shared import pad_yield_forces
 
     if not stress_remark(scene):  # shells have a limit of their own, on the stress field
