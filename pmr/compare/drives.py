@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pmr.compare.cylinder_oil import boiling_warnings, supply_warnings
 from pmr.compare.outputs import run_from_start
 from pmr.files.arrays import Array
 from pmr.results import Response
@@ -37,8 +38,6 @@ LEANING = 0.1
 IMPACT = 8
 #: Name of the cylinder that drives a free extension.
 EXTENSION_CYLINDER = "extension cylinder"
-#: Pressure in Pa of the surroundings: oil boils where its pressure is lower by this.
-VACUUM = 1e5
 
 
 def luffing_part(scene: Scene, response: Response) -> SummaryPart:
@@ -52,7 +51,7 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
     boom presses on its machine (`pmr.simulation.reactions`).  The pivot turns freely, and the cylinder alone keeps the
     angle, whatever holds the base in the scene.  The part is empty without such a cylinder.  Of a cylinder whose force
     drives the angle all columns are taken from the response, pressures, flows and volumes of oil among them, and there
-    is a warning where a pressure is so low that the oil would boil.
+    are warnings where a pressure is so low that the oil would boil, or higher than that of the supply.
     """
     if scene.frame is None or scene.frame.cylinder is None or CYLINDER not in response.other_names:
         return SummaryPart()
@@ -65,6 +64,8 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
         speed = arm * angle.rate(t)
         histories = {"force": force, "length": length, "speed": speed, "power": force * speed}
         warnings = turning_warnings(scene, angle.value(t))
+    elif scene.frame.cylinder.oil is not None:
+        warnings = supply_warnings(LUFFING_CYLINDER, scene.frame.cylinder.oil, histories, response)
     return _cylinder_part(LUFFING_CYLINDER, histories, response, along, warnings)
 
 
@@ -130,14 +131,8 @@ def _cylinder_part(
 ) -> SummaryPart:
     """Part with the extremes of `histories` (T,) of a `cylinder`, and a warning where its oil would boil."""
     extremes = {key: Extremes.from_history(history, response.t, along) for key, history in histories.items()}
-    boiling = [
-        f"the oil on the {key.removeprefix('pressure ')} side of the {cylinder} would have "
-        f"{with_unit(of.least, 'Pa')} {response.when(of.t_least)}, and boils: the model pulls on it"
-        for key, of in extremes.items()
-        if key.startswith("pressure") and of.least < -VACUUM
-    ]
     figures = {key.replace(" ", "_"): of.summary() for key, of in extremes.items()}
-    return SummaryPart({cylinder.replace(" ", "_"): figures}, warnings, boiling)
+    return SummaryPart({cylinder.replace(" ", "_"): figures}, warnings, boiling_warnings(cylinder, extremes, response))
 
 
 def turning_warnings(scene: Scene, angles: Array) -> list[str]:
@@ -221,6 +216,13 @@ def hoist_part(scene: Scene, response: Response) -> SummaryPart:
         slack = f"from {worst['start']:.4g} s to {worst['end']:.4g} s{more}"
         warnings.append(
             f"the hoist rope is slack {slack}, and {snatch}: {QUANTITIES['hoist_force'].label} need short steps then"
+        )
+    below = columns["height"] < 0.0
+    if scene.pivot_height and below.any():
+        warnings.append(
+            f"the hook is below the ground {response.when(response.t[np.argmax(below)])}, by up to "
+            f"{with_unit(-float(columns['height'].min()), 'm')} later: nothing in the model stops it there, and the "
+            "rope bears it as if it hung freely"
         )
     return SummaryPart({"hoist": figures}, grave=warnings)
 

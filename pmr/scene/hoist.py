@@ -125,7 +125,8 @@ class Hoist(Payload, Rope):
     winch: Winch = Field(default=Winch.model_construct(), description="Where the rope is wound up")
     pivot_height: Annotated[Place, Usual(0.0, 2.0, "reach")] = Field(
         default=0.0,
-        description="Height of the pivot, or without a frame of the base's tail, from which the hook's is measured",
+        description="Height above the ground of the pivot, or without a frame of the base's tail; at 0.0 it is "
+        "frame.ground.height, if the scene has that key. The hook's height is measured from this ground",
     )
 
     @model_validator(mode="after")

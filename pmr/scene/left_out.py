@@ -123,4 +123,6 @@ def _machine(scene: Scene) -> list[str]:
         clauses.append("ground and chassis that give way" if stands else "what the machine stands on, and its tipping")
     if frame is None or frame.cylinder is None or frame.cylinder.oil is None:
         clauses.append("oil and valves: drives follow the given motion")
+    else:
+        clauses.append("relief valves and dry friction of the cylinder on oil")
     return [*clauses, "buckling of cylinders"]

@@ -340,6 +340,13 @@ class Scene(SectionTables):
         return cylinder if cylinder is not None and cylinder.stiffness is not None else None
 
     @property
+    def pivot_height(self) -> float:
+        """Height in m of the pivot, or without a frame of the base's tail, above the ground; 0 if it is not given."""
+        ground = None if self.frame is None else self.frame.ground
+        own = 0.0 if self.hoist is None else self.hoist.pivot_height
+        return own or (0.0 if ground is None else ground.height)
+
+    @property
     def driven_paths(self) -> dict[str, SignalBase]:
         """Signals of all `paths` by name, and the luffing angle in rad if a luffing cylinder holds the base."""
         if self.frame is None or self.holding_cylinder is None:

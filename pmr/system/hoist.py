@@ -87,8 +87,6 @@ def hoist_of(scene: Scene) -> Hoist:
         row[slice(0, 3) if pull.place == "head" else slice(3, 6)] = pull.lever
     head, winch = rope_places(scene)
     on_machine = not hoist.winch.section
-    ground = None if scene.frame is None else scene.frame.ground
-    height = hoist.pivot_height or (0.0 if ground is None else ground.height)
     first = 0.0 if hoist.length is not None else float(hoist.free_length(np.zeros(1), distance_along(scene, 0.0))[0])
     of_rope = [hoist.mass, hoist.EA, hoist.damping, hoist.falls, *head.at, *winch.at, on_machine, hoist.is_wound, first]
     reach = tuple(scene.names[1 : place.number + 1] for place in (head, winch))
@@ -96,7 +94,7 @@ def hoist_of(scene: Scene) -> Hoist:
     return Hoist(
         tuple(name for name, _ in pulls),
         levers,
-        np.array([*of_rope, *hoist.swing, *hoist.velocity, height], float),
+        np.array([*of_rope, *hoist.swing, *hoist.velocity, scene.pivot_height], float),
         reach,
         (ROPE, *WIND, *of_frame),
         hoist.is_wound,

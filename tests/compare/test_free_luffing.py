@@ -85,3 +85,17 @@ def test_pads_that_pull_have_a_remedy_that_a_free_angle_takes(result: RunResult)
     mouth = force_name("middle mouth bottom right")
     of_faces, of_rings = (run.responses["reduced"].force(mouth, 0)[0] for run in (result, full))
     assert of_faces == pytest.approx(2.0 * of_rings, rel=0.02)
+
+
+def test_a_supply_that_is_too_weak_has_a_warning(result: RunResult) -> None:
+    """The valve opens to raise the boom: the oil in the bore has more than the supply's pressure, and flows back."""
+    assert not [line for line in result.summary["warnings"] if "supply" in line]
+    weak = ["frame.cylinder.oil.supply=5e6", "frame.cylinder.oil.counterbalance.setting=1e6", "time.end=1.2"]
+    run = pmr.run(pmr.load_scene("luffing_oil", [*QUICK, *weak])).result
+    response = run.responses["reduced"]
+    assert response.other("luffing angle")[-1] < response.other("luffing angle")[0]
+    assert response.other("luffing cylinder flow bore").min() < 0.0
+    (line,) = [line for line in run.summary["warnings"] if "too weak" in line]
+    assert line.startswith("the supply of 5 MPa is too weak for the luffing cylinder: at 0.61")
+    (shut,) = [line for line in run.summary["warnings"] if "relief valve" in line]
+    assert shut.startswith("the oil on the bore side of the luffing cylinder has up to ")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import hoists
 import numpy as np
 import pytest
@@ -50,3 +52,21 @@ def test_the_summary_has_the_weight_s_force_and_where_the_rope_is_slack() -> Non
     assert slack[0] == pytest.approx(span["start"]) and slack[-1] == pytest.approx(span["end"] - 1e-3)
     assert span["snatch"] == pytest.approx(force.max())
     assert len(part.grave) == 1 and part.grave[0].startswith("the hoist rope is slack from ")
+
+
+@pytest.mark.parametrize(("height", "warns"), [(1.5, True), (2.5, False), (0.0, False)])
+def test_a_hook_below_the_ground_has_a_warning_where_the_ground_is_known(height: float, warns: bool) -> None:
+    """The payload falls freely until it is as fast as the rope that the winch lets out, and then sinks by 1 m/s."""
+    speed = {"kind": "constant", "amount": -1.0}
+    changes = {"hoist.hanging": 1.0, "hoist.speed": speed, "hoist.pivot_height": height, "time.end": 1.0}
+    scene = hoists.cantilever(changes | {"hoist.EA": 1e8, "simulation.simulators": ["march"]})
+    response = simulate_with_states(scene, hoists.reduced(scene), ()).response
+    lines = [line for line in hoist_part(scene, response).grave if "below the ground" in line]
+    if not warns:
+        assert not lines
+        return
+    (line,) = lines
+    figures = re.match(r"the hook is below the ground at ([0-9.]+) s, by up to ([0-9.]+) m later: ", line)
+    assert figures is not None
+    assert float(figures[1]) == pytest.approx(0.5 + 0.5 / hoists.G, abs=2e-3)
+    assert float(figures[2]) == pytest.approx(-response.other(HEIGHT).min(), rel=1e-2)

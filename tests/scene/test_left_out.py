@@ -26,6 +26,7 @@ def test_what_is_left_out_follows_from_the_scene() -> None:
     assert "friction" not in other["pads"] and "swing" not in other["loads"]
     assert "friction" in left_out(rubbing, at_rest=True)["pads"]  # as in a load chart
     assert left_out(scenes.load_any(Path("workflows/paper_simple.toml"))) == {}
+    assert "relief valves" in left_out(scenes.load_any("luffing_oil"))["machine"] and "relief" not in crane["machine"]
 
 
 def test_kinds_of_an_extension_name_the_free_one_and_kinds_of_an_angle_do_not() -> None:

@@ -18,6 +18,7 @@ from pmr import InputError
 from pmr import scene as scenes
 from pmr.cli.app import scene_kinds, scene_schema, study_schema
 from pmr.scene import Scene
+from pmr.scene.hoist import Hoist
 from pmr.scene.keys import SceneTable, quantity_of
 from pmr.scene.scene import BodyFile
 
@@ -204,3 +205,12 @@ def test_a_table_that_is_left_out_is_what_an_empty_one_gives() -> None:
     assert len(defaults) > 15
     for name, default in defaults.items():
         assert default == type(default)(), name
+
+
+def test_the_default_height_of_a_hoist_s_pivot_is_that_of_the_ground_and_its_description_says_so() -> None:
+    ground = "{height=1.6, outriggers=[{at=[1.0,1.0]},{at=[1.0,-1.0]},{at=[-1.0,0.0]}]}"
+    hoist = "hoist.pivot_height=0.0"
+    for keys, height in ((["frame.ground=" + ground, hoist], 1.6), (["hoist.pivot_height=2.0"], 2.0), ([hoist], 0.0)):
+        assert scenes.load(WORKFLOWS / "hoist.toml", keys).pivot_height == height
+    description = Hoist.model_fields["pivot_height"].description
+    assert description is not None and "frame.ground.height" in description

@@ -1,0 +1,59 @@
+"""Warnings about the oil of a cylinder: where a real one would boil, and where its pressure exceeds the supply's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pmr.files.arrays import Array
+from pmr.results import Response
+from pmr.results.quantities import with_unit
+from pmr.results.response import Extremes
+from pmr.scene.cylinder import Oil
+
+#: Pressure in Pa of the surroundings: oil boils where its pressure is lower by this.
+VACUUM = 1e5
+
+
+def boiling_warnings(cylinder: str, extremes: Mapping[str, Extremes], response: Response) -> list[str]:
+    """A warning for each chamber of a `cylinder` whose oil would boil; `extremes` by ``pressure bore`` and the like."""
+    return [
+        f"the oil on the {key.removeprefix('pressure ')} side of the {cylinder} would have "
+        f"{with_unit(of.least, 'Pa')} {response.when(of.t_least)}, and boils: the model pulls on it"
+        for key, of in extremes.items()
+        if key.startswith("pressure") and of.least < -VACUUM
+    ]
+
+
+def supply_warnings(cylinder: str, oil: Oil, histories: Mapping[str, Array], response: Response) -> list[str]:
+    """Warnings where the oil in a chamber of a `cylinder` has a higher pressure than the supply.
+
+    Where the valve connects the chamber to the supply, oil flows back, or a counterbalance valve stops it: the supply
+    is too weak for the load.  Elsewhere a real relief valve might open, which the model does not have.  `histories`
+    (T,) are by ``pressure bore`` and ``pressure rod``.  Without a valve there is no supply, and no warning.
+    """
+    if oil.valve is None:
+        return []
+    warnings, opening = list[str](), oil.valve.opening.value(response.t)
+    supply = with_unit(oil.supply, "Pa")
+    for side, way, verb in (("bore", 1.0, "extend"), ("rod", -1.0, "retract")):
+        pressure = histories[f"pressure {side}"]
+        above = pressure > oil.supply + oil.valve.laminar
+        fed = above & (way * opening > oil.valve.dead_band)
+        if fed.any():
+            most = with_unit(float(pressure[fed].max()), "Pa")
+            warnings.append(
+                f"the supply of {supply} is too weak for the {cylinder}: {response.when(response.t[np.argmax(fed)])} "
+                f"the valve is open to {verb} it, but the oil on the {side} side has up to {most}, and flows back "
+                "unless a counterbalance valve holds it"
+            )
+        shut = above & ~fed
+        if shut.any():
+            k = int(np.argmax(np.where(shut, pressure, -np.inf)))
+            warnings.append(
+                f"the oil on the {side} side of the {cylinder} has up to {with_unit(float(pressure[k]), 'Pa')} "
+                f"{response.when(response.t[k])} while the supply does not feed it, more than the supply's {supply}: "
+                "the model has no relief valve"
+            )
+    return warnings
