@@ -208,7 +208,8 @@ def test_a_table_that_is_left_out_is_what_an_empty_one_gives() -> None:
 
 
 def test_the_default_height_of_a_hoist_s_pivot_is_that_of_the_ground_and_its_description_says_so() -> None:
-    ground = "{height=1.6, outriggers=[{at=[1.0,1.0]},{at=[1.0,-1.0]},{at=[-1.0,0.0]}]}"
+    feet = "{name='a', at=[1.0, 1.0]}, {name='b', at=[1.0, -1.0]}, {name='c', at=[-1.0, 0.0]}"
+    ground = f"{{height=1.6, outriggers=[{feet}]}}"
     hoist = "hoist.pivot_height=0.0"
     for keys, height in ((["frame.ground=" + ground, hoist], 1.6), (["hoist.pivot_height=2.0"], 2.0), ([hoist], 0.0)):
         assert scenes.load(WORKFLOWS / "hoist.toml", keys).pivot_height == height
