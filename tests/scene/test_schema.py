@@ -212,6 +212,6 @@ def test_the_default_height_of_a_hoist_s_pivot_is_that_of_the_ground_and_its_des
     ground = f"{{height=1.6, outriggers=[{feet}]}}"
     hoist = "hoist.pivot_height=0.0"
     for keys, height in ((["frame.ground=" + ground, hoist], 1.6), (["hoist.pivot_height=2.0"], 2.0), ([hoist], 0.0)):
-        assert scenes.load(WORKFLOWS / "hoist.toml", keys).pivot_height == height
+        assert scenes.load_any(WORKFLOWS / "hoist.toml", keys).pivot_height == height
     description = Hoist.model_fields["pivot_height"].description
     assert description is not None and "frame.ground.height" in description
