@@ -13,12 +13,13 @@ from pmr.compare.outputs import run_from_start
 from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.results.quantities import QUANTITIES, with_unit
-from pmr.results.response import Extremes
+from pmr.results.response import LUFFING_ANGLE, Extremes
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA, Frame
 from pmr.scene.hoist import HEIGHT, KEYS, KINDS
 from pmr.scene.keys import LUFFING_CYLINDER, input_name
+from pmr.scene.luffing_checks import misplaced_supports
 from pmr.scene.mechanism import CYLINDER, FrameTerm, frame_terms, supports_at_lug
 from pmr.simulation import Excitation
 from pmr.simulation.balance import row_products, step_means
@@ -58,14 +59,16 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
     t, along, prefix = response.t, scene.path_positions(response.t), f"{LUFFING_CYLINDER} "
     driven = [name for name in response.other_names if name.startswith(prefix)]
     histories, warnings = {name.removeprefix(prefix): response.other(name) for name in driven}, list[str]()
-    if not driven:
+    if driven:
+        warnings = turning_warnings(scene, response.other(LUFFING_ANGLE))
+        if (oil := scene.frame.cylinder.oil) is not None:
+            warnings += supply_warnings(LUFFING_CYLINDER, oil, histories, response)
+    else:
         angle, force = scene.frame.angles.luffing, response.other(CYLINDER)
         length, arm = scene.frame.cylinder.length_and_arm(angle.value(t))
         speed = arm * angle.rate(t)
         histories = {"force": force, "length": length, "speed": speed, "power": force * speed}
         warnings = turning_warnings(scene, angle.value(t))
-    elif scene.frame.cylinder.oil is not None:
-        warnings = supply_warnings(LUFFING_CYLINDER, scene.frame.cylinder.oil, histories, response)
     return _cylinder_part(LUFFING_CYLINDER, histories, response, along, warnings)
 
 
@@ -136,23 +139,29 @@ def _cylinder_part(
 
 
 def turning_warnings(scene: Scene, angles: Array) -> list[str]:
-    """A warning if a support with a stiffness stands in for a luffing cylinder that turns or leans; else nothing.
+    """Warnings where a support stands in for a luffing cylinder that turns, leans or acts elsewhere.
 
-    The cylinder turns if its stiffness about the pivot varies by more than a factor of `TURNED` over the luffing
-    `angles` (T,) in rad.  It leans if its force along the boom exceeds `LEANING` times its force across the boom.
+    A support with a stiffness does not turn as a cylinder whose stiffness about the pivot varies by more than a factor
+    of `TURNED` over the luffing `angles` (T,) in rad.  Every support across the boom lacks a force along the boom that
+    exceeds `LEANING` times the cylinder's force across the boom.
     """
     if scene.frame is None or scene.frame.cylinder is None:
         return []
-    names = [support.name for support in scene.sections[0].supports if support.stiffness != "rigid"]
-    across = [name for name in supports_at_lug(scene) if name in names]
-    if not across:
-        return []
+    supports, at_lug = scene.sections[0].supports, supports_at_lug(scene)
+    lug = scene.frame.cylinder.lug[0] - scene.frame.tail_position[0]
+    warnings = [
+        f"the support {supports[k].row_name('z')!r} is at {place:g} m from the tail, the luffing cylinder's lug at "
+        f"{lug:g} m: if it stands for the cylinder, the base bends in another place, deflections and stress are off"
+        for k, place in misplaced_supports(scene).items()
+    ]
+    if not at_lug:
+        return warnings
+    differences = list[str]()
     arm = np.abs(scene.frame.cylinder.length_and_arm(angles).arm)
     factor = float(arm.max() / arm.min()) ** 2
     force_along, force_across = np.abs(scene.frame.cylinder.direction(angles)).T
     leaning = float(np.max(force_along / np.maximum(force_across, 1e-9)))
-    differences = list[str]()
-    if factor > TURNED:
+    if factor > TURNED and any(support.name in at_lug and support.stiffness != "rigid" for support in supports):
         differences.append(
             "is as stiff at all angles, where a cylinder's stiffness about the pivot changes by "
             f"a factor of {factor:.2g}: deflections and frequencies are right at one angle alone"
@@ -163,11 +172,11 @@ def turning_warnings(scene: Scene, angles: Array) -> list[str]:
             "forces of the base up to the lug are off, and so is its stress"
         )
     if not differences:
-        return []
-    return [
-        f"the support {across[0]!r} {'; it '.join(differences)}; frame.cylinder.stiffness, in place of the support, "
-        "turns with the boom"
-    ]
+        return warnings
+    remedy = "frame.cylinder.stiffness, in place of the support, turns with the boom"
+    if scene.frame.cylinder.drives:  # of a free angle, which takes no stiffness
+        remedy = "a run at a given angle with frame.cylinder.stiffness in place of the support has that force"
+    return [*warnings, f"the support {at_lug[0]!r} {'; it '.join(differences)}; {remedy}"]
 
 
 def slack_spans(t: Array, force: Array) -> list[dict[str, float]]:

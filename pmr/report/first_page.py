@@ -129,7 +129,8 @@ def _stress_rows(result: RunResult) -> Rows:
             yield "largest von Mises stress in walls", _wall_stress_text(result, shell)
             local += "the row above has it"
         else:
-            local += "by how much is not known: compare.richer = 'shell' computes it"
+            prescribed = "" if result.scene.computed_key is None else "in a run with a prescribed motion "
+            local += f"by how much is not known: {prescribed}compare.richer = 'shell' computes it"
         where = "" if peak is None else f", {_peak_clause(result, peak)}"
         yield stress_name(result.scene), f"{stress_text}{where}; {local}"
         return

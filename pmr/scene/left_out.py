@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pmr.scene.built import Load
-from pmr.scene.choice import traits_of
+from pmr.scene.choice import has_walls_that_could_give, traits_of
 from pmr.scene.keys import qualified_name
 from pmr.scene.members import members
 from pmr.scene.scene import Scene
@@ -21,6 +21,7 @@ def left_out(scene: Scene, at_rest: bool = False) -> dict[str, str]:
     """
     clauses = {
         "strength": _strength(scene, at_rest),
+        "walls": _walls(scene),
         "pads": _pads(scene, at_rest),
         "masses": _masses(scene),
         "loads": _loads(scene),
@@ -76,6 +77,16 @@ def _strength(scene: Scene, at_rest: bool) -> list[str]:
         clauses.append("buckling of plates")
     clauses += ["welds, bolts and cut-outs", "plastic deformation"]
     return clauses if scene.fatigue is not None and not at_rest else [*clauses, "fatigue"]
+
+
+def _walls(scene: Scene) -> list[str]:
+    """What stiff walls of beams leave out of the motion, if pads press on them."""
+    if not any(has_walls_that_could_give(member) and member.pads for member in members(scene)):
+        return []
+    return [
+        "compliance of walls under pads, so that deflections are too small, frequencies too high and forces of pads "
+        "off: body.walls = 'give' adds it"
+    ]
 
 
 def _pads(scene: Scene, at_rest: bool) -> list[str]:

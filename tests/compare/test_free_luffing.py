@@ -53,6 +53,16 @@ def test_summary_has_the_range_of_angle_pressures_flows_and_power(result: RunRes
     assert cylinder["flow_supply"]["max"] > 5e-4 and cylinder["pressure_rod"]["min"] > 0.0
 
 
+def test_what_the_support_at_the_lug_lacks_of_the_cylinder_has_a_warning(result: RunResult) -> None:
+    """The share is that of the vector from foot to lug in the axes of the boom, at the angle where it is largest."""
+    angle, cylinder = result.responses["reduced"].other("luffing angle"), result.scene.frame.cylinder
+    vector = complex(*cylinder.lug) - complex(*cylinder.foot) * np.exp(-1j * angle)
+    (line,) = [line for line in result.summary["warnings"] if "along the boom" in line]
+    share = np.abs(vector.real / vector.imag).max()
+    assert f"the support 'lug' lacks the cylinder's force along the boom, up to {share:.2g} times" in line
+    assert "a run at a given angle with frame.cylinder.stiffness" in line
+
+
 def test_stored_result_and_report_have_the_angle_that_was_computed(result: RunResult, tmp_path: Path) -> None:
     result.save(tmp_path)
     stored = RunResult.load(tmp_path)

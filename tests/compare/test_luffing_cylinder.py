@@ -109,6 +109,35 @@ def test_a_support_in_its_place_has_a_warning_where_the_arm_changes() -> None:
     assert turning_warnings(Scene.model_validate(plain), np.zeros(1)) == []
 
 
+def share_along(angle: float) -> float:
+    """Force of the cylinder along the boom over that across it, with the angle in rad."""
+    cylinder = (turning_cylinder.LUG * np.exp(1j * angle) - turning_cylinder.FOOT) * np.exp(-1j * angle)
+    return float(abs(cylinder.real / cylinder.imag))
+
+
+def test_a_rigid_support_in_its_place_lacks_its_force_along_the_boom_but_does_not_give_way() -> None:
+    plain = boom(30.0, "beam2d", 1e7).model_dump(mode="json")
+    plain["frame"]["cylinder"]["stiffness"] = None
+    plain["sections"][0]["supports"] += [{"name": "luff", "on": 1.5, "directions": ["z"]}]
+    angles = np.deg2rad([10.0, 60.0])
+    (line,) = turning_warnings(Scene.model_validate(plain), angles)
+    share = max(map(share_along, angles.tolist()))
+    assert f"'luff' lacks the cylinder's force along the boom, up to {share:.2g} times" in line
+    assert "factor" not in line and "frame.cylinder.stiffness, in place of the support" in line
+
+
+def test_a_support_across_the_boom_that_is_not_at_the_lug_has_a_warning() -> None:
+    """Not so a support at the pivot, or one that is no support across the boom alone."""
+    plain = boom(30.0, "beam2d", 1e7).model_dump(mode="json")
+    supports = plain["sections"][0]["supports"]
+    supports += [{"name": "luff", "on": 2.0, "directions": ["z"]}, {"name": "foot", "on": "tail", "directions": ["z"]}]
+    supports += [{"name": "brace", "on": 2.5, "kind": "clamped", "stiffness": 1e3}]
+    assert turning_warnings(Scene.model_validate(plain), np.zeros(1)) == []  # the cylinder's own stiffness holds
+    plain["frame"]["cylinder"]["stiffness"] = None
+    (line,) = turning_warnings(Scene.model_validate(plain), np.zeros(1))
+    assert "'luff' is at 2 m from the tail, the luffing cylinder's lug at 1.5 m" in line
+
+
 @pytest.mark.parametrize(("foot", "lug"), [([-1.0, 0.0], [1.0, 0.0]), ([0.5, -1.0], [0.0, 0.0])])
 def test_a_cylinder_in_line_with_the_pivot_is_refused(foot: list[float], lug: list[float]) -> None:
     with pytest.raises(InputError, match=r"frame\.cylinder.*an arm about the pivot"):

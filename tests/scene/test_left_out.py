@@ -29,6 +29,14 @@ def test_what_is_left_out_follows_from_the_scene() -> None:
     assert "relief valves" in left_out(scenes.load_any("luffing_oil"))["machine"] and "relief" not in crane["machine"]
 
 
+def test_walls_that_are_rigid_under_pads_are_named_with_the_key_by_which_they_give() -> None:
+    said = left_out(scenes.load_any(Path("workflows/luffing_oil.toml")))["walls"]
+    assert all(word in said for word in ("deflections", "frequencies", "forces of pads", "body.walls = 'give'"))
+    assert "walls" not in left_out(scenes.load_any(CRANE))  # whose walls give
+    assert "walls" in left_out(scenes.load_any(CRANE, ["sections.fly.body.walls=rigid"]), at_rest=True)
+    assert "walls" not in left_out(scenes.load_any(Path("workflows/boom_three_shell.toml")))
+
+
 def test_kinds_of_an_extension_name_the_free_one_and_kinds_of_an_angle_do_not() -> None:
     for key, has_free in (("section.joint.extension", True), ("frame.slewing", False)):
         with pytest.raises(InputError) as refused:
