@@ -21,6 +21,7 @@ from pmr.scene.members import members
 from pmr.scene.signals import SignalBase
 from pmr.simulation import TimeStepping
 from pmr.simulation.balance import NOTABLE, describe_surplus
+from pmr.simulation.native.watched import SMALL
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import AnyBody, BodySystem
 
@@ -68,9 +69,6 @@ def distrust_warnings(reduced: Response, rigid: Sequence[str] = ()) -> list[str]
             f"{alternation_cause(rigid)}; {alternation_remedy(rigid)}"
         )
     return lines
-
-
-SMALL = 0.1  # share of the body's length: a tip that moves this far comes closer by half a per cent of the length
 
 
 def large_motion_warnings(length: float, responses: Iterable[Response]) -> list[str]:

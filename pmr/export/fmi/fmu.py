@@ -26,13 +26,14 @@ from pmr.errors import BEYOND_ENDS, InputError, environment
 from pmr.export.fmi.description import ModelAttributes, build_description, description_2, description_3
 from pmr.export.fmi.observer import UnitObserver
 from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
-from pmr.export.fmi.variables import Drivers, variables
+from pmr.export.fmi.variables import Drivers, output_kinds, variables
 from pmr.files.arrays import Array
 from pmr.files.whole import replacement_file
 from pmr.kernel.blocks import LINE, lines, pack, seal
 from pmr.kernel.kernel import checksum
 from pmr.simulation import contact_step
 from pmr.simulation.moving import StoredScene, read_scene
+from pmr.simulation.native.watched import watched_outputs
 from pmr.system.system import System
 
 VERSIONS = ("2", "3")
@@ -271,6 +272,8 @@ def system_file(
         Arrays of an observer (`UnitObserver.arrays`); then there is no Model Exchange.
     """
     settings = [omega, contact_step.TOLERANCE, contact_step.RESOLVED, contact_step.MOST_PARTS, BEYOND_ENDS]
+    names = [name for name, _, _ in output_kinds(drivers)]
+    watched = watched_outputs(drivers.system, None if drivers.frame is None else drivers.frame.scene, names)
     arrays: dict[str, NDArray[Any] | str] = {
         **drivers.data.arrays,
         "unit_start": start_values,
@@ -278,6 +281,9 @@ def system_file(
         "unit_modes": drivers.data.used_modes,
         "unit_kinds": np.array(drivers.kinds()),
         "unit_settings": np.array(settings, float),
+        "unit_watched": np.array([*zip(map(names.index, watched.names), watched.kinds, strict=True)], np.int64).ravel(),
+        "unit_bounds": watched.limits.ravel(),
+        "names_watched": lines(watched.messages),
         "unit_exchange": np.array([drivers.is_differential and not observer]),
         "names_paths": lines(path_names),
         **(observer or {}),

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, Literal
@@ -39,11 +40,14 @@ from pmr.simulation.moving import StoredScene, read_scene
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm, path_text, start_in_equilibrium, start_modes, step_failure
 from pmr.simulation.native.luffing import stepped_frame
+from pmr.simulation.native.watched import watched_outputs
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import SlidingBody
 from pmr.system.contacts import Friction
 from pmr.system.system import System
+
+logger = logging.getLogger(__name__)
 
 #: Distance in m within which a section that follows a free extension has to begin.
 FOLLOWS = 1e-6
@@ -146,6 +150,10 @@ class Stepper:
         self._state = State(kernel, settings)
         beyond = kernel.outputs - len(every)  # forces come after all outputs of the kernel
         self._bound = bound = BoundStep(self._state, [k if k < len(every) else k + beyond for k in chosen])
+        self._watched = watched_outputs(system, None if moving is None else moving.scene, self.output_names)
+        watched = [self.output_names.index(name) for name in self._watched.names]
+        self._watch = BoundStep(self._state, [k if k < len(every) else k + beyond for k in watched])
+        self._unwarned = set(self._watched.kinds)
         names, of_frame = kernel.names("drivers"), None
         paths, loads = names[: kernel.paths], {name: names.index(name) for name in system.load_names}
         if moving is not None:
@@ -203,7 +211,8 @@ class Stepper:
         InputError
             If a path leaves its range or would cross all of the range in a step, an angle other than slewing is more
             than a turn, a number is not finite, the system has no such name, or there is not one load for each input.
-            A motion that jumps, or that has no second rate in a frame, is reported once by a warning of `logging`.
+            A motion that jumps, or that has no second rate in a frame, is reported once by a warning of `logging`.  So
+            are, in a frame, displacements that are too large for the theory, and a machine that tips.
         SimulationError
             If contacts depend on each other, a search within the step does not end, or a force on the ground is not
             finite: the message names the step, its time and what failed.
@@ -233,6 +242,8 @@ class Stepper:
             drivers.end_step()
         if failed := self._observe():
             self._raise_failure(failed, f"the outputs of {self._step_text(0)}")
+        if self._unwarned:
+            self._warn_beyond_limits()
         return self._y if self._same_memory else self._y.copy()
 
     @property
@@ -406,6 +417,16 @@ class Stepper:
             needed = ratio * at[first] + offset
             if abs(at[path] - needed) > FOLLOWS * abs(ratio):
                 raise InputError("stepper", f"s.{path}", at[path], f"{needed:.9g} m is allowed: it follows {first}")
+
+    def _warn_beyond_limits(self) -> None:
+        """Log a warning, once for each kind of watched outputs, if one is beyond its limits."""
+        if self._watch.observe():
+            return  # forces on the ground are not found: the step says so if they are among its outputs
+        values, limits = self._watch.values, self._watched.limits
+        for k in np.flatnonzero((values < limits[:, 0]) | (values > limits[:, 1])).tolist():
+            if (kind := self._watched.kinds[k]) in self._unwarned:
+                self._unwarned.remove(kind)
+                logger.warning("%s: %s", self._step_text(0), self._watched.messages[k])
 
     def _raise_failure(self, failed: int, where: str) -> None:
         """Raise the error that an error code stands for; `where` names the step."""

@@ -35,7 +35,7 @@ static void line_of(const Unit *unit, const char *list, int number, char *text, 
 /* Whether the arrays that are read here are there, and as long as they have to be. */
 static int is_sound(Unit *unit)
 {
-    int64_t counts[6], ends;
+    int64_t counts[6], ends, watched = 0, bounds = 0;
     double kind;
     int k;
     unit->first = pmr_system_numbers(unit->system, "unit_start", counts);
@@ -53,6 +53,14 @@ static int is_sound(Unit *unit)
     if (counts[0] != 4 + 4 * (int64_t)unit->drivers || counts[1] != 2 * counts[3] || counts[2] != 5 ||
         counts[4] != unit->drivers || counts[5] != 1)
         return 0;
+    unit->watched = pmr_system_integers(unit->system, "unit_watched", &watched);
+    unit->bounds = pmr_system_numbers(unit->system, "unit_bounds", &bounds);
+    if (watched != bounds || watched % 2) return 0;
+    unit->watches = (int)(watched / 2);
+    for (k = 0; k < unit->watches; k++)
+        if (unit->watched[2 * k] < 0 || unit->watched[2 * k] >= unit->outputs || unit->watched[2 * k + 1] < 0 ||
+            unit->watched[2 * k + 1] > 1)
+            return 0;
     for (k = 0; k < unit->modes; k++)
         if (unit->where[k] < 0 || unit->where[k] >= unit->sizes.modes) return 0;
     for (k = 0; k < unit->drivers; k++)
@@ -189,6 +197,7 @@ int unit_reset(Unit *unit)
     memset(unit->off, 0, (size_t)unit->drivers * sizeof(double));
     memset(unit->second, 0, (size_t)unit->drivers * sizeof(double));
     memset(unit->warned, 0, (size_t)unit->drivers * sizeof(int32_t));
+    memset(unit->told, 0, sizeof unit->told);
     unit->started = 0;
     unit_changed(unit);
     estimator_reset(unit);
@@ -355,6 +364,21 @@ static void check_inputs(Unit *unit)
     }
 }
 
+/* Warn of outputs beyond their bounds after a step, once for each kind; forces on the ground may not be found. */
+static void check_outputs(Unit *unit)
+{
+    const double *outputs = unit->variables + unit->at.outputs;
+    int k, kind;
+    if (!unit->watches || (unit->told[0] && unit->told[1]) || find_outputs(unit, 0) || find_outputs(unit, 1)) return;
+    for (k = 0; k < unit->watches && !unit->warning[0]; k++) {
+        const double at = outputs[unit->watched[2 * k]];
+        kind = unit->watched[2 * k + 1];
+        if (unit->told[kind] || (at >= unit->bounds[2 * k] && at <= unit->bounds[2 * k + 1])) continue;
+        line_of(unit, "watched", k, unit->warning, sizeof unit->warning);
+        unit->told[kind] = 1;
+    }
+}
+
 /* Drivers `since` the inputs `led` (4, N) were set; a start stays as it was. */
 static void lead_drivers(Unit *unit, const double *led, double since)
 {
@@ -399,6 +423,7 @@ int unit_advance(Unit *unit, double time, double duration)
     }
     unit->stands = 1;
     read_states(unit);
+    check_outputs(unit);
     return 0;
 }
 

@@ -64,6 +64,9 @@ typedef struct {
     int started;                 /* initialisation is over */
     int stands;                  /* states and inputs are those that the last step or start has led to */
     int known_outputs, known_further, known_rates, known_derivatives;
+    const int32_t *watched; /* (w, 2): numbers of outputs and further ones, and kinds of warnings */
+    const double *bounds;   /* (w, 2): their values without a warning */
+    int watches, told[2];   /* w; whether the warning of each kind was given */
     double *memory, *variables, *given, *off, *second, *work;
     int32_t *warned, *closed;
     Estimator *estimator; /* NULL without an observer */
@@ -110,6 +113,7 @@ void estimator_restore(Unit *unit, const void *bytes);
 int refuse(Unit *unit, const char *why);
 int unit_failed(Unit *unit, int failed); /* with why the kernel failed */
 int unit_prepare(Unit *unit);            /* while nothing has begun, states and outputs are those with which it would */
+int find_outputs(Unit *unit, int further); /* outputs and forces, or further outputs, as variables */
 void unit_changed(Unit *unit);           /* states or inputs were set */
 /* Modes among all that the kernel has, which are zero where they are no modes, and back. */
 void fill_modes(const Unit *unit, const double *from, double *to);

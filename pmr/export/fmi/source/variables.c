@@ -25,7 +25,7 @@ static void put_states(Unit *unit, const double *z, const double *v)
 
 /* Outputs and forces, or with `further` the further outputs: of a step as it found them, else by the inputs and states
    that were set. */
-static int find_outputs(Unit *unit, int further)
+int find_outputs(Unit *unit, int further)
 {
     double *u = unit->variables, *outputs = u + unit->at.outputs, *others = outputs + unit->sizes.outputs;
     const pmr_values values = {
