@@ -56,7 +56,8 @@ UNNEEDED = (*UNKNOWN, ValueError, ImportError)
 #: Reason for no comparison if a machine's motion is computed: another model would have another motion of its base.
 ON_MACHINE = (
     "not measured where the motion of a machine, luffing angle or extension is computed; a run of the same boom with a "
-    "prescribed motion measures it"
+    "prescribed motion measures it: frame.luffing or joint.extension as a smooth_ramp between the values of this run, "
+    "without the keys of what drives it"
 )
 
 _log = logging.getLogger(__name__)

@@ -44,6 +44,8 @@ from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
 
 Rows = Iterator[tuple[str, str]]
 
+#: Where the hook is beside its head for a swing below and above 0, along and across the boom.
+SWING_SIDES = {"along": ("inwards of", "outwards of"), "across": ("to the right of", "to the left of")}
 #: Keys of the forces and moments whose largest values have a row; those of the luffing cylinder and of a free extension
 #: have rows of their own.
 FORCES = tuple(
@@ -284,8 +286,10 @@ def _hoist_rows(result: RunResult) -> Rows:
     yield "height of the hook", f"{format_quantity(height.least, 'm')} to {format_quantity(height.most, 'm')}"
     swings = {way: Extremes.from_summary(hoist[f"swing_{way}"]).largest for way in ("along", "across")}
     way = max(swings, key=lambda name: abs(swings[name].value))
-    degrees = f"{significant(np.rad2deg(swings[way].value))}°"
-    yield QUANTITIES["swing"].reported, f"{degrees}, {way} the boom, {_extreme_clause(result, swings[way])}"
+    largest = swings[way]
+    degrees = f"{significant(np.rad2deg(abs(largest.value)))}° {way} the boom"
+    side = SWING_SIDES[way][int(largest.value > 0.0)]
+    yield QUANTITIES["swing"].reported, f"{degrees}, the hook {side} the head, {_extreme_clause(result, largest)}"
 
 
 def _driven_rows(result: RunResult) -> Rows:
@@ -393,7 +397,7 @@ def _ground_rows(result: RunResult) -> Rows:
         name = min(extremes, key=lambda name: extremes[name].least)
         value = quantity.value(extremes[name])
         text = significant(value.value) if quantity.unit == "1" else format_quantity(value.value, quantity.unit)
-        of = "" if key == "tipping" else f", {name}"
+        of = " (at 1 the machine tips)" if key == "tipping" else f", {name}"
         error = _margin_error(result) if key == "tipping_margin" else ""
         yield quantity.reported, f"{text}{of}, {_extreme_clause(result, value)}{error}"
 
@@ -432,12 +436,25 @@ def _frequency_rows(result: RunResult) -> Rows:
         masses = [f"{of.name} {format_input(of.mass, 'kg')}" for part in result.scene.sections for of in part.masses]
         closed += f", with {' and '.join(masses)}" if masses else ""
         closed += ", without the payload of the hoist" if result.scene.hoist is not None else ""
-        closed += ", the luffing cylinder locked" if has_free_luffing(result) else ""
+        closed += _locked_clause(result)
         way = result.summary.get("lowest_mode", {}).get("direction", "")
         where = f"{TIP_MOVES[way]}{where}" if way in TIP_MOVES else where
         yield QUANTITIES["frequency"].reported, f"{significant(lowest)}{SPACE}Hz{where}{closed}"
     else:
         yield QUANTITIES["frequency"].reported, f"0{where}"
+
+
+def _locked_clause(result: RunResult) -> str:
+    """Clause that a luffing cylinder which gives way is locked here; empty for a given luffing angle."""
+    if not has_free_luffing(result):
+        return ""
+    cylinder = None if result.scene.frame is None else result.scene.frame.cylinder
+    on = {"oil": "on its oil", "length": "on its spring"}
+    springs = [on[drive] for drive in (cylinder.drives if cylinder is not None else ()) if drive in on]
+    load = " and with the payload of the hoist" if result.scene.hoist is not None else ""
+    return ", the luffing cylinder locked" + "".join(
+        f": {spring}{load} the boom swings up and down more slowly" for spring in springs
+    )
 
 
 def _extreme_clause(result: RunResult, extreme: Extreme) -> str:

@@ -19,6 +19,7 @@ from pmr.report.subject import (
     crossing,
     drive_of,
     force_words,
+    has_free_luffing,
     has_pushing_pads,
     is_alone,
     is_luffing_cylinder_alone,
@@ -31,6 +32,7 @@ from pmr.results.quantities import QUANTITIES
 from pmr.results.response import LUFFING_ANGLE, Extremes, Output, Response
 from pmr.results.tables import REACTION_OF, reaction_extremes
 from pmr.scene.hoist import KEYS
+from pmr.scene.keys import LUFFING_CYLINDER
 
 #: Share of the largest force up to which a force is round-off: a support along which nothing acts has a force that is
 #: not exactly 0.
@@ -115,6 +117,11 @@ def pivot_block(result: RunResult, prefix: str) -> Block | None:
             caption = f"{what} of the boom on its machine, sum over all supports, in the axes of the boom."
             if any(reaction.name.endswith("cylinder") for reaction in some):
                 caption += " The luffing cylinder carries a part of them, along itself, and the pivot the rest."
+            if any(reaction.name.endswith("cylinder") for reaction in some) and has_free_luffing(result):
+                caption += (
+                    " Its force here is the one that these moments need; the force of its drive, in the table below, "
+                    "differs from it by the moment of the structure's damping about the pivot."
+                )
             row.append(drawing(f"{prefix}-pivot-{name}", figures.pivot_figure, caption, result, some))
     caption = "Least and largest {} on the machine, when they occur" + then_words(result) + "."
     grids = (*_rigid_support_grids(result, at_pivot=True, caption=caption), *_driven_grids(result, "luffing_cylinder"))
@@ -307,7 +314,11 @@ def _rigid_support_grids(result: RunResult, at_pivot: bool, caption: str) -> Ite
     response, by_unit = result.responses["reduced"], dict[str, dict[str, Extremes]]()
     for of, extreme in reaction_extremes(response, places_at(result, response.t)).items():
         if (result.frame is not None and of.support.startswith(PIVOT)) == at_pivot:
-            by_unit.setdefault(of.unit, {})[shown_force_name(of.support).removeprefix(PIVOT)] = extreme
+            name = shown_force_name(of.support).removeprefix(PIVOT)
+            computed = (
+                ", by the moment about the pivot" if name == LUFFING_CYLINDER and has_free_luffing(result) else ""
+            )
+            by_unit.setdefault(of.unit, {})[name + computed] = extreme
     for base, of_unit in by_unit.items():
         largest = max(extreme.size for extreme in of_unit.values())
         bearing = {name: extreme for name, extreme in of_unit.items() if extreme.size > ROUND_OFF * largest}

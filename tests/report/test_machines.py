@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import plain_machines
 import pytest
 
@@ -52,7 +53,7 @@ def test_a_vehicle_is_told_by_its_place_on_the_bridge_and_counts_with_its_mass()
 
 
 def test_what_hangs_on_the_hoist_stands_on_the_first_page() -> None:
-    result = short_run(plain_machines.HOIST, *SHORT)
+    result = short_run(plain_machines.HOIST, *SHORT, "hoist.swing=[-0.01, 0.02]")
     asked, carries = rows(result, "What was asked"), rows(result, "What it carries")
     assert asked["hoist"] == f"payload of 400{SPACE}kg with a hook of 50{SPACE}kg on 2 falls"  # a gust comes later
     rope = rope_axis(result, [0, -1])
@@ -63,6 +64,12 @@ def test_what_hangs_on_the_hoist_stands_on_the_first_page() -> None:
     assert "square: the payload on its rope" in space.view_caption(result, "from the side")
     assert axis_motion(result)["hoist"] is not None
     assert carries["lowest natural frequency"].endswith(", without the payload of the hoist")
+    swings = {way: result.summary["hoist"][f"swing_{way}"] for way in ("along", "across")}
+    ends = [(of[end], way, end) for way, of in swings.items() for end in ("min", "max")]
+    largest, way, end = max(ends, key=lambda of: abs(of[0]))
+    side = {"along": ("inwards of", "outwards of"), "across": ("to the right of", "to the left of")}[way][end == "max"]
+    degrees = f"{abs(np.rad2deg(largest)):.3g}° {way} the boom, the hook {side} the head, at "
+    assert carries["largest swing of the hook"].startswith(degrees)
     drawn = [drawing.name for drawing in space_drawings(result, "case-1") if "buckling" in drawing.name]
     assert drawn == ["case-1-buckling-angle"]  # neither reach nor angle changes
     assert sections.input_block(result, "case-1") is None
@@ -81,17 +88,22 @@ def test_oil_has_its_pressure_and_flow_on_the_first_page() -> None:
     pressure = carries["largest pressure of oil"]
     assert pressure.startswith(f"{rod / 1e6:.3g}{SPACE}MPa, on the rod side, at ")
     assert carries["largest flow from the supply"].startswith(f"{flow:.3g}{SPACE}l/min, ")
-    assert carries["lowest natural frequency"].endswith(", the luffing cylinder locked")
+    assert carries["lowest natural frequency"].endswith(
+        ", the luffing cylinder locked: on its oil the boom swings up and down more slowly"
+    )
     block = forces.driven_block(result, "case-1")
     assert block is not None
     assert [drawing.name.rpartition("-")[2] for drawing in block.drawings] == ["pressure", "flow", "power"]
     names = [row[0] for grid in forces.pivot_block(result, "case-1").grids for row in grid.rows]
     assert {"flow supply in l/min", "volume bore in l"} <= set(names)
+    assert "luffing cylinder, by the moment about the pivot" in names and "luffing cylinder" not in names
 
 
 def test_a_machine_on_outriggers_says_on_what_it_stands() -> None:
     """A gust that comes after the end of the run is 0 at all times, and has no figure."""
     result = short_run(plain_machines.OUTRIGGERS, *SHORT)
+    use = rows(result, "What it carries")["largest use of the support polygon"]
+    assert use.startswith(f"{result.summary['ground']['use']['max']:.3f} (at 1 the machine tips), at ")
     asked = rows(result, "What was asked")
     masses = f"4 outriggers, with machine masses of 7500{SPACE}kg"
     assert asked["stands on"] == f"{masses}, on ground that rises by 0.5° along X and 1° along Y"
