@@ -143,11 +143,19 @@ def test_a_load_chart_from_an_empty_folder(
     stable, found = (
         json.loads((tmp_path / "reports" / name / "summary.json").read_text()) for name in ("chart_mine", "chart")
     )
-    assert stable["figures"]["never.stability"] == stable["figures"]["points"] == 360  # slewed by 0, 45 and 90 degrees
+    assert (
+        stable["figures"]["never.stability"] == stable["figures"]["points"] == 600
+    )  # slewed by 0, 45, ..., 180 degrees
     walls = sum(stable["figures"][f"governs.walls at pads of {name}"] for name in ("middle", "fly"))
-    assert f"Walls at pads govern at {walls}\nof its 360 points" in page and stable["figures"]["governs.tipping"] > 0
+    assert (
+        f"Walls at pads govern at {walls}\nof its {stable['figures']['points']} points" in page
+        and stable["figures"]["governs.tipping"] > 0
+    )
     with (tmp_path / "reports" / "chart_mine" / "chart.csv").open() as file:
-        carried = sorted((float(row["load [kg]"]), float(row["radius [m]"])) for row in csv.DictReader(file))
+        rows_of_chart = list(csv.DictReader(file))
+    carried = sorted((float(row["load [kg]"]), float(row["radius [m]"])) for row in rows_of_chart)
+    tips = min((float(row["tipping [kg]"]), row["slewing [degrees]"]) for row in rows_of_chart if row["tipping [kg]"])
+    assert tips[1] == "180" and f"{1e-3 * tips[0]:.1f} t over the rear there" in page
     least, radius = carried[0]
     assert f"it carries {least:,.0f} kg at a radius of {radius:.1f} m, and up to {carried[-1][0]:,.0f} kg where" in page
     figures = found["figures"]

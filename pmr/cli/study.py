@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -35,8 +33,6 @@ from pmr.errors import InputError, environment
 from pmr.errors.text import escape_controls
 
 if TYPE_CHECKING:
-    from pmr.scene import Scene
-    from pmr.scene.frame import Frame
     from pmr.studies import workers
     from pmr.studies.call import Outcome, Progress, Project, Watch
 
@@ -116,7 +112,9 @@ def study(
         from pmr.report.studies import write_report
 
         try:
-            print_text(out, f"report {write_report(folder).html}")
+            report = write_report(folder)
+            print_text(out, f"report {report.html}")
+            print_text(out, f"report {report.pdf}")
         except Exception as error:  # any error of the report; the tables are stored
             print_text(err, f"pmr: {report_failure_message(error, folder)}")
             raise typer.Exit(1) from None
@@ -183,13 +181,17 @@ def _show_progress() -> Iterator[Watch]:
 
 def _print_results(project: Project, outcome: Outcome) -> None:
     """Print the table, summary and warnings of each study that has results."""
+    from pmr.report.studies import chart_words
     from pmr.report.studies.runs import terminal_grid
 
     for part in project.parts:
         results = outcome.results[part.name]
         if all(run.status != "done" for run in results.runs):
             continue
-        grid = terminal_grid(results.runs, out.width // COLUMN, SHOWN_RUNS)
+        if part.study.kind == "chart":
+            grid = chart_words.terminal_grid(results, SHOWN_RUNS)
+        else:
+            grid = terminal_grid(results.runs, out.width // COLUMN, SHOWN_RUNS)
         table = Table(
             title=escape_controls(part.study.title), title_justify="left", caption=grid.caption, title_style="bold"
         )
@@ -223,54 +225,19 @@ def _print_failures(outcome: Outcome) -> None:
 
 
 STUDY = "chart.toml"
-#: Number of extensions and number of angles in the chart study that `pmr chart` writes.
-EXTENSIONS, ANGLES = 12, 10
-#: Number of slewing angles in a whole turn.
-SLEWING_STEPS = 8
-#: Limit of a chart whose scene says on what the machine stands.
-TIPPING = """
-[[limits]]
-name = "tipping"
-of = "tipping"
-most = 1.0      # use of the support polygon: at 1 the machine tips
-factor = 1.33   # so that at most three quarters of it are used; your standard has the factor of your machine
-"""
-#: Limit of a chart whose scene has probes of stress and a yield stress, in Pa.
-STRESS = """
-[[limits]]
-name = "stress at probes"
-of = "stress"
-most = {most:.6g}e6    # Pa, the least yield stress where probes are
-factor = 1.5    # bending of walls under pads comes on top of stresses of beams: limits of pads keep it small
-"""
-#: Limit of a chart on the forces of the pads of a joint, for a section by name, with a force in N.
-WALLS = """
-[[limits]]
-name = "walls at pads of {name}"
-of = "pad"
-which = ["{name} *"]
-most = {force:.1f}    # N of a pad alone, at which the walls of {section} begin to yield at its edge
-factor = 1.5    # bending of the whole section comes on top
-"""
-LIMITS = """
-# Further limits that the load must keep, each with your own safety factor.
-# [[limits]]
-# name = "pads"
-# of = "pad"                   # or stress, luffing, cylinder, support, deflection, buckling, frequency, overturning
-# most = 50e3                  # N, what a pad and the walls under it bear
-# factor = 1.5
-#
-# [[cases]]
-# name = "in service"
-# weight = 1.1
-# load = 1.3
-# loads = { gust = 400.0 }     # loads of the scene by name
-"""
 
 
 def chart(
     scene: SceneFile,
-    up_to: Annotated[float, typer.Option("--up-to", metavar="KG", help="Largest load that is looked for.")],
+    up_to: Annotated[
+        float | None,
+        typer.Option(
+            "--up-to",
+            metavar="KG",
+            help="Largest load that is looked for.",
+            show_default="the mass of machine and boom, or five times that of a boom without a machine",
+        ),
+    ] = None,
     out_dir: Folder = None,
     jobs: Jobs = None,
 ) -> None:
@@ -281,8 +248,11 @@ def chart(
 
     Example:
 
+        pmr chart crane
+
         pmr chart crane --up-to 20000
     """
+    from pmr.cli.chart_study import chart_study_text, usual_load, words_of_usual_load
     from pmr.scene import load_any
 
     file = scene_file(scene)
@@ -290,78 +260,11 @@ def chart(
     prepare_folder(folder, (STUDY, "tasks/*.npz"))
     written = folder / STUDY
     if not written.exists():
-        written.write_text(_chart_study_text(file, load_any(file), up_to), encoding="utf-8")
+        loaded = load_any(file)
+        largest = usual_load(loaded) if up_to is None else up_to
+        written.write_text(chart_study_text(file, loaded, largest), encoding="utf-8")
+        if up_to is None:
+            sentence = f"{largest:.6g} kg is the largest load that is looked for: {words_of_usual_load(loaded)}"
+            print_sentences(out, f"{sentence}; --up-to KG takes another")
         print_text(out, f"study  {written}  the study of this chart: add limits to it, and call again")
     study(written, out_dir=folder, jobs=jobs)
-
-
-def _slewing_angles(frame: Frame, end: float) -> list[float]:
-    """Return slewing angles in the frame's unit, at most an eighth of a turn apart, over the range up to `end` in s.
-
-    Of a whole turn each angle is there once.
-    """
-    if frame.slewing is None:
-        return [0.0]
-    turn = 360.0 if frame.unit == "degrees" else 2.0 * math.pi
-    low, high = frame.slewing.bounds(0.0, end)
-    width = min(high - low, turn)
-    count = max(math.ceil(SLEWING_STEPS * width / turn - 1e-9), 1 if width > 0.0 else 0)
-    return [low + width * k / max(count, 1) for k in range(count + (width < turn))]
-
-
-def _wall_limits(scene: Scene) -> Iterator[str]:
-    """Yield a limit of a chart for each joint of beams whose walls' stress at pads can be computed."""
-    from pmr.results.quantities import stress_remark
-    from pmr.studies.shared import pad_yield_forces
-
-    if not stress_remark(scene):  # shells have a limit of their own, on the stress field
-        return
-    try:
-        forces = pad_yield_forces(scene)
-    except InputError as error:
-        print_text(err, f"walls at pads are not limited: {error.allowed}")
-        return
-    for name, at_yield in forces.items():
-        yield WALLS.format(name=name, force=at_yield.force, section=at_yield.section)
-
-
-def _chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
-    """Return the text of a study file for a load chart, over the ranges of the scene's extensions and luffing angle.
-
-    Limits are tipping, the stress at probes and that of walls at pads, as far as the scene has what they need; pads are
-    pressed on shells of the sections for it.  `up_to` is the largest load in kg.  Raises InputError if the scene has no
-    luffing angle.
-    """
-    if scene.frame is None or scene.frame.luffing is None or scene.frame.luffing == "free":
-        allowed = "a scene whose [frame] has a luffing angle over time is allowed"
-        raise InputError("command line", "SCENE", str(file), allowed)
-    if not up_to > 0.0:
-        raise InputError("command line", "--up-to", up_to, "a load above 0 kg is allowed")
-    end, names = scene.time.end, scene.names[1:]
-    bounds = [scene.extension(number).bounds(0.0, end) for number in range(1, len(scene.sections))]
-    rows = []
-    for k in range(EXTENSIONS if names else 0):
-        share = k / (EXTENSIONS - 1)
-        at = (f"{name} = {low + share * (high - low):.6g}" for name, (low, high) in zip(names, bounds, strict=True))
-        rows.append(f"  {{ {', '.join(at)} }},\n")
-    least, most = scene.frame.luffing.bounds(0.0, end)
-    slewing = _slewing_angles(scene.frame, end)
-    probed = [part for part in scene.bodies.values() if any("stress" in probe.measures for probe in part.probes)]
-    regions = [region for part in probed for region in part.body.regions.values() if region.material is not None]
-    materials = [*(part.body.material for part in probed), *(region.material for region in regions)]
-    yields = [material.yield_stress for material in materials if material is not None]
-    return "".join(
-        [
-            'kind = "chart"\n',
-            f"title = {json.dumps(f'Load chart: {scene.title}')}\n",
-            f"scene = {json.dumps(str(file.resolve()))}\n",
-            f"up_to = {float(up_to)!r}  # kg\n",
-            f"extensions = [\n{''.join(rows)}]\n" if rows else "",
-            f"luffing = {{ least = {least:.6g}, most = {most:.6g}, count = {ANGLES if most > least else 1} }}\n",
-            f"slewing = [{', '.join(f'{angle:.6g}' for angle in slewing)}]  # the least load of all counts\n",
-            TIPPING if scene.frame.ground is not None else "",
-            STRESS.format(most=1e-6 * min(filter(None, yields))) if yields and all(yields) else "",
-            *_wall_limits(scene),
-            LIMITS,
-        ]
-    )

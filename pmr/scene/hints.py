@@ -82,10 +82,10 @@ class _UnusualNumber:
 
 def hints(scene: Scene) -> list[str]:
     """Return a sentence for each key of a scene whose number is unusual, and one on hung forces without a mass."""
-    numbers = list(_unusual_in_table(scene, "", _boom_scales(scene)))
+    numbers = list(_unusual_in_table(scene, "", boom_scales(scene)))
     for number, part in enumerate(scene.sections):
         key = f"sections[{number}]." if scene.sections[0].name else ""
-        numbers += _unusual_in_table(part, key, _boom_scales(scene) | _section_scales(part))
+        numbers += _unusual_in_table(part, key, boom_scales(scene) | _section_scales(part))
     return [*_sentences(numbers), *filter(None, [hung_force_remark(scene)])]
 
 
@@ -94,7 +94,7 @@ def table_hints(table: BaseModel, scene: Scene) -> list[str]:
 
     The table, such as a study of the scene, is not part of it.
     """
-    return _sentences(_unusual_in_table(table, "", _boom_scales(scene)))
+    return _sentences(_unusual_in_table(table, "", boom_scales(scene)))
 
 
 def _sentences(numbers: Iterable[_UnusualNumber]) -> list[str]:
@@ -164,7 +164,7 @@ def _unusual_number(
         yield _UnusualNumber(key, value, ranges[-1].unit or unit, low, high)
 
 
-def _boom_scales(scene: Scene) -> dict[str, float]:
+def boom_scales(scene: Scene) -> dict[str, float]:
     """Return the scales of the whole boom: reach in m, mass in kg, weight in N, time in s and gravity in m/s^2.
 
     Their names are ``reach``, ``boom`` (the mass), ``weight``, ``time`` and ``gravity``.  Reach, mass or weight is 0 if

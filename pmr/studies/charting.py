@@ -170,7 +170,8 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     - ``at.<name>``: arrays of `pmr.studies.chart_points.governing_details` at the points ``at.place`` (l,), where each
       limit governs the largest load of the row; ``at.place`` is -1 for a limit that governs at none.
       ``at.remarks`` (l,): what the quantity of each limit leaves out, in words; ``at.left_out`` (n, 2): what the chart
-      leaves out, as pairs of a subject and clauses.
+      leaves out, as pairs of a subject and clauses; ``at.definitions`` (n, 2): the same of what words mean.
+      ``at.slewing``: the slewing angles of the row in degrees.
 
     Record: ``load.least`` and ``load.most``, the extremes over the points of the smallest load over all limits, in kg.
     """
@@ -199,9 +200,11 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     best, case = largest_governed_rows(arrays["load"]), arrays["case"]
     at_best = [chart.places(at, first + k)[case[k, n]] if k >= 0 else None for n, k in enumerate(best.tolist())]
     pages = governing_details(chart.limits, at_best, arrays["load"][best, np.arange(len(best))], bent, stops)
-    remarks = [stress_remark(scene) if limit.of == "stress" else "" for limit in chart.limits]
+    remarks = [_remark(scene, limit) for limit in chart.limits]
     left_out_rows = np.array(list(left_out_of_chart(scene, chart.limits).items()))
     pages |= {"place": best, "remarks": np.array([*remarks, ""]), "left_out": left_out_rows}
+    pages["definitions"] = np.array(list(chart_definitions(scene, arguments.get("point")).items()))
+    pages["slewing"] = np.unique(np.rad2deg(slewing).round(9))
     arrays |= {f"at.{name}": values for name, values in pages.items()}
     arrays["not_covered"] = np.array(["; ".join(models.not_covered(chart.limits))] * len(rows))
     contacts = CONTACTS.validate_json(str(needs["postures"].arrays["contacts"]))
@@ -215,15 +218,49 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     )
 
 
+def _remark(scene: Scene, limit: Limit) -> str:
+    """Return what the report says behind a limit: its own note; of stress at probes where these are."""
+    if limit.of != "stress" or limit.kind.names is None:
+        return limit.note
+    places = ", ".join(filter(limit.concerns, limit.kind.names(scene)))
+    return "; ".join(filter(None, (f"at {places} alone", stress_remark(scene), limit.note)))
+
+
 def left_out_of_chart(scene: Scene, limits: Sequence[Limit]) -> dict[str, str]:
     """Return what a chart of a scene leaves out, as clauses by subject: limits, motion, and what the model lacks."""
     usual = dict.fromkeys(kind.words for kind in KINDS.values() if kind.words)
     lacking = [words for words in usual if words not in {limit.kind.words for limit in limits}]
     rows = {"limits that are not set": ", ".join(lacking)} if lacking else {}
-    rows["motion"] = (
-        "inertia and swings by hoisting, luffing, slewing and telescoping; factors of cases and stops stand for it"
-    )
+    rows["motion"] = "inertia and swings by hoisting, luffing, slewing and telescoping"
+    if "field" not in {limit.of for limit in limits}:
+        rows["places without a limit"] = (
+            "walls away from probes and pads, as beside the feet and lugs of cylinders, and cylinders themselves"
+        )
     return rows | left_out(scene, at_rest=True)
+
+
+def chart_definitions(scene: Scene, point: tuple[float, float, float] | None = None) -> dict[str, str]:
+    """Return what a chart of a scene calls load, radius, height and boom length, as clauses by subject.
+
+    The load hangs at `point` in m in the axes of the last section, or at the tip.
+    """
+    last = scene.sections[-1]
+    remaining = [f"{mass.name}, {mass.mass:g} kg" for mass in last.masses if not mass.payload]
+    load = (
+        "what hangs at the tip" if point is None else f"what hangs at {list(point)} m in the axes of the last section"
+    )
+    if remaining:
+        load += f", beside masses that are not part of it: {'; '.join(remaining)}"
+    else:
+        load += ", with hook block and rope, as the scene has no mass there: deduct theirs"
+    ground = scene.frame.ground if scene.frame is not None else None
+    above = f"; {ground.height:g} m more above the ground" if ground is not None else ""
+    return {
+        "load": load,
+        "radius": "horizontal distance of the undeformed tip from the pivot of the boom",
+        "height": f"of the undeformed tip above the pivot{above}",
+        "boom length": "distance of the undeformed tip from the pivot",
+    }
 
 
 def _point_arrays(

@@ -55,6 +55,8 @@ Positive = Annotated[float, Field(gt=0.0)]
 Share = Callable[[LoadedStates], Array]
 #: The limit that every chart has: beyond it there is no stable equilibrium.
 STABILITY = "stability"
+#: The same in words, as pages show it.
+STABILITY_WORDS = "buckling of the boom"
 #: Text between the body's name and the rest in names of probes of the stress field; faces of walls with such probes.
 FIELD, FACES = "field of ", ("outer", "inner")
 #: Name of the region of a mesh without regions.
@@ -243,6 +245,7 @@ class Limit(SceneTable):
         default=None, description="Smallest allowed value: buckling factor, frequency in Hz, force of an outrigger in N"
     )
     factor: Positive = Field(default=1.0, description="Safety factor, of your own choice")
+    note: str = Field(default="", description="Text that the report shows behind the limit, as on its accuracy")
     which: tuple[str, ...] = Field(
         default=("*",),
         description="Names of probes, pads, supports, sections or their regions, with * for any text; by default all",

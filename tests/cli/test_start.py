@@ -247,15 +247,42 @@ def test_the_study_that_it_writes_asks_for_all_that_the_scene_goes_through(
 def test_the_study_that_it_writes_looks_over_all_sides_of_a_boom_that_slews(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
+    """Rear and front of the template differ, left and right do not; one mass beside the middle takes the whole turn."""
     _only_write_charts(monkeypatch)
     monkeypatch.chdir(tmp_path)
-    for most, angles in (("360.0", tuple(range(0, 360, 45))), ("-30.0", (-30.0, 0.0)), ("0.0", (0.0,))):
+    half, whole = (0.0, 45.0, 90.0, 135.0, 180.0), tuple(range(0, 360, 45))
+    template = (TEMPLATES / "crane.toml").read_text()
+    for most, angles in (("360.0", half), ("-30.0", half), ("0.0", (0.0,)), ("90.0", half)):
         signal = f"slewing = {{ kind = 'smooth_ramp', times = [2.0, 10.0], values = [0.0, {most}] }}"
-        text = re.sub(r"^slewing = .*$", signal, (TEMPLATES / "crane.toml").read_text(), flags=re.M)
+        text = re.sub(r"^slewing = .*$", signal, template, flags=re.M)
         (tmp_path / "crane.toml").write_text(text)
         done = called(monkeypatch, capsys, "chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / most))
         assert done.returncode == 0, done.stderr
         assert call.load(tmp_path / most / "chart.toml").parts[0].study.slewing == angles
+    carrier, outrigger = "at = [-0.6, 0.0, -0.9]", "at = [-2.6, 2.4]"
+    for name, old, new, angles in (
+        ("beside", carrier, "at = [-0.6, 0.1, -0.9]", whole),
+        ("outrigger", outrigger, "at = [-2.6, 2.3]", whole),
+        ("both", carrier, "at = [0.0, 0.0, -0.9]", (0.0, 45.0, 90.0)),
+    ):
+        assert old in template
+        (tmp_path / "crane.toml").write_text(template.replace(old, new))
+        called(monkeypatch, capsys, "chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / name))
+        assert call.load(tmp_path / name / "chart.toml").parts[0].study.slewing == angles
+
+
+def test_a_chart_without_a_largest_load_takes_the_mass_of_machine_and_boom(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    """18 t of machine and 2.2 t of boom, rounded up; without a machine, five times the mass of the boom."""
+    _only_write_charts(monkeypatch)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "crane.toml").write_text((TEMPLATES / "crane.toml").read_text())
+    done = called(monkeypatch, capsys, "chart", "crane.toml", "--out", str(tmp_path / "ground"))
+    assert call.load(tmp_path / "ground" / "chart.toml").parts[0].study.up_to == 21000.0
+    assert "21000 kg is the largest load that is looked for" in " ".join(done.stdout.split())
+    called(monkeypatch, capsys, "chart", "crane", "--out", str(tmp_path / "boom"))
+    assert call.load(tmp_path / "boom" / "chart.toml").parts[0].study.up_to == 11000.0
 
 
 def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
@@ -266,9 +293,9 @@ def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.Mo
     study = call.load(tmp_path / "reports" / "chart_mine" / "chart.toml").parts[0].study
     limits = [(limit.of, limit.most, limit.factor) for limit in study.limits]
     # the scene has outriggers, a probe of stress and pads
-    assert limits == [("tipping", 1.0, 1.33), ("stress", 355e6, 1.5), ("pad", 38.5e3, 1.5)]
+    assert limits == [("tipping", 1.0, 1.33), ("stress", 690e6, 1.5), ("pad", 38.5e3, 1.5)]
     assert study.limits[-1].which == ("middle *",)
-    assert study.slewing == (0.0, 45.0, 90.0)
+    assert study.slewing == (0.0, 45.0, 90.0, 135.0, 180.0)
     scene = json.dumps(study.plan().runs[0].arguments)
     assert "hook block" in scene and '"name": "payload"' not in scene  # the load that is looked for hangs in its place
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import PathPatch
+from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
@@ -38,8 +38,14 @@ from pmr.report.numbers import enlargement, format_input
 CURVES, MOST_CELLS = 12, 4000
 #: Largest number of boom lengths with a line of allowed loads over the radius.
 LINES = 9
-#: Heights in points of the labels of boom lengths above the ends of their lines, in turn.
-LABEL_HEIGHTS = (14.0, 26.0)
+#: Least distance of the letter of a limit from the number at a curve, as a share of the larger side of the picture.
+LETTER_ROOM = 0.04
+#: Width and height in points of the label of a boom length, and its least distance above the end of its line.
+LABEL_WIDTH, LABEL_HEIGHT, LABEL_DISTANCE = 32.0, 10.0, 12.0
+#: Words for positions where the boom passes a limit even without a load, and the hatching of their cells.
+NOT_PERMITTED, HATCH = "not permitted, even empty", "xxxx"
+#: How cells are drawn in which the boom is not permitted, even empty.
+NOT_PERMITTED_STYLE: dict[str, Any] = {"facecolor": "white", "edgecolor": MUTED, "hatch": HATCH, "linewidth": 0.0}
 #: Loads in kg for which curves of constant load are drawn, times a power of ten.
 STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 #: Share (0 to 1) in which the colours of limits are mixed with white.
@@ -55,8 +61,8 @@ class LoadChart:
     """Load chart for E reaches and A angles.
 
     `place` (E, A, 2) is the position of the tip in m, as radius and height from the pivot.  `load` (E, A) is the load
-    in kg. `which` (E, A) is the number of the governing limit in `names`, or -1 if no limit governs.  `up_to` in kg is
-    the load at which the search ends.
+    in kg, 0 where the boom passes a limit even without a load. `which` (E, A) is the number of the governing limit in
+    `names`, or -1 if no limit governs.  `up_to` in kg is the load at which the search ends.
     """
 
     place: Array
@@ -66,15 +72,21 @@ class LoadChart:
     up_to: float
 
     @property
+    def not_permitted(self) -> NDArray[np.bool_]:
+        """Whether a limit is passed even without a load (E, A)."""
+        return (self.which >= 0) & (self.load <= 0.0)
+
+    @property
     def governing_limits(self) -> list[int]:
-        """Numbers of the limits that govern at some position, in increasing order."""
-        return sorted(int(k) for k in np.unique(self.which) if k >= 0)
+        """Numbers of the limits that govern a load above 0 at some position, in increasing order."""
+        return sorted(int(k) for k in np.unique(self.which[~self.not_permitted]) if k >= 0)
 
     @property
     def labels(self) -> list[str]:
         """Letters and names of the governing limits, and words for positions at which no limit is reached."""
         named = [f"{letters(k)} {self.names[k]}" for k in self.governing_limits]
-        return named + [f"more than {format_input(self.up_to)} kg (search ends there)"] * bool((self.which < 0).any())
+        beyond = [f"more than {format_input(self.up_to)} kg (search ends there)"] * bool((self.which < 0).any())
+        return named + beyond + [NOT_PERMITTED] * bool(self.not_permitted.any())
 
     @property
     def colours(self) -> dict[int, str]:
@@ -125,29 +137,52 @@ def _draw_chart(chart: LoadChart) -> DrawnChart:
     names = chart.labels
     rows = legend_rows(names, WIDE) if names else 0
     figure = _side_view(low, high, TALLEST, rows)
-    ax = figure.axes[0]
+    ax, hatched = figure.axes[0], chart.not_permitted
     colours = {k: mix_with_white(of, 1.0 - PALE) if k >= 0 else SHADE for k, of in chart.colours.items()}
     around = (corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:])
     cells = np.stack([*around, around[0]], axis=2)
-    for number in np.unique(chart.which):  # one outline for each colour: single cells take seconds in a PDF
-        cells_of_limit = cells[chart.which == number]
-        codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY] * len(cells_of_limit)
-        outline = Path(cells_of_limit.reshape(-1, 2), codes)
-        ax.add_patch(PathPatch(outline, color=colours[int(number)], linewidth=0.3, zorder=1.0))
-        if number >= 0:
-            places = chart.place[chart.which == number]
-            middle = places[np.argmin(np.linalg.norm(places - places.mean(axis=0), axis=1))]
-            ax.text(middle[0], middle[1], letters(int(number)), weight="bold", ha="center", va="center", zorder=4.0)
+    for number in np.unique(chart.which[~hatched]):  # one outline for each colour: single cells take seconds in a PDF
+        is_of_limit = (chart.which == number) & ~hatched
+        ax.add_patch(PathPatch(_outline(cells[is_of_limit]), color=colours[int(number)], linewidth=0.3, zorder=1.0))
+    if hatched.any():
+        ax.add_patch(PathPatch(_outline(cells[hatched]), zorder=1.0, **NOT_PERMITTED_STYLE))
     levels = _contour_loads(chart.load)
     if min(chart.load.shape) > 1 and levels:
-        load = np.ma.masked_invalid(chart.load)
+        load = np.ma.masked_where(hatched | ~np.isfinite(chart.load), chart.load)
         drawn = ax.contour(*chart.place.transpose(2, 0, 1), load, levels=levels, colors=INK, linewidths=0.7, zorder=2.0)
         ax.clabel(drawn, fmt=format_input, fontsize=7.0, inline_spacing=2)
+        taken = np.array([text.get_position() for text in drawn.labelTexts]).reshape(-1, 2)
+    else:
+        taken = np.zeros((0, 2))
+    for k in chart.governing_limits:
+        at = _free_place(chart.place[(chart.which == k) & ~hatched], taken, LETTER_ROOM * float((high - low).max()))
+        ax.text(float(at[0]), float(at[1]), letters(k), weight="bold", ha="center", va="center", zorder=5.0)
     ax.plot(0.0, 0.0, marker="o", color=MUTED, markersize=4.0, clip_on=False, zorder=3.0)
     equal_axes(ax)
-    entries = zip(colours.values(), names, strict=True)
-    add_legend(figure, [Line2D([], [], color=of, linewidth=6.0, label=name) for of, name in entries], max(rows, 1))
+    entries: list[Line2D | Patch] = [
+        Line2D([], [], color=of, linewidth=6.0, label=name) for of, name in zip(colours.values(), names, strict=False)
+    ]
+    entries += [Patch(label=NOT_PERMITTED, **NOT_PERMITTED_STYLE)] if hatched.any() else []
+    add_legend(figure, entries, max(rows, 1))
     return DrawnChart(figure, corners)
+
+
+def _free_place(places: Array, taken: Array, room: float) -> Array:
+    """Return the one of n `places` (n, 2) nearest to their mean that is at least `room` in m from all `taken` (m, 2).
+
+    If there is none, it is the one that is farthest from all `taken`.
+    """
+    apart = np.linalg.norm(places[:, None] - taken, axis=2).min(axis=1, initial=np.inf)
+    if not (apart >= room).any():
+        return np.asarray(places[np.argmax(apart)])
+    from_mean = np.linalg.norm(places - places.mean(axis=0), axis=1)
+    return np.asarray(places[np.argmin(np.where(apart >= room, from_mean, np.inf))])
+
+
+def _outline(cells: Array) -> Path:
+    """Outline of n `cells` (n, 5, 2), whose last corner is the first one."""
+    codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY] * len(cells)
+    return Path(cells.reshape(-1, 2), codes)
 
 
 def duty_lines(chart: LoadChart) -> Figure:
@@ -155,40 +190,65 @@ def duty_lines(chart: LoadChart) -> Figure:
 
     The boom length stands above the end of its line, at the largest radius.  Colour and letter of a piece of a line say
     which limit governs; each limit has its letter once on a line.  Where no limit is reached, arrows at the load at
-    which the search ends point up.
+    which the search ends point up.  Where the boom is not permitted even empty, there are crosses on the axis.
     """
     names = chart.labels
     rows = legend_rows(names, WIDE)
     figure, axes = make_sheet(WIDE, 3.4 + ROW * rows, margins={"left": 0.6, "right": 0.5, "top": 0.12 + ROW * rows})
     ax: Axes = axes[0, 0]
     ax.set(xlabel="Radius in m", ylabel="Allowed load in kg")
-    for number, e in enumerate(spread_indices(len(chart.load), LINES)):
-        radius, load, which = chart.place[e, :, 0], chart.load[e], chart.which[e]
-        shown = np.where(which >= 0, load, chart.up_to)
+    most, ends = float(np.nanmax(chart.load, initial=0.0)), list[tuple[str, float, float]]()
+    for e in spread_indices(len(chart.load), LINES):
+        radius, which, crossed = chart.place[e, :, 0], chart.which[e], chart.not_permitted[e]
+        load = np.where(crossed, np.nan, chart.load[e])
+        shown = np.where(which >= 0, chart.load[e], chart.up_to)
         ax.plot(radius, load, color="0.75", linewidth=0.5, zorder=1.0)
-        reached, beyond = np.flatnonzero(which >= 0), which < 0
+        ax.plot(radius[crossed], np.zeros(crossed.sum()), color=MUTED, marker="x", linestyle="none", clip_on=False)
+        reached, beyond = np.flatnonzero((which >= 0) & ~crossed), which < 0
         ax.plot(radius[beyond], np.full(beyond.sum(), chart.up_to), color=MUTED, marker="^", linestyle="none")
         for k in np.unique(which[reached]):
             of_limit = np.where(which == k, load, np.nan)
             ax.plot(radius, of_limit, color=chart.colours[int(k)], marker=".", markersize=4.0, linewidth=1.4)
-            first = int(np.argmax(which == k))
+            first = int(np.argmax((which == k) & ~crossed))
+            below = -7.0 if load[first] > 0.06 * most else 4.0  # not over the numbers of the axis
             ax.annotate(
-                letters(int(k)), (radius[first], load[first]), (-7.0, -7.0), textcoords="offset points", fontsize=6.0
+                letters(int(k)), (radius[first], load[first]), (-7.0, below), textcoords="offset points", fontsize=6.0
             )
-        end = int(np.argmax(radius))  # labels of neighbours stand at two heights, each with a thin line to its point
+        end = int(np.argmax(radius))
+        ends.append((f"{np.linalg.norm(chart.place[e, 0]):.3g} m", float(radius[end]), float(shown[end])))
+    ax.set_ylim(bottom=0.0)
+    _label_ends(ax, ends)
+    entries = [
+        Line2D([], [], color=of, linewidth=2.0, label=name)
+        for of, name in zip(chart.colours.values(), names, strict=False)
+    ]
+    if chart.not_permitted.any():
+        entries.append(Line2D([], [], color=MUTED, marker="x", linestyle="none", label=NOT_PERMITTED))
+    add_legend(figure, entries, rows)
+    return figure
+
+
+def _label_ends(ax: Axes, ends: Sequence[tuple[str, float, float]]) -> None:
+    """Write labels above the ends of lines, each as low as no label before it is covered, with a thin line to its end.
+
+    Each of `ends` is a label with the radius in m and the load in kg at which its line ends.
+    """
+    taken = list[tuple[float, float]]()
+    for text, radius, load in ends:
+        x, low = ax.transData.transform((radius, load)) * 72.0 / ax.figure.dpi
+        y = low + LABEL_DISTANCE
+        while near := [up for at, up in taken if abs(at - x) < LABEL_WIDTH and abs(up - y) < LABEL_HEIGHT]:
+            y = max(near) + LABEL_HEIGHT
+        taken.append((x, y))
         ax.annotate(
-            f"{np.linalg.norm(chart.place[e, 0]):.3g} m",
-            (radius[end], shown[end]),
-            (0.0, LABEL_HEIGHTS[number % 2]),
+            text,
+            (radius, load),
+            (0.0, y - low),
             textcoords="offset points",
             fontsize=7.0,
             ha="center",
             arrowprops={"arrowstyle": "-", "color": MUTED, "linewidth": 0.5, "shrinkA": 0.0, "shrinkB": 2.0},
         )
-    ax.set_ylim(bottom=0.0)
-    entries = zip(chart.colours.values(), names, strict=True)
-    add_legend(figure, [Line2D([], [], color=of, linewidth=2.0, label=name) for of, name in entries], rows)
-    return figure
 
 
 def _contour_loads(load: Array) -> list[float]:

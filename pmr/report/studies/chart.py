@@ -12,8 +12,25 @@ from pmr.files.arrays import Array
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Table
 from pmr.report.columns import spread_indices
 from pmr.report.figures.canvas import drawing
-from pmr.report.figures.load_chart import LINES, BentBoom, LoadChart, bent_boom, duty_lines, load_chart, pointer_cells
+from pmr.report.figures.load_chart import (
+    NOT_PERMITTED,
+    BentBoom,
+    LoadChart,
+    bent_boom,
+    duty_lines,
+    load_chart,
+    pointer_cells,
+)
 from pmr.report.numbers import SPACE, format_input, format_quantity
+from pmr.report.studies.chart_words import (
+    NO_LOAD,
+    ceiling,
+    format_load,
+    headline,
+    load_step,
+    round_down,
+    slewing_clause,
+)
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.subject import shown_force_name
 from pmr.results.response import FORCES
@@ -21,17 +38,14 @@ from pmr.scene.keys import ALONE
 from pmr.studies import charting
 from pmr.studies.charting import governing_limit
 from pmr.studies.duty import NOT_LIMITED, DutyTable, LeastLoads, LoadCase
-from pmr.studies.limits import KINDS, STABILITY
+from pmr.studies.limits import KINDS, STABILITY, STABILITY_WORDS
 
 #: Endings of the names of the arrays with error bars: for the sum of all parts, then for each part.
 PARTS = ("", *(f".{of}" for of in charting.PARTS))
 #: Text in place of a load if no load up to the largest one that was tried reaches the limit.
 NOT_REACHED = "limit not reached"
-#: Sentence of a chart without limits of pads or of the stress field.
-NO_WALLS = (
-    " These loads are not those that are allowed: walls and pads are not looked at, and walls may yield at pads under "
-    "smaller loads. A run states the stress of walls at pads."
-)
+#: Most boom lengths that fit into a table of loads.
+MOST_LENGTHS = 13
 #: Least error bar in kg that is shown beside a load.
 SHOWN = 0.5
 
@@ -52,15 +66,19 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
             Block("Limits", grids=(_limit_grid(study, names, parts),)),
             Block("Load cases", grids=(_case_grid(study),)),
         )
-        blocks = [_left_out_block(parts), limits, cases]
-        return Chapter(anchor=prefix, title=study.title, headline=_headline(study, least), blocks=blocks)
+        blocks = [_definition_block(parts), _left_out_block(parts), limits, cases]
+        return Chapter(
+            anchor=prefix, title=study.title, headline=headline(study, least, parts[0]["at.slewing"]), blocks=blocks
+        )
     error = np.where(which >= 0, np.take_along_axis(table.error, np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
     up_to = float(study.study_file["up_to"])
-    chart, beyond = LoadChart(table.place, least, which, names, up_to), bool((which < 0).any())
-    ends = f" Where it is grey, the search ends at {_format_load(up_to)}: it carries more." if beyond else ""
+    shown_names = [*names[:-1], STABILITY_WORDS]
+    chart, beyond = LoadChart(table.place, least, which, shown_names, up_to), bool((which < 0).any())
+    slewed = f" Loads are {slewing_clause(parts[0]['at.slewing'])}."
+    ends = f" Where it is grey, the search ends at {format_load(up_to)}: it carries more." if beyond else ""
     caption = (
         "Load in kg over radius and height of the tip, from the pivot, undeformed, with curves of constant load. "
-        f"Colours and letters say which limit governs.{ends} A pointer on the picture shows values."
+        f"Colours and letters say which limit governs.{slewed}{ends} A pointer on the picture shows values."
     )
     picture = drawing(f"{prefix}-chart", load_chart, caption, chart)
     caption = "Allowed load over the radius of the tip for boom lengths from the pivot; letters and colours as above."
@@ -75,10 +93,11 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     return Chapter(
         anchor=prefix,
         title=study.title,
-        headline=_headline(study, least),
+        headline=headline(study, least, parts[0]["at.slewing"]),
         key_numbers=_key_numbers(study, least, error, parts),
         blocks=[
             Block("Load chart", (picture,)),
+            _definition_block(parts),
             _left_out_block(parts),
             Block("Load over radius", (lines,), grids=tuple(_duty_grids(study, duty, not_covered))),
             Block(
@@ -87,7 +106,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
                 grids=(_limit_grid(study, names, parts), *_error_bar_grids(study, names, parts)),
             ),
             Block("Load cases", grids=(_case_grid(study),)),
-            *governing_pages(study, names, parts, prefix),
+            *governing_pages(study, shown_names, parts, prefix),
         ],
     )
 
@@ -96,6 +115,12 @@ def _left_out_block(parts: Parts) -> Block:
     """Build the block with what the chart leaves out, by subject."""
     rows = tuple((str(subject), str(clauses)) for subject, clauses in parts[0]["at.left_out"])
     return Block("What is not in this chart", table=Table("", rows))
+
+
+def _definition_block(parts: Parts) -> Block:
+    """Build the block that says what load, radius, height and boom length are."""
+    rows = tuple((str(subject), str(clauses)) for subject, clauses in parts[0]["at.definitions"])
+    return Block("What load and radius are", table=Table("", rows))
 
 
 def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error: Array, number: int) -> str:
@@ -111,42 +136,15 @@ def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error:
         lines.append(f"{name.removeprefix('extension.')} out {float(value):.3g} m")
     lines.append(f"raised by {np.rad2deg(table.luffing[k]):.3g}°")
     if chart.which[i, k] < 0:
-        return "\n".join([*lines, f"load {_ceiling(study)}, {NOT_LIMITED}"])
+        return "\n".join([*lines, f"load {ceiling(study)}, {NOT_LIMITED}"])
+    if chart.not_permitted[i, k]:
+        passed = ", ".join(name for name, v in zip(chart.names, table.load[i, k], strict=True) if v == 0.0)
+        return "\n".join([*lines, f"{NOT_PERMITTED}: beyond {passed}"])
     bar = f"{SPACE}±{SPACE}{error[i, k]:.0f}" if error[i, k] >= SHOWN else ""
     lines.append(f"load {chart.load[i, k]:.5g}{bar} kg, by {chart.names[chart.which[i, k]]}")
     loads_of_limits = zip(chart.names, table.load[i, k], strict=True)
     return "\n".join(
         [*lines, *(f"{name}: {NOT_REACHED if np.isnan(v) else f'{v:.5g} kg'}" for name, v in loads_of_limits)]
-    )
-
-
-def _format_load(load: float | np.floating) -> str:
-    """Format a load in kg with four significant digits, never with a power of ten."""
-    return f"{format_input(float(f'{load:.4g}'))}{SPACE}kg"
-
-
-def _ceiling(study: FinishedStudy) -> str:
-    """Words for a load that no limit allows at most: the search ends before one is reached."""
-    return f"more than {_format_load(study.study_file['up_to'])} (search ends there)"
-
-
-def _headline(study: FinishedStudy, least_loads: Array) -> str:
-    """Sentence on the range of `least_loads` (E, A) in kg, which are NaN where no limit is reached."""
-    if not np.isfinite(least_loads).any():
-        hint = (
-            ""
-            if study.study_file["limits"]
-            else f" Only the limit {STABILITY} was evaluated: [[limits]] of the study adds others."
-        )
-        most = format_input(study.study_file["up_to"], "kg")
-        return f"No limit is reached up to {most} at any of {least_loads.size} points.{hint}"
-    beyond = np.isnan(least_loads).any()
-    high = _ceiling(study) if beyond else _format_load(np.nanmax(least_loads))
-    limits = [f"{limit['name']} (factor {limit['factor']:g})" for limit in study.study_file["limits"]]
-    walls = "" if {"pad", "field"} & {str(limit["of"]) for limit in study.study_file["limits"]} else NO_WALLS
-    return (
-        f"It carries {_format_load(np.nanmin(least_loads))} to {high}, depending on extension and angle, by these "
-        f"limits alone: {', '.join([*limits, STABILITY])}.{walls}"
     )
 
 
@@ -159,10 +157,15 @@ def _key_numbers(study: FinishedStudy, least_loads: Array, error: Array, parts: 
     count = len(study.study_file["limits"]) + 1
     key_numbers = [KeyNumber(str(least_loads.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
     governed = "most that a limit governs" if np.isnan(least_loads).any() else "most"
-    key_numbers.append(KeyNumber(_format_load(np.nanmax(least_loads)), governed))
-    key_numbers.append(KeyNumber(_format_load(np.nanmin(least_loads)), "least"))
+    if np.nanmax(least_loads) > 0.0:
+        key_numbers.append(KeyNumber(format_load(np.nanmax(least_loads)), governed))
+    empty, permitted = int((least_loads <= 0.0).sum()), least_loads[least_loads > 0.0]
+    if empty:
+        key_numbers.append(KeyNumber(str(empty), f"points {NOT_PERMITTED}"))
+    if len(permitted):
+        key_numbers.append(KeyNumber(format_load(permitted.min()), "least, where permitted" if empty else "least"))
     if np.isfinite(error).any():
-        largest, doubt = _format_load(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])
+        largest, doubt = format_load(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])
         key_numbers.append(KeyNumber(largest, "error bar, at most", covered_parts(parts)))
         key_numbers.append(KeyNumber(doubt, "points where another limit may govern", "within the error bars"))
     return key_numbers
@@ -196,7 +199,7 @@ def _paragraphs(study: FinishedStudy, parts: Parts) -> list[str]:
     )
     return [
         "Equilibrium to second order with the contacts that are closed: axial forces of weight and load bend what is "
-        "bent. All factors are those of the study. A machine tips with the load at the deflected tip.",
+        "bent. A machine tips with the load at the deflected tip.",
         bars,
         *([frequency] if any(limit["of"] == "frequency" for limit in study.study_file["limits"]) else []),
         *_hoisting_sentences(study),
@@ -229,26 +232,32 @@ def _limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
     """
     limits = {str(limit["name"]): limit for limit in study.study_file["limits"]}
     rows = []
-    for name, remark in zip(names, parts[0]["at.remarks"], strict=True):
+    for n, (name, remark) in enumerate(zip(names, parts[0]["at.remarks"], strict=True)):
         limit = limits.get(name, {"of": "equilibrium", "factor": 1.0})
         amount = limit.get("most") or limit.get("least")
         counts = (str(study.figures[f"{what}.{name}"]) for what in ("governs", "never", "at_no_load"))
         rows.append(
             (
-                name,
+                f"{letters(n)} {STABILITY_WORDS if name == STABILITY else name}",
                 ", ".join(filter(None, (str(limit["of"]), str(remark)))),
                 _format_amount(limit, amount),
                 f"{limit['factor']:g}",
                 *counts,
             )
         )
-    heads = ("limit", "of", "amount", "factor", "governs", "not reached", "at no load")
+    heads = ("limit", "of", "amount", "factor", "governs", "not reached", "passed empty")
     return Grid(
-        "Limits, the number of points at which they govern, at which no load up to the end of the search reaches "
-        "them, and at which the boom passes them without a load.",
+        "Limits with the letters of pictures and tables, the number of points at which they govern, at which no load "
+        "up to the end of the search reaches them, and at which the boom passes them without a load: it is not "
+        f"permitted there, even empty. Points are counted for each of the slewing angles {_degrees(parts)}.",
         heads,
         tuple(rows),
     )
+
+
+def _degrees(parts: Parts) -> str:
+    """List the slewing angles of a chart in degrees."""
+    return ", ".join(f"{angle:.4g}°" for angle in parts[0]["at.slewing"])
 
 
 def _error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
@@ -267,7 +276,7 @@ def _error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> li
         shares = [np.concatenate([p[f"error{of}"][:, k] for p in parts])[some] / load[some, k] for of in PARTS]
         rows.append(
             (
-                name,
+                STABILITY_WORDS if name == STABILITY else name,
                 *(_format_share(np.median(share)) for share in shares),
                 _format_share(shares[0].max()),
             )
@@ -327,29 +336,37 @@ def _duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Iter
 
     The caption of the lower bounds says what is `not_covered` by them.
     """
-    columns = spread_indices(len(duty.lengths), LINES)
+    columns, step = spread_indices(len(duty.lengths), MOST_LENGTHS), load_step(float(np.nanmax(duty.load, initial=0.0)))
 
     def cell(r: int, e: int, values: Array) -> str:
         """Entry of `values`, in kg, at radius number `r` and boom length number `e`, with the letter of its limit.
 
-        Empty where the entry is NaN.
+        Empty where the entry is NaN, and `NO_LOAD` where nothing remains of it after rounding down.
         """
         if np.isnan(values[r, e]):
             return ""
         if values[r, e] >= duty.up_to:
             return duty.load_text(values[r, e])
         letter = letters(int(duty.which[r, e])) if duty.which[r, e] >= 0 else "–"
-        return f"{np.floor(values[r, e]):.0f}{SPACE}{letter}"
+        load = round_down(float(values[r, e]), step)
+        return f"{load:.10g}{SPACE}{letter}" if load > 0.0 else f"{NO_LOAD}{SPACE}{letter}"
 
     ends = (
         f" >{duty.up_to:.0f} is more than that: {NOT_LIMITED}, the search ends there."
         if (duty.load >= duty.up_to).any()
         else ""
     )
-    more = " All boom lengths are in duty.csv." if len(columns) < len(duty.lengths) else ""
+    more = (
+        f" {len(columns)} of {len(duty.lengths)} boom lengths fit, evenly spread; all are in duty.csv."
+        if len(columns) < len(duty.lengths)
+        else ""
+    )
+    is_small = (duty.lower[:, columns] < step).any()
+    least = f" {NO_LOAD} is {NOT_PERMITTED}, or with less than {step:g}{SPACE}kg." if is_small else ""
     caption = (
-        "Allowed load in kg over radius and boom length, from the pivot, undeformed. The letter is that of the limit "
-        f"that governs.{ends} Between the luffing angles of the chart, each limit is interpolated. Empty cells are "
+        f"Allowed load in kg, rounded down to {step:g}{SPACE}kg, over radius and boom length, from the pivot, "
+        f"undeformed. The letter is that of the limit that governs.{least}{ends} Between the "
+        "luffing angles of the chart, each limit is interpolated. Empty cells are "
         f"radii that the tip does not reach.{more}"
     )
     named = {caption: duty.load}
@@ -358,7 +375,7 @@ def _duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Iter
             duty.lower
         )
     for text, values in named.items():
-        head = ("radius in m", *(f"{duty.lengths[e]:.3g}{SPACE}m" for e in columns))
+        head = ("radius in m", *(f"{duty.lengths[e]:.4g}{SPACE}m" for e in columns))
         yield Grid(text, head, tuple((f"{radius:g}", *(cell(r, int(e), values) for e in columns))
                                      for r, radius in enumerate(duty.radii)))  # fmt: skip
 

@@ -29,7 +29,7 @@ from pmr.studies.chart_models import compute_postures, compute_richer_postures
 from pmr.studies.chart_points import Stop, replaced_mass_warnings
 from pmr.studies.charting import allow_row, governing_limit, limits_in_doubt, lower_bounds
 from pmr.studies.duty import CLASSES, NOT_LIMITED, DutyTable, LeastLoads, LoadCase, hoisting_factor
-from pmr.studies.limits import STABILITY, Limit
+from pmr.studies.limits import STABILITY, STABILITY_WORDS, Limit
 from pmr.studies.study import Count, StudyBase, StudyResults, csv_text
 from pmr.studies.tasks import Plan, Scalar, Task
 
@@ -193,6 +193,7 @@ class Study(StudyBase):
             "stops": [{"of": stop.of, "speed": stop.speed * unit, "within": stop.within} for stop in self.stops],
             "warnings": [*self._replaced_masses, *self._scope_warnings],
             "hoist": self.hoist and [self.hoist.rope_stiffness, self.hoist.speed],
+            "point": self.point,
         }
         runs = []
         for k, row in enumerate(rows):
@@ -226,14 +227,21 @@ class Study(StudyBase):
         points = len(self._points)
         columns = [results.column(name) for name in ("load.least", "load.most")]
         if not all(np.isfinite(column).any() for column in columns):
-            alone = f"; only the limit {STABILITY} was evaluated; [[limits]] of the study adds others"
+            alone = f"; only {STABILITY_WORDS} was evaluated; [[limits]] of the study adds others"
             hint = "" if self.limits else alone
             return f"no limit is reached up to {self.up_to:.10g} kg at any of {points} points{hint}"
         most = f"{float(np.nanmax(columns[1])):.0f} kg"
         if (governing_limit(self.table(results)["load"]) < 0).any():
             most = f"more than {self.up_to:.10g} kg, where the search ends,"
-        low = f"it carries {float(np.nanmin(columns[0])):.0f} to {most}"
-        return f"{low} at {points} points, by all limits{self._error_bar_clause(results)}"
+        load = np.nan_to_num(self.table(results)["load"], nan=np.inf).min(axis=1)
+        empty, permitted = int((load == 0.0).sum()), load[load > 0.0]
+        never = f"not permitted, even empty, at {empty} of {points} points"
+        if not len(permitted):
+            return never
+        carried = f"it carries {min(float(permitted.min()), self.up_to):.0f} to {most}"
+        where = f"at the other {len(permitted)}" if empty else f"at {points} points"
+        first = f"{never}; " if empty else ""
+        return f"{first}{carried} {where}, by all limits{self._error_bar_clause(results)}"
 
     def _error_bar_clause(self, results: StudyResults) -> str:
         """Return a clause: by how many kg at most error bars lower the loads, and which errors they do not cover."""

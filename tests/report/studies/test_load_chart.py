@@ -10,8 +10,9 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pmr.report.figures.canvas import style
-from pmr.report.figures.load_chart import BentBoom, LoadChart, bent_boom, duty_lines, load_chart
-from pmr.report.studies.chart import NO_WALLS, _headline, build_chapter
+from pmr.report.figures.load_chart import NOT_PERMITTED, BentBoom, LoadChart, bent_boom, duty_lines, load_chart
+from pmr.report.studies.chart import build_chapter
+from pmr.report.studies.chart_words import NO_WALLS, case_sentence, headline, load_step, round_down, terminal_grid
 
 
 def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_nothing() -> None:
@@ -26,6 +27,8 @@ def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_n
         "luffing": np.deg2rad([20.0, 40.0, 60.0]),
         "at.remarks": np.array([""]),
         "at.left_out": np.array([["machine", "play in hinges"]]),
+        "at.definitions": np.array([["load", "what hangs at the tip"]]),
+        "at.slewing": np.array([0.0]),
     }
     runs = [SimpleNamespace(key=key, parameters={}, figures={}) for key in "ab"]
     figures = {"governs.stability": 0, "never.stability": 6, "at_no_load.stability": 0}
@@ -34,10 +37,11 @@ def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_n
         title="Chart", study_file=asked | {"cases": [{"name": "rest"}]}, results=results, figures=figures
     )
     chapter = build_chapter(study, "part-1")
-    assert [block.heading for block in chapter.blocks] == ["What is not in this chart", "Limits", "Load cases"]
+    headings = ["What load and radius are", "What is not in this chart", "Limits", "Load cases"]
+    assert [block.heading for block in chapter.blocks] == headings
     assert not any(block.drawings for block in chapter.blocks) and not chapter.key_numbers
     assert "not reached" not in str([grid.rows for block in chapter.blocks for grid in block.grids])
-    start = "No limit is reached up to 20\u202f000\u00a0kg at any of 6 points. Only the limit stability was evaluated"
+    start = "No limit is reached up to 20\u202f000\u00a0kg at any of 6 points. Only buckling of the boom was evaluated"
     assert chapter.headline.startswith(start)
 
 
@@ -45,8 +49,47 @@ def test_the_first_sentence_says_whether_walls_and_pads_are_looked_at() -> None:
     """A limit of the stress of beams alone must not look as if loads were allowed."""
     for of, is_said in (("stress", True), ("tipping", True), ("pad", False), ("field", False)):
         limits = [{"name": "limit", "of": of, "factor": 1.5}]
-        study: Any = SimpleNamespace(study_file={"limits": limits, "up_to": 2e4})
-        assert _headline(study, np.array([[500.0, 900.0]])).endswith(NO_WALLS) is is_said
+        study: Any = SimpleNamespace(study_file={"limits": limits, "up_to": 2e4, "cases": [{"name": "rest"}]})
+        sentence = headline(study, np.array([[500.0, 900.0]]), np.array([0.0, 90.0]))
+        assert sentence.endswith(NO_WALLS) is is_said and "the least over slewing by 0°, 90°." in sentence
+
+
+def test_no_load_is_called_zero_where_a_limit_is_passed_without_a_load() -> None:
+    """In the first sentence, the picture, the lines over the radius, and the terminal's table."""
+    load, which = np.array([[900.0, 600.0], [300.0, 0.0]]), np.zeros((2, 2), dtype=int)
+    asked = {"limits": [], "up_to": 2e4, "cases": [{"name": "rest"}]}
+    study: Any = SimpleNamespace(study_file=asked)
+    sentence = headline(study, load, np.array([0.0]))
+    assert f"At 1 of 4 points the boom is {NOT_PERMITTED}." in sentence
+    assert "Elsewhere it carries 300\u00a0kg to 900\u00a0kg" in sentence
+    place = np.array([[[5.0, 5.0], [7.0, 1.0]], [[8.0, 8.0], [11.0, 2.0]]])
+    chart = LoadChart(place, load, which, ["tip"], 2e4)
+    for draw in (load_chart, duty_lines):
+        assert [text.get_text() for text in draw(chart).legends[0].get_texts()] == ["A tip", NOT_PERMITTED]
+    assert sum(patch.get_hatch() is not None for patch in load_chart(chart).axes[0].patches) == 1
+    drawn = np.concatenate([line.get_xydata() for line in duty_lines(chart).axes[0].lines if line.get_marker() == "."])
+    assert 0.0 not in drawn[:, 1]
+    arrays = [{"place": at, "load": of[:, None]} for at, of in zip(place, load, strict=True)]
+    runs = [SimpleNamespace(key=k, status="done", parameters={"extension.fly": 1.0 + k}) for k in range(2)]
+    results: Any = SimpleNamespace(runs=runs, arrays=lambda key: arrays[key])
+    grid = terminal_grid(results, 20)
+    assert [row[-2:] for row in grid.rows] == [("600", "900"), ("—", "300")]
+    assert grid.head == ("fly out [m]", "boom length [m]", "radius [m]", "least load [kg]", "most load [kg]")
+    assert "— is not permitted, even empty." in grid.caption and "runs.csv" not in grid.caption
+
+
+def test_the_first_sentence_names_the_case() -> None:
+    """Static and without factors it is no rated capacity; factors and wind are named, a case out of service is not."""
+    asked: dict[str, Any] = {"classes": {}, "cases": [{"name": "rest"}, {"name": "left", "load": 0.0, "weight": 1.2}]}
+    plain = "Static, factors of load and weight 1.0, no wind, no motion: not a rated capacity."
+    assert case_sentence(asked) == plain
+    asked["cases"][0] |= {"load": 1.25, "loads": {"gust": 400.0}}
+    assert case_sentence(asked) == "Static, for rest (factor of load 1.25, of weight 1, gust 400\u00a0N)."
+
+
+def test_loads_of_tables_are_rounded_down() -> None:
+    assert [round_down(load, load_step(13009.0)) for load in (13009.9, 559.9, 9.99)] == [13000.0, 550.0, 0.0]
+    assert round_down(217.9, load_step(217.9)) == 217.0 and round_down(2.199, load_step(9.0)) == pytest.approx(2.19)
 
 
 @pytest.mark.parametrize(("reaches", "angles"), [(4, 5), (1, 5), (4, 1), (2, 2)])

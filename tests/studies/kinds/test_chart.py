@@ -232,9 +232,14 @@ def test_a_row_whose_process_was_killed_is_missing_alone(small: StudyResults, fo
 def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path) -> None:
     study, loads = call.load(folder / "study.toml").parts[0].study, [row["load [kg]"] for row in rows(folder)]
     known = [float(load) for load in loads if load]
+    permitted = [load for load in known if load]
     line = study.summary_line(small)
     carried, bars, missing = re.split(", less error bars of up to | kg; not covered: ", line)
-    assert carried == f"it carries {min(known):.0f} to {max(known):.0f} kg at 12 points, by all limits"
+    empty = len(known) - len(permitted)
+    assert carried == (
+        f"not permitted, even empty, at {empty} of 12 points; it carries {min(permitted):.0f} to {max(known):.0f} kg "
+        f"at the other {12 - empty}, by all limits"
+    )
     assert float(bars) > 0.0
     assert missing.startswith("the structural model: a point slides on beam2d only")
     assert missing in render_studies(folder) and all(row["not covered"] == missing for row in rows(folder))
@@ -242,14 +247,14 @@ def test_who_waits_is_told_what_it_carries(small: StudyResults, folder: Path) ->
     unmet = "no limit is reached up to 5000 kg at any of 12 points"
     assert study.summary_line(replace(small, runs=tuple(bare))) == unmet
     said = study.model_copy(update={"limits": ()}).summary_line(replace(small, runs=tuple(bare)))
-    assert said == f"{unmet}; only the limit stability was evaluated; [[limits]] of the study adds others"
+    assert said == f"{unmet}; only buckling of the boom was evaluated; [[limits]] of the study adds others"
 
 
 def test_the_report_shows_the_picture_with_values_at_the_pointer(small: StudyResults, folder: Path) -> None:
     text = render_studies(folder)
     assert text.count("<title>radius") == 12
-    assert "stability: limit not reached" in text and "not met" not in text
-    assert "Limits, the number of points" in text and "It carries " in text
+    assert "buckling of the boom: limit not reached" in text and "not met" not in text
+    assert "Limits with the letters of pictures" in text and "Elsewhere it carries " in text
 
 
 BOOM_LIFT = f"""

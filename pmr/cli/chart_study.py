@@ -1,0 +1,183 @@
+"""The study that ``pmr chart`` writes: extensions, angles and limits of a load chart, from what a scene has."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pmr.cli.console import err, print_text
+from pmr.errors import InputError
+from pmr.results.quantities import stress_remark
+from pmr.scene.hints import boom_scales
+
+if TYPE_CHECKING:
+    from pmr.scene import Scene
+    from pmr.scene.frame import Frame
+
+#: Number of extensions and number of angles in the chart study that `pmr chart` writes.
+EXTENSIONS, ANGLES = 12, 10
+#: Number of slewing angles in a whole turn.
+SLEWING_STEPS = 8
+#: Limit of a chart whose scene says on what the machine stands.
+TIPPING = """
+[[limits]]
+name = "tipping"
+of = "tipping"
+most = 1.0      # use of the support polygon: at 1 the machine tips
+factor = 1.33   # so that at most three quarters of it are used; your standard has the factor of your machine
+"""
+#: Limit of a chart whose scene has probes of stress and a yield stress, in Pa.
+STRESS = """
+[[limits]]
+name = "stress at probes"
+of = "stress"
+most = {most:.6g}e6    # Pa, the least yield stress where probes are
+factor = 1.5    # bending of walls under pads comes on top of stresses of beams: limits of pads keep it small
+"""
+#: Limit of a chart on the forces of the pads of a joint, for a section by name, with a force in N.
+WALLS = """
+[[limits]]
+name = "walls at pads of {name}"
+of = "pad"
+which = ["{name} *"]
+most = {force:.1f}    # N of a pad alone, at which the walls of {section} begin to yield at its edge
+factor = 1.5    # bending of the whole section comes on top
+note = "the force is from cells of an eighth of the pad: it is 2 to 4 % too large, which the factor covers"
+"""
+LIMITS = """
+# Further limits that the load must keep, each with your own safety factor.
+# [[limits]]
+# name = "pads"
+# of = "pad"                   # or stress, luffing, cylinder, support, deflection, buckling, frequency, overturning
+# most = 50e3                  # N, what a pad and the walls under it bear
+# factor = 1.5
+#
+# [[cases]]
+# name = "in service"
+# weight = 1.1
+# load = 1.3
+# loads = { gust = 400.0 }     # loads of the scene by name
+"""
+
+
+#: Factor on the mass of a boom without a machine for the largest load that a chart looks for.
+BOOMS = 5.0
+
+
+def usual_load(scene: Scene) -> float:
+    """Return the largest load in kg that a chart looks for if it is not given, rounded up to two digits.
+
+    It is the mass of machine and boom, or `BOOMS` times that of a boom without a machine.  Raises InputError if the
+    mass of the boom is not known without its mesh.
+    """
+    boom, ground = boom_scales(scene)["boom"], scene.frame.ground if scene.frame is not None else None
+    if not boom:
+        raise InputError("command line", "--up-to", None, "a load is needed, as a mesh file has the mass of the boom")
+    machine = sum(mass.mass for mass in ground.masses) if ground is not None else 0.0
+    load = boom + machine if machine else BOOMS * boom
+    step = 10.0 ** (math.floor(math.log10(load)) - 1)
+    return math.ceil(load / step - 1e-9) * step
+
+
+def words_of_usual_load(scene: Scene) -> str:
+    """Say what `usual_load` is."""
+    if scene.frame is not None and scene.frame.ground is not None and scene.frame.ground.masses:
+        return "the mass of machine and boom"
+    return f"{BOOMS:g} times the mass of the boom"
+
+
+def _is_symmetric(scene: Scene, axis: int) -> bool:
+    """Return whether what does not slew, and the boom beside it, are symmetric about the pivot along an axis.
+
+    The axis is 0 for front and rear, 1 for left and right.  Machines on inclined ground count as not symmetric.
+    """
+    frame = scene.frame
+    if frame is None or (ground := frame.ground) is None:
+        return True
+    places = {outrigger.at for outrigger in ground.outriggers}
+    mirrored = {tuple(-value if k == axis else value for k, value in enumerate(at)) for at in places}
+    still = sum(mass.mass * mass.at[axis] for mass in ground.masses if not mass.slews)
+    beside = [mass.at[1] for mass in ground.masses if mass.slews]
+    beside += [
+        mass.at[1] for part in scene.sections for mass in part.masses if mass.at is not None and not mass.payload
+    ]
+    return places == mirrored and not still and not any(beside) and not any(ground.slope) and frame.base is None
+
+
+def _slewing_angles(scene: Scene, frame: Frame) -> list[float]:
+    """Return slewing angles in the frame's unit, at most an eighth of a turn apart.
+
+    If the scene slews on a ground, they are those of the whole turn that its symmetry leaves: a half or a quarter of a
+    turn with both ends, or all of it, each angle once.  Otherwise they are those of the scene's range.
+    """
+    if frame.slewing is None:
+        return [0.0]
+    turn = 360.0 if frame.unit == "degrees" else 2.0 * math.pi
+    low, high = frame.slewing.bounds(0.0, scene.time.end)
+    if frame.ground is not None and high > low:
+        low, high = 0.0, turn
+        if _is_symmetric(scene, 1):
+            high = turn / 4.0 if _is_symmetric(scene, 0) else turn / 2.0
+    width = min(high - low, turn)
+    count = max(math.ceil(SLEWING_STEPS * width / turn - 1e-9), 1 if width > 0.0 else 0)
+    return [low + width * k / max(count, 1) for k in range(count + (width < turn))]
+
+
+def _wall_limits(scene: Scene) -> Iterator[str]:
+    """Yield a limit of a chart for each joint of beams whose walls' stress at pads can be computed."""
+    from pmr.studies.shared import pad_yield_forces
+
+    if not stress_remark(scene):  # shells have a limit of their own, on the stress field
+        return
+    try:
+        forces = pad_yield_forces(scene)
+    except InputError as error:
+        print_text(err, f"walls at pads are not limited: {error.allowed}")
+        return
+    for name, at_yield in forces.items():
+        yield WALLS.format(name=name, force=at_yield.force, section=at_yield.section)
+
+
+def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
+    """Return the text of a study file for a load chart, over the ranges of the scene's extensions and luffing angle.
+
+    Limits are tipping, the stress at probes and that of walls at pads, as far as the scene has what they need; pads are
+    pressed on shells of the sections for it.  `up_to` is the largest load in kg.  Raises InputError if the scene has no
+    luffing angle.
+    """
+    if scene.frame is None or scene.frame.luffing is None or scene.frame.luffing == "free":
+        allowed = "a scene whose [frame] has a luffing angle over time is allowed"
+        raise InputError("command line", "SCENE", str(file), allowed)
+    if not up_to > 0.0:
+        raise InputError("command line", "--up-to", up_to, "a load above 0 kg is allowed")
+    end, names = scene.time.end, scene.names[1:]
+    bounds = [scene.extension(number).bounds(0.0, end) for number in range(1, len(scene.sections))]
+    rows = []
+    for k in range(EXTENSIONS if names else 0):
+        share = k / (EXTENSIONS - 1)
+        at = (f"{name} = {low + share * (high - low):.6g}" for name, (low, high) in zip(names, bounds, strict=True))
+        rows.append(f"  {{ {', '.join(at)} }},\n")
+    least, most = scene.frame.luffing.bounds(0.0, end)
+    slewing = _slewing_angles(scene, scene.frame)
+    probed = [part for part in scene.bodies.values() if any("stress" in probe.measures for probe in part.probes)]
+    regions = [region for part in probed for region in part.body.regions.values() if region.material is not None]
+    materials = [*(part.body.material for part in probed), *(region.material for region in regions)]
+    yields = [material.yield_stress for material in materials if material is not None]
+    return "".join(
+        [
+            'kind = "chart"\n',
+            f"title = {json.dumps(f'Load chart: {scene.title}')}\n",
+            f"scene = {json.dumps(str(file.resolve()))}\n",
+            f"up_to = {float(up_to)!r}  # kg\n",
+            f"extensions = [\n{''.join(rows)}]\n" if rows else "",
+            f"luffing = {{ least = {least:.6g}, most = {most:.6g}, count = {ANGLES if most > least else 1} }}\n",
+            f"slewing = [{', '.join(f'{angle:.6g}' for angle in slewing)}]  # the least load of all counts\n",
+            TIPPING if scene.frame.ground is not None else "",
+            STRESS.format(most=1e-6 * min(filter(None, yields))) if yields and all(yields) else "",
+            *_wall_limits(scene),
+            LIMITS,
+        ]
+    )
