@@ -136,15 +136,12 @@ class ChartLimit(NamedTuple):
         Name of the limit in charts, such as ``"pad"``.
     measure : MeasureOf
         Function that returns, for the columns of a chart, the `Measure` that is limited; its larger values are worse.
-    compared : str
-        Kind of the columns by which a chart says what mesh and structural model are off by; empty if by none.
     usual : str
         Words by which a chart that has no such limit says so, such as ``"pad forces"``; empty if few machines have it.
     """
 
     key: str
     measure: MeasureOf
-    compared: str
     usual: str
 
 
@@ -372,7 +369,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity("beam", "displacements", "m", "section", ("beam", "tip")),
         Quantity(
             "tip", "displacements of the tip", "m", "tip", ("tip",), "largest deflection of the tip",
-            limit=ChartLimit("deflection", _deflection_measure, "tip", "deflection"),
+            limit=ChartLimit("deflection", _deflection_measure, "deflection"),
         ),
         Quantity("largest", "largest displacement", "m", "section", ("beam", "tip"), "largest displacement"),
         Quantity("velocity", "velocities", "m/s", "section"),
@@ -384,24 +381,24 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity(
             "pad_force", "pad forces", "N", "pad", ("pad",), "largest pad force",
             sign="pushes the sections apart, or the body inwards",
-            limit=ChartLimit("pad", _force_measure("pad"), "pad", "pad forces"),
+            limit=ChartLimit("pad", _force_measure("pad"), "pad forces"),
         ),
         Quantity("pad_pressure", "mean pressures of pads", "Pa", "pad", (), "largest mean pressure of a pad"),
         Quantity("indentation", "indentations of walls", "m", "pad", (), "largest indentation of walls under a pad"),
         Quantity(
             "cylinder_force", "cylinder forces", "N", "cylinder", ("cylinder",),
             "largest force of a cylinder that extends", sign=PUSHES,
-            limit=ChartLimit("cylinder", _cylinder_measure, "cylinder", "forces of cylinders"),
+            limit=ChartLimit("cylinder", _cylinder_measure, "forces of cylinders"),
         ),
         Quantity(
             "rope_force", "rope forces", "N", "rope", (), "largest rope force",
-            limit=ChartLimit("rope", _rope_measure, "cylinder", "forces of cylinders"),
+            limit=ChartLimit("rope", _rope_measure, "forces of cylinders"),
         ),
         Quantity(
             "luffing_force", "forces of the luffing cylinder", "N", "cylinder", (),
             "largest force of the luffing cylinder", sign=PUSHES,
             # a luffing cylinder is a support that gives way
-            limit=ChartLimit("luffing", _luffing_measure, "support", "forces of cylinders"),
+            limit=ChartLimit("luffing", _luffing_measure, "forces of cylinders"),
         ),
         Quantity(
             "extension_force", "forces on the free extension", "N", "cylinder", (),
@@ -436,7 +433,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         Quantity("reaction", "reactions of rigid supports", "N", "support", ("reaction",)),
         Quantity(
             "support", "forces of supports", "N", "support", ("support", "reaction"), "largest force of a support",
-            limit=ChartLimit("support", _support_measure, "support", "forces of supports"),
+            limit=ChartLimit("support", _support_measure, "forces of supports"),
         ),
         Quantity("support_moment", "moments of supports", "N m", "support", (), "largest moment of a support"),
         Quantity(
@@ -457,11 +454,11 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "outrigger_force", "outrigger forces", "N", "ground", ("outrigger",), "largest force of an outrigger",
-            "most", PRESSES, ChartLimit("outrigger", _force_measure("outrigger"), "", ""),
+            "most", PRESSES, ChartLimit("outrigger", _force_measure("outrigger"), ""),
         ),
         Quantity(
             "outrigger_rest", "smallest outrigger forces", "N", "ground", (), "smallest force of an outrigger",
-            "least", PRESSES, ChartLimit("lift-off", _least_measure("outrigger"), "", ""),
+            "least", PRESSES, ChartLimit("lift-off", _least_measure("outrigger"), ""),
         ),
         Quantity(
             "tipping_margin", "margins against tipping", "N m", "ground", ("margin",), "least margin against tipping",
@@ -469,15 +466,15 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "tipping", "use of the support polygon", "1", "ground", ("tipping",), "largest use of the support polygon",
-            "most", limit=ChartLimit("tipping", _force_measure("tipping"), "", "tipping"),
+            "most", limit=ChartLimit("tipping", _force_measure("tipping"), "tipping"),
         ),
         # strength
         Quantity(
             "stress", "stresses", "Pa", "section", (), "largest von Mises stress", "most",
-            limit=ChartLimit("stress", _stress_measure, "", "stress"),
+            limit=ChartLimit("stress", _stress_measure, "stress"),
         ),
         Quantity(
-            "field", "stresses of walls", "Pa", "section", limit=ChartLimit("field", _stress_measure, "", "stress")
+            "field", "stresses of walls", "Pa", "section", limit=ChartLimit("field", _stress_measure, "stress")
         ),
         Quantity("probe", "what probes measure", "", "probe", ("probe",)),
         Quantity(
@@ -496,8 +493,6 @@ UNIT_QUANTITIES = {
 #: Limits of load charts on quantities, and the quantities that they limit, by the names of the limits.
 LIMITS = {quantity.limit.key: quantity.limit for quantity in QUANTITIES.values() if quantity.limit is not None}
 LIMITED = {quantity.limit.key: quantity for quantity in QUANTITIES.values() if quantity.limit is not None}
-#: Keys of the quantities that are columns of one kind, by this kind: what errors of such columns are called.
-ERRORS_OF_KINDS = {quantity.kinds[0]: key for key, quantity in QUANTITIES.items() if len(quantity.kinds) == 1}
 
 
 def error_label(name: str) -> str:

@@ -6,19 +6,18 @@ At those points shape, forces, stresses and the swing after a stop are recorded.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from pmr.compare.errors import relative_error
 from pmr.compare.forces import missing_reaction_warnings, pulled_pad_warnings, ropes_part, unknown_force_warnings
-from pmr.compare.trust import budget_warnings, large_motion_warnings
+from pmr.compare.trust import large_motion_warnings
 from pmr.files.arrays import Array, Summary
 from pmr.results import Energy, Response
-from pmr.results.quantities import ERRORS_OF_KINDS, LIMITS, von_mises_stress
+from pmr.results.quantities import von_mises_stress
 from pmr.results.run import SummaryPart, grave_warnings
 from pmr.scene import Scene
 from pmr.scene.built import force_name
@@ -82,24 +81,18 @@ def warnings_of_row(
     loads: Array,
     cases: Array,
     first: int,
-    limited: Sequence[str],
 ) -> tuple[str, ...]:
     """Return a run's warnings at the points of a row of a chart, without a load and just below the least allowed load.
 
     `loads` (p, l) in kg are the loads that l limits allow at p points, and `cases` (p, l) the numbers of the load cases
     in which these loads are smallest.  `first` is the number of the row's first point.  ``places(postures, number)``
-    returns, for the postures of a model and the number of a point, a `Place` for each load case.  Errors of mesh and
-    model are those of the kinds that the limits on the quantities `limited` use.
+    returns, for the postures of a model and the number of a point, a `Place` for each load case.
     """
-    reach, compared = models.reach, models.comparisons
-    equilibria, of_compared = list[Equilibrium](), {part: list[Equilibrium]() for part in compared}
+    reach, equilibria = models.reach, list[Equilibrium]()
     for k, (of_limits, of_cases) in enumerate(zip(loads, cases, strict=True), first):
         limit = int(of_limits.argmin())
         case = int(of_cases[limit])
-        standing = stable_equilibria(places(models.reduced, k)[case], float(of_limits[limit]), float(reach[k]))
-        equilibria += standing
-        for part, other in compared.items():
-            of_compared[part] += [replace(at_rest, place=places(other.postures, k)[case]) for at_rest in standing]
+        equilibria += stable_equilibria(places(models.reduced, k)[case], float(of_limits[limit]), float(reach[k]))
     if not equilibria:
         return ()
     response = _response_at_equilibria(equilibria)
@@ -108,14 +101,8 @@ def warnings_of_row(
         ropes_part(scene, response),
         SummaryPart(grave=large_motion_warnings(float(reach.max()), [response])),
     ]
-    budget = {}
-    kinds = dict.fromkeys(LIMITS[of].compared for of in limited if of in LIMITS and LIMITS[of].compared)
-    for part, other in compared.items() if kinds else ():
-        other_model = {"beside": other.label} if part == "model" else {}
-        if errors := _relative_errors(equilibria, of_compared[part], other.share, list(kinds)):
-            budget[part] = errors | other_model
     hints = [*unknown_force_warnings(scene, response), *missing_reaction_warnings(scene)]
-    return (*grave_warnings(parts), *budget_warnings(scene, budget), *hints)
+    return (*grave_warnings(parts), *hints)
 
 
 def unnamed_loads(scene: Scene, cases: Sequence[Summary]) -> Iterator[str]:
@@ -177,35 +164,6 @@ def _response_at_equilibria(equilibria: Sequence[Equilibrium]) -> RestingRespons
         force_names=tuple(map(force_name, at.force_names)),
         words=tuple(at_rest.description for at_rest in equilibria),
     )
-
-
-def _relative_errors(
-    equilibria: Sequence[Equilibrium], counterparts: Sequence[Equilibrium], share: float, kinds: Sequence[str]
-) -> dict[str, Any]:
-    """Return the relative error of each of the `kinds` of outputs and contact forces, by the name of the error.
-
-    The error is `share` times the difference to another model; `counterparts` are the equilibria of that model at the
-    same places and loads as `equilibria`.  A kind is left out if a model lacks it or if the two models have different
-    numbers of its outputs.
-    """
-    pairs = [(at_rest.state, counterpart.state) for at_rest, counterpart in zip(equilibria, counterparts, strict=True)]
-    pairs = [(mine, theirs) for mine, theirs in pairs if theirs.in_equilibrium]
-    differences = dict[str, float]()
-    for kind in kinds:
-        y, reference = (
-            np.array([_values_of_kind(at_rest.place.postures, pair[n], kind) for pair in pairs])
-            for n, at_rest in enumerate((equilibria[0], counterparts[0]))
-        )
-        if y.size and y.shape == reference.shape and np.any(reference):
-            differences[ERRORS_OF_KINDS[kind]] = share * relative_error(y, reference)
-    return differences
-
-
-def _values_of_kind(at: PostureMatrices, state: LoadedState, kind: str) -> list[float]:
-    """Return the values of all outputs and contact forces of a kind in a state of the model `at`, sorted by name."""
-    named = [(at.columns.names[n], state.outputs[n]) for n in _indices_of_kind(at.output_kinds, kind)]
-    named += [(at.force_names[n], state.forces[n]) for n in _indices_of_kind(at.force_kinds, kind)]
-    return [float(value) for _, value in sorted(named)]
 
 
 def _indices_of_kind(kinds: Sequence[str], kind: str) -> list[int]:

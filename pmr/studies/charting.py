@@ -5,7 +5,7 @@ A point of a chart is a posture of the boom: one extension of each section, one 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -13,11 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
+from pmr.errors.text import two_digits
 from pmr.files import npz
 from pmr.files.arrays import Array, Summary
 from pmr.results.quantities import stress_remark
 from pmr.scene import Scene
+from pmr.scene.choice import has_walls_that_could_give
 from pmr.scene.left_out import left_out
+from pmr.scene.members import members
 from pmr.simulation.statics.loaded import LoadedStructure
 from pmr.simulation.statics.postures import HOOK, WEIGHT, DeflectionOutputs, PostureMatrices
 from pmr.simulation.statics.swings import Rope, lift_off
@@ -31,7 +34,7 @@ from pmr.studies.chart_points import (
     unnamed_loads,
     warnings_of_row,
 )
-from pmr.studies.limits import KINDS, Limit
+from pmr.studies.limits import KINDS, STABILITY_WORDS, Limit
 from pmr.studies.tasks import Arguments, Needs, TaskResult
 
 #: Factors on an error that another model indicates: in general, and where buckling decides (docs/load_chart.md).
@@ -209,12 +212,14 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     arrays["not_covered"] = np.array(["; ".join(models.not_covered(chart.limits))] * len(rows))
     contacts = CONTACTS.validate_json(str(needs["postures"].arrays["contacts"]))
     loads, cases_of_loads = np.nan_to_num(arrays["load"], nan=chart.up_to), arrays["case"]
-    limited = [limit.of for limit in chart.limits]
-    of_places = warnings_of_row(scene, contacts, chart.places, models, loads, cases_of_loads, first, limited)
+    of_places = warnings_of_row(scene, contacts, chart.places, models, loads, cases_of_loads, first)
+    of_errors = error_warnings(scene, models, [limit.name for limit in chart.limits], arrays)
     arrays |= {"place": np.column_stack([radius, tip[:, 2]]), "luffing": at.place.luffing[first:last]}
     left_out = unnamed_loads(scene, [*cases, *arguments["left"]])
     return TaskResult(
-        record, arrays, warnings=(*of_places, *left_out, *arguments.get("warnings", ()), *needs["postures"].warnings)
+        record,
+        arrays,
+        warnings=(*of_places, *of_errors, *left_out, *arguments.get("warnings", ()), *needs["postures"].warnings),
     )
 
 
@@ -224,6 +229,36 @@ def _remark(scene: Scene, limit: Limit) -> str:
         return limit.note
     places = ", ".join(filter(limit.concerns, limit.kind.names(scene)))
     return "; ".join(filter(None, (f"at {places} alone", stress_remark(scene), limit.note)))
+
+
+def error_warnings(
+    scene: Scene, models: ChartModels, names: Sequence[str], arrays: Mapping[str, NDArray[Any]]
+) -> Iterator[str]:
+    """Yield a warning for mesh and for model if one changes a load that governs by more than the scene tolerates.
+
+    `names` are those of the limits but stability; `arrays` has ``load``, ``error.mesh`` and ``error.model``, each
+    (p, l) in kg at p points and of l limits.  The tolerance, a share of the load, is ``compare.model_tolerance``.
+    """
+    load, allowed = arrays["load"], scene.compare.model_tolerance
+    which = governing_limit(load)
+    rows = np.flatnonzero((which >= 0) & (load[np.arange(len(load)), which] > 0.0))
+    for part, other in models.comparisons.items() if len(rows) else ():
+        shares = np.nan_to_num(arrays[f"error.{part}"][rows, which[rows]] / load[rows, which[rows]])
+        worst = int(shares.argmax())
+        if shares[worst] <= allowed:
+            continue
+        name, beside = (
+            [*names, STABILITY_WORDS][which[rows[worst]]],
+            f" beside a {other.label}" if part == "model" else "",
+        )
+        giving = (
+            part == "model" and other.label.endswith("shell") and any(map(has_walls_that_could_give, members(scene)))
+        )
+        better = '; body.walls = "give" adds the compliance of walls under pads' if giving else ""
+        yield (
+            f"the {part} is off by up to {two_digits(100.0 * shares[worst])} % in the load that {name} allows{beside}, "
+            f"more than compare.model_tolerance = {allowed:g}: its error bar contains this{better}"
+        )
 
 
 def left_out_of_chart(scene: Scene, limits: Sequence[Limit]) -> dict[str, str]:

@@ -10,7 +10,7 @@ import pytest
 
 from pmr import Response
 from pmr.results import Energy
-from pmr.results.quantities import ERRORS_OF_KINDS, LIMITED, QUANTITIES, Columns, error_label, support_names, with_unit
+from pmr.results.quantities import LIMITED, QUANTITIES, Columns, error_label, support_names, with_unit
 from pmr.results.response import KINDS, Extreme, Extremes
 from pmr.scene.run_settings import OutputKind
 
@@ -47,11 +47,6 @@ def test_each_quantity_stands_once_and_is_of_kinds_that_responses_have() -> None
     assert set(get_args(OutputKind)) <= QUANTITIES.keys()
     limits = [quantity.limit for quantity in QUANTITIES.values() if quantity.limit]
     assert sorted(limit.key for limit in limits) == sorted(LIMITED)
-    untold = {limit.key for limit in limits if not limit.compared}  # no chart warns what a model errs in these
-    assert untold == {"outrigger", "lift-off", "tipping", "stress", "field"}
-    kinds_of_errors = {limit.compared for limit in limits} - {""}
-    assert kinds_of_errors <= ERRORS_OF_KINDS.keys()
-    assert all(QUANTITIES[ERRORS_OF_KINDS[kind]].kinds == (kind,) for kind in kinds_of_errors)
 
 
 @pytest.mark.parametrize(

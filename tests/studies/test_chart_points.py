@@ -15,6 +15,7 @@ from fuzz import toml
 from ways.kinds import RAISED, SPACE, boom, rings
 
 import pmr
+from pmr.errors.text import two_digits
 from pmr.report.studies import render_studies
 from pmr.report.studies.chart import covered_parts
 from pmr.scene import load_any
@@ -129,7 +130,12 @@ def test_a_chart_warns_as_a_run_of_the_boom_at_rest_does(chart: StudyResults, fo
         f"at a boom length of {2.0 + EXTENSION:g} m, raised {np.rad2deg(ANGLE):.4g} degrees, under {load:.4g} kg"
         in said
     )
-    assert any(one.startswith("the model is off by up to") for one in record.warnings)
+    arrays = chart.arrays("row1")
+    share = arrays["error.model"][0, :2] / arrays["load"][0, :2]
+    governs = int(arrays["load"][0, :2].argmin())
+    (off,) = [one for one in record.warnings if one.startswith("the model is off by up to")]
+    assert f"{two_digits(100.0 * share[governs])} % in the load that {LIMITS[governs]['name']} allows" in off
+    assert "its error bar contains this" in off
     (row,) = csv.DictReader((folder / "runs.csv").read_text().splitlines())
     assert row["warnings"] == " | ".join(record.warnings)
     (run,) = json.loads((folder / "summary.json").read_text())["runs"]
