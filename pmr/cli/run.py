@@ -240,7 +240,7 @@ def _print_outcome(outcome: Outcome) -> None:
 
     result, summary = outcome.result, outcome.result.summary
     out.print(escape_controls(result.scene.title), style="bold")
-    print_rows(first_page.capacity_rows(result))
+    print_rows(first_page.largest_value_rows(result))
     _print_errors(errors.rows(result))
     each = ", ".join(
         f"{section['name']} {section['coordinates']['reduced']}" for section in summary.get("sections", ())

@@ -13,7 +13,7 @@ from pmr.compare.round_off import Pair
 from pmr.errors.text import percent, two_digits
 from pmr.files.arrays import Array, Summary
 from pmr.results import Response
-from pmr.results.quantities import QUANTITIES, error_label, reduction_error
+from pmr.results.quantities import QUANTITIES, error_label, reduction_error, wall_stress_on_short_cells
 from pmr.results.response import ROUND_OFF
 from pmr.scene import Scene
 from pmr.scene.choice import has_walls_that_could_give
@@ -233,7 +233,7 @@ def quantities_not_covered(
 
 def unsettled_force_clauses(kinds: Sequence[str]) -> list[str]:
     """A clause for each kind of forces in `kinds`, whose values still change as the step gets smaller."""
-    return [f"{QUANTITIES[kind].label} beyond the figure stated: smaller steps go on changing them" for kind in kinds]
+    return [f"{QUANTITIES[kind].label} are further off, as smaller steps still change them" for kind in kinds]
 
 
 def reduction_warnings(summary: Summary) -> list[str]:
@@ -261,6 +261,12 @@ def budget_warnings(scene: Scene, budget: Summary) -> Iterator[str]:
         giving = model["beside"].endswith("shell") and any(map(has_walls_that_could_give, members(scene)))
         better = 'body.walls = "give" adds the compliance of walls under pads' if giving else "a richer model is closer"
         yield f"the model is off by up to {two_digits(100.0 * most)} % beside a {model['beside']}, {beyond}; {better}"
+    walls = model.get("wall_stress") or {}
+    if "yield" in walls and (used := wall_stress_on_short_cells(walls) / walls["yield"]) > 1.0:
+        of = f" of {walls['section']}" if walls["section"] else ""
+        yield (
+            f"the stress in walls{of} at pads is about {used:.3g} times the yield stress, but the model stays elastic"
+        )
     if scene.goal is None and isinstance(mesh, Mapping) and mesh:
         kind, most = max(((kind, mesh[kind]) for kind in mesh if kind in QUANTITIES), key=lambda item: item[1])
         if most > allowed:

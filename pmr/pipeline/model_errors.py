@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -137,14 +137,17 @@ class ComparedScene:
         return call_on_first_rank(self.comm, lambda: Motion.compute(self.scene, system))
 
     def wall_stress(self, recovery: Recovery | None) -> dict[str, Any]:
-        """Entry ``wall_stress`` of ``budget.model``: the largest von Mises stress of a scene of shells; collective.
+        """Entries of ``budget.model`` on stress in walls, ``wall_stress`` and ``pad_yield``; collective.
 
-        It has ``value`` in Pa, ``t`` in s, ``position`` in m, ``section`` and ``region``, and length and width of the
-        section's ``cells`` in m.  If a pad of a joint is near, ``growth`` is the factor by which the stress of this pad
-        grows with short cells.  The stresses are those at the times of a `recovery`, from the reduced shells.
-        The entry is missing without a recovery of stresses, and for models other than shells.
+        The first is the largest von Mises stress of a scene of shells.  It has ``value`` in Pa, ``t`` in s,
+        ``position`` in m, ``section`` and ``region``, and length and width of the section's ``cells`` in m, and
+        ``yield`` in Pa if the walls there have a yield stress.  If a pad of a joint is near, ``growth`` is the factor
+        by which the stress of this pad grows with short cells.  The stresses are those at the times of a `recovery`,
+        from the reduced shells.  The second has the force of a joint's pad at which walls begin to yield
+        (`pmr.fullmodel.wall_stress.yield_forces`), by the name of the joint's section.
+        Both are missing without a recovery of stresses, and for models other than shells.
         """
-        from pmr.fullmodel.wall_stress import stress_growth  # needs FEniCSx, given matrices do not
+        from pmr.fullmodel.wall_stress import stress_growth, yield_forces  # needs FEniCSx, given matrices do not
 
         shells = all(model_of(of) == "shell" and of.part.body.box is not None for of in members(self.scene))
         if recovery is None or not recovery.stress or not shells:
@@ -160,16 +163,23 @@ class ComparedScene:
         part = self.scene.sections[int(section)]
         box = part.body.box
         assert box is not None  # as of all sections
-        entry = {"value": value, "t": t, "position": position, "section": part.name,
-                 "region": [*(side.name for side in box.sides), ""][int(side)],
+        name = [*(side.name for side in box.sides), ""][int(side)]
+        entry = {"value": value, "t": t, "position": position, "section": part.name, "region": name,
                  "cells": [part.mesh.along or part.mesh.size, part.mesh.size]}  # fmt: skip
+        region = part.body.regions.get(name)
+        allowed = (region and region.material or part.body.material).yield_stress
+        entry |= {} if allowed is None else {"yield": allowed}
+        entries: dict[str, Any] = {"wall_stress": entry}
         with suppress(*UNNEEDED):  # walls that change along the section
             place = np.array(position)
             growth = self.comm.bcast(
                 call_on_first_rank(self.comm, lambda: stress_growth(self.scene, int(section), place))
             )
             entry |= {} if growth is None else {"growth": growth}
-        return {"wall_stress": entry}
+        with suppress(*UNNEEDED):  # pads that leave their face
+            forces = self.comm.bcast(call_on_first_rank(self.comm, lambda: yield_forces(self.scene)))
+            entries |= {"pad_yield": {name: asdict(force) for name, force in forces.items()}} if forces else {}
+        return entries
 
     def _peak_numbers(self, recovery: Recovery) -> Array:
         """The largest stress of all sections in a simulation with the keys of `recovery`, as seven numbers; collective.

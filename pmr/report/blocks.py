@@ -282,6 +282,8 @@ class Chapter:
         `first` hold the main results.
     points : sequence of Point
         Sentences by topic.
+    overloads : sequence of str
+        Texts on values above what is allowed, which stand before everything else.
     warnings : sequence of str
         Sentences that a user has to know before sizing a machine by these results.
     unfinished : sequence of str
@@ -297,6 +299,7 @@ class Chapter:
     first: Sequence[Table] = ()
     points: Sequence[Point] = ()
     paragraphs: Sequence[str] = ()
+    overloads: Sequence[str] = ()
     warnings: Sequence[str] = ()
     unfinished: Sequence[str] = ()
     blocks: Sequence[Block] = field(default=())

@@ -121,11 +121,14 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
     errors: Mapping[str, Mapping[str, Any]] = result.summary.get("errors", {})
     for pair in dict.fromkeys((*(name for name in ORDER if name in errors), *errors)):
         first, _, second = pair.partition("_vs_")
-        comparison = f"{NAMES.get(first, first)} against {NAMES.get(second, second)}"
+        comparison, names = f"{NAMES.get(first, first)} against {NAMES.get(second, second)}", set[str]()
         for kind in dict.fromkeys((*(name for name in COMPARED if name in errors[pair]), *errors[pair])):
             error, name = float(errors[pair][kind]), error_name(result, kind)
             other = printed.get(pair, {}).get(kind)
             row = Row(comparison, name, _format_error(error))
+            if name in names:
+                continue  # the force of the only support that gives way has a row already
+            names.add(name)
             if other is not None:
                 row = _comparison_row(comparison, name, error, other, decimals)
             absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(kind)
@@ -281,6 +284,17 @@ def trust_table(result: RunResult) -> Table:
     gaps = "; ".join(f"{name}: {', '.join(dict.fromkeys(clauses))}" for name, clauses in missing.items() if clauses)
     rows = (*texts.items(), *([("not in these bars", gaps)] if gaps else []))
     return Table("How far to trust it", rows, bars, decades, note if bars else "")
+
+
+def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
+    """Yield rows (name, text) in brief on the errors of stress, tip, pad forces and reactions, all sources added up."""
+    summed = summed_errors(result.summary)
+    if "reduced" in result.summary.get("max_von_mises", {}):
+        yield "stress", "its error is not known: cells are not short enough at pads, loads and corners to tell"
+    lacking = f", without that of the {' and '.join(summed.unknown)}, which is not known" if summed.unknown else ""
+    for key in ("tip", "pad_force", "reaction"):
+        if (error := summed.by_label.get(label := QUANTITIES[key].label)) is not None:
+            yield label, f"± {format_percent(error, 2)} by model, mesh, time step and reduction{lacking}"
 
 
 def _with_shown_labels(result: RunResult, errors: Mapping[str, float]) -> dict[str, float]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,11 +32,12 @@ from pmr.report.subject import (
     is_raised,
     luffing_support_names,
     moving_part,
+    wall_stress_words,
 )
 from pmr.report.subject import reach as reach_of
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
-from pmr.results.quantities import QUANTITIES, stress_name, stress_remark, wall_stress
+from pmr.results.quantities import QUANTITIES, stress_name, stress_remark, wall_stress, wall_stress_on_short_cells
 from pmr.results.response import Extreme, Extremes
 from pmr.results.tables import FORCE_OF
 from pmr.scene.keys import cylinder_name, qualified_name
@@ -43,6 +45,17 @@ from pmr.scene.left_out import left_out
 from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
 
 Rows = Iterator[tuple[str, str]]
+
+
+class LargestValue(NamedTuple):
+    """Row of the table of largest values: its name, its text, and the share of the allowed value, None if unknown."""
+
+    name: str
+    text: str
+    share: float | None = None
+
+
+LargestValues = Iterator[LargestValue]
 
 #: Where the hook is beside its head for a swing below and above 0, along and across the boom.
 SWING_SIDES = {"along": ("inwards of", "outwards of"), "across": ("to the right of", "to the left of")}
@@ -72,7 +85,8 @@ def first_page_tables(result: RunResult) -> tuple[Table, ...]:
     """Build the tables of the first page; tables without rows are left out."""
     all_tables = (
         Table("What was asked", tuple(overview.system_rows(result))),
-        Table("What it carries", tuple(capacity_rows(result))),
+        Table("How sure", tuple(errors.certainty_rows(result))),
+        Table("Largest values of this motion", tuple(largest_value_rows(result))),
         Table("What is not in this model", tuple(_left_out_rows(result))),
         errors.trust_table(result),
     )
@@ -89,20 +103,38 @@ def _left_out_rows(result: RunResult) -> Rows:
     yield from rows.items()
 
 
-def capacity_rows(result: RunResult) -> Rows:
-    """Yield rows (name, text) on stress, fatigue, buckling, deflection, frequency, forces and the machine's motion."""
+def overload_sentences(result: RunResult) -> list[str]:
+    """Sentences on the values that are above what is allowed, the worst first."""
+    return [f"{row.name}: {row.text}" for row in largest_values(result) if row.share is not None and row.share > 1.0]
+
+
+def largest_value_rows(result: RunResult) -> Rows:
+    """Yield the rows (name, text) of the table of largest values."""
+    yield from ((row.name, row.text) for row in largest_values(result))
+
+
+def largest_values(result: RunResult) -> list[LargestValue]:
+    """Rows of the table of largest values: first those with an allowed value, of which the largest share is used."""
+    return sorted(_largest_values(result), key=lambda row: 0.0 if row.share is None else -row.share)
+
+
+def _largest_values(result: RunResult) -> LargestValues:
+    """Yield rows on stress, fatigue, buckling, deflection, frequency, forces and the machine's motion."""
     summary = result.summary
     yield from _stress_rows(result)
     if damages := summary.get("fatigue"):
         worst = damages[0]
         life = "" if worst["life"] is None else f", endured {significant(worst['life'])} times"
-        yield QUANTITIES["damage"].reported, f"{significant(worst['damage'])}, {worst['name']}{life}"
+        text = f"{significant(worst['damage'])}, {worst['name']}{life}"
+        yield LargestValue(QUANTITIES["damage"].reported, text, worst["damage"])
     if (buckling := summary.get("buckling", {})).get("factor") is not None:
         when = f"at {format_time(buckling['t'])}{_angles_clause(result, buckling['t'])}"
-        yield QUANTITIES["buckling"].reported, f"{significant(buckling['factor'])}, {when}"
+        text = f"{significant(buckling['factor'])}, {when}{_closed_pads_clause(result)}"
+        yield LargestValue(QUANTITIES["buckling"].reported, text)
     yield from _deflection_rows(result)
     yield from _further_output_rows(result)
     yield from _frequency_rows(result)
+    yield from _speed_rows(result)
     yield from _driven_rows(result)
     yield from _pressure_rows(result)
     yield from _indentation_rows(result)
@@ -112,7 +144,7 @@ def capacity_rows(result: RunResult) -> Rows:
     yield from _ground_rows(result)
 
 
-def _stress_rows(result: RunResult) -> Rows:
+def _stress_rows(result: RunResult) -> LargestValues:
     """Yield a row with the largest von Mises stress and its share of the yield stress.
 
     If the largest share of the yield stress occurs at another point than the largest stress, it has its own row.
@@ -121,54 +153,65 @@ def _stress_rows(result: RunResult) -> Rows:
     summary = result.summary
     largest = summary.get("max_von_mises", {}).get("reduced")
     if largest is None:
-        yield "stress", "not computed: a table [recovery] asks for it"
+        yield LargestValue("stress", "not computed: a table [recovery] asks for it")
         return
     peak, used = (summary.get(name, {}).get("reduced") for name in ("stress_peak", "utilisation"))
     stress_text = format_quantity(largest, "Pa")
     if stress_remark(result.scene):
-        local = "bending of walls under pads comes on top, "
+        local = "without the bending of walls under pads"
         if (shell := wall_stress(summary)) is not None:
-            yield "largest von Mises stress in walls", _wall_stress_text(result, shell)
-            local += "the row above has it"
+            yield _wall_stress_row(result, shell)
         else:
             prescribed = "" if result.scene.computed_key is None else "in a run with a prescribed motion "
-            local += f"by how much is not known: {prescribed}compare.richer = 'shell' computes it"
+            local += f", which adds to it; by how much is not known: {prescribed}compare.richer = 'shell' computes it"
         where = "" if peak is None else f", {_peak_clause(result, peak)}"
-        yield stress_name(result.scene), f"{stress_text}{where}; {local}"
+        yield LargestValue(stress_name(result.scene), f"{stress_text}, {local}{where}")
         return
     share = (
         f"{format_percent(used['value'])} of the yield stress of {format_quantity(used['yield'], 'Pa')}" if used else ""
     )
+    highest = used["value"] if used else None
     if used and used["stress"] == largest:
         stress_text, peak, used = f"{stress_text}, {share}", used, None
-    yield "largest von Mises stress", stress_text if peak is None else f"{stress_text}, {_peak_clause(result, peak)}"
+    text = stress_text if peak is None else f"{stress_text}, {_peak_clause(result, peak)}"
+    yield LargestValue("largest von Mises stress", text, None if used else highest)
     if used:
-        yield "largest stress over yield stress", f"{share}, {_peak_clause(result, used)}"
+        yield LargestValue("largest stress over yield stress", f"{share}, {_peak_clause(result, used)}", highest)
 
 
-def _wall_stress_text(result: RunResult, shell: Summary) -> str:
-    """Describe the largest stress of the shells that the model is compared with: value, share, place, time, cells."""
-    part = result.scene.bodies[shell["section"]]
-    region = part.body.regions.get(shell["region"])
-    allowed = (region and region.material or part.body.material).yield_stress
+def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
+    """Row on the largest stress of the shells that the model is compared with: value, share, place, time, cells."""
     long, wide = (format_input(round(1e3 * size, 1)) for size in shell["cells"])
     at = PeakSummary(t=shell["t"], position=shell["position"], section=shell["section"])
     at["region"] = f"{shell['region']} wall" if shell["region"] else "walls"
-    share = "" if allowed is None else (
-        f", {format_percent(shell['value'] / allowed)} of the yield stress of {format_quantity(allowed, 'Pa')}"
-    )  # fmt: skip
-    shorter = "under pads shorter cells give more"
-    if (growth := shell.get("growth")) is not None:
-        most = growth * shell["value"]
-        used = "" if allowed is None else f", {format_percent(most / allowed)} of the yield stress"
-        shorter = (
-            f"with short cells the stress by the pad at this place grows {growth:.2f} times, so the sum is at "
-            f"most {format_quantity(most, 'Pa')}{used}"
-        )
-    return (
-        f"{format_quantity(shell['value'], 'Pa')}{share}, {_peak_clause(result, at)}; on a shell of the same machine "
-        f"with cells of {long} × {wide}{SPACE}mm: {shorter}; welds are not in it"
+    most, allowed = wall_stress_on_short_cells(shell), shell.get("yield")
+    share = None if allowed is None else most / allowed
+    used = (
+        ""
+        if allowed is None
+        else f", {format_percent(most / allowed)} of the {format_quantity(allowed, 'Pa')} of yield"
     )
+    cells = f"{format_quantity(shell['value'], 'Pa')} on a shell with cells of {long} × {wide}{SPACE}mm"
+    if (growth := shell.get("growth")) is None:
+        how = f"{cells}, shorter ones give more under pads"
+    else:
+        how = f"{cells}, times {growth:.2f} by which the nearest pad's part grows with short ones"
+    return LargestValue(
+        "largest von Mises stress in walls",
+        f"{wall_stress_words(shell)}{used}, {_peak_clause(result, at)}; {how}; not converged, its error is "
+        "not known; without welds",
+        share,
+    )
+
+
+def _closed_pads_clause(result: RunResult) -> str:
+    """Clause that a figure is computed with every pad closed, and how many pads of the run lift off."""
+    if not has_pushing_pads(result):
+        return ""
+    forces = [Extremes.from_summary(pad) for pad in result.summary.get("pads", ())]
+    opened = sum(force.least == 0.0 for force in forces)
+    lift = f", and {opened} pads do at times in this run" if opened else ""
+    return f"; with every pad closed: pads that lift off lower it{lift}"
 
 
 def _peak_clause(result: RunResult, peak: PeakSummary) -> str:
@@ -177,7 +220,7 @@ def _peak_clause(result: RunResult, peak: PeakSummary) -> str:
     return f"{', '.join(filter(None, where))}, at {format_time(peak['t'])}{_angles_clause(result, peak['t'])}"
 
 
-def _force_rows(result: RunResult) -> Rows:
+def _force_rows(result: RunResult) -> LargestValues:
     """Yield a row for each kind of force or moment in `FORCES`.
 
     The row states its largest value, the part that bears it, and the time.
@@ -191,33 +234,70 @@ def _force_rows(result: RunResult) -> Rows:
             continue  # outriggers and the margin against tipping say what they mean
         largest = forces[name].largest
         if not largest.value:
-            yield row, f"0, {name}"
+            yield LargestValue(row, f"0, {name}")
         elif key == "cylinder_force" and not name.endswith(ROPES):
-            yield (
-                row,
-                f"{format_quantity(abs(largest.value), unit)}, {name} {_push_or_pull(largest)}, "
-                f"{_extreme_clause(result, largest)}",
-            )
+            text = f"{format_quantity(abs(largest.value), unit)}, {name} {_push_or_pull(largest)}"
+            yield LargestValue(row, f"{text}, {_extreme_clause(result, largest)}")
         else:
-            yield row, f"{format_quantity(largest.value, unit)}, {name}, {_extreme_clause(result, largest)}"
+            text = f"{format_quantity(largest.value, unit)}, {_bearer_words(key, name)}"
+            yield LargestValue(row, f"{text}, {_extreme_clause(result, largest)}")
+            if key == "pad_force":
+                yield from _yield_rows(result, forces)
 
 
-def _pressure_rows(result: RunResult) -> Rows:
+def _bearer_words(key: str, name: str) -> str:
+    """Words for the part that bears a force or moment of the kind `key`: a support of a section, or the boom's axis."""
+    if key.startswith("machine"):
+        return f"{name} of the boom's own axes"
+    body, _, support = name.rpartition(": ")
+    if key not in ("support", "support_moment") or not body:
+        return name
+    support, _, turn = support.rpartition(" ") if support.endswith((" rx", " ry", " rz")) else (support, "", "")
+    return f"{support} of {body}" + (f", about {turn[1]}" if turn else "")
+
+
+def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestValues:
+    """Yield a row with the pad whose force comes nearest to that at which walls begin to yield; `forces` are by pad.
+
+    It is missing unless a shell was compared (`pmr.fullmodel.wall_stress.yield_forces`).
+    """
+    limits = (result.summary.get("budget", {}).get("model") or {}).get("pad_yield", {})
+    shares = {
+        name: (extremes.size / limit["force"], limit)
+        for name, extremes in forces.items()
+        for section, limit in limits.items()
+        if name.startswith(f"{section} ")
+    }
+    if shares:
+        pad = max(shares, key=lambda name: shares[name][0])
+        share, limit = shares[pad]
+        yield LargestValue(
+            "largest pad force over that at which walls yield",
+            f"{format_percent(share)} of {format_quantity(limit['force'], 'N')}, {pad}, "
+            f"{_extreme_clause(result, forces[pad].largest)}; under the weakest pad of this joint alone the walls of "
+            f"{limit['section']} then begin to yield at its edge; the bending of the whole section adds to it",
+            share,
+        )
+
+
+def _pressure_rows(result: RunResult) -> LargestValues:
     """Yield a row with the largest mean pressure of a pad; nothing if no pad has a size."""
     pads = [pad for pad in result.summary.get("pads", ()) if "pressure" in pad]
     if pads:
         pad = max(pads, key=lambda pad: float(pad["pressure"]))
         force = Extremes.from_summary(pad).largest
         pressure, when = format_quantity(pad["pressure"], "Pa"), _extreme_clause(result, force)
-        yield QUANTITIES["pad_pressure"].reported, f"{pressure}, {pad['name']}, {when}"
+        yield LargestValue(QUANTITIES["pad_pressure"].reported, f"{pressure}, {pad['name']}, {when}")
 
 
-def _indentation_rows(result: RunResult) -> Rows:
+def _indentation_rows(result: RunResult) -> LargestValues:
     """Yield a row with the largest indentation of walls under a pad's own force; nothing if all walls are rigid."""
     if rows := result.summary.get("indentations"):
         largest = max(rows, key=lambda row: float(row["value"]))
         when = _extreme_clause(result, Extreme(largest["value"], largest["t"], largest["s"]))
-        yield QUANTITIES["indentation"].reported, f"{format_length(largest['value'])}, {largest['name']}, {when}"
+        yield LargestValue(
+            QUANTITIES["indentation"].reported, f"{format_length(largest['value'])}, {largest['name']}, {when}"
+        )
 
 
 def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
@@ -278,21 +358,24 @@ def _full_name(result: RunResult, name: str) -> str:
     return name
 
 
-def _hoist_rows(result: RunResult) -> Rows:
+def _hoist_rows(result: RunResult) -> LargestValues:
     """Yield rows with the range of the hook's height and with its largest swing."""
     if (hoist := result.summary.get("hoist")) is None:
         return
     height = Extremes.from_summary(hoist["height"])
-    yield "height of the hook", f"{format_quantity(height.least, 'm')} to {format_quantity(height.most, 'm')}"
+    yield LargestValue(
+        "height of the hook", f"{format_quantity(height.least, 'm')} to {format_quantity(height.most, 'm')}"
+    )
     swings = {way: Extremes.from_summary(hoist[f"swing_{way}"]).largest for way in ("along", "across")}
     way = max(swings, key=lambda name: abs(swings[name].value))
     largest = swings[way]
     degrees = f"{significant(np.rad2deg(abs(largest.value)))}° {way} the boom"
     side = SWING_SIDES[way][int(largest.value > 0.0)]
-    yield QUANTITIES["swing"].reported, f"{degrees}, the hook {side} the head, {_extreme_clause(result, largest)}"
+    text = f"{degrees}, the hook {side} the head, {_extreme_clause(result, largest)}"
+    yield LargestValue(QUANTITIES["swing"].reported, text)
 
 
-def _driven_rows(result: RunResult) -> Rows:
+def _driven_rows(result: RunResult) -> LargestValues:
     """Yield rows with the largest force of the luffing cylinder and on a free extension, their lengths, and oil."""
     for way in ("luffing", "extension"):
         if (cylinder := result.summary.get(f"{way}_cylinder")) is None:
@@ -300,16 +383,42 @@ def _driven_rows(result: RunResult) -> Rows:
         largest, stroke = Extremes.from_summary(cylinder["force"]).largest, cylinder["length"]
         long = format_range(stroke["min"], stroke["max"], f"{SPACE}m{' long' if way == 'luffing' else ' out'}")
         when = f"it {_push_or_pull(largest)}, {_extreme_clause(result, largest)}"
-        yield QUANTITIES[f"{way}_force"].reported, f"{format_quantity(abs(largest.value), 'N')}, {when}; {long}"
+        share, ends = None, _stroke_of_luffing(result) if way == "luffing" else None
+        if ends is not None:
+            low, high = ends
+            share = max(stroke["max"] - low, high - stroke["min"] if stroke["min"] < low else 0.0) / (high - low)
+            long += f", {format_percent(share)} of the stroke from {format_input(low)} to {format_input(high, 'm')}"
+        yield LargestValue(
+            QUANTITIES[f"{way}_force"].reported, f"{format_quantity(abs(largest.value), 'N')}, {when}; {long}", share
+        )
         pressures = {side: Extremes.from_summary(of) for side in OIL_SIDES if (of := cylinder.get(f"pressure_{side}"))}
         for side in sorted(pressures, key=lambda side: pressures[side].most)[-1:]:
             most = pressures[side].largest
             text = f"{format_quantity(most.value, 'Pa')}, {OIL_SIDES[side]}, {_extreme_clause(result, most)}"
-            yield QUANTITIES["driven_pressure"].reported, text
+            yield LargestValue(QUANTITIES["driven_pressure"].reported, text)
         if flow := cylinder.get("flow_supply"):
             most, power = Extremes.from_summary(flow).largest, cylinder["power_supply"]["max"]
             text = f"{format_quantity(most.value, 'm^3/s')}, {format_quantity(power, 'W')} at most"
-            yield "largest flow from the supply", f"{text}, {_extreme_clause(result, most)}"
+            yield LargestValue("largest flow from the supply", f"{text}, {_extreme_clause(result, most)}")
+
+
+def _stroke_of_luffing(result: RunResult) -> tuple[float, float] | None:
+    """Least and greatest length in m of the luffing cylinder; None if the scene does not state them."""
+    frame = result.scene.frame
+    return None if frame is None or frame.cylinder is None else frame.cylinder.stroke
+
+
+def _speed_rows(result: RunResult) -> LargestValues:
+    """Yield a row with the largest speeds of extensions, luffing and slewing; nothing if none of them moves."""
+    t, frame, texts = result.responses["reduced"].t, result.frame, list[str]()
+    for number, name in enumerate(result.paths.names):
+        if not is_alone(result) and (most := float(np.abs(result.paths.rates[:, number]).max())) > 0.0:
+            texts.append(f"{name} slides at up to {format_quantity(most, 'm/s')}")
+    for name, angle in zip(("luffing", "slewing"), () if frame is None else frame.angles, strict=False):
+        if (most := float(np.rad2deg(np.abs(angle.rate(t)).max()))) > 0.0:
+            texts.append(f"{name} at up to {significant(most)}°/s")
+    if texts:
+        yield LargestValue("largest speeds", ", ".join(texts))
 
 
 def _push_or_pull(force: Extreme) -> str:
@@ -317,7 +426,7 @@ def _push_or_pull(force: Extreme) -> str:
     return "pushes" if force.value > 0.0 else "pulls"
 
 
-def _deflection_rows(result: RunResult) -> Rows:
+def _deflection_rows(result: RunResult) -> LargestValues:
     """Yield a row with the largest tip displacement in each direction in which this displacement exceeds round-off.
 
     Where a mass on a wheel crosses other sections, the rows have its displacement, and the largest ones of these.
@@ -332,20 +441,25 @@ def _deflection_rows(result: RunResult) -> Rows:
     for direction, values in sizes.items():
         largest = Extremes.from_history(values, response.t, result.abscissa_at(response.t)).largest
         row, size = f"{called}, {direction_words(result, direction)}", _deflection_text(direction, largest.value)
-        if direction == "z" and (result.frame is not None or is_raised(result)):  # neither up nor down in space
+        is_turned = result.frame is not None or is_raised(result)
+        if direction == "z" and is_turned:  # neither up nor down in space
             side = "above" if largest.value > 0.0 else "below"
-            size, angle = f"{format_length(abs(largest.value))} {side} its straight axis", elevation(result, largest.t)
-            size += "" if angle is None else f", {format_length(abs(largest.value) * np.cos(angle))} of it vertical"
-        yield row, f"{size}, {_extreme_clause(result, largest)}"
+            size = f"{format_length(abs(largest.value))} {side} its straight axis"
+        yield LargestValue(row, f"{size}, {_extreme_clause(result, largest)}")
+        if direction == "z" and is_turned and (angles := elevation(result, response.t)) is not None:
+            of = values * np.cos(angles)
+            largest = Extremes.from_history(of, response.t, result.abscissa_at(response.t)).largest
+            text = f"{_deflection_text('z', largest.value)}, {_extreme_clause(result, largest)}"
+            yield LargestValue(f"{called}, vertical part", text)
     for line in axis_points(result, response)[:-1] if mover else ():
         deflections = line.displacements(response)
         k = int(np.abs(deflections).max(axis=0).argmax())
         largest = Extremes.from_history(deflections[:, k], response.t, result.abscissa_at(response.t)).largest
         where = f"{_deflection_text('z', largest.value)}, {_round(line.x[k])}{SPACE}m from its tail"
-        yield f"largest deflection of {line.body}", f"{where}, {_extreme_clause(result, largest)}"
+        yield LargestValue(f"largest deflection of {line.body}", f"{where}, {_extreme_clause(result, largest)}")
 
 
-def _further_output_rows(result: RunResult) -> Rows:
+def _further_output_rows(result: RunResult) -> LargestValues:
     """Yield a row for each output that is measured but that no ``[[probes]]`` asks for, such as the tip's rotation."""
     response, probes = result.responses["reduced"], {probe["name"] for probe in result.summary.get("probes", ())}
     units = dict(zip(response.other_names, response.other_units, strict=True))
@@ -354,7 +468,7 @@ def _further_output_rows(result: RunResult) -> Rows:
             most = Extremes.from_history(values, response.t, result.abscissa_at(response.t)).largest
             is_angle, value = units[name] == "rad", most.value
             size = f"{significant(np.rad2deg(value))}°" if is_angle else format_quantity(value, units[name])
-            yield f"largest {name}", f"{size}, {_extreme_clause(result, most)}"
+            yield LargestValue(f"largest {name}", f"{size}, {_extreme_clause(result, most)}")
 
 
 def _deflection_text(direction: str, value: float) -> str:
@@ -363,7 +477,7 @@ def _deflection_text(direction: str, value: float) -> str:
     return f"{format_length(abs(value))} {way}"
 
 
-def _machine_rows(result: RunResult) -> Rows:
+def _machine_rows(result: RunResult) -> LargestValues:
     """Yield a row with the ranges of a moving machine's free coordinates: displacements of the pivot, and rotations."""
     frame = result.frame
     if frame is None or frame.machine is None:
@@ -381,10 +495,10 @@ def _machine_rows(result: RunResult) -> Rows:
         size = degrees if turns else 1.0 if unit == f"{SPACE}m" else 1e3
         parts.append(f"{key} {format_range(size * motion['min'], size * motion['max'], unit)}")
     if parts:
-        yield "motion of the machine", ", ".join(parts)
+        yield LargestValue("motion of the machine", ", ".join(parts))
 
 
-def _ground_rows(result: RunResult) -> Rows:
+def _ground_rows(result: RunResult) -> LargestValues:
     """Yield rows with the smallest force of an outrigger, the least margin against tipping and the polygon's use."""
     if (ground := result.summary.get("ground")) is None:
         return
@@ -396,10 +510,13 @@ def _ground_rows(result: RunResult) -> Rows:
         quantity, extremes = QUANTITIES[key], {row["name"]: Extremes.from_summary(row) for row in rows}
         name = min(extremes, key=lambda name: extremes[name].least)
         value = quantity.value(extremes[name])
-        text = significant(value.value) if quantity.unit == "1" else format_quantity(value.value, quantity.unit)
-        of = " (at 1 the machine tips)" if key == "tipping" else f", {name}"
+        is_use = key == "tipping"
+        text = f"{format_percent(value.value)} (100{SPACE}%: it tips)" if is_use else (
+            f"{format_quantity(value.value, quantity.unit)}, {name}"
+        )  # fmt: skip
         error = _margin_error(result) if key == "tipping_margin" else ""
-        yield quantity.reported, f"{text}{of}, {_extreme_clause(result, value)}{error}"
+        text = f"{text}, {_extreme_clause(result, value)}{error}"
+        yield LargestValue(quantity.reported, text, value.value if is_use else None)
 
 
 def _margin_error(result: RunResult) -> str:
@@ -420,7 +537,7 @@ def _margin_error(result: RunResult) -> str:
     )
 
 
-def _frequency_rows(result: RunResult) -> Rows:
+def _frequency_rows(result: RunResult) -> LargestValues:
     """Yield a row with the lowest natural frequency over the path and with its position; nothing if none is known.
 
     A frequency below the share `ROUND_OFF` of the highest frequency is printed as 0.
@@ -432,16 +549,18 @@ def _frequency_rows(result: RunResult) -> Rows:
     lowest, where = float(frequencies[k, 0]), _position_text(result, float(result.frequencies.along[k]))
     where = f", {'with' if crossing(result) else 'at'} {where}" if where else ""
     if lowest > ROUND_OFF * np.nanmax(frequencies):
-        closed = ", every pad closed" if has_pushing_pads(result) else ""
         masses = [f"{of.name} {format_input(of.mass, 'kg')}" for part in result.scene.sections for of in part.masses]
-        closed += f", with {' and '.join(masses)}" if masses else ""
+        closed = f", with {' and '.join(masses)}" if masses else ""
         closed += ", without the payload of the hoist" if result.scene.hoist is not None else ""
         closed += _locked_clause(result)
         way = result.summary.get("lowest_mode", {}).get("direction", "")
         where = f"{TIP_MOVES[way]}{where}" if way in TIP_MOVES else where
-        yield QUANTITIES["frequency"].reported, f"{significant(lowest)}{SPACE}Hz{where}{closed}"
+        yield LargestValue(
+            QUANTITIES["frequency"].reported,
+            f"{significant(lowest)}{SPACE}Hz{where}{closed}{_closed_pads_clause(result)}",
+        )
     else:
-        yield QUANTITIES["frequency"].reported, f"0{where}"
+        yield LargestValue(QUANTITIES["frequency"].reported, f"0{where}")
 
 
 def _locked_clause(result: RunResult) -> str:

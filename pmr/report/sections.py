@@ -58,6 +58,7 @@ def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> C
         title=result.scene.title,
         opening=sentences.opening_sentences(result),
         sketch=figures.sketch,
+        overloads=first_page.overload_sentences(result),
         first=first_page.first_page_tables(result),
         key_numbers=list(sentences.key_numbers(result)),
         points=sentences.sentence_points(result, rows),

@@ -27,6 +27,7 @@ from pmr.report.subject import (
     scope_words,
     slider_offsets,
     structural_model,
+    wall_stress_words,
 )
 from pmr.report.subject import reach as reach
 from pmr.results import RunResult
@@ -97,7 +98,10 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     fewer = "" if full is None else format_percent(1.0 - reduced / full, 2 if reduced > 0.005 * full else 4)
     arrow = f"{reduced}" if full is None else f"{format_input(full)}{SPACE}→{SPACE}{reduced}"
     yield KeyNumber(arrow, "coordinates", f"{fewer} fewer" if fewer else "")
-    if (most := summary.get("max_error")) is not None:
+    totals = error_sentences.summed_errors(summary)
+    if totals.by_label:
+        yield _total_error(totals)
+    elif (most := summary.get("max_error")) is not None:
         largest = summary.get("max_displacement")
         share = (
             f"{format_percent(most / largest, 2)} of {format_length(largest)}, the largest displacement"
@@ -105,21 +109,30 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
             else ""
         )
         yield KeyNumber(format_length(most), "largest difference to full", share)
-    yield from _error_key_numbers(result)
+    if not totals.by_label:
+        yield from _error_key_numbers(result)
     yield from error_sentences.model_key_number(result)
     peak = summary.get("max_von_mises", {})
     if "reduced" in peak:
         full = f"full model {format_quantity(peak['full'], 'Pa')}" if "full" in peak else ""
         stress_text, name = format_quantity(peak["reduced"], "Pa"), stress_name(result.scene)
         if (walls := wall_stress(summary)) is not None:
-            of_walls = format_quantity(walls["value"], "Pa")
-            yield KeyNumber(of_walls, "largest von Mises stress in walls", f"of a shell; of the beams {stress_text}")
+            note = f"not converged, error not known; of the beams {stress_text}"
+            yield KeyNumber(wall_stress_words(walls), "largest von Mises stress in walls", note)
         else:
             yield KeyNumber(stress_text, name, full)
     if damages := summary.get("fatigue"):
         worst = damages[0]
         yield KeyNumber(significant(worst["damage"]), QUANTITIES["damage"].reported, f"of one run, {worst['name']}")
     yield from _simulation_time(result)
+
+
+def _total_error(totals: error_sentences.SummedErrors) -> KeyNumber:
+    """Key number of the largest of the errors that are added up over all sources."""
+    label = max(totals.by_label, key=lambda name: totals.by_label[name])
+    note = f"in {label}; model, mesh, time step and reduction added up"
+    note += f", without that of the {' and '.join(totals.unknown)}" if totals.unknown else ""
+    return KeyNumber(format_percent(totals.by_label[label], 2), "largest error that is known", note)
 
 
 def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:
@@ -245,7 +258,7 @@ def frame_sentences(result: RunResult) -> str:
         return f"{turns}{axes}Second order is included; no axial force compresses the boom."
     return (
         f"{turns}{axes}Second order is included: the boom would buckle under {significant(factor)} times its "
-        f"axial forces, at t = {format_time(buckling['t'])}, with every pad closed."
+        f"axial forces, at t = {format_time(buckling['t'])}, with every pad closed; open pads lower it."
         f"{_deflection_sentence(factor)}"
     )
 

@@ -13,7 +13,7 @@ import numpy as np
 from pmr.files.arrays import Array, Summary
 from pmr.report.numbers import format_input, format_percent, format_quantity
 from pmr.results import BodyResult, RunResult
-from pmr.results.quantities import wall_stress
+from pmr.results.quantities import wall_stress, wall_stress_on_short_cells
 from pmr.scene.built import PadRing
 from pmr.scene.choice import choose_model, input_directions
 from pmr.scene.joints import JointPads
@@ -53,7 +53,13 @@ class AppliedLoad:
 def walls_clause(result: RunResult) -> str:
     """Clause of a caption on the stress in walls, which no picture of beams shows; empty if it is not known."""
     walls = wall_stress(result.summary)
-    return "" if walls is None else f"; walls under pads reach {format_quantity(walls['value'], 'Pa')}, not drawn"
+    return "" if walls is None else f"; walls under pads reach {wall_stress_words(walls)}, not drawn"
+
+
+def wall_stress_words(walls: Summary) -> str:
+    """Words for the largest stress in walls (`pmr.results.quantities.wall_stress`): about or at least a value."""
+    value = format_quantity(wall_stress_on_short_cells(walls), "Pa")
+    return f"{'at least' if walls.get('growth') is None else 'about'} {value}"
 
 
 def direction_words(result: RunResult, direction: str) -> str:
@@ -62,12 +68,12 @@ def direction_words(result: RunResult, direction: str) -> str:
     return "perpendicular to the boom, z" if direction == "z" and raised else _ACROSS[direction]
 
 
-def elevation(result: RunResult, t: float) -> float | None:
-    """Angle in rad by which the boom is raised at `t` in s; None on a base that moves or is inclined."""
+def elevation(result: RunResult, t: Array) -> Array | None:
+    """Angles (T,) in rad by which the boom is raised at times t (T,) in s; None on a base that moves or is inclined."""
     if result.frame is None:
         gravity = result.scene.gravity
-        return None if gravity is None else float(np.deg2rad(gravity.elevation))
-    return float(result.frame.angles[0].value(np.array([t]))[0]) if result.frame.base is None else None
+        return None if gravity is None else np.full(len(t), np.deg2rad(gravity.elevation))
+    return result.frame.angles[0].value(t) if result.frame.base is None else None
 
 
 def is_raised(result: RunResult) -> bool:
@@ -103,9 +109,9 @@ def reduced_size(result: RunResult) -> int:
 
 
 def structural_model_words(model: str, walls: str = "rigid") -> str:
-    """Name a structural model in words, such as ``a planar beam``; for beams also say if their walls give way."""
+    """Name a structural model in words, such as ``a planar beam``; for beams also say if their walls are flexible."""
     traits = model_traits(model)
-    return traits.words + " whose walls give way" * (walls == "give" and traits.walls_may_give)
+    return traits.words + " with flexible walls" * (walls == "give" and traits.walls_may_give)
 
 
 def choice_clause(measured: Summary) -> str:

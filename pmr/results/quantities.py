@@ -361,6 +361,14 @@ def wall_stress(summary: Mapping[str, Any]) -> Mapping[str, Any] | None:
     return stress
 
 
+def wall_stress_on_short_cells(walls: Mapping[str, Any]) -> float:
+    """Return the largest stress in walls in Pa as cells that are short beside a pad would have it, so far as is known.
+
+    `walls` is the result of `wall_stress`.  Its whole stress is taken to grow as that of the nearest pad alone does.
+    """
+    return float(walls["value"]) * float(walls.get("growth") or 1.0)
+
+
 #: All quantities, by their keys.
 QUANTITIES: Mapping[str, Quantity] = {
     quantity.key: quantity

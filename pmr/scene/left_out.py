@@ -75,6 +75,7 @@ def _strength(scene: Scene, at_rest: bool) -> list[str]:
         clauses.append("local bending of walls under pads in the stress of beams")
     if boxes:
         clauses.append("buckling of plates")
+    clauses += ["how loads enter walls at lugs, hinges and the head"] if boxes else []
     clauses += ["welds, bolts and cut-outs", "plastic deformation"]
     return clauses if scene.fatigue is not None and not at_rest else [*clauses, "fatigue"]
 
@@ -96,7 +97,8 @@ def _pads(scene: Scene, at_rest: bool) -> list[str]:
         return []
     clauses = [] if not at_rest and any(getattr(ring, "friction", 0.0) for ring in rings) else ["friction"]
     gaps = [ring.clearance.values() if isinstance(ring.clearance, dict) else [ring.clearance] for ring in rings]
-    clauses += [] if any(gap for of_ring in gaps for gap in of_ring) else ["play"]
+    if not any(gap for of_ring in gaps for gap in of_ring):
+        clauses.append("play, which at side pads changes the stress in walls")
     return [*clauses, "wear", "spread of the pressure under a pad"]
 
 

@@ -230,12 +230,12 @@ def test_without_a_reduced_beam_there_is_no_report(make_result, tmp_path: Path) 
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_warnings_stand_by_themselves_below_what_it_carries_and_above_coordinates(make_result) -> None:
+def test_warnings_stand_by_themselves_above_values_and_their_errors(make_result) -> None:
     warned = make_result(summary=make_result().summary | {"warnings": ["mind the gap", "and < the step"]})
     page = render([case(warned, "case-1")])
     shown = re.search(r'<div class="warnings" id="case-1-warnings">(.*?)</div>', page, flags=re.S)
     assert shown and re.findall(r"<li>(.*?)</li>", shown[1]) == ["Mind the gap.", "And &lt; the step."]
-    assert page.index("How far to trust it") < shown.start() < page.index('class="figures"')
+    assert shown.start() < page.index("Largest values of this motion")
     assert 'class="warnings"' not in render([case(make_result(), "case-1")])
 
 

@@ -37,7 +37,7 @@ def rows(result: RunResult, title: str) -> dict[str, str]:
 def test_a_vehicle_is_told_by_its_place_on_the_bridge_and_counts_with_its_mass() -> None:
     """The mass on its spring is lowest beyond midspan, the bridge at midspan; masses are those of the file."""
     result = short_run("bridge", "sections.bridge.mesh.elements=20")
-    asked, carries = rows(result, "What was asked"), rows(result, "What it carries")
+    asked, carries = rows(result, "What was asked"), rows(result, "Largest values of this motion")
     assert opening_sentences(result) == \
         f"Vehicle crosses bridge: it is 0{SPACE}m to 20{SPACE}m from the tail of bridge."  # fmt: skip
     assert asked["bridge"].startswith(f"20{SPACE}m long, 20")
@@ -54,7 +54,7 @@ def test_a_vehicle_is_told_by_its_place_on_the_bridge_and_counts_with_its_mass()
 
 def test_what_hangs_on_the_hoist_stands_on_the_first_page() -> None:
     result = short_run(plain_machines.HOIST, *SHORT, "hoist.swing=[-0.01, 0.02]")
-    asked, carries = rows(result, "What was asked"), rows(result, "What it carries")
+    asked, carries = rows(result, "What was asked"), rows(result, "Largest values of this motion")
     assert asked["hoist"] == f"payload of 400{SPACE}kg with a hook of 50{SPACE}kg on 2 falls"  # a gust comes later
     rope = rope_axis(result, [0, -1])
     assert rope is not None
@@ -78,7 +78,7 @@ def test_what_hangs_on_the_hoist_stands_on_the_first_page() -> None:
 def test_oil_has_its_pressure_and_flow_on_the_first_page() -> None:
     """Litres per minute are cubic metres per second times 60,000."""
     result = short_run("luffing_oil", *SHORT, "time.end=1.0")
-    asked, carries = rows(result, "What was asked"), rows(result, "What it carries")
+    asked, carries = rows(result, "What was asked"), rows(result, "Largest values of this motion")
     assert asked["luffing"].endswith(
         f", computed: oil of 21.0{SPACE}MPa through a valve and a counterbalance valve drives it"
     )
@@ -102,7 +102,7 @@ def test_oil_has_its_pressure_and_flow_on_the_first_page() -> None:
 def test_a_machine_on_outriggers_says_on_what_it_stands() -> None:
     """A gust that comes after the end of the run is 0 at all times, and has no figure."""
     result = short_run(plain_machines.OUTRIGGERS, *SHORT)
-    use = rows(result, "What it carries")["largest use of the support polygon"]
+    use = rows(result, "Largest values of this motion")["largest use of the support polygon"]
     assert use.startswith(f"{result.summary['ground']['use']['max']:.3f} (at 1 the machine tips), at ")
     asked = rows(result, "What was asked")
     masses = f"4 outriggers, with machine masses of 7500{SPACE}kg"

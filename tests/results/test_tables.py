@@ -12,7 +12,7 @@ import pytest
 import pmr.results
 from pmr import InputError, RunResult, run
 from pmr import scene as scenes
-from pmr.report.first_page import capacity_rows
+from pmr.report.first_page import largest_value_rows
 from pmr.results.tables import write_tables
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
@@ -61,7 +61,7 @@ def test_an_output_that_no_probe_asks_for_has_rows_under_its_own_name(folder: Pa
     turned = result.responses["reduced"].other("tip ry")
     assert (float(found[0]["min"]), float(found[0]["max"])) == (turned.min(), turned.max())
     assert "tip ry" not in {row["probe"] for row in rows(folder, "cycles")}
-    (text,) = [text for name, text in capacity_rows(result) if name == "largest tip ry"]
+    (text,) = [text for name, text in largest_value_rows(result) if name == "largest tip ry"]
     size = turned[np.abs(turned).argmax()]
     assert float(text.partition("°")[0].replace("−", "-")) == pytest.approx(np.rad2deg(size), rel=0.05)
 

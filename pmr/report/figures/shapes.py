@@ -323,7 +323,7 @@ def frequencies_caption(result: RunResult) -> str:
     lowest = result.frequencies
     if lowest.t is not None:
         stays = len(lowest.along) > 1 and not np.ptp(lowest.along)
-        when = "over time" if stays else "when it is there first"
+        when = "over time" if stays else "at the first time with each boom length"
         return f"Lowest natural frequencies {when}, as the frame and axial forces stress the boom, every pad closed."
     if moving_part(result) == "boom":
         return "Lowest natural frequencies of the boom at rest, every pad closed."

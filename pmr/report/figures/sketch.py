@@ -28,7 +28,6 @@ from pmr.report.subject import (
     slider_offsets,
 )
 from pmr.results import RunResult
-from pmr.results.quantities import stress_name
 from pmr.scene.box import Box
 
 LOAD = "#7b2d8e"
@@ -126,7 +125,8 @@ def sketch_caption(result: RunResult) -> str:
     if _is_boom(result):
         return space.view_caption(result, "from the side")
     low, high = result.scene.path_bounds
-    ring = f"; the ring is the place of the {stress_name(result.scene)}" if largest_stress(result) is not None else ""
+    name = space.ringed_stress_name(result)
+    ring = f"; the ring is the place of the {name}" if largest_stress(result) is not None else ""
     if moving_part(result) == "mouth":
         return f"The system at its largest extension{'; dashed: the tip at its smallest' if high > low else ''}{ring}."
     return f"The system at the beginning{'; hollow: the other end of the way' if high > low else ''}{ring}."

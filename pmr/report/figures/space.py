@@ -34,9 +34,9 @@ from pmr.report.figures.canvas import (
 from pmr.report.figures.histories import Timeline
 from pmr.report.figures.shapes import exaggeration
 from pmr.report.numbers import SPACE, format_input, format_quantity
-from pmr.report.subject import abscissa_label, changing_angles, reach, walls_clause
+from pmr.report.subject import abscissa_label, changing_angles, reach
 from pmr.results import RunResult
-from pmr.results.quantities import stress_name
+from pmr.results.quantities import stress_name, wall_stress, wall_stress_on_short_cells
 
 #: Number of moments at which a boom is drawn; they are evenly spaced along the path of its tip.
 MOMENTS = 4
@@ -104,10 +104,9 @@ def view_caption(result: RunResult, view: str) -> str:
     )
     when = f"at {len(steps)} moments" if len(steps) > 1 else f"at {float(t[steps[0]]):.3g}{SPACE}s"
     worst = largest_stress(result)
-    mark = f"; the ring is the place of the {stress_name(result.scene)}" if worst is not None else ""
+    mark = "" if worst is None else f"; the ring is the place of the {ringed_stress_name(result)}"
     if worst is not None and len(steps) > 1:
         mark += f", at {float(t[worst.step]):.3g}{SPACE}s; other moments are paler"
-    mark += walls_clause(result)
     way = "; dashed: the path of its tip" if float(np.ptp(result.abscissa)) > 0.0 or len(steps) > 1 else ""
     way += "; square: the payload on its rope" if rope_axis(result, steps) is not None else ""
     return f"The boom {view} {when}{way}; deflection is drawn {scale} times its size{mark}."
@@ -317,12 +316,20 @@ class LargestStress:
 
 
 def largest_stress(result: RunResult) -> LargestStress | None:
-    """Largest von Mises stress of the reduced model; None if no stresses were computed."""
-    peak = result.summary.get("stress_peak", {}).get("reduced")
+    """Largest von Mises stress: in walls, if a shell was compared, else of the reduced model; None without stresses."""
+    peak, walls = result.summary.get("stress_peak", {}).get("reduced"), wall_stress(result.summary)
     if peak is None:
         return None
+    peak = peak if walls is None else {**walls, "value": wall_stress_on_short_cells(walls)}
     step = int(np.argmin(np.abs(result.responses["reduced"].t - peak["t"])))
     return LargestStress(step, peak.get("section", ""), float(peak["position"][0]), float(peak["value"]))
+
+
+def ringed_stress_name(result: RunResult) -> str:
+    """Name of the stress that `largest_stress` returns."""
+    if wall_stress(result.summary) is None:
+        return stress_name(result.scene)
+    return "largest von Mises stress in walls, as the first page describes it"
 
 
 def _tip_distance(result: RunResult) -> Array:
