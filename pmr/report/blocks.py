@@ -263,9 +263,8 @@ class Block:
 
 @dataclass(frozen=True)
 class Figures:
-    """All figures of a run: the sketch of its first page, and the blocks that follow the blocks about errors."""
+    """All figures of a run but its sketch, in the blocks that follow the blocks about errors."""
 
-    sketch: Drawing
     blocks: Sequence[Block]
 
 

@@ -36,15 +36,16 @@ Show = Callable[[RunResult, str], Block | None]
 
 
 def figures_of(result: RunResult, anchor: str) -> Figures:
-    """Draw all figures of a run, without those about errors, which need the summary's ``budget`` that is known last.
+    """Draw all figures of a run that need no ``budget`` of the summary, which is known last: it has errors of models.
+
+    The sketch needs it for the stress in walls.
 
     `anchor` is put before every identifier.
     """
     pictures = start_album(result, anchor)  # another process renders them meanwhile
-    sketched = drawing(f"{anchor}-sketch", sketch.draw_sketch, sketch.sketch_caption(result), result)
     sections = [show(result, anchor) for show in SECTIONS]
     shown = [motion_block(result, anchor, pictures), *sections, origin_block(result)]  # the first one needs pictures
-    return Figures(sketched, [*filter(None, shown)])
+    return Figures([*filter(None, shown)])
 
 
 def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> Chapter:
@@ -57,7 +58,7 @@ def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> C
         anchor=anchor,
         title=result.scene.title,
         opening=sentences.opening_sentences(result),
-        sketch=figures.sketch,
+        sketch=drawing(f"{anchor}-sketch", sketch.draw_sketch, sketch.sketch_caption(result), result),
         overloads=first_page.overload_sentences(result),
         first=first_page.first_page_tables(result),
         key_numbers=list(sentences.key_numbers(result)),
