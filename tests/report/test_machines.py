@@ -103,7 +103,7 @@ def test_a_machine_on_outriggers_says_on_what_it_stands() -> None:
     """A gust that comes after the end of the run is 0 at all times, and has no figure."""
     result = short_run(plain_machines.OUTRIGGERS, *SHORT)
     use = rows(result, "Largest values of this motion")["largest use of the support polygon"]
-    assert use.startswith(f"{result.summary['ground']['use']['max']:.3f} (at 1 the machine tips), at ")
+    assert use.startswith(f"{100.0 * result.summary['ground']['use']['max']:.1f}{SPACE}% (100{SPACE}%: it tips), at ")
     asked = rows(result, "What was asked")
     masses = f"4 outriggers, with machine masses of 7500{SPACE}kg"
     assert asked["stands on"] == f"{masses}, on ground that rises by 0.5° along X and 1° along Y"
