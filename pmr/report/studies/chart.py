@@ -44,8 +44,8 @@ from pmr.studies.limits import KINDS, STABILITY, STABILITY_WORDS
 PARTS = ("", *(f".{of}" for of in charting.PARTS))
 #: Text in place of a load if no load up to the largest one that was tried reaches the limit.
 NOT_REACHED = "limit not reached"
-#: Most boom lengths that fit into a table of loads.
-MOST_LENGTHS = 13
+#: Most boom lengths in the tables of loads, and most of them side by side: more are cut off on paper.
+MOST_LENGTHS, LENGTHS_BESIDE = 24, 8
 #: Least error bar in kg that is shown beside a load.
 SHOWN = 0.5
 
@@ -374,10 +374,13 @@ def _duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Iter
         named[f"Lower bounds: these loads, less error bars and doubt of interpolation. Not in them: {not_covered}."] = (
             duty.lower
         )
+    parts_of_columns = np.array_split(columns, -(-len(columns) // LENGTHS_BESIDE))
     for text, values in named.items():
-        head = ("radius in m", *(f"{duty.lengths[e]:.4g}{SPACE}m" for e in columns))
-        yield Grid(text, head, tuple((f"{radius:g}", *(cell(r, int(e), values) for e in columns))
-                                     for r, radius in enumerate(duty.radii)))  # fmt: skip
+        for n, part in enumerate(parts_of_columns):
+            head = ("radius in m", *(f"{duty.lengths[e]:.4g}{SPACE}m" for e in part))
+            rows = [(f"{radius:g}", *(cell(r, int(e), values) for e in part)) for r, radius in enumerate(duty.radii)]
+            caption = "The same for longer booms." if n else text
+            yield Grid(caption, head, tuple(row for row in rows if any(row[1:])))
 
 
 #: Arrays by name of each run of a study, one mapping for each run.

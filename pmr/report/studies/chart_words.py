@@ -35,8 +35,9 @@ def round_down(load: float, step: float) -> float:
 
 
 def format_load(load: float | np.floating) -> str:
-    """Format a load in kg with four significant digits, never with a power of ten."""
-    return f"{format_input(float(f'{load:.4g}'))}{SPACE}kg"
+    """Format a load in kg with four significant digits, rounded down, never with a power of ten."""
+    digit = 10.0 ** (np.floor(np.log10(load)) - 3.0) if load > 0.0 else 1.0
+    return f"{format_input(float(f'{round_down(float(load), float(digit)):.4g}'))}{SPACE}kg"
 
 
 def ceiling(study: FinishedStudy) -> str:

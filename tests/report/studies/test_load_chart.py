@@ -11,8 +11,17 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pmr.report.figures.canvas import style
 from pmr.report.figures.load_chart import NOT_PERMITTED, BentBoom, LoadChart, bent_boom, duty_lines, load_chart
-from pmr.report.studies.chart import build_chapter
-from pmr.report.studies.chart_words import NO_WALLS, case_sentence, headline, load_step, round_down, terminal_grid
+from pmr.report.studies.chart import _duty_grids, build_chapter
+from pmr.report.studies.chart_words import (
+    NO_WALLS,
+    case_sentence,
+    format_load,
+    headline,
+    load_step,
+    round_down,
+    terminal_grid,
+)
+from pmr.studies.duty import DutyTable
 
 
 def test_a_chart_on_which_no_limit_is_met_has_no_empty_picture_and_no_table_of_nothing() -> None:
@@ -87,8 +96,23 @@ def test_the_first_sentence_names_the_case() -> None:
     assert case_sentence(asked) == "Static, for rest (factor of load 1.25, of weight 1, gust 400\u00a0N)."
 
 
+def test_tables_of_loads_have_all_boom_lengths_and_are_not_wider_than_paper() -> None:
+    """Twelve lengths stand in two tables of six, without rows that are empty in one of them."""
+    lengths, radii = np.linspace(7.6, 15.0, 12), np.array([5.0, 14.0])
+    load = np.array([[9000.0] * 12, [np.nan] * 11 + [551.3]])
+    duty = DutyTable(radii, lengths, load, load, np.zeros(load.shape, dtype=int), 2e4)
+    study: Any = SimpleNamespace(study_file={"error_bars": False})
+    first, second = _duty_grids(study, duty, "")
+    heads = [*first.head[1:], *second.head[1:]]
+    assert heads == [f"{length:.4g}\u00a0m" for length in lengths] and len(first.head) == 7
+    assert [len(grid.rows) for grid in (first, second)] == [1, 2]
+    assert second.rows[1] == ("14", "", "", "", "", "", "550\u00a0A")
+
+
 def test_loads_of_tables_are_rounded_down() -> None:
     assert [round_down(load, load_step(13009.0)) for load in (13009.9, 559.9, 9.99)] == [13000.0, 550.0, 0.0]
+    shown = [format_load(load) for load in (13008.79, 20000.0, 13.9, 0.0)]
+    assert shown == [f"{text}\u00a0kg" for text in ("13\u202f000", "20\u202f000", "13.9", "0")]
     assert round_down(217.9, load_step(217.9)) == 217.0 and round_down(2.199, load_step(9.0)) == pytest.approx(2.19)
 
 
