@@ -32,7 +32,7 @@ from pmr.report.subject import (
 from pmr.report.subject import reach as reach
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
-from pmr.results.quantities import QUANTITIES, stress_name, wall_stress
+from pmr.results.quantities import QUANTITIES, stress_name, wall_stress, wall_stress_on_short_cells
 
 #: Largest number of further points with the largest stress that are named; if there are more, only their number is
 #: stated.
@@ -117,8 +117,10 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
         full = f"full model {format_quantity(peak['full'], 'Pa')}" if "full" in peak else ""
         stress_text, name = format_quantity(peak["reduced"], "Pa"), stress_name(result.scene)
         if (walls := wall_stress(summary)) is not None:
-            note = f"not converged, error not known; of the beams {stress_text}"
-            yield KeyNumber(wall_stress_words(walls), "largest von Mises stress in walls", note)
+            note = f"{wall_stress_words(walls)}: not converged, its error is not known; of the beams {stress_text}"
+            yield KeyNumber(
+                format_quantity(wall_stress_on_short_cells(walls), "Pa"), "largest von Mises stress in walls", note
+            )
         else:
             yield KeyNumber(stress_text, name, full)
     if damages := summary.get("fatigue"):

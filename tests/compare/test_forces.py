@@ -105,6 +105,16 @@ def test_a_reduction_that_is_far_off_is_a_warning_by_itself() -> None:
                                                 "impacts": {"pad_force": 0.001}}) == []  # fmt: skip
 
 
+def test_walls_that_yield_by_a_shell_with_short_cells_warn() -> None:
+    scene = SimpleNamespace(compare=SimpleNamespace(model_tolerance=0.05), goal=None)
+    walls = {"value": 284e6, "yield": 355e6, "section": "fly"}
+    coarse, short = ({"model": {"beside": None, "wall_stress": walls | more}} for more in ({}, {"growth": 1.5}))
+    assert not list(budget_warnings(scene, coarse))  # type: ignore[arg-type]
+    assert list(budget_warnings(scene, short)) == [  # type: ignore[arg-type]
+        "the stress in walls of fly at pads is about 1.2 times the yield stress, but the model stays elastic"
+    ]
+
+
 def test_the_kind_that_the_mesh_is_off_most_in_is_named() -> None:
     compare = SimpleNamespace(model_tolerance=0.05)
     scene = SimpleNamespace(compare=compare, goal=None)
