@@ -77,7 +77,7 @@ def test_a_chart_says_what_a_run_says_with_it() -> None:
             value = run(plain, 0.0, float(load)).value(limit)
             assert abs(value / (limit.most or limit.least) - 1.0) <= bar + 1e-6
             kinds.append(limit.of)
-    assert kinds == ["support", "luffing", "deflection", "frequency"]
+    assert sorted(kinds) == ["deflection", "frequency", "luffing", "support"]
 
 
 @pytest.mark.parametrize(
