@@ -54,10 +54,11 @@ def done(small: Path) -> Path:
     finished = undrawn("study", str(small), "--out", str(folder), "--jobs", "1")
     assert finished.returncode == 0, finished.stderr
     lines = finished.stdout.splitlines()
-    first, table = lines[:3], [line for line in lines[3:] if not line.startswith("warning: ")]
+    first, table = lines[:4], [line for line in lines[4:] if not line.startswith("warning: ")]
     assert first == [
         f"table  {folder}/runs.csv",
         f"report {folder}/report.html",
+        f"report {folder}/report.pdf",
         "2 of 2 runs are there; 5 tasks were computed now",
     ]
     assert sum("error along the beam" in line and line.count("%") == 2 for line in table) == 1
