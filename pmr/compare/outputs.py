@@ -269,9 +269,10 @@ def tip_columns(system: System) -> list[int]:
 
 
 def tip_names(boom: Scene) -> set[str]:
-    """Names of the displacements of the last section's tip along y and z."""
+    """Names of the displacements of the last section's tip along y and z, as the outputs of its system have them."""
     last = boom.sections[-1]
-    return {qualified_name(last.name, last.observe.tip_along(direction)) for direction in "yz"}
+    section = "" if ALONE in boom.bodies else last.name
+    return {qualified_name(section, last.observe.tip_along(direction)) for direction in "yz"}
 
 
 def section_columns(section: str, response: Response) -> list[int]:
