@@ -29,6 +29,8 @@ from pmr.studies.study import csv_text
 NOT_LIMITED = "not limited by what is looked at"
 #: Distances in m between the radii of a table, times a power of ten, and the largest number of radii.
 STEPS, MOST_RADII = (1.0, 2.0, 5.0), 30
+#: Largest difference in rad between angles that count as the same; also a share of a radius.
+SAME_ANGLE = 1e-6
 
 
 class LeastLoads(NamedTuple):
@@ -168,10 +170,10 @@ def _angles_at_radii(radii: Array, place: Array, luffing: Array) -> Array:
         return angles
     # the tip turns about the pivot: its radius is across cos(angle) + up sin(angle)
     across, up = np.linalg.lstsq(np.column_stack([np.cos(luffing), np.sin(luffing)]), place, rcond=None)[0]
-    length, slack = np.hypot(across, up), 1e-6
-    turned = np.where(radii <= length * (1.0 + slack), np.arccos(np.clip(radii / length, -1.0, 1.0)), np.nan)
+    length = np.hypot(across, up)
+    turned = np.where(radii <= length * (1.0 + SAME_ANGLE), np.arccos(np.clip(radii / length, -1.0, 1.0)), np.nan)
     angles[:] = np.arctan2(up, across) + np.array([[1.0], [-1.0]]) * turned
-    outside = (angles < luffing[0] - slack) | (angles > luffing[-1] + slack)
+    outside = (angles < luffing[0] - SAME_ANGLE) | (angles > luffing[-1] + SAME_ANGLE)
     return np.where(outside, np.nan, np.clip(angles, luffing[0], luffing[-1]))
 
 
@@ -179,7 +181,8 @@ def _interpolate_loads(angles: Array, luffing: Array, load: Array, up_to: float,
     """Interpolate `load` (A, l) in kg, given at the increasing angles `luffing` (A,), at `angles` (2, R) in rad.
 
     The result is (2, R, l), NaN where an angle is NaN.  The inverse of the load is interpolated, as a moment that a
-    limit allows is the load times a radius: by monotone cubic curves, or by straight lines if not `smooth`.
+    limit allows is the load times a radius: by monotone cubic curves, or by straight lines if not `smooth`.  Between
+    two angles of which one allows no load, none is allowed: from where on the boom is permitted is not known.
     """
     if len(luffing) == 1:
         return np.where(np.isnan(angles)[..., None], np.nan, load[0])
@@ -189,7 +192,14 @@ def _interpolate_loads(angles: Array, luffing: Array, load: Array, up_to: float,
         curves = PchipInterpolator(luffing, inverse)(angles)
     else:
         curves = np.stack([np.interp(angles, luffing, values) for values in inverse.T], axis=-1)
-    return np.asarray(1.0 / curves - offset)
+    between = 1.0 / curves - offset
+    interval = np.clip(np.searchsorted(luffing, angles) - 1, 0, len(luffing) - 2)
+    low, high = load[interval], load[interval + 1]
+    # no round-off where both ends have the same load, and none at the angles themselves
+    between = np.where((low == high) | (np.minimum(low, high) <= 0.0), np.minimum(low, high), between)
+    for end, values in ((interval, low), (interval + 1, high)):
+        between = np.where(np.isclose(angles, luffing[end], rtol=0.0, atol=SAME_ANGLE)[..., None], values, between)
+    return np.where(np.isnan(angles)[..., None], np.nan, between)
 
 
 def _round_radii(radius: Array) -> Array:

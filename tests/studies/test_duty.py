@@ -111,3 +111,36 @@ def test_of_slewing_angles_the_least_load_counts() -> None:
 
 def test_letters_go_on_behind_z() -> None:
     assert [letters(k) for k in (0, 25, 26, 27, 52)] == ["A", "Z", "AA", "AB", "BA"]
+
+
+def _of_angles(degrees: tuple[float, ...], load: list[float], up_to: float) -> DutyTable:
+    """Return the table of a boom of 10 m with one limit, which allows `load` in kg at the angles, within 10 %."""
+    angle = np.deg2rad(degrees)
+    allowed = np.array(load)[:, None]
+    place = 10.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    row = {"load": allowed, "error": 0.1 * allowed, "place": place, "luffing": angle}
+    return DutyTable.from_loads(LeastLoads.from_rows([row], 1), up_to)
+
+
+@pytest.mark.parametrize("next_load", [500.0, 8000.0])
+@pytest.mark.parametrize("up_to", [5e4, 5e5])
+def test_no_load_is_allowed_beside_an_angle_at_which_the_boom_is_not_permitted_empty(
+    next_load: float, up_to: float
+) -> None:
+    """Somewhere before the next angle the boom is permitted empty, but the chart does not know from where on."""
+    duty = _of_angles((0.0, 20.0, 40.0, 60.0), [0.0, 0.0, next_load, 3.0 * next_load], up_to)
+    beyond = duty.radii > 10.0 * np.cos(np.deg2rad(40.0)) + 1e-6
+    assert beyond.sum() > 5 and not duty.load[beyond].any() and not duty.lower[beyond].any()
+    assert np.all(duty.load[~beyond] > next_load) and np.all(duty.which[beyond] == 0)
+    at_angle = _of_angles((0.0, 60.0), [0.0, next_load], up_to)
+    assert at_angle.radii[0] == pytest.approx(5.0)
+    assert (at_angle.load[0], at_angle.load[1:].any()) == (pytest.approx([next_load]), False)
+
+
+@pytest.mark.parametrize("up_to", [5e4, 1.1e5, 123457.0, 7e4 / 3.0])
+def test_a_limit_that_is_not_reached_at_two_angles_does_not_govern_between_them(up_to: float) -> None:
+    """Not by round-off either: the cell has `>` before the largest load that was tried."""
+    duty = _of_angles((0.0, 20.0, 40.0, 60.0), [900.0, np.nan, np.nan, np.nan], up_to)
+    between = duty.radii <= 10.0 * np.cos(np.deg2rad(20.0))
+    assert between.sum() > 5 and np.all(duty.load[between] == up_to) and np.all(duty.lower[between] == up_to)
+    assert np.all(duty.which[between] == -1) and np.all(duty.which[~between] == 0)
