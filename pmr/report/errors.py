@@ -48,6 +48,8 @@ NOT_COMPARED = "not known: no full model was simulated to compare with"
 LEAST = 1e-5
 #: Label of the luffing cylinder's force, where it is the only support that gives way.
 LUFFING_LABEL = QUANTITIES["luffing_force"].label
+#: Sources that a quantity does not depend on, by its label.
+UNAFFECTED = {QUANTITIES["frequency"].label: ("time step",)}
 #: Clause on what the errors of the stresses of beams do not cover.
 WALLS = "in stresses the bending of a beam's walls under pads, which a shell has"
 
@@ -265,7 +267,7 @@ def trust_table(result: RunResult) -> Table:
     if sums := (summed := summed_errors(summary)).by_label:
         of_largest = dict(sorted(sums.items(), key=lambda item: -item[1]))
         text = _list_without_round_off(_with_shown_labels(result, of_largest))
-        texts["added up"] = f"{text}; not in it: {', '.join(summed.unknown)}" if summed.unknown else text
+        texts["added up"] = "; ".join((text, *_lacking_clauses(result, summed)))
     stressed = "reduced" in summary.get("max_von_mises", {})
     walls = [WALLS] if stressed and any(traits_of(of).is_beam for of in members(result.scene)) else []
     missing = {
@@ -291,10 +293,9 @@ def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
     summed = summed_errors(result.summary)
     if "reduced" in result.summary.get("max_von_mises", {}):
         yield "stress", "its error is not known: cells are not short enough at pads, loads and corners to tell"
-    lacking = f", without that of the {' and '.join(summed.unknown)}, which is not known" if summed.unknown else ""
     for key in ("tip", "pad_force", "reaction"):
         if (error := summed.by_label.get(label := QUANTITIES[key].label)) is not None:
-            yield label, f"± {format_percent(error, 2)} by model, mesh, time step and reduction{lacking}"
+            yield label, f"± {format_percent(error, 2)} {summed.sources_clause(label)}"
 
 
 def _with_shown_labels(result: RunResult, errors: Mapping[str, float]) -> dict[str, float]:
@@ -316,28 +317,54 @@ def _errors_by_source(summary: Summary) -> dict[str, dict[str, float]]:
 
 @dataclass(frozen=True)
 class SummedErrors:
-    """Relative errors added up over all sources, by the label of a quantity, and the sources that are not known.
+    """Relative errors added up over their sources, by the label of a quantity.
 
-    A quantity is left out if the model or the mesh states errors, but none in this quantity.  There are no sums unless
-    two sources or more are known.
+    `sources` are the sources in the sum of a quantity, `lacking` are those that state no error in this quantity.  A
+    quantity is left out if the model or the mesh states errors, but none in this quantity.  There are no sums unless
+    two sources or more state errors.
     """
 
     by_label: Mapping[str, float]
-    unknown: tuple[str, ...]
+    sources: Mapping[str, tuple[str, ...]]
+    lacking: Mapping[str, tuple[str, ...]]
+
+    def sources_clause(self, label: str) -> str:
+        """Clause that names the sources in the sum of a quantity, and the sources that are not in it."""
+        *names, last = self.sources[label]
+        first = f"{', '.join(names)} and " if names else ""
+        return f"by {first}{last}{self.lacking_clause(label)}"
+
+    def lacking_clause(self, *labels: str) -> str:
+        """Clause that names the sources that are not in the sum of one of several quantities; empty without any."""
+        names = dict.fromkeys(name for label in labels for name in self.lacking[label])
+        return f", without that of the {' and '.join(names)}" if names else ""
 
 
 def summed_errors(summary: Summary) -> SummedErrors:
     """Add up the errors of model, mesh, time step and reduction of a run in each quantity."""
     parts = _errors_by_source(summary)
-    unknown = tuple(name for name, errors in parts.items() if not errors)
-    needed = [parts[source] for source in ("model", "mesh") if parts[source]]
+    stated = {name: errors for name, errors in parts.items() if errors}
+    needed = [stated[source] for source in ("model", "mesh") if source in stated]
     labels = dict.fromkeys(label for errors in parts.values() for label in errors)
-    complete = [label for label in labels if all(label in errors for errors in needed)]
-    if len(unknown) > len(parts) - 2:
-        return SummedErrors({}, unknown)
+    complete = [label for label in labels if all(label in errors for errors in needed)] if len(stated) > 1 else []
+    sources = {label: tuple(name for name in parts if label in parts[name]) for label in complete}
     return SummedErrors(
-        {label: sum(errors.get(label, 0.0) for errors in parts.values()) for label in complete}, unknown
+        {label: sum(parts[name][label] for name in sources[label]) for label in complete},
+        sources,
+        {
+            label: tuple(name for name in parts if name not in (*sources[label], *UNAFFECTED.get(label, ())))
+            for label in complete
+        },
     )
+
+
+def _lacking_clauses(result: RunResult, summed: SummedErrors) -> Iterator[str]:
+    """Yield a clause for each source that is not in all sums, with the quantities in whose sums it is not."""
+    for source in dict.fromkeys(name for names in summed.lacking.values() for name in names):
+        labels = [label for label, names in summed.lacking.items() if source in names]
+        others = [label for label in summed.by_label if label not in labels and source in summed.sources[label]]
+        where = f" in {', '.join(_shown_label(result, label) for label in labels)}" if others else ""
+        yield f"not in it: {source}{where}"
 
 
 def _step_words(step: Mapping[str, object]) -> str:

@@ -525,15 +525,14 @@ def _margin_error(result: RunResult) -> str:
     The moments of the machine's masses are exact for their given places.
     """
     summed, names = errors.summed_errors(result.summary), [f"{PIVOT}{axis}" for axis in ("rx", "ry")]
-    of_forces = [summed.by_label[label] for label in MARGIN_ERRORS if label in summed.by_label]
+    labels = [label for label in MARGIN_ERRORS if label in summed.by_label]
     moments = [Extremes.from_summary(of).size for of in result.summary.get("reactions", ()) if of["name"] in names]
-    if not of_forces or not moments or {"model", "mesh"} & {*summed.unknown}:
+    if not labels or not moments or any({"model", "mesh"} & {*summed.lacking[label]} for label in labels):
         return "; its error is not known"
-    size = format_quantity(max(of_forces) * max(moments), "N m", 2)
-    lacking = f", without that of the {' and '.join(summed.unknown)}, which is not known" if summed.unknown else ""
+    size = format_quantity(max(summed.by_label[label] for label in labels) * max(moments), "N m", 2)
     return (
-        f"; ± {size} by the errors of the boom's moment{lacking}; masses of the machine are as given, and ground and "
-        "chassis do not give way"
+        f"; ± {size} by the errors of the boom's moment{summed.lacking_clause(*labels)}; masses of the machine are as "
+        "given, and ground and chassis do not give way"
     )
 
 

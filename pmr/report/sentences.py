@@ -132,8 +132,7 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
 def _total_error(totals: error_sentences.SummedErrors) -> KeyNumber:
     """Key number of the largest of the errors that are added up over all sources."""
     label = max(totals.by_label, key=lambda name: totals.by_label[name])
-    note = f"in {label}; model, mesh, time step and reduction added up"
-    note += f", without that of the {' and '.join(totals.unknown)}" if totals.unknown else ""
+    note = f"in {label}, {totals.sources_clause(label)}"
     return KeyNumber(format_percent(totals.by_label[label], 2), "largest error that is known", note)
 
 

@@ -496,12 +496,36 @@ def test_without_a_tolerance_nothing_is_said(make_result) -> None:
     assert accuracy_block(make_result(summary={}), "case") is None
 
 
+KNOWN = {
+    "budget": {
+        "model": {"beside": "shell", "reaction": 0.01, "tip": 0.01, "frequency": 0.01},
+        "mesh": {"reaction": 0.02, "tip": 0.05, "support_force": 0.05, "frequency": 0.02},
+    },
+    "step": {"reaction": 1e-3},
+    "errors": {},
+}
+REACTIONS = "reactions of rigid supports"
+
+
 def test_errors_are_summed_over_sources_and_sources_that_are_not_known_are_named() -> None:
     """What only the mesh states is no sum, as the model would have an error in it too."""
-    mesh, step = {"reaction": 0.02, "support_force": 0.05}, {"reaction": 1e-3}
-    known = {"budget": {"model": {"reaction": 0.01}, "mesh": mesh}, "step": step}
-    summed = summed_errors(known)
-    assert summed.by_label == pytest.approx({"reactions of rigid supports": 0.01 + 0.02 + 1e-3})
-    assert summed.unknown == ("reduction",)
-    alone = summed_errors({"step": step})
-    assert not alone.by_label and alone.unknown == ("model", "mesh", "reduction")
+    summed = summed_errors(KNOWN)
+    assert set(summed.by_label) == {REACTIONS, "displacements of the tip", "natural frequencies"}
+    assert summed.by_label[REACTIONS] == pytest.approx(0.01 + 0.02 + 1e-3)
+    assert summed.lacking[REACTIONS] == ("reduction",)
+    assert summed.lacking["natural frequencies"] == ("reduction",)  # they do not depend on the time step
+    alone = summed_errors({"step": KNOWN["step"]})
+    assert not alone.by_label and not alone.lacking
+
+
+def test_a_sum_names_the_sources_that_are_in_it_and_those_that_are_not(make_space: MakeSpace) -> None:
+    """The reduction has an error at the tip but none in reactions, and the time step the other way round."""
+    errors = {"errors": {"reduced_vs_full": {"beam": 1e-3, "tip": 1e-3}}, "estimate": {"frequency": 1e-4}}
+    compared = make_space(summary=SUMMARY | KNOWN | errors)
+    sure, at_tip = rows(compared, "How sure"), "by model, mesh and reduction, without that of the time step"
+    assert sure[REACTIONS] == f"± 3.1{SPACE}% by model, mesh and time step, without that of the reduction"
+    assert sure["displacements of the tip"] == f"± 6.1{SPACE}% {at_tip}"
+    number = next(number for number in key_numbers(compared) if number.label == "largest error that is known")
+    assert number.note == f"in displacements of the tip, {at_tip}"
+    added = rows(compared, "How far to trust it")["added up"]
+    assert added.endswith(f"; not in it: reduction in {REACTIONS}; not in it: time step in displacements of the tip")
