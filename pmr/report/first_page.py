@@ -30,6 +30,7 @@ from pmr.report.subject import (
     has_pushing_pads,
     is_alone,
     is_raised,
+    joint_section,
     luffing_support_names,
     moving_part,
     wall_stress_words,
@@ -265,8 +266,7 @@ def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestVal
     shares = {
         name: (extremes.size / limit["force"], limit)
         for name, extremes in forces.items()
-        for section, limit in limits.items()
-        if name.startswith(f"{section} ")
+        if (limit := limits.get(joint_section(result, name))) is not None
     }
     if shares:
         pad = max(shares, key=lambda name: shares[name][0])

@@ -275,6 +275,12 @@ def has_pushing_pads(result: RunResult) -> bool:
     return any(ring.unilateral for part in result.scene.bodies.values() for ring in rings_of(part))
 
 
+def joint_section(result: RunResult, pad: str) -> str:
+    """Name of the section in whose joint a pad is, at the section's tail or at the mouth it slides in; else empty."""
+    names = [name for name in result.scene.names if f"{pad} ".startswith((f"{name} tail ", f"{name} mouth "))]
+    return max(names, key=len, default="")
+
+
 def has_free_luffing(result: RunResult) -> bool:
     """Whether the luffing angle is computed together with the motion of the boom."""
     return result.scene.frame is not None and result.scene.frame.computed_key == "luffing"

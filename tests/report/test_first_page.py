@@ -5,7 +5,9 @@ What the report says of a tolerance: the choices, and the part of each error.
 from __future__ import annotations
 
 import re
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,12 +21,14 @@ from pmr.report.errors import summed_errors, trust_table
 from pmr.report.figures import sketch, space
 from pmr.report.figures.canvas import INK, drawn_text, style
 from pmr.report.figures.shapes import budget_figure
-from pmr.report.first_page import first_page_tables, overload_sentences
+from pmr.report.first_page import first_page_tables, largest_value_rows, overload_sentences
 from pmr.report.sections import accuracy_block, chapter
 from pmr.report.sentences import key_numbers
 from pmr.results import Response, RunResult
+from pmr.scene import Scene
 
 SPACE = "\u00a0"
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
 
 
 def named(response: Response) -> Response:
@@ -71,14 +75,30 @@ def test_each_kind_of_force_has_its_largest_with_when_and_where(result: RunResul
 
 
 def test_the_pad_nearest_to_yielding_walls_stands_first_and_warns(result: RunResult) -> None:
-    """Pad 4 bears 5 kN: at 4 kN the walls begin to yield, so a box at the top of the page says it."""
-    limits = {"pad": {"force": 4e3, "section": "outer", "pad": "tail left"}}
+    """A pad of fly bears 4 kN, of 3.2 at which walls yield, and so a box at the top of the page says it.
+
+    A pad of fly 2 bears 5 kN, of 40.
+    """
+    text = (WORKFLOWS / "boom_three.toml").read_text().replace('"middle"', '"fly 2"')
+    pads = ("fly 2 mouth top", "fly mouth top", "fly mouth bottom", "fly tail top", "fly 2 tail top")
+    response = result.responses["reduced"]
+    names = (*(f"force of {pad}" for pad in pads), *response.force_names[len(pads) :])
+    boom = replace(
+        result,
+        scene=Scene.model_validate(tomllib.loads(text)),
+        responses=result.responses | {"reduced": replace(response, force_names=names)},
+    )
+    limits = {
+        "fly 2": {"force": 40e3, "section": "base", "pad": "top"},
+        "fly": {"force": 3.2e3, "section": "fly 2", "pad": "top"},
+    }
     budget = {"model": {"beside": "shell", "beam": 0.1, "pad_yield": limits}}
-    pressed = replace(result, summary=result.summary | {"budget": budget})
-    name, text = next(iter(rows(pressed, "Largest values of this motion").items()))
+    pressed = replace(boom, summary=result.summary | {"budget": budget})
+    name, text = next(iter(largest_value_rows(pressed)))
     assert name == "largest pad force over that at which walls yield"
-    assert text.startswith(f"125{SPACE}% of 4.00{SPACE}kN, pad 4, at 0{SPACE}s") and "walls of outer then begin" in text
-    assert overload_sentences(pressed) == [f"{name}: {text}"] and not overload_sentences(result)
+    assert text.startswith(f"125{SPACE}% of 3.20{SPACE}kN, fly tail top, at 0{SPACE}s")
+    assert "walls of fly 2 then begin" in text
+    assert overload_sentences(pressed) == [f"{name}: {text}"] and not overload_sentences(boom)
 
 
 def test_what_a_chief_looks_for_besides_has_a_row(make_space: MakeSpace) -> None:
