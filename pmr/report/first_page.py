@@ -66,6 +66,8 @@ FORCES = tuple(
     key for key, quantity in QUANTITIES.items() if quantity.unit in ("N", "N m") and quantity.reported
     and key not in ("luffing_force", "extension_force")
 )  # fmt: skip
+#: Name of the row with the length of the luffing cylinder.
+LUFFING_LENGTH = "length of the luffing cylinder"
 #: Beginnings of the names of reactions at the pivot, of outputs of a machine that moves, and of forces on the ground.
 PIVOT, MACHINE, GROUND = f"{AT_PIVOT} ", "machine ", f"{AT_GROUND} "
 #: Kinds of the outputs with the forces of a key, unless the summary has them.
@@ -78,7 +80,8 @@ ROPES = "which pulls the ropes"
 MARGIN_ERRORS = (QUANTITIES["reaction"].label, QUANTITIES["support_force"].label)
 #: Clauses on the direction in which a mode moves the tip most.
 TIP_MOVES = {"y": ", the tip moves sideways, along y", "z": ", the tip moves up and down, along z"}
-#: Share of the highest natural frequency up to which a frequency is round-off and is printed as 0.
+#: Share of the highest natural frequency up to which a frequency is round-off and is printed as 0, and share of a
+#: stroke up to which a length beyond it is round-off.
 ROUND_OFF = 1e-9
 
 
@@ -380,17 +383,14 @@ def _driven_rows(result: RunResult) -> LargestValues:
     for way in ("luffing", "extension"):
         if (cylinder := result.summary.get(f"{way}_cylinder")) is None:
             continue
-        largest, stroke = Extremes.from_summary(cylinder["force"]).largest, cylinder["length"]
-        long = format_range(stroke["min"], stroke["max"], f"{SPACE}m{' long' if way == 'luffing' else ' out'}")
-        when = f"it {_push_or_pull(largest)}, {_extreme_clause(result, largest)}"
-        share, ends = None, _stroke_of_luffing(result) if way == "luffing" else None
-        if ends is not None:
-            low, high = ends
-            share = max(stroke["max"] - low, high - stroke["min"] if stroke["min"] < low else 0.0) / (high - low)
-            long += f", {format_percent(share)} of the stroke from {format_input(low)} to {format_input(high, 'm')}"
-        yield LargestValue(
-            QUANTITIES[f"{way}_force"].reported, f"{format_quantity(abs(largest.value), 'N')}, {when}; {long}", share
-        )
+        largest, length = Extremes.from_summary(cylinder["force"]).largest, cylinder["length"]
+        text = f"{format_quantity(abs(largest.value), 'N')}, it {_push_or_pull(largest)}, "
+        text += _extreme_clause(result, largest)
+        if way == "extension":
+            text += f"; {format_range(length['min'], length['max'], f'{SPACE}m out')}"
+        yield LargestValue(QUANTITIES[f"{way}_force"].reported, text)
+        if way == "luffing":
+            yield _luffing_length_row(result, length)
         pressures = {side: Extremes.from_summary(of) for side in OIL_SIDES if (of := cylinder.get(f"pressure_{side}"))}
         for side in sorted(pressures, key=lambda side: pressures[side].most)[-1:]:
             most = pressures[side].largest
@@ -402,10 +402,24 @@ def _driven_rows(result: RunResult) -> LargestValues:
             yield LargestValue("largest flow from the supply", f"{text}, {_extreme_clause(result, most)}")
 
 
-def _stroke_of_luffing(result: RunResult) -> tuple[float, float] | None:
-    """Least and greatest length in m of the luffing cylinder; None if the scene does not state them."""
-    frame = result.scene.frame
-    return None if frame is None or frame.cylinder is None else frame.cylinder.stroke
+def _luffing_length_row(result: RunResult, length: Summary) -> LargestValue:
+    """Row on the length of the luffing cylinder, and on the stroke that the scene states.
+
+    The row has a share of what is allowed only where a given angle needs a length beyond the stroke.  A cylinder that
+    turns the boom has stops, which are springs: on a stop it is a little beyond its stroke.
+    """
+    least, most = length["min"], length["max"]
+    text, frame = format_range(least, most, f"{SPACE}m"), result.scene.frame
+    if frame is None or frame.cylinder is None or frame.cylinder.stroke is None:
+        return LargestValue(LUFFING_LENGTH, text)
+    low, high = frame.cylinder.stroke
+    text += f"; its stroke is {format_range(low, high, f'{SPACE}m')}"
+    beyond = max(low - least, most - high) / (high - low)
+    if has_free_luffing(result) or beyond < ROUND_OFF:
+        return LargestValue(LUFFING_LENGTH, text)
+    return LargestValue(
+        LUFFING_LENGTH, f"{text}, and the given angles need {format_percent(beyond)} more", 1.0 + beyond
+    )
 
 
 def _speed_rows(result: RunResult) -> LargestValues:

@@ -25,6 +25,7 @@ from pmr.report.first_page import first_page_tables, largest_value_rows, overloa
 from pmr.report.sections import accuracy_block, chapter
 from pmr.report.sentences import key_numbers
 from pmr.results import Response, RunResult
+from pmr.results.response import LUFFING_ANGLE, Output
 from pmr.scene import Scene
 
 SPACE = "\u00a0"
@@ -255,6 +256,32 @@ def test_large_values_say_how_the_boom_stands_and_the_luffing_cylinder_has_one_r
     assert still["largest von Mises stress"].endswith(", raised 45°")
 
 
+def test_only_a_given_angle_beyond_the_stroke_makes_a_length_more_than_is_allowed(make_space: MakeSpace) -> None:
+    """Stops are springs, so a cylinder that turns the boom is beyond its stroke while it leans on one of them."""
+    one = {"unit": "N", "max": 1e3, "t_max": 0.1, "s_max": 1.5, "t_min": 0.2, "s_min": 2.0}
+    cylinder = {"foot": [0.5, -1.0], "lug": [1.5, -0.2], "stroke": [1.0, 2.0]}
+    pin = {"name": "pin", "on": "tail", "directions": ["x", "z"]}
+
+    def page(longest: float, **angle: object) -> RunResult:
+        luffing = {"force": {**one, "min": -9e4}, "length": {"min": 1.2, "max": longest}}
+        frame = {"pivot": [0.0, 0.0, 0.0], "cylinder": cylinder | angle.pop("cylinder", {})} | angle
+        return make_space(frame=frame, supports=[pin], summary=SUMMARY | {"luffing_cylinder": luffing})
+
+    given, name = {"luffing": 0.3}, "length of the luffing cylinder"
+    within, beyond = page(1.95, **given), page(2.05, **given)
+    carries = rows(within, "Largest values of this motion")
+    assert carries[name] == f"1.2 to 1.95{SPACE}m; its stroke is 1 to 2{SPACE}m" and "stroke" not in carries[FORCE]
+    assert not overload_sentences(within) and next(iter(carries)) != name
+    expected = f"{name}: 1.2 to 2.05{SPACE}m; its stroke is 1 to 2{SPACE}m, and the given angles need 5.00{SPACE}% more"
+    assert overload_sentences(beyond) == [expected]
+    free = page(2.0003, luffing="free", luffing_start=0.3, cylinder={"force": 5e4})
+    response = free.responses["reduced"]
+    response = response.with_others(0.3 + 0.0 * response.t[:, None], [Output(LUFFING_ANGLE, "machine", "", unit="rad")])
+    text = dict(largest_value_rows(on_stop := replace(free, responses={"reduced": response})))[name]
+    assert text == f"1.2 to 2{SPACE}m; its stroke is 1 to 2{SPACE}m" and not overload_sentences(on_stop)
+
+
+FORCE = "largest force of the luffing cylinder"
 MACHINE = {
     "mass": 12e3,
     "center": [0.0, 0.0, -0.8],
