@@ -4,23 +4,30 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pmr.cli.console import err, print_text
 from pmr.errors import InputError
+from pmr.errors.environment import is_installed
 from pmr.results.quantities import stress_remark
+from pmr.scene.choice import has_unlike_side_walls, lateral_load_reasons
 from pmr.scene.hints import boom_scales
+from pmr.scene.members import members
 
 if TYPE_CHECKING:
     from pmr.scene import Scene
     from pmr.scene.frame import Frame
+    from pmr.scene.ground import Ground
 
 #: Number of extensions and number of angles in the chart study that `pmr chart` writes.
 EXTENSIONS, ANGLES = 12, 10
 #: Number of slewing angles in a whole turn.
 SLEWING_STEPS = 8
+#: Key that TOML takes without quotes.
+BARE_KEY = re.compile("[A-Za-z0-9_-]+")
 #: Limit of a chart whose scene says on what the machine stands.
 TIPPING = """
 [[limits]]
@@ -42,7 +49,7 @@ WALLS = """
 [[limits]]
 name = "walls at pads of {name}"
 of = "pad"
-which = ["{name} *"]
+which = [{pads}]
 most = {force:.1f}    # N of a pad alone, at which the walls of {section} begin to yield at its edge
 factor = 1.5    # bending of the whole section comes on top
 note = "the force is from cells of an eighth of the pad: it is 2 to 4 % too large, which the factor covers"
@@ -70,12 +77,14 @@ BOOMS = 5.0
 def usual_load(scene: Scene) -> float:
     """Return the largest load in kg that a chart looks for if it is not given, rounded up to two digits.
 
-    It is the mass of machine and boom, or `BOOMS` times that of a boom without a machine.  Raises InputError if the
-    mass of the boom is not known without its mesh.
+    It is the mass of machine and boom, or `BOOMS` times that of a boom without a machine.  Masses of sections count
+    without payloads, and frames of boxes do not.  Raises InputError if the mass of a section is not known without its
+    mesh, or if a number of its body is unusual.
     """
     boom, ground = boom_scales(scene)["boom"], scene.frame.ground if scene.frame is not None else None
     if not boom:
-        raise InputError("command line", "--up-to", None, "a load is needed, as a mesh file has the mass of the boom")
+        raise InputError("command line", "--up-to", None, "a load is needed, as the mass of the boom is not known")
+    boom += sum(mass.mass for part in scene.sections for mass in part.masses if not mass.payload)
     machine = sum(mass.mass for mass in ground.masses) if ground is not None else 0.0
     load = boom + machine if machine else BOOMS * boom
     step = 10.0 ** (math.floor(math.log10(load)) - 1)
@@ -90,7 +99,7 @@ def words_of_usual_load(scene: Scene) -> str:
 
 
 def _is_symmetric(scene: Scene, axis: int) -> bool:
-    """Return whether what does not slew, and the boom beside it, are symmetric about the pivot along an axis.
+    """Return whether what does not slew, and the boom with its loads, are symmetric about the pivot along an axis.
 
     The axis is 0 for front and rear, 1 for left and right.  Machines on inclined ground count as not symmetric.
     """
@@ -100,11 +109,24 @@ def _is_symmetric(scene: Scene, axis: int) -> bool:
     places = {outrigger.at for outrigger in ground.outriggers}
     mirrored = {tuple(-value if k == axis else value for k, value in enumerate(at)) for at in places}
     still = sum(mass.mass * mass.at[axis] for mass in ground.masses if not mass.slews)
-    beside = [mass.at[1] for mass in ground.masses if mass.slews]
-    beside += [
-        mass.at[1] for part in scene.sections for mass in part.masses if mass.at is not None and not mass.payload
-    ]
-    return places == mirrored and not still and not any(beside) and not any(ground.slope) and frame.base is None
+    is_level = not any(ground.slope) and frame.base is None
+    return places == mirrored and not still and is_level and not _is_lateral(scene, frame, ground)
+
+
+def _is_lateral(scene: Scene, frame: Frame, ground: Ground) -> bool:
+    """Return whether anything that slews is beside the boom's vertical plane, or a load may act out of this plane.
+
+    Payloads do not count, as a chart leaves them out.
+    """
+    beside = [frame.tail_position[1], *(mass.at[1] for mass in ground.masses if mass.slews)]
+    for member in members(scene):
+        part, section = member.part, member.part.body.section
+        beside += [mass.at[1] for mass in part.masses if mass.at is not None and not mass.payload]
+        beside += [load.point[1] for load in part.loads if load.point is not None]
+        beside += [section.centroid[0]] if section is not None else []
+        if lateral_load_reasons(member) or has_unlike_side_walls(member):
+            return True
+    return any(beside)
 
 
 def _slewing_angles(scene: Scene, frame: Frame) -> list[float]:
@@ -128,17 +150,23 @@ def _slewing_angles(scene: Scene, frame: Frame) -> list[float]:
 
 def _wall_limits(scene: Scene) -> Iterator[str]:
     """Yield a limit of a chart for each joint of beams whose walls' stress at pads can be computed."""
-    from pmr.studies.shared import pad_yield_forces
-
-    if not stress_remark(scene):  # shells have a limit of their own, on the stress field
+    if len(scene.sections) == 1 or not stress_remark(scene):  # shells have a limit of their own, on the stress field
         return
+    if not is_installed("dolfinx"):
+        print_text(err, "walls at pads are not limited: dolfinx is not installed, and shells of sections need it")
+        return
+    from pmr.fullmodel.wall_stress import yield_forces
+
     try:
-        forces = pad_yield_forces(scene)
+        forces = yield_forces(scene)
     except InputError as error:
         print_text(err, f"walls at pads are not limited: {error.allowed}")
         return
     for name, at_yield in forces.items():
-        yield WALLS.format(name=name, force=at_yield.force, section=at_yield.section)
+        joint = scene.joint(scene.names.index(name))
+        ends = [end for end, rings in (("tail", joint.tail), ("mouth", joint.mouth)) if any(r.faces for r in rings)]
+        pads = ", ".join(json.dumps(f"{name} {end} *") for end in ends)
+        yield WALLS.format(name=name, pads=pads, force=at_yield.force, section=at_yield.section)
 
 
 def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
@@ -158,10 +186,15 @@ def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
     rows = []
     for k in range(EXTENSIONS if names else 0):
         share = k / (EXTENSIONS - 1)
-        at = (f"{name} = {low + share * (high - low):.6g}" for name, (low, high) in zip(names, bounds, strict=True))
+        at = (
+            f"{name if BARE_KEY.fullmatch(name) else json.dumps(name)} = {low + share * (high - low):.6g}"
+            for name, (low, high) in zip(names, bounds, strict=True)
+        )
         rows.append(f"  {{ {', '.join(at)} }},\n")
     least, most = scene.frame.luffing.bounds(0.0, end)
-    slewing = _slewing_angles(scene, scene.frame)
+    slewing, which = _slewing_angles(scene, scene.frame), "the least load of all counts"
+    if scene.frame.ground is not None and len(slewing) > 1 and _is_symmetric(scene, 1):
+        which += "; others are needed unless machine, boom and loads are alike on left and right"
     probed = [part for part in scene.bodies.values() if any("stress" in probe.measures for probe in part.probes)]
     regions = [region for part in probed for region in part.body.regions.values() if region.material is not None]
     materials = [*(part.body.material for part in probed), *(region.material for region in regions)]
@@ -174,7 +207,7 @@ def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
             f"up_to = {float(up_to)!r}  # kg\n",
             f"extensions = [\n{''.join(rows)}]\n" if rows else "",
             f"luffing = {{ least = {least:.6g}, most = {most:.6g}, count = {ANGLES if most > least else 1} }}\n",
-            f"slewing = [{', '.join(f'{angle:.6g}' for angle in slewing)}]  # the least load of all counts\n",
+            f"slewing = [{', '.join(f'{angle:.6g}' for angle in slewing)}]  # {which}\n",
             TIPPING if scene.frame.ground is not None else "",
             STRESS.format(most=1e-6 * min(filter(None, yields))) if yields and all(yields) else "",
             *_wall_limits(scene),

@@ -254,13 +254,17 @@ def chart(
     """
     from pmr.cli.chart_study import chart_study_text, usual_load, words_of_usual_load
     from pmr.scene import load_any
+    from pmr.scene.choice import traits_of
+    from pmr.scene.members import members
 
     file = scene_file(scene)
     folder = out_dir or Path("reports", f"chart_{scene.resolve().name if scene.is_dir() else file.stem}")
-    prepare_folder(folder, (STUDY, "tasks/*.npz"))
     written = folder / STUDY
-    if not written.exists():
-        loaded = load_any(file)
+    loaded = None if written.exists() else load_any(file)
+    if loaded is not None and any(traits_of(member).needs_fenicsx for member in members(loaded)):
+        environment.check_installed("dolfinx")
+    prepare_folder(folder, (STUDY, "tasks/*.npz"))
+    if loaded is not None:
         largest = usual_load(loaded) if up_to is None else up_to
         written.write_text(chart_study_text(file, loaded, largest), encoding="utf-8")
         if up_to is None:

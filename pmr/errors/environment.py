@@ -203,9 +203,14 @@ def import_package(name: str) -> Any:
         raise InputError("installation", package, None, f"not found ({error}); {_NEEDED[package]}") from None
 
 
+def is_installed(name: str) -> bool:
+    """Return whether the package `name` can be found, without importing it."""
+    return util.find_spec(name) is not None
+
+
 def check_installed(name: str) -> None:
     """Raise InputError if the package `name` is missing, without importing it; called before long work."""
-    if util.find_spec(name) is None:
+    if not is_installed(name):
         raise InputError("installation", name, None, f"not found; {_NEEDED[name]}")
 
 

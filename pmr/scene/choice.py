@@ -302,19 +302,10 @@ def _other_model_reasons(member: Member) -> list[str]:
 
 def _lateral_reasons(member: Member) -> list[str]:
     """Reasons for a beam in space: causes that move the body out of the vertical plane; otherwise an empty list."""
-    lateral = [load for load in member.part.loads if load.direction in ("y", "rx", "rz")]
-    reasons = [f"the load {load.name} acts along {load.direction}" for load in lateral]
-    if member.frame is not None:
-        wind = [load for load in member.part.loads if load.blows_sideways(member.frame.unit)]
-        reasons += [f"the wind {load.name} blows from the side" for load in wind]
-    hoist = member.scene.hoist
-    if hoist is not None and hoist.lateral_key:
-        reasons.append(f"hoist.{hoist.lateral_key} leads out of the vertical plane")
+    reasons = lateral_load_reasons(member)
     lateral_masses = [mass for mass in member.part.masses if mass.at is not None and mass.at[1] != 0.0]
     reasons += [f"the mass {mass.name} lies beside the vertical plane" for mass in lateral_masses]
-    box = member.part.body.box
-    profiles = () if box is None else [profile for part in box.stretches for profile in (part.first, part.last)]
-    if any(profile.thickness(face) != profile.thickness(other) for profile in profiles for face, other in SIDES):
+    if has_unlike_side_walls(member):
         reasons.append("the walls at left and right differ")
     if any(" " in face for ring in member.pads for face in ring.faces):
         reasons.append("pads are on slanted faces")
@@ -323,6 +314,26 @@ def _lateral_reasons(member: Member) -> list[str]:
     if member.frame is not None and (member.frame.out_of_plane_key or member.frame.tail_position[1] != 0.0):
         reasons.append("the boom slews, or its base moves sideways")
     return reasons
+
+
+def lateral_load_reasons(member: Member) -> list[str]:
+    """List clauses on what pushes a body out of the vertical plane: its loads, wind, and the hoist of its scene."""
+    lateral = [load for load in member.part.loads if load.direction in ("y", "rx", "rz")]
+    reasons = [f"the load {load.name} acts along {load.direction}" for load in lateral]
+    if member.frame is not None:
+        wind = [load for load in member.part.loads if load.blows_sideways(member.frame.unit)]
+        reasons += [f"the wind {load.name} blows from the side" for load in wind]
+    hoist = member.scene.hoist
+    if hoist is not None and hoist.lateral_key:
+        reasons.append(f"hoist.{hoist.lateral_key} leads out of the vertical plane")
+    return reasons
+
+
+def has_unlike_side_walls(member: Member) -> bool:
+    """Return whether the walls of a box at left and right differ in thickness."""
+    box = member.part.body.box
+    profiles = () if box is None else [profile for part in box.stretches for profile in (part.first, part.last)]
+    return any(profile.thickness(face) != profile.thickness(other) for profile in profiles for face, other in SIDES)
 
 
 @dataclass(frozen=True)

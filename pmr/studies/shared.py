@@ -28,7 +28,6 @@ from pmr.system.terms import terms_of
 if TYPE_CHECKING:
     from pmr.fullmodel.build import AssembledBody
     from pmr.fullmodel.model import FullModel
-    from pmr.fullmodel.wall_stress import YieldForce
     from pmr.reduction.snapshots import Snapshots
     from pmr.system.system import System
 
@@ -92,13 +91,6 @@ def _build_bodies(scene: Scene) -> Mapping[str, AssembledBody]:
 def with_reduction(scene: Scene, reduction: Reduction) -> Scene:
     """Return the scene with the settings `reduction` for every body."""
     return scene.vary_sections(lambda part: {"reduction": reduction})
-
-
-def pad_yield_forces(scene: Scene) -> Mapping[str, YieldForce]:
-    """Return the forces of pads at which walls begin to yield (`pmr.fullmodel.wall_stress.yield_forces`)."""
-    from pmr.fullmodel.wall_stress import yield_forces
-
-    return yield_forces(scene)
 
 
 def modes_tasks(scene: Scene) -> dict[str, Task]:

@@ -8,6 +8,7 @@ import json
 import re
 import runpy
 import tomllib
+from importlib import util
 from pathlib import Path
 
 import meshio
@@ -26,6 +27,7 @@ from pmr.fullmodel.wall_stress import YieldForce
 from pmr.scene.members import member_at, members
 from pmr.simulation.frame import load_signals
 from pmr.studies import call
+from pmr.system.from_scene import force_names
 
 RUN = CliRunner()
 
@@ -225,10 +227,10 @@ def test_what_has_no_chart_is_refused_in_one_line(
     assert not list(tmp_path.iterdir())
 
 
-def _only_write_charts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let `pmr chart` write its study without computing it, and with a yield force of pads that takes no shell."""
+def _only_write_charts(monkeypatch: pytest.MonkeyPatch, sections: tuple[str, ...] = ("middle",)) -> None:
+    """Let `pmr chart` write its study without computing it, and with yield forces of pads that take no shell."""
     monkeypatch.setattr("pmr.cli.study.study", lambda *_, **__: None)
-    forces = {"middle": YieldForce(38.5e3, "middle", "tail bottom left")}
+    forces = {name: YieldForce(38.5e3, name, "tail bottom left") for name in sections}
     monkeypatch.setattr("pmr.fullmodel.wall_stress.yield_forces", lambda scene: forces)
 
 
@@ -262,13 +264,48 @@ def test_the_study_that_it_writes_looks_over_all_sides_of_a_boom_that_slews(
     carrier, outrigger = "at = [-0.6, 0.0, -0.9]", "at = [-2.6, 2.4]"
     for name, old, new, angles in (
         ("beside", carrier, "at = [-0.6, 0.1, -0.9]", whole),
+        ("pivot", "pivot = [0.0, 0.0, 0.0]", "pivot = [0.0, 0.3, 0.0]", whole),
+        ("side wind", 'direction = "x"', 'direction = "y"', whole),
+        ("load beside", 'direction = "x"', 'direction = "z"\npoint = [6.0, 0.2, 0.0]', whole),
         ("outrigger", outrigger, "at = [-2.6, 2.3]", whole),
         ("both", carrier, "at = [0.0, 0.0, -0.9]", (0.0, 45.0, 90.0)),
     ):
         assert old in template
         (tmp_path / "crane.toml").write_text(template.replace(old, new))
         called(monkeypatch, capsys, "chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / name))
-        assert call.load(tmp_path / name / "chart.toml").parts[0].study.slewing == angles
+        study = tmp_path / name / "chart.toml"
+        assert call.load(study).parts[0].study.slewing == angles, name
+        assert ("alike on left and right" in study.read_text()) is (angles != whole)
+
+
+def test_limits_of_walls_take_the_pads_of_their_joint_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    """Neither those of another section whose name begins alike."""
+    _only_write_charts(monkeypatch, ("middle", "middle 2"))
+    monkeypatch.chdir(tmp_path)
+    template = (TEMPLATES / "crane.toml").read_text().replace('name = "fly"', 'name = "middle 2"')
+    (tmp_path / "crane.toml").write_text(template)
+    called(monkeypatch, capsys, "chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / "out"))
+    limits = {limit.name: limit for limit in call.load(tmp_path / "out" / "chart.toml").parts[0].study.limits}
+    pads = force_names(scenes.load_any(tmp_path / "crane.toml"))["pad"]
+    taken = [[p for p in pads if limits[f"walls at pads of {n}"].concerns(p)] for n in ("middle", "middle 2")]
+    assert [len(names) for names in taken] == [16, 16] and sorted(sum(taken, [])) == sorted(pads)
+
+
+def test_without_fenicsx_walls_are_not_limited_and_what_needs_it_is_refused_before_a_folder_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    _only_write_charts(monkeypatch)
+    find = util.find_spec
+    monkeypatch.setattr("pmr.errors.environment.util.find_spec", lambda name: None if name == "dolfinx" else find(name))
+    done = called(monkeypatch, capsys, "chart", "crane", "--up-to", "20000", "--out", str(tmp_path / "refused"))
+    assert done.returncode == 2 and "installation: dolfinx: not found" in done.stderr, done.stderr
+    assert not (tmp_path / "refused").exists()
+    monkeypatch.setattr("pmr.scene.model_traits.ModelTraits.needs_fenicsx", False)
+    done = called(monkeypatch, capsys, "chart", "crane", "--up-to", "20000", "--out", str(tmp_path / "out"))
+    assert done.returncode == 0 and "walls at pads are not limited: dolfinx is not installed" in done.stderr
+    assert "walls at pads of" not in (tmp_path / "out" / "chart.toml").read_text()
 
 
 def test_a_chart_without_a_largest_load_takes_the_mass_of_machine_and_boom(
@@ -282,7 +319,16 @@ def test_a_chart_without_a_largest_load_takes_the_mass_of_machine_and_boom(
     assert call.load(tmp_path / "ground" / "chart.toml").parts[0].study.up_to == 21000.0
     assert "21000 kg is the largest load that is looked for" in " ".join(done.stdout.split())
     called(monkeypatch, capsys, "chart", "crane", "--out", str(tmp_path / "boom"))
-    assert call.load(tmp_path / "boom" / "chart.toml").parts[0].study.up_to == 11000.0
+    assert call.load(tmp_path / "boom" / "chart.toml").parts[0].study.up_to == 13000.0
+    text = (
+        (TEMPLATES / "crane.toml").read_text().replace("mass = 150.0", "mass = 3000.0").replace("= 1000.0", "= 5000.0")
+    )
+    (tmp_path / "crane.toml").write_text(text)  # a hook block is a part of the boom, and the payload is not
+    called(monkeypatch, capsys, "chart", "crane.toml", "--out", str(tmp_path / "block"))
+    assert call.load(tmp_path / "block" / "chart.toml").parts[0].study.up_to == 24000.0
+    (tmp_path / "crane.toml").write_text(text.replace("density = 7850.0", "density = 7.85"))
+    done = called(monkeypatch, capsys, "chart", "crane.toml", "--out", str(tmp_path / "unknown"))
+    assert done.returncode == 2 and "--up-to" in done.stderr and "the mass of the boom is not known" in done.stderr
 
 
 def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
@@ -294,7 +340,7 @@ def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.Mo
     limits = [(limit.of, limit.most, limit.factor) for limit in study.limits]
     # the scene has outriggers, a probe of stress and pads
     assert limits == [("tipping", 1.0, 1.33), ("stress", 690e6, 1.5), ("pad", 38.5e3, 1.5)]
-    assert study.limits[-1].which == ("middle *",)
+    assert study.limits[-1].which == ("middle tail *", "middle mouth *")
     assert study.slewing == (0.0, 45.0, 90.0, 135.0, 180.0)
     scene = json.dumps(study.plan().runs[0].arguments)
     assert "hook block" in scene and '"name": "payload"' not in scene  # the load that is looked for hangs in its place
