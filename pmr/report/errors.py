@@ -33,7 +33,16 @@ from pmr.report.numbers import (
 )
 from pmr.report.subject import force_words, is_alone, is_luffing_cylinder_alone, scope_words, shown_force_name
 from pmr.results import RunResult
-from pmr.results.quantities import COMPARED, QUANTITIES, error_label, reduction_error, stress_name, wall_stress
+from pmr.results.quantities import (
+    COMPARED,
+    PIVOT,
+    QUANTITIES,
+    error_label,
+    reduction_error,
+    stress_name,
+    stress_remark,
+    wall_stress,
+)
 from pmr.results.tables import REACTION_OF
 from pmr.scene.choice import traits_of
 from pmr.scene.members import members
@@ -123,14 +132,15 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
     errors: Mapping[str, Mapping[str, Any]] = result.summary.get("errors", {})
     for pair in dict.fromkeys((*(name for name in ORDER if name in errors), *errors)):
         first, _, second = pair.partition("_vs_")
-        comparison, names = f"{NAMES.get(first, first)} against {NAMES.get(second, second)}", set[str]()
+        comparison, values = f"{NAMES.get(first, first)} against {NAMES.get(second, second)}", dict[str, str]()
         for kind in dict.fromkeys((*(name for name in COMPARED if name in errors[pair]), *errors[pair])):
             error, name = float(errors[pair][kind]), error_name(result, kind)
-            other = printed.get(pair, {}).get(kind)
-            row = Row(comparison, name, _format_error(error))
-            if name in names:
+            value, other = _format_error(error), printed.get(pair, {}).get(kind)
+            if values.get(name) == value:
                 continue  # the force of the only support that gives way has a row already
-            names.add(name)
+            if name in values:
+                name = f"{name}, by the moment about the pivot" if kind.startswith(PIVOT) else error_label(kind)
+            values[name], row = value, Row(comparison, name, value)
             if other is not None:
                 row = _comparison_row(comparison, name, error, other, decimals)
             absolute = result.summary.get("absolute_errors", {}).get(pair, {}).get(kind)
@@ -292,10 +302,19 @@ def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
     """Yield rows (name, text) in brief on the errors of stress, tip, pad forces and reactions, all sources added up."""
     summed = summed_errors(result.summary)
     if "reduced" in result.summary.get("max_von_mises", {}):
-        yield "stress", "its error is not known: cells are not short enough at pads, loads and corners to tell"
+        yield "stress", f"its error is not known: {'; '.join(_stress_gaps(result))}"
     for key in ("tip", "pad_force", "reaction"):
         if (error := summed.by_label.get(label := QUANTITIES[key].label)) is not None:
             yield label, f"± {format_percent(error, 2)} {summed.sources_clause(label)}"
+
+
+def _stress_gaps(result: RunResult) -> Iterator[str]:
+    """Yield clauses on what the stresses of beams leave out, and on the cells of shells and solids."""
+    are_beams = [traits_of(of).is_beam for of in members(result.scene)]
+    if any(are_beams):
+        yield stress_remark(result.scene) or "beams have no local stress at pads, loads and corners"
+    if not all(are_beams) or wall_stress(result.summary) is not None:
+        yield "cells are not short enough at pads, loads and corners to tell"
 
 
 def _with_shown_labels(result: RunResult, errors: Mapping[str, float]) -> dict[str, float]:

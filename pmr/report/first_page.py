@@ -152,7 +152,8 @@ def _stress_rows(result: RunResult) -> LargestValues:
     """Yield a row with the largest von Mises stress and its share of the yield stress.
 
     If the largest share of the yield stress occurs at another point than the largest stress, it has its own row.
-    Stresses of beams have no share, as local bending adds to them; before them stands the stress of a shell, if known.
+    Local bending adds to stresses of beams, so they have a share only above the yield stress, as a lower bound; before
+    them stands the stress of a shell, if known.
     """
     summary = result.summary
     largest = summary.get("max_von_mises", {}).get("reduced")
@@ -160,25 +161,23 @@ def _stress_rows(result: RunResult) -> LargestValues:
         yield LargestValue("stress", "not computed: a table [recovery] asks for it")
         return
     peak, used = (summary.get(name, {}).get("reduced") for name in ("stress_peak", "utilisation"))
-    stress_text = format_quantity(largest, "Pa")
-    if stress_remark(result.scene):
-        local = "without the bending of walls under pads"
+    stress_text, local, of_beams = format_quantity(largest, "Pa"), "", bool(stress_remark(result.scene))
+    if of_beams:
+        local = ", without the bending of walls under pads"
         if (shell := wall_stress(summary)) is not None:
             yield _wall_stress_row(result, shell)
         else:
             prescribed = "" if result.scene.computed_key is None else "in a run with a prescribed motion "
             local += f", which adds to it; by how much is not known: {prescribed}compare.richer = 'shell' computes it"
-        where = "" if peak is None else f", {_peak_clause(result, peak)}"
-        yield LargestValue(stress_name(result.scene), f"{stress_text}, {local}{where}")
-        return
-    share = (
-        f"{format_percent(used['value'])} of the yield stress of {format_quantity(used['yield'], 'Pa')}" if used else ""
-    )
-    highest = used["value"] if used else None
+        used = used if used and used["value"] > 1.0 else None
+    share, highest = "", used["value"] if used else None
+    if used:
+        least = "at least " if of_beams else ""
+        share = f"{least}{format_percent(used['value'])} of the yield stress of {format_quantity(used['yield'], 'Pa')}"
     if used and used["stress"] == largest:
         stress_text, peak, used = f"{stress_text}, {share}", used, None
-    text = stress_text if peak is None else f"{stress_text}, {_peak_clause(result, peak)}"
-    yield LargestValue("largest von Mises stress", text, None if used else highest)
+    where = "" if peak is None else f", {_peak_clause(result, peak)}"
+    yield LargestValue(stress_name(result.scene), f"{stress_text}{local}{where}", None if used else highest)
     if used:
         yield LargestValue("largest stress over yield stress", f"{share}, {_peak_clause(result, used)}", highest)
 

@@ -17,6 +17,7 @@ from matplotlib.patches import Rectangle
 from pmr.report import columns
 from pmr.report.blocks import Chapter, Drawing, Figures, KeyNumber, Table
 from pmr.report.document import render_runs as rendered
+from pmr.report.errors import rows as error_rows
 from pmr.report.errors import summed_errors, trust_table
 from pmr.report.figures import sketch, space
 from pmr.report.figures.canvas import INK, drawn_text, style
@@ -395,6 +396,8 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
         "largest von Mises stress of the beams"
     ]
     assert alone.startswith(f"49.0{SPACE}MPa") and "yield" not in alone
+    sure = rows(found, "How sure")["stress"]
+    assert sure == "its error is not known: without the bending of walls under pads"
     assert "which adds to it; by how much is not known: compare.richer = 'shell' computes it" in alone
     free = make_space(body=body, frame={"pivot": [0.0, 0.0, 0.0], "machine": MACHINE}, summary=summary)
     swinging = rows(free, "Largest values of this motion")["largest von Mises stress of the beams"]
@@ -436,6 +439,35 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     assert page.index("More than is allowed") < page.index("What was asked")
     sketched = chapter(grown, "case-1", Figures([])).sketch  # figures are drawn before the shell is known
     assert sketched is not None and f"426{SPACE}MPa" in drawn_text(sketched.svg) and "in walls" in sketched.caption
+
+
+def test_beams_above_yield_warn_by_their_own_stress(make_space: MakeSpace) -> None:
+    """Local bending adds to it, so the share is a lower bound; a wall of another steel has a row of its own."""
+    body = {"model": "beam3d", "box": {"length": 6.0, "width": 0.3, "height": 0.4, "wall": 0.008}}
+    found = make_space(body=body)
+    used = {"value": 1.1, "stress": 49e6, "yield": 44.5e6, "section": "", "t": 0.5, "position": [3.0, 0.0, 0.2]}
+    beyond = replace(found, summary=found.summary | {"utilisation": {"reduced": used}})
+    (over,) = overload_sentences(beyond)
+    share = f"at least 110{SPACE}% of the yield stress of 44.5{SPACE}MPa"
+    assert over.startswith(f"largest von Mises stress of the beams: 49.0{SPACE}MPa, {share}, without the bending of")
+    of_wall = replace(found, summary=found.summary | {"utilisation": {"reduced": used | {"stress": 48e6}}})
+    (over,) = overload_sentences(of_wall)
+    assert over.startswith(f"largest stress over yield stress: {share}, 3{SPACE}m from the tail")
+
+
+def test_two_forces_of_the_luffing_cylinder_have_a_row_each_where_their_errors_differ(make_space: MakeSpace) -> None:
+    drive, moment = "reaction of base: luffing cylinder", "reaction of pivot cylinder"
+
+    def names(of_moment: float) -> list[str]:
+        errors = {"reduced_vs_full": {"tip": 0.001, drive: 0.02, moment: of_moment}}
+        return [
+            row.place
+            for row in error_rows(make_space(summary=SUMMARY | {"errors": errors}))
+            if "full" in row.comparison
+        ]
+
+    assert names(0.02)[:2] == ["tip", "luffing cylinder"] and len(names(0.03)) == len(names(0.02)) + 1
+    assert names(0.03)[2] == "luffing cylinder, by the moment about the pivot"
 
 
 def test_a_load_against_an_axis_is_no_negative_one(make_space: MakeSpace) -> None:
