@@ -1,0 +1,316 @@
+"""Rows of the first page on forces of cylinders, pads, supports and ropes, on the machine, and on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pmr.files.arrays import Summary
+from pmr.report import errors
+from pmr.report.extremes import LargestValue, LargestValues, extreme_clause
+from pmr.report.numbers import SPACE, format_length, format_percent, format_quantity, significant
+from pmr.report.overview import format_range
+from pmr.report.subject import drive_of, has_free_luffing, joint_section, luffing_support_names
+from pmr.results import RunResult
+from pmr.results.quantities import QUANTITIES
+from pmr.results.response import Extreme, Extremes
+from pmr.results.tables import FORCE_OF
+from pmr.scene.keys import cylinder_name, qualified_name
+from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
+
+#: Where the hook is beside its head for a swing below and above 0, along and across the boom.
+SWING_SIDES = {"along": ("inwards of", "outwards of"), "across": ("to the right of", "to the left of")}
+#: Keys of the forces and moments whose largest values have a row; those of the luffing cylinder and of a free extension
+#: have rows of their own.
+FORCES = tuple(
+    key for key, quantity in QUANTITIES.items() if quantity.unit in ("N", "N m") and quantity.reported
+    and key not in ("luffing_force", "extension_force")
+)  # fmt: skip
+#: Name of the row with the length of the luffing cylinder.
+LUFFING_LENGTH = "length of the luffing cylinder"
+#: Beginnings of the names of reactions at the pivot, of outputs of a machine that moves, and of forces on the ground.
+PIVOT, MACHINE, GROUND = f"{AT_PIVOT} ", "machine ", f"{AT_GROUND} "
+#: Kinds of the outputs with the forces of a key, unless the summary has them.
+OF_KINDS = {"pad_force": "pad", "cylinder_force": "cylinder", "support": "support", "outrigger_force": "outrigger"}
+#: Words for the chambers of a cylinder.
+OIL_SIDES = {"bore": "in the bore", "rod": "on the rod side"}
+#: End of the name of a cylinder that moves sections by ropes.
+ROPES = "which pulls the ropes"
+#: Labels of the quantities whose errors are those of the boom's moment on its machine.
+MARGIN_ERRORS = (QUANTITIES["reaction"].label, QUANTITIES["support_force"].label)
+#: Share of a stroke up to which a length beyond it is round-off.
+ROUND_OFF = 1e-9
+
+
+def force_rows(result: RunResult) -> LargestValues:
+    """Yield rows on cylinders, pads, hoist and other forces, and on the machine and the ground."""
+    yield from _driven_rows(result)
+    yield from _pressure_rows(result)
+    yield from _indentation_rows(result)
+    yield from _hoist_rows(result)
+    yield from _forces_by_kind_rows(result)
+    yield from _machine_rows(result)
+    yield from _ground_rows(result)
+
+
+def _driven_rows(result: RunResult) -> LargestValues:
+    """Yield rows with the largest force of the luffing cylinder and on a free extension, their lengths, and oil."""
+    for way in ("luffing", "extension"):
+        if (cylinder := result.summary.get(f"{way}_cylinder")) is None:
+            continue
+        largest, length = Extremes.from_summary(cylinder["force"]).largest, cylinder["length"]
+        text = f"{format_quantity(abs(largest.value), 'N')}, it {_push_or_pull(largest)}, "
+        text += extreme_clause(result, largest)
+        if way == "extension":
+            text += f"; {format_range(length['min'], length['max'], f'{SPACE}m out')}"
+        yield LargestValue(QUANTITIES[f"{way}_force"].reported, text)
+        if way == "luffing":
+            yield _luffing_length_row(result, length)
+        pressures = {side: Extremes.from_summary(of) for side in OIL_SIDES if (of := cylinder.get(f"pressure_{side}"))}
+        for side in sorted(pressures, key=lambda side: pressures[side].most)[-1:]:
+            most = pressures[side].largest
+            text = f"{format_quantity(most.value, 'Pa')}, {OIL_SIDES[side]}, {extreme_clause(result, most)}"
+            yield LargestValue(QUANTITIES["driven_pressure"].reported, text)
+        if flow := cylinder.get("flow_supply"):
+            most, power = Extremes.from_summary(flow).largest, cylinder["power_supply"]["max"]
+            text = f"{format_quantity(most.value, 'm^3/s')}, {format_quantity(power, 'W')} at most"
+            yield LargestValue("largest flow from the supply", f"{text}, {extreme_clause(result, most)}")
+
+
+def _luffing_length_row(result: RunResult, length: Summary) -> LargestValue:
+    """Row on the length of the luffing cylinder, and on the stroke that the scene states.
+
+    The row has a share of what is allowed only where a given angle needs a length beyond the stroke.  A cylinder that
+    turns the boom has stops, which are springs: on a stop it is a little beyond its stroke.
+    """
+    least, most = length["min"], length["max"]
+    text, frame = format_range(least, most, f"{SPACE}m"), result.scene.frame
+    if frame is None or frame.cylinder is None or frame.cylinder.stroke is None:
+        return LargestValue(LUFFING_LENGTH, text)
+    low, high = frame.cylinder.stroke
+    text += f"; its stroke is {format_range(low, high, f'{SPACE}m')}"
+    beyond = max(low - least, most - high) / (high - low)
+    if has_free_luffing(result) or beyond < ROUND_OFF:
+        return LargestValue(LUFFING_LENGTH, text)
+    return LargestValue(
+        LUFFING_LENGTH, f"{text}, and the given angles need {format_percent(beyond)} more", 1.0 + beyond
+    )
+
+
+def _push_or_pull(force: Extreme) -> str:
+    """Verb for the sign of a cylinder's force: ``pushes`` if the force is positive, else ``pulls``."""
+    return "pushes" if force.value > 0.0 else "pulls"
+
+
+def _pressure_rows(result: RunResult) -> LargestValues:
+    """Yield a row with the largest mean pressure of a pad; nothing if no pad has a size."""
+    pads = [pad for pad in result.summary.get("pads", ()) if "pressure" in pad]
+    if pads:
+        pad = max(pads, key=lambda pad: float(pad["pressure"]))
+        force = Extremes.from_summary(pad).largest
+        pressure, when = format_quantity(pad["pressure"], "Pa"), extreme_clause(result, force)
+        yield LargestValue(QUANTITIES["pad_pressure"].reported, f"{pressure}, {pad['name']}, {when}")
+
+
+def _indentation_rows(result: RunResult) -> LargestValues:
+    """Yield a row with the largest indentation of walls under a pad's own force; nothing if all walls are rigid."""
+    if rows := result.summary.get("indentations"):
+        largest = max(rows, key=lambda row: float(row["value"]))
+        when = extreme_clause(result, Extreme(largest["value"], largest["t"], largest["s"]))
+        yield LargestValue(
+            QUANTITIES["indentation"].reported, f"{format_length(largest['value'])}, {largest['name']}, {when}"
+        )
+
+
+def _hoist_rows(result: RunResult) -> LargestValues:
+    """Yield rows with the range of the hook's height and with its largest swing."""
+    if (hoist := result.summary.get("hoist")) is None:
+        return
+    height = Extremes.from_summary(hoist["height"])
+    yield LargestValue(
+        "height of the hook", f"{format_quantity(height.least, 'm')} to {format_quantity(height.most, 'm')}"
+    )
+    swings = {way: Extremes.from_summary(hoist[f"swing_{way}"]).largest for way in ("along", "across")}
+    way = max(swings, key=lambda name: abs(swings[name].value))
+    largest = swings[way]
+    degrees = f"{significant(np.rad2deg(abs(largest.value)))}° {way} the boom"
+    side = SWING_SIDES[way][int(largest.value > 0.0)]
+    text = f"{degrees}, the hook {side} the head, {extreme_clause(result, largest)}"
+    yield LargestValue(QUANTITIES["swing"].reported, text)
+
+
+def _forces_by_kind_rows(result: RunResult) -> LargestValues:
+    """Yield a row for each kind of force or moment in `FORCES`.
+
+    The row states its largest value, the part that bears it, and the time.
+    """
+    for key, forces in _extremes_of_forces(result).items():
+        row, unit = QUANTITIES[key].reported, QUANTITIES[key].unit
+        name = max(forces, key=lambda name: forces[name].size, default="")  # noqa: B023
+        if not forces or (not forces[name].size and key != "support"):
+            continue
+        if key in ("ground_force", "ground_moment") and "ground" in result.summary:
+            continue  # outriggers and the margin against tipping say what they mean
+        largest = forces[name].largest
+        if not largest.value:
+            yield LargestValue(row, f"0, {name}")
+        elif key == "cylinder_force" and not name.endswith(ROPES):
+            text = f"{format_quantity(abs(largest.value), unit)}, {name} {_push_or_pull(largest)}"
+            yield LargestValue(row, f"{text}, {extreme_clause(result, largest)}")
+        else:
+            text = f"{format_quantity(largest.value, unit)}, {_bearer_words(key, name)}"
+            yield LargestValue(row, f"{text}, {extreme_clause(result, largest)}")
+            if key == "pad_force":
+                yield from _yield_rows(result, forces)
+
+
+def _bearer_words(key: str, name: str) -> str:
+    """Words for the part that bears a force or moment of the kind `key`: a support of a section, or the boom's axis."""
+    if key.startswith("machine"):
+        return f"{name} of the boom's own axes"
+    body, _, support = name.rpartition(": ")
+    if key not in ("support", "support_moment") or not body:
+        return name
+    support, _, turn = support.rpartition(" ") if support.endswith((" rx", " ry", " rz")) else (support, "", "")
+    return f"{support} of {body}" + (f", about {turn[1]}" if turn else "")
+
+
+def _yield_rows(result: RunResult, forces: Mapping[str, Extremes]) -> LargestValues:
+    """Yield a row with the pad whose force comes nearest to that at which walls begin to yield; `forces` are by pad.
+
+    It is missing unless a shell was compared (`pmr.fullmodel.wall_stress.yield_forces`).
+    """
+    limits = (result.summary.get("budget", {}).get("model") or {}).get("pad_yield", {})
+    shares = {
+        name: (extremes.size / limit["force"], limit)
+        for name, extremes in forces.items()
+        if (limit := limits.get(joint_section(result, name))) is not None
+    }
+    if shares:
+        pad = max(shares, key=lambda name: shares[name][0])
+        share, limit = shares[pad]
+        yield LargestValue(
+            "largest pad force over that at which walls yield",
+            f"{format_percent(share)} of {format_quantity(limit['force'], 'N')}, {pad}, "
+            f"{extreme_clause(result, forces[pad].largest)}; under the weakest pad of this joint alone the walls of "
+            f"{limit['section']} then begin to yield at its edge; the bending of the whole section adds to it",
+            share,
+        )
+
+
+def _extremes_of_forces(result: RunResult) -> dict[str, dict[str, Extremes]]:
+    """Least and largest forces and moments, by their kinds in `FORCES` and by the names of the parts that bear them.
+
+    Supports that model the luffing cylinder are left out.  A cylinder that pulls ropes is included once, with the force
+    with which it pulls.
+    """
+    response, summary = result.responses["reduced"], result.summary
+    by_key = {key: dict[str, Extremes]() for key in FORCES}
+    frame, resultants = result.frame, summary.get("supports", ())
+    for support in resultants:
+        if support["name"] not in luffing_support_names(result):
+            by_key["support"][_full_name(result, support["name"])] = Extremes.from_summary(support)
+    for reaction in summary.get("reactions", ()):
+        name, place = str(reaction["name"]), "support"
+        if name in luffing_support_names(result):
+            continue
+        if frame is not None and name.startswith(PIVOT):
+            place, name = "machine", name.removeprefix(PIVOT)
+        elif frame is not None and name.startswith((MACHINE, GROUND)):
+            place, name = "ground", name.rpartition(" ")[2]
+        moment = reaction["unit"] == "N m"
+        if place == "support":
+            if moment or not resultants:
+                key = "support_moment" if moment else "support"
+                by_key[key][_full_name(result, name)] = Extremes.from_summary(reaction)
+        elif name in ("x", "y", "z", "rx", "ry", "rz"):  # the luffing cylinder has another name
+            axis = f"about {name[1]}" if moment else f"along {name}"
+            by_key[f"{place}_moment" if moment else f"{place}_force"][axis] = Extremes.from_summary(reaction)
+    for rope in summary.get("ropes", ()):
+        extremes = Extremes.from_summary(rope["force"])
+        if drive_of(rope) == "rope":
+            by_key["rope_force"][f"rope of {rope['name']}, all strands"] = extremes
+        else:
+            by_key["cylinder_force"][f"cylinder of {rope['name']}, {ROPES}"] = extremes
+    if hoist := summary.get("hoist"):
+        by_key["hoist_force"][f"{significant(hoist['factor'])} times that of the weight"] = Extremes.from_summary(
+            hoist["force"]
+        )
+    elsewhere = {*luffing_support_names(result), *(cylinder_name(rope["name"]) for rope in summary.get("ropes", ()))}
+    for key, kind in OF_KINDS.items():
+        if by_key[key]:
+            continue
+        for number, output in enumerate(response.outputs):
+            name, values = output.name.replace(FORCE_OF, "", 1), response.column(number)
+            if output.kind == kind and name not in elsewhere and np.abs(values).max() > response.force_floor:
+                by_key[key][name] = Extremes.from_history(values, response.t, result.abscissa_at(response.t))
+    return by_key
+
+
+def _full_name(result: RunResult, name: str) -> str:
+    """Name of a support's force; if the support holds one direction only, the direction is appended."""
+    for body, part in result.scene.bodies.items():
+        for support in part.supports:
+            if len(support.held_directions) == 1 and name == qualified_name(body, support.name):
+                return f"{name} along {support.held_directions[0]}"
+    return name
+
+
+def _machine_rows(result: RunResult) -> LargestValues:
+    """Yield a row with the ranges of a moving machine's free coordinates: displacements of the pivot, and rotations."""
+    frame = result.frame
+    if frame is None or frame.machine is None:
+        return
+    motions, degrees = (
+        result.summary.get("frame", {}).get("base", {}),
+        1.0 if frame.unit == "degrees" else np.rad2deg(1.0),
+    )
+    parts = []
+    for key, motion in motions.items():
+        if key not in frame.machine.free:
+            continue
+        turns = key.startswith("r")
+        unit = "°" if turns else f"{SPACE}m" if max(abs(motion["min"]), abs(motion["max"])) >= 1.0 else f"{SPACE}mm"
+        size = degrees if turns else 1.0 if unit == f"{SPACE}m" else 1e3
+        parts.append(f"{key} {format_range(size * motion['min'], size * motion['max'], unit)}")
+    if parts:
+        yield LargestValue("motion of the machine", ", ".join(parts))
+
+
+def _ground_rows(result: RunResult) -> LargestValues:
+    """Yield rows with the smallest force of an outrigger, the least margin against tipping and the polygon's use."""
+    if (ground := result.summary.get("ground")) is None:
+        return
+    for key, rows in (
+        ("outrigger_rest", ground["outriggers"]),
+        ("tipping_margin", ground["margins"]),
+        ("tipping", [ground["use"]]),
+    ):
+        quantity, extremes = QUANTITIES[key], {row["name"]: Extremes.from_summary(row) for row in rows}
+        name = min(extremes, key=lambda name: extremes[name].least)
+        value = quantity.value(extremes[name])
+        is_use = key == "tipping"
+        text = f"{format_percent(value.value)} (100{SPACE}%: it tips)" if is_use else (
+            f"{format_quantity(value.value, quantity.unit)}, {name}"
+        )  # fmt: skip
+        error = _margin_error(result) if key == "tipping_margin" else ""
+        text = f"{text}, {extreme_clause(result, value)}{error}"
+        yield LargestValue(quantity.reported, text, value.value if is_use else None)
+
+
+def _margin_error(result: RunResult) -> str:
+    """Clause with the error of a margin against tipping: that of the boom's moment, of pin and luffing cylinder.
+
+    The moments of the machine's masses are exact for their given places.
+    """
+    summed, names = errors.summed_errors(result.summary), [f"{PIVOT}{axis}" for axis in ("rx", "ry")]
+    labels = [label for label in MARGIN_ERRORS if label in summed.by_label]
+    moments = [Extremes.from_summary(of).size for of in result.summary.get("reactions", ()) if of["name"] in names]
+    if not labels or not moments or any({"model", "mesh"} & {*summed.lacking[label]} for label in labels):
+        return "; its error is not known"
+    size = format_quantity(max(summed.by_label[label] for label in labels) * max(moments), "N m", 2)
+    return (
+        f"; ± {size} by the errors of the boom's moment{summed.lacking_clause(*labels)}; masses of the machine are as "
+        "given, and ground and chassis do not give way"
+    )
