@@ -252,10 +252,10 @@ def chart(
 
         pmr chart crane --up-to 20000
     """
-    from pmr.cli.chart_study import chart_study_text, usual_load, words_of_usual_load
     from pmr.scene import load_any
     from pmr.scene.choice import traits_of
     from pmr.scene.members import members
+    from pmr.studies.chart_draft import chart_study_text, usual_load, words_of_usual_load
 
     file = scene_file(scene)
     folder = out_dir or Path("reports", f"chart_{scene.resolve().name if scene.is_dir() else file.stem}")

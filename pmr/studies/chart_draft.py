@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pmr.cli.console import err, print_text
 from pmr.errors import InputError
 from pmr.errors.environment import is_installed
 from pmr.results.quantities import stress_remark
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from pmr.scene import Scene
     from pmr.scene.frame import Frame
     from pmr.scene.ground import Ground
+
+logger = logging.getLogger(__name__)
 
 #: Number of extensions and number of angles in the chart study that `pmr chart` writes.
 EXTENSIONS, ANGLES = 12, 10
@@ -153,14 +155,14 @@ def _wall_limits(scene: Scene) -> Iterator[str]:
     if len(scene.sections) == 1 or not stress_remark(scene):  # shells have a limit of their own, on the stress field
         return
     if not is_installed("dolfinx"):
-        print_text(err, "walls at pads are not limited: dolfinx is not installed, and shells of sections need it")
+        logger.warning("walls at pads are not limited: dolfinx is not installed, and shells of sections need it")
         return
     from pmr.fullmodel.wall_stress import yield_forces
 
     try:
         forces = yield_forces(scene)
     except InputError as error:
-        print_text(err, f"walls at pads are not limited: {error.allowed}")
+        logger.warning("walls at pads are not limited: %s", error.allowed)
         return
     for name, at_yield in forces.items():
         joint = scene.joint(scene.names.index(name))
