@@ -16,20 +16,20 @@ the field r_k along e_j with the factor A_jk.  The inertia loads are minus these
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, Literal, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import SkipValidation
 
 from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.built import Load
 from pmr.scene.choice import inertia_fields, input_directions, rope_pulls
-from pmr.scene.frame import INERTIA, Frame
+from pmr.scene.frame import INERTIA
 from pmr.scene.hoist import ROPE
 from pmr.scene.joints import ScaledSignal
 from pmr.scene.keys import Direction, input_name
@@ -79,56 +79,6 @@ class FrameSignal(Derived):
         return Interval(float(values.min()), float(values.max()))
 
 
-class Amplitude(FrameSignal):
-    """Signal that is a sum of products of the frame's quantities (`pmr.simulation.frame_motion.Quantity`)."""
-
-    @property
-    @abstractmethod
-    def products(self) -> Products:
-        """Products whose sum is the amplitude."""
-
-    @abstractmethod
-    def quantities(self, t: Array) -> Callable[[Quantity], Array]:
-        """Function that returns the values (T,) of a quantity at the times t (T,) in s."""
-
-    def value(self, t: ArrayLike) -> Array:
-        at = np.asarray(t, float)
-        times = at.ravel()
-        return evaluate(self.products, self.quantities(times), times).reshape(at.shape)
-
-
-class AngleAmplitude(Amplitude):
-    """Amplitude that depends on the angles of the frame: `luffing`, `slewing`, and `rocking` of its base."""
-
-    luffing: SignalBase
-    slewing: SignalBase
-    rocking: tuple[SignalBase, ...] = ()
-
-    @property
-    def signals(self) -> tuple[SignalBase, ...]:
-        return (self.luffing, self.slewing, *self.rocking)
-
-    def frame_rotation(self, t: Array) -> FrameRotation:
-        """Angular velocity, angular acceleration and rotation of the frame at the times t (T,) in s."""
-        return _cached_turning(self.luffing, self.slewing, t.tobytes(), self.rocking)
-
-    def quantities(self, t: Array) -> Callable[[Quantity], Array]:
-        turning = self.frame_rotation(t)
-        of = {
-            "turned": turning.rotation,
-            "velocity": turning.velocity,
-            "turning": turning.acceleration,
-            "gradient": turning.gradient,
-        }
-
-        def value_of(quantity: Quantity) -> Array:
-            """Values (T,) of a quantity of rotation, angular velocity, angular acceleration or A."""
-            at: Any = (slice(None), *quantity[1:])
-            return np.asarray(of[str(quantity[0])][at])
-
-        return value_of
-
-
 class BaseAcceleration(FrameSignal):
     """Acceleration in m/s^2 of a base along a ground axis: of its `displacement`, plus a prescribed `acceleration`."""
 
@@ -148,127 +98,90 @@ class BaseAcceleration(FrameSignal):
         return (*displacements, *self.acceleration.strands)
 
 
-class SectionAcceleration(AngleAmplitude):
-    """A component of the acceleration field of a section, times a factor."""
+class FrameAmplitude(FrameSignal):
+    """Signal that is a sum of `products` of the frame's quantities (`pmr.simulation.frame_motion.Quantity`).
 
-    gravity: SignalBase  # m/s^2
-    pivot: tuple[float, float, float]  # m: position of the base section's tail from the pivot
-    paths: tuple[SignalBase, ...]  # m: extensions with the sum X
+    The other fields are the signals from which the quantities follow.
+    """
+
+    products: SkipValidation[Products]
+    luffing: SignalBase
+    slewing: SignalBase
+    rocking: tuple[SignalBase, ...] = ()  # angles of the base
+    gravity: SignalBase = Constant(amount=0.0)  # m/s^2
     base: tuple[SignalBase, ...] = ()  # m/s^2: accelerations of the pivot along axes of the ground, if it moves
-    field: str  # ``x`` of the constant part, ``xz`` of A_xz
-    factor: float = 1.0
+    paths: tuple[SignalBase, ...] = ()  # m: extensions of the sections, from the first that slides on
+    loads: tuple[tuple[str, SignalBase], ...] = ()  # by the names of their inputs
 
     @property
     def signals(self) -> tuple[SignalBase, ...]:
-        return (*super().signals, self.gravity, *self.paths, *self.base)
+        return (*self._slow_signals, *self._fast_signals)
 
     @property
-    def products(self) -> Products:
-        """Products of the component (`field_products`)."""
-        return field_products(self.field, len(self.paths), self.pivot, bool(self.base), self.factor)
+    def _slow_signals(self) -> tuple[SignalBase, ...]:
+        """Angles, gravity and paths, which enter with their rates, as squares and products."""
+        return (self.luffing, self.slewing, *self.rocking, self.gravity, *self.paths)
 
-    def quantities(self, t: Array) -> Callable[[Quantity], Array]:
-        of_angles = super().quantities(t)
+    @property
+    def _fast_signals(self) -> tuple[SignalBase, ...]:
+        """Accelerations of the base and loads, which enter linearly."""
+        return (*self.base, *(load for _, load in self.loads))
+
+    def value(self, t: ArrayLike) -> Array:
+        at = np.asarray(t, float)
+        times = at.ravel()
+        return evaluate(self.products, self._quantities(times), times).reshape(at.shape)
+
+    def _quantities(self, t: Array) -> Callable[[Quantity], Array]:
+        """Function that returns the values (T,) of a quantity at the times t (T,) in s."""
+        turning = _cached_turning(self.luffing, self.slewing, t.tobytes(), self.rocking)
+        of_rotation = {
+            "turned": turning.rotation,
+            "velocity": turning.velocity,
+            "turning": turning.acceleration,
+            "gradient": turning.gradient,
+        }
 
         def value_of(quantity: Quantity) -> Array:
-            """Values (T,) of gravity, of the base's acceleration, of the position X, or of a quantity of the angles."""
-            if quantity[0] == "gravity":
+            """Values (T,) of a quantity."""
+            kind, *of = quantity
+            if kind == "gravity":
                 return np.asarray(self.gravity.value(t))
-            if quantity[0] == "shaken":
-                return np.asarray(self.base[int(quantity[1])].value(t))
-            return self._reach(t, int(quantity[2])) if quantity[0] == "reach" else of_angles(quantity)
+            if kind == "shaken":
+                return np.asarray(self.base[int(of[0])].value(t))
+            if kind == "reach":
+                return self._reach(t, int(of[0]), int(of[1]))
+            if kind == "over":
+                return np.asarray(1.0 / self.paths[int(of[0]) - 1].value(t))
+            if kind == "load":
+                return np.asarray(dict(self.loads)[str(of[0])].value(t))
+            at: Any = (slice(None), *of)
+            return np.asarray(of_rotation[str(kind)][at])
 
         return value_of
 
     def highest_frequency(self, start: float, end: float) -> float:
         """Twice the highest frequency in Hz of angles, gravity and paths from `start` to `end` in s.
 
-        If the base is shaken, it is at least the sum of two highest frequencies: the base's and that of all others.
+        With a load or a base that is shaken, it is at least the sum of this one's highest frequency and theirs.
         """
-        of_angles = super().signals
-        slow, shaken = (
+        slow, fast = (
             max((signal.highest_frequency(start, end) for signal in signals), default=0.0)
-            for signals in ((*of_angles, self.gravity, *self.paths), self.base)
+            for signals in (self._slow_signals, self._fast_signals)
         )
-        return max(2.0 * slow, shaken + slow if shaken else 0.0)
+        return max(2.0 * slow, fast + slow if fast else 0.0)
 
-    def _reach(self, t: Array, order: int) -> Array:
-        """Position X (T,) of the section's tail in m at t (T,) s, or its derivative of order 1 or 2."""
+    def _reach(self, t: Array, number: int, order: int) -> Array:
+        """Position (T,) of a section's tail on the axis in m at t (T,) s, or its derivative of order 1 or 2."""
+        paths = self.paths[:number]
         if order == 2:
-            return Acceleration(paths=self.paths, step=self.step).value(t)
-        return np.asarray(np.sum([getattr(path, ("value", "rate")[order])(t) for path in self.paths], axis=0))
-
-
-class Rotation(AngleAmplitude):
-    """Amplitude by which the frame's rotation acts on a body's small motions (`rotation_products`).
-
-    `of` is ``rotation`` (twice an angular velocity), ``turning`` (an angular acceleration) or ``carried`` (a product of
-    angular velocities).
-    """
-
-    of: str  # `rotation`, `turning` or `carried`
-    component: str  # one or two axes, such as ``x`` or ``xy``
-
-    @property
-    def products(self) -> Products:
-        return rotation_products(self.of, self.component)
-
-
-class CylinderAmplitude(Amplitude):
-    """Amplitude of a cylinder's force over its length: `factor` times `of` (acceleration or load) over `length`."""
-
-    factor: float
-    of: SignalBase
-    length: SignalBase
-    number: int  # number of the section that the cylinder drives
-    name: str = ""  # name of the load's input
-
-    @property
-    def signals(self) -> tuple[SignalBase, ...]:
-        return (self.of, self.length)
-
-    def on_steps(self, step: float) -> Self:
-        return self.model_copy(update={"step": step, "of": self.of.on_steps(step)})
-
-    @property
-    def products(self) -> Products:
-        """Products of `of`, each times factor over length."""
-        return tuple(product.times(self.factor, ("over", self.number)) for product in products_of(self.of, self.name))
-
-    def quantities(self, t: Array) -> Callable[[Quantity], Array]:
-        inner = self.of.quantities(t) if isinstance(self.of, Amplitude) else lambda _: np.asarray(self.of.value(t))
-        return lambda quantity: np.asarray(1.0 / self.length.value(t)) if quantity[0] == "over" else inner(quantity)
-
-
-class GroundForceComponent(AngleAmplitude):
-    """Component, along a body's axis, of a force along an axis of the ground."""
-
-    force: SignalBase
-    name: str  # of the load
-    along: Literal["x", "y", "z"]  # axis of the ground
-    part: Literal["x", "y", "z"]  # axis of the body
-
-    @property
-    def signals(self) -> tuple[SignalBase, ...]:
-        return (*super().signals, self.force)
-
-    @property
-    def products(self) -> Products:
-        turned = ("turned", "xyz".index(self.along), "xyz".index(self.part))
-        return (Product(1.0, (turned, ("load", self.name))),)
-
-    def quantities(self, t: Array) -> Callable[[Quantity], Array]:
-        of_angles = super().quantities(t)
-        return lambda quantity: np.asarray(self.force.value(t)) if quantity[0] == "load" else of_angles(quantity)
-
-    def highest_frequency(self, start: float, end: float) -> float:
-        """Sum of the highest frequencies in Hz of the force and of the frame's angles from `start` to `end` in s."""
-        return sum(signal.highest_frequency(start, end) for signal in self.signals)
+            return Acceleration(paths=paths, step=self.step).value(t)
+        return np.asarray(np.sum([getattr(path, ("value", "rate")[order])(t) for path in paths], axis=0))
 
 
 def products_of(signal: SignalBase, name: str) -> Products:
-    """Products of the signal of an input or a term; a signal that is no `Amplitude` is the load `name` itself."""
-    return signal.products if isinstance(signal, Amplitude) else (Product(1.0, (("load", name),)),)
+    """Products of the signal of an input or a term; a signal that is no `FrameAmplitude` is the load `name` itself."""
+    return signal.products if isinstance(signal, FrameAmplitude) else (Product(1.0, (("load", name),)),)
 
 
 def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
@@ -302,45 +215,14 @@ def rope_load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
         weight, line = hoist.mass, hoist.mass / hoist.falls * (1.0 if pull.place == "winch" else -1.0) * pull.lever[0]
         hangs = pull.place == "head"
         if scene.frame is not None:
-            signals[pull.load.name] = RopeWeight(
-                **_angle_signals(scene.frame), gravity=gravity.signal, step=scene.time.step, line=line,
-                share=tuple(-weight * part * hangs for part in pull.lever),
-            )  # fmt: skip
+            shares = enumerate(-weight * part * hangs for part in pull.lever)
+            products = [Product(share, (("gravity",), ("turned", 2, k))) for k, share in shares if share]
+            products += [Product(line, (("gravity",),))] if line else []
+            signals[pull.load.name] = _frame_amplitude(scene, tuple(products), gravity=gravity.signal)
         else:
             ratio = line + hangs * weight * float(np.dot(pull.lever, gravity.direction))
             signals[pull.load.name] = ScaledSignal(signal=gravity.signal, ratio=ratio, offset=0.0)
     return signals
-
-
-class RopeWeight(AngleAmplitude):
-    """Load by a payload that hangs at rest: gravity times `line`, and times `share` along the vertical."""
-
-    gravity: SignalBase
-    line: float  # kg
-    share: tuple[float, float, float]  # kg: along x, y and z of the boom
-
-    @property
-    def signals(self) -> tuple[SignalBase, ...]:
-        return (*super().signals, self.gravity)
-
-    @property
-    def products(self) -> Products:
-        of_share = (Product(s, (("gravity",), ("turned", 2, k))) for k, s in enumerate(self.share) if s)
-        return (*of_share, *([Product(self.line, (("gravity",),))] if self.line else []))
-
-    def quantities(self, t: Array) -> Callable[[Quantity], Array]:
-        of_angles = super().quantities(t)
-        return lambda quantity: np.asarray(self.gravity.value(t)) if quantity[0] == "gravity" else of_angles(quantity)
-
-
-class HoistDriver(SectionAcceleration):
-    """A quantity that drives a hoist: ``gravity``, ``shaken`` along an axis or ``turned``, an entry of the rotation."""
-
-    quantity: tuple[str | int, ...]
-
-    @property
-    def products(self) -> Products:
-        return (Product(1.0, (self.quantity,)),)
 
 
 def hoist_signals(scene: Scene) -> dict[str, SignalBase]:
@@ -350,23 +232,39 @@ def hoist_signals(scene: Scene) -> dict[str, SignalBase]:
     signals = {ROPE: scene.hoist.rope_signal, **scene.hoist.wind_signals}
     if scene.frame is None:
         return signals
-    about = section_acceleration(scene, 0, "x")
-    fields = {name: getattr(about, name) for name in type(about).model_fields}
-    return signals | {name: HoistDriver(**fields, quantity=of) for name, of in frame_quantities(scene).items()}
+    return signals | {
+        name: _frame_amplitude(scene, (Product(1.0, (quantity,)),), **_accelerating(scene, 0))
+        for name, quantity in frame_quantities(scene).items()
+    }
 
 
-def _ground_force_component(scene: Scene, member: Member, load: Load, part: Direction) -> GroundForceComponent:
+def _ground_force_component(scene: Scene, member: Member, load: Load, part: Direction) -> FrameAmplitude:
     """Component `part` (an axis of the body) of a load along a ground axis."""
-    assert scene.frame is not None  # as the checks say
     name = input_name(scene.names[member.number], load.name)
-    about = {"name": name, "along": load.direction, "part": part, "step": scene.time.step}
-    return GroundForceComponent(force=load.signal, **_angle_signals(scene.frame), **about)
+    turned = ("turned", "xyz".index(load.direction), "xyz".index(part))
+    return _frame_amplitude(scene, (Product(1.0, (turned, ("load", name))),), loads=((name, load.signal),))
 
 
-def _angle_signals(frame: Frame) -> dict[str, Any]:
-    """Luffing, slewing and rocking angles of a frame, as arguments of `AngleAmplitude`."""
-    luffing, slewing = frame.angles
-    return {"luffing": luffing, "slewing": slewing, "rocking": frame.base_angles}
+def _frame_amplitude(scene: Scene, products: Products, **signals: Any) -> FrameAmplitude:
+    """Sum of products of the quantities of a scene's frame; `signals` are those that they need beside its angles."""
+    assert scene.frame is not None  # as the checks say
+    (luffing, slewing), rocking = scene.frame.angles, scene.frame.base_angles
+    about = {"luffing": luffing, "slewing": slewing, "rocking": rocking, "step": scene.time.step}
+    return FrameAmplitude(products=products, **about, **signals)
+
+
+def _accelerating(scene: Scene, number: int) -> dict[str, Any]:
+    """Signals that accelerate section `number` beside the angles of its frame, as fields of `FrameAmplitude`."""
+    return {
+        "gravity": scene.gravity.signal if scene.gravity else Constant(amount=0.0),
+        "base": base_accelerations(scene),
+        "paths": _extensions(scene, number),
+    }
+
+
+def _extensions(scene: Scene, number: int) -> tuple[SignalBase, ...]:
+    """Extensions in m up to that of section `number`."""
+    return tuple(scene.extension(k) for k in range(1, number + 1))
 
 
 def base_accelerations(scene: Scene) -> tuple[SignalBase, ...]:
@@ -384,20 +282,12 @@ def base_accelerations(scene: Scene) -> tuple[SignalBase, ...]:
     )
 
 
-def section_acceleration(scene: Scene, number: int, field: str, factor: float = 1.0) -> SectionAcceleration:
+def section_acceleration(scene: Scene, number: int, field: str, factor: float = 1.0) -> FrameAmplitude:
     """Signal of a component `field` of the acceleration field of section `number`, times `factor`."""
-    frame = scene.frame
-    assert frame is not None  # of a scene that has one
-    return SectionAcceleration(
-        **_angle_signals(frame),
-        base=base_accelerations(scene),
-        gravity=scene.gravity.signal if scene.gravity else Constant(amount=0.0),
-        pivot=frame.tail_position,
-        paths=tuple(scene.extension(k) for k in range(1, number + 1)),
-        step=scene.time.step,
-        field=field,
-        factor=factor,
-    )
+    assert scene.frame is not None  # of a scene that has one
+    about = _accelerating(scene, number)
+    products = field_products(field, number, scene.frame.tail_position, bool(about["base"]), factor)
+    return _frame_amplitude(scene, products, **about)
 
 
 def inertia_loads(scene: Scene, member: Member) -> dict[str, SignalBase]:
@@ -414,17 +304,23 @@ def term_signals(scene: Scene, which: Iterable[FrameTerm] | None = None) -> dict
 
 def _term_signal(scene: Scene, term: FrameTerm) -> SignalBase:
     """Amplitude of one term of the scene."""
-    assert scene.frame is not None  # of a scene that has terms
     if term.kind == "field":
         return section_acceleration(scene, term.number, term.component)
     if term.kind == "load":
         return load_signals(scene, member_at(scene, term.number))[term.component]
-    if term.kind in ("cylinder", "cylinder load"):
+    if term.kind == "cylinder":
         carried = scene.names.index(term.carried_section)
-        length = {"length": scene.extension(term.number), "number": term.number, "step": scene.time.step}
-        if term.kind == "cylinder":
-            return CylinderAmplitude(factor=-1.0, of=section_acceleration(scene, carried, term.component), **length)
-        load = load_signals(scene, member_at(scene, carried))[term.component]
-        return CylinderAmplitude(factor=1.0, of=load, name=input_name(term.carried_section, term.component), **length)
-    about = {"of": term.kind, "component": term.component, "step": scene.time.step}
-    return Rotation(**_angle_signals(scene.frame), **about)
+        return _over_length(scene, section_acceleration(scene, carried, term.component, -1.0), term)
+    if term.kind == "cylinder load":
+        load = load_signals(scene, member_at(scene, scene.names.index(term.carried_section)))[term.component]
+        return _over_length(scene, load, term)
+    return _frame_amplitude(scene, rotation_products(term.kind, term.component))
+
+
+def _over_length(scene: Scene, of: SignalBase, term: FrameTerm) -> FrameAmplitude:
+    """Amplitude of a cylinder's force by a load or an acceleration `of` what it carries, over the cylinder's length."""
+    name, over = input_name(term.carried_section, term.component), ("over", term.number)
+    products = tuple(product.times(1.0, over) for product in products_of(of, name))
+    if not isinstance(of, FrameAmplitude):
+        return _frame_amplitude(scene, products, loads=((name, of),), paths=_extensions(scene, term.number))
+    return of.model_copy(update={"products": products, "paths": of.paths or _extensions(scene, term.number)})
