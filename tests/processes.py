@@ -17,7 +17,7 @@ from waiting import PATIENCE
 from pmr.cli import main
 
 FENICSX = ("dolfinx", "ufl", "basix", "ffcx")
-PETSC = ("petsc4py", "mpi4py", "dolfinx_solver")  # which sets up the libraries of all of them
+PETSC = ("petsc4py", "slepc4py", "mpi4py", "dolfinx_solver")  # which sets up the libraries of all of them
 COMMAND = "import sys; from pmr.cli import main; sys.argv[0] = 'pmr'; main()"
 _NO_FIGURES = (
     "from pmr.report import album, background, blocks\nfrom pmr.report.figures import canvas\n"

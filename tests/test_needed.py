@@ -118,7 +118,9 @@ def test_a_missing_package_is_named_before_the_work(monkeypatch: pytest.MonkeyPa
 
 
 #: What extras bring: none of it may be needed to simulate a saved model, or to say what a run found.
-EXTRAS = "jinja2 matplotlib fontTools weasyprint vtkmodules PIL exudyn gmsh pandas ziglang dolfinx petsc4py mpi4py"
+EXTRAS = (
+    "jinja2 matplotlib fontTools weasyprint vtkmodules PIL exudyn gmsh pandas ziglang dolfinx petsc4py slepc4py mpi4py"
+)
 
 
 @pytest.mark.slow
@@ -173,7 +175,7 @@ def test_several_processes_are_refused_without_mpi(scene_file: Path, monkeypatch
     monkeypatch.setenv("PMI_SIZE", "2")
     done = without((*FENICSX, *PETSC), "run", str(scene_file))
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
-    assert "mpi4py: with petsc4py it is needed for more than one process" in done.stderr
+    assert "mpi4py: with petsc4py and slepc4py it is needed for more than one process" in done.stderr
 
 
 def test_matrices_without_a_map_are_node_by_node() -> None:

@@ -155,7 +155,7 @@ def describe_model(model: ReducedModel) -> dict[str, str]:
         "rows left out": ", ".join(model.left_out) or "none",
         **({"ports": ", ".join(model.ports)} if model.ports else {}),
         "made with": ", ".join(
-            f"{name} {made_with[name]}" for name in ("pmr", "dolfinx", "PETSc") if name in made_with
+            f"{name} {made_with[name]}" for name in ("pmr", "dolfinx", "PETSc", "SLEPc") if name in made_with
         ),
     }
 

@@ -163,7 +163,7 @@ UNLAUNCHED = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_pml": "ob1", "OM
 
 _PACKAGES = ("numpy", "scipy", "exudyn", "meshio", "pydantic", "matplotlib", "weasyprint")
 _PMR = Path(__file__).parents[1]
-_NUMERICAL = ("numpy", "scipy", "exudyn", "fenics-dolfinx", "petsc4py", "dolfinx-solver-real")
+_NUMERICAL = ("numpy", "scipy", "exudyn", "fenics-dolfinx", "petsc4py", "slepc4py", "dolfinx-solver-real")
 
 
 _REPORTS = "pip install jinja2 matplotlib fonttools weasyprint installs what reports need"

@@ -1,1 +1,1 @@
-"""FEniCSx and PETSc: differences between their versions, objects distributed over ranks, factorisations."""
+"""FEniCSx, PETSc and SLEPc: differences between their versions, objects distributed over ranks, factorisations."""

@@ -1,7 +1,7 @@
 """The only module that imports FEniCSx: all that differs between dolfinx 0.5 and 0.11 is here.
 
-Every other module takes MPI and PETSc from here, which also keeps the import order right: the wheel
-``dolfinx_solver`` (where it is the one installed) has to come before dolfinx and petsc4py.
+Every other module takes MPI, PETSc and SLEPc from here, which also keeps the import order right: the wheel
+``dolfinx_solver`` (where it is the one installed) has to come before dolfinx, petsc4py and slepc4py.
 
 =================  ============================  =============================  ==========================
                    0.5 (Debian 12)               0.9 (Debian 13)                0.10 and later
@@ -35,8 +35,8 @@ from pmr.files.arrays import Array, Indices
 with contextlib.suppress(ImportError):
     import dolfinx_solver  # noqa: F401  (sets up the wheel's libraries)
 
-#: Whether PETSc and MPI are installed; given matrices need none of them on one rank.
-HAS_PETSC = all(find_spec(name) is not None for name in ("petsc4py", "mpi4py"))
+#: Whether PETSc, SLEPc and MPI are installed; given matrices need none of them on one rank.
+HAS_PETSC = all(find_spec(name) is not None for name in ("petsc4py", "slepc4py", "mpi4py"))
 
 if HAS_PETSC:
     check_temporary()  # Open MPI prints pages of messages if the folder has no room
@@ -70,7 +70,7 @@ def _versions_alone() -> Iterator[None]:
 
 try:
     if not HAS_PETSC:
-        raise ImportError("it needs PETSc and mpi4py")
+        raise ImportError("it needs PETSc, SLEPc and mpi4py")
     with _versions_alone():
         import ffcx
         import ufl
@@ -90,10 +90,16 @@ import scipy
 import scipy.sparse as sp
 
 if HAS_PETSC:
+    import slepc4py
     from mpi4py import MPI
     from petsc4py import PETSc
+
+    slepc4py.init()
+    from slepc4py import SLEPc
 else:
     from pmr.fem.serial import MPI, PETSc
+
+    SLEPc = None
 
 from pmr.errors import InputError
 from pmr.files.whole import FULL, complete_folder
@@ -111,14 +117,16 @@ if TYPE_CHECKING:
     from ufl.core.expr import Expr as Expr
 
 __all__ = [
-    "HAS_PETSC", "MPI", "PETSc", "assemble", "cell_dofs", "cell_topology", "cellwise",
+    "HAS_PETSC", "MPI", "PETSc", "SLEPc", "assemble", "cell_dofs", "cell_topology", "cellwise",
     "check_fenicsx", "comm_of", "compiled_form", "constant", "create_mesh", "has_compiled_code", "hermite_space",
     "lagrange_rule", "lagrange_space", "original_cells", "rule_points", "shell_space", "tabulate", "tabulation_space",
     "unrolled_cell_dofs", "versions",
 ]  # fmt: skip
 
 if not HAS_PETSC and launched_process_count() > 1:  # each process would act as the only one
-    raise InputError("installation", "mpi4py", None, "with petsc4py it is needed for more than one process")
+    raise InputError(
+        "installation", "mpi4py", None, "with petsc4py and slepc4py it is needed for more than one process"
+    )
 
 Compiled = TypeVar("Compiled")
 VERSION = () if _MISSING else tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
@@ -140,12 +148,15 @@ def versions() -> dict[str, str]:
     """Versions of the finite-element libraries in use, by their names; without PETSc, that of SciPy alone."""
     if not HAS_PETSC:
         return {"sparse matrices": f"SciPy {scipy.__version__}"}
+    petsc, slepc = PETSc.Sys.getVersion(), SLEPc.Sys.getVersion()
     library = MPI.Get_library_version().split("\n")[0].split(",")[0].strip("\x00 ")
     fenicsx = {} if _MISSING else {"dolfinx": dolfinx.__version__, "basix": basix.__version__}
     return {
         **fenicsx,
-        "PETSc": ".".join(map(str, PETSc.Sys.getVersion())),
+        "PETSc": ".".join(map(str, petsc)),
         "petsc4py": petsc4py.__version__,
+        "SLEPc": ".".join(map(str, slepc)),
+        "slepc4py": slepc4py.__version__,
         "MPI": " ".join(library.split())[:60],
         "scalar type": np.dtype(PETSc.ScalarType).name,
     }

@@ -1,11 +1,11 @@
-"""Lowest modes of the full model with its rows held at one path coordinate: dense LAPACK or block Lanczos.
+"""Lowest modes of the full model with its rows held at one path coordinate: dense LAPACK, SLEPc or block Lanczos.
 
 A mode phi with the circular frequency omega satisfies K phi = omega^2 M phi with the stiffness K and the mass M.  All
 solvers solve (K + sigma M) phi = (omega^2 + sigma) M phi with a small sigma > 0, and look for the largest values of 1 /
 (omega^2 + sigma).  Rigid-body modes are then no special case.  The low modes, which are the dominant ones of this
 problem, get full relative accuracy; LAPACK does not give them that if it solves for the eigenvalues of (K, M).
 
-The dense solver eliminates the rigid constraint rows C: with a matrix T, q = T z satisfies C q = 0 for
+The dense and the SLEPc solver eliminate the rigid constraint rows C: with a matrix T, q = T z satisfies C q = 0 for
 every z.
 """
 
@@ -19,18 +19,21 @@ import scipy.linalg
 import scipy.sparse as sp
 
 from pmr.errors import InputError
-from pmr.fem.compat import PETSc
+from pmr.fem.compat import HAS_PETSC, PETSc
 from pmr.fem.distributed import free_objects, gather, inner, sparse, subtract, times
-from pmr.fem.factor import factor_of
+from pmr.fem.factor import cholesky, factor_of
 from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.model import FullModel
 from pmr.fullmodel.modes import (
     BLOCK,
     Modes,
+    SolvedModes,
     are_clustered,
     check_count,
     finish_modes,
     largest_eigenpairs,
+    lowest_mode_solver,
+    solve_modes,
 )
 
 
@@ -77,6 +80,50 @@ class Elimination:
         entries = np.concatenate([np.ones(len(free)), -self.factors[at, other]])
         return sp.csr_matrix((entries, (rows, columns)), shape=(self.size, len(free)))
 
+    def project_dense(self, A: Array) -> Array:
+        """Product T^T A T (n - c, n - c) for a dense matrix A (n, n)."""
+        free, F, p = self.free, self.factors, self.pivots
+        at = np.searchsorted(free, self.coupled)
+        AT = A[:, free]
+        AT[:, at] -= A[:, p] @ F
+        result = AT[free]
+        result[at] -= F.T @ AT[p]
+        return result
+
+    def condense(self, K: PETSc.Mat) -> PETSc.Mat:
+        """Product T^T K T as a matrix (n, n) in which rows and columns of pivots are zero off the diagonal; collective.
+
+        The diagonal entries of the pivots are equal to the largest diagonal entry of K.  As the size stays n,
+        `EliminationOperator` can apply T^T and T to vectors in place.
+        """
+        first, last = K.getOwnershipRange()
+        result = K.copy()
+        if np.any(self.factors):
+            change = sparse(self._condensation_change(K)[first:last], K, columns=last - first)
+            result.axpy(1.0, change, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+            free_objects(change)
+        mine = self.pivots[(self.pivots >= first) & (self.pivots < last)]
+        result.zeroRowsColumns(mine.astype(PETSc.IntType), diag=float(K.getDiagonal().max()[1]))
+        return result
+
+    def _condensation_change(self, K: PETSc.Mat) -> sp.csr_matrix:
+        """Difference T^T K T - K in the free coordinates, of few rows and columns; collective.
+
+        With F (the `factors`), the rows R of K at the pivots, and the columns P of R at the pivots, the difference is
+        F^T P F - F^T R - R^T F.  It is cheaper than a product with K.
+        """
+        first, last = K.getOwnershipRange()
+        coupled = np.flatnonzero(np.any(self.factors, axis=1))
+        pivots = self.pivots[coupled]
+        rows_of_rank = {int(p): K.getRow(int(p)) for p in pivots if first <= p < last}
+        rows_of_pivots = {p: row for rows in K.comm.tompi4py().allgather(rows_of_rank) for p, row in rows.items()}
+        rows = [rows_of_pivots[int(p)] for p in pivots]
+        R = sp.vstack([sp.csr_matrix((values, i, [0, len(i)]), (1, self.size)) for i, values in rows], format="csr")
+        at, other = np.nonzero(self.factors[coupled])
+        F = sp.csr_matrix((self.factors[coupled][at, other], (at, self.coupled[other])), (len(coupled), self.size))
+        RF = R.T @ F
+        return sp.csr_matrix(F.T @ R[:, pivots] @ F - RF - RF.T)
+
     def to_petsc(self, template: PETSc.Mat) -> PETSc.Mat:
         """The matrix T of q = T z as a PETSc matrix, with its rows spread over ranks as those of `template`.
 
@@ -85,6 +132,41 @@ class Elimination:
         first, last = template.getOwnershipRange()
         pivots = np.count_nonzero((self.pivots >= first) & (self.pivots < last))
         return sparse(self.to_scipy()[first:last], template, columns=last - first - pivots)
+
+
+class EliminationOperator:
+    """Applies T and T^T of an elimination, q = T z, in place to columns whose rows are spread over ranks.
+
+    The rows are spread as those of the matrix `like`.
+    """
+
+    def __init__(self, elimination: Elimination, like: PETSc.Mat) -> None:
+        first, last = like.getOwnershipRange()
+        self._comm, self._count = like.comm.tompi4py(), len(elimination.pivots)
+        self._own = np.flatnonzero((elimination.pivots >= first) & (elimination.pivots < last))
+        near = (elimination.coupled >= first) & (elimination.coupled < last)
+        self._pivots, self._others = elimination.pivots[self._own] - first, elimination.coupled[near] - first
+        self._factors, self._coupled = elimination.factors[:, near], bool(np.any(elimination.factors))
+
+    def restrict(self, g: Array) -> None:
+        """Overwrite this rank's rows `g` (n_local, k) of k columns by the rows of T^T g; collective.
+
+        The rows at pivots become zero.
+        """
+        if self._coupled:
+            at_pivots = np.zeros((self._count, g.shape[1]))
+            at_pivots[self._own] = g[self._pivots]
+            g[self._others] -= self._factors.T @ np.asarray(self._comm.allreduce(at_pivots))
+        g[self._pivots] = 0.0
+
+    def extend(self, x: Array) -> None:
+        """Overwrite this rank's rows `x` (n_local, k) of k columns by the rows of T x; collective.
+
+        The entries of `x` at pivots are not read.
+        """
+        x[self._pivots] = 0.0
+        if self._coupled:
+            x[self._pivots] = -np.asarray(self._comm.allreduce(self._factors @ x[self._others]))[self._own]
 
 
 def eliminate(C: sp.csr_matrix, names: Sequence[str]) -> Elimination:
@@ -129,13 +211,18 @@ DENSE_UP_TO = 1500  # coordinates; above, sparse factors are the automatic choic
 
 
 def eigensolver(model: FullModel, choice: str) -> EigenSolver:
-    """Eigensolver of a model by `choice`: ``"dense"``, ``"slepc"`` (sparse), or ``"auto"``.
+    """Eigensolver of a model by `choice`: ``"dense"``, ``"slepc"``, or ``"auto"``.
 
     ``"auto"`` is dense up to `DENSE_UP_TO` coordinates.  The method `lowest(s, count)` of the solver computes the
     lowest modes with the rows held at path coordinate s (m); collective.  It raises a `DependentRowsError` if rigid
-    rows depend on each other at s, and a `ConvergenceError` if fewer modes exist or converge.
+    rows depend on each other at s, and a `ConvergenceError` if fewer modes exist or converge.  If some rows have a
+    compliance, or SLEPc is not installed, ``"slepc"`` means block Lanczos with one factor for all path coordinates.
     """
-    return DenseEigenSolver(model) if is_dense(model, choice) else SparseEigenSolver(model)
+    if is_dense(model, choice):
+        return DenseEigenSolver(model)
+    if np.any(model.rows.compliance) or not HAS_PETSC:
+        return OneFactorEigenSolver(model)
+    return SlepcEigenSolver(model)
 
 
 def is_dense(model: FullModel, choice: str) -> bool:
@@ -161,57 +248,99 @@ class DenseEigenSolver:
         phi, omega2, cut = np.empty((model.size, count)), np.empty(count), False
         if self._M is not None and self._K is not None:
             springs = (C[soft].T @ sp.diags(1.0 / compliance[soft]) @ C[soft]).toarray() if len(soft) else 0.0
-            T = elimination.to_scipy()
-            M, K = (T.T @ A @ T for A in (self._M, self._K + springs))
+            M, K = elimination.project_dense(self._M), elimination.project_dense(self._K + springs)
             mu, z = scipy.linalg.eigh(M, K + self._sigma * M)
             all_omega2 = 1.0 / mu[::-1] - self._sigma
-            omega2, phi = all_omega2[:count], T @ z[:, ::-1][:, :count]
+            omega2, phi = all_omega2[:count], elimination.to_scipy() @ z[:, ::-1][:, :count]
             cut = len(all_omega2) > count and are_clustered(all_omega2[count - 1], all_omega2[count])
         omega2, phi, cut = model.comm.bcast((omega2, phi, cut))
         return finish_modes(model, s, omega2, np.ascontiguousarray(phi[model.share]), cut)
 
 
-class SparseEigenSolver:
-    r"""Block Lanczos with shift-and-invert on a sparse factor; rows that give way change the inverse by a low rank.
+class SlepcEigenSolver:
+    """Krylov-Schur with shift-and-invert on factors by MUMPS; the inertia of K - x M proves that no mode was missed.
 
-    The rigid rows are eliminated by q = T z.  With F = T^T (K + sigma M) T and m other rows C(s) T, whose compliances
-    are the diagonal matrix 1/k, the inverse that is applied to vectors is
+    A single Krylov sequence finds one vector of each multiple eigenvalue.  By Sylvester's law of inertia, the number of
+    negative pivots of K - x M is the number of modes with omega^2 below x.  Where modes are missing, the solver runs
+    again in the complement of the modes that it has found.
+    """
+
+    def __init__(self, model: FullModel) -> None:
+        self._model = model
+        self._sigma = model.reference_frequency**2
+
+    def lowest(self, s: float, count: int) -> Modes:
+        """Compute the `count` lowest modes with the rows held at path coordinate `s` (m); collective.
+
+        Not to be called for a model that has a row with compliance: all rows are taken as rigid.
+        """
+        model = self._model
+        elimination = eliminate(model.rows.at(s), model.rows.names)
+        dimension = model.size - len(elimination.pivots)
+        check_count(count, dimension)
+        T = elimination.to_petsc(model.M)
+        M, K = model.M.PtAP(T), model.K.PtAP(T)
+        pairs = min(count + 1, dimension)  # one more tells whether the last one belongs to a cluster
+        omega2, z = self._solve(M, K, pairs, [])
+        for _ in range(pairs):
+            below = (
+                omega2[count - 1] * (1.0 - 1e-5) - self._sigma * 1e-5
+                if len(omega2) == count or are_clustered(omega2[count - 1], omega2[count])
+                else (omega2[count - 1] + omega2[count]) / 2.0
+            )
+            missing = _inertia(M, K, below) - int(np.sum(omega2 < below))
+            if missing <= 0:
+                break
+            more_omega2, more = self._solve(M, K, missing, z)
+            omega2, z = np.concatenate([omega2, more_omega2]), z + more
+            order = np.argsort(omega2, kind="stable")[:pairs]
+            omega2, z = omega2[order], [z[i] for i in order]
+        cut = len(omega2) > count and are_clustered(omega2[count - 1], omega2[count])
+        phi = times(T, np.column_stack([vector.getArray() for vector in z[:count]]))
+        free_objects(T, M, K, *z)
+        return finish_modes(model, s, omega2[:count], phi, cut)
+
+    def _solve(self, M: PETSc.Mat, K: PETSc.Mat, count: int, deflation: list[PETSc.Vec]) -> SolvedModes:
+        """The `count` lowest omega^2 and the modes of these, M-orthogonal to the vectors in `deflation`; collective."""
+        eps = lowest_mode_solver(K, M, self._sigma, count)
+        pc = eps.getST().getKSP().getPC()
+        pc.setType("cholesky")
+        pc.setFactorSolverType("mumps")
+        free_objects(pc)  # a name that outlives the solver would keep the factor
+        if deflation:
+            eps.setDeflationSpace(deflation)
+        return solve_modes(eps, count)
+
+
+class OneFactorEigenSolver:
+    r"""Block Lanczos with shift-and-invert on one factor for all path coordinates; the rows change it by a low rank.
+
+    With F = K + sigma M and m rows C(s) whose compliances are the diagonal matrix 1/k, zero for rigid rows, the inverse
+    that is applied to vectors is
 
     .. math::
         \bigl(F + C^T k\, C\bigr)^{-1} = F^{-1} - F^{-1} C^T \bigl(1/k + C F^{-1} C^T\bigr)^{-1} C F^{-1}
 
-    (Woodbury's formula).  A path coordinate costs m solves with F and the solves of the Lanczos iteration.  It takes a
-    factor of its own only where rigid rows move.
+    (Woodbury's formula; for 1/k = 0 its limit, in which C phi = 0).  One path coordinate costs m solves with F and the
+    solves of the Lanczos iteration.
     """
 
     def __init__(self, model: FullModel) -> None:
-        self._model, self._sigma, self._rigid = model, model.reference_frequency**2, b""
-
-    def _factorise(self, elimination: Elimination, rigid: bytes) -> None:
-        """Compute T, T^T M T and the factor of F, unless those of the same rigid rows are there; collective."""
-        if hasattr(self, "_factor"):
-            if rigid == self._rigid:
-                return
-            self._factor.destroy()
-            free_objects(self._T, self._M)
-        self._rigid, self._T = rigid, elimination.to_petsc(self._model.M)
-        self._M, F = (A.PtAP(self._T) for A in (self._model.M, self._model.K))
-        F.axpy(self._sigma, self._M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        self._model, self._sigma = model, model.reference_frequency**2
+        F = model.K.copy()
+        F.axpy(self._sigma, model.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         self._factor = factor_of(F, "K + sigma M")
         free_objects(F)
 
     def lowest(self, s: float, count: int) -> Modes:
         """Compute the `count` lowest modes with the rows held at path coordinate `s` (m); collective."""
-        model, C = self._model, self._model.rows.at(s)
-        rigid, soft = np.flatnonzero(model.rows.compliance == 0.0), np.flatnonzero(model.rows.compliance)
-        elimination = eliminate(C[rigid], [model.rows.names[i] for i in rigid])
-        dimension = model.size - len(elimination.pivots)
+        model, factor, C = self._model, self._factor, self._model.rows.at(s)
+        rigid = np.flatnonzero(model.rows.compliance == 0.0)
+        dimension = model.size - len(eliminate(C[rigid], [model.rows.names[i] for i in rigid]).pivots)
         check_count(count, dimension)
-        self._factorise(elimination, C[rigid].toarray().tobytes())
-        factor, share = self._factor, slice(*self._M.getOwnershipRange())
-        Ct = np.asfortranarray((C[soft] @ elimination.to_scipy())[:, share].T.toarray())
+        Ct = np.asfortranarray(C[:, model.share].T.toarray())
         answers = factor.solve_columns(Ct)
-        system = inner(Ct, answers, model.comm) + np.diag(model.rows.compliance[soft])
+        system = inner(Ct, answers, model.comm) + np.diag(model.rows.compliance)
         held = scipy.linalg.cho_factor((system + system.T) / 2.0) if len(system) else None
 
         def apply(g: Array) -> Array:
@@ -221,15 +350,15 @@ class SparseEigenSolver:
                 subtract(x, answers, scipy.linalg.cho_solve(held, inner(Ct, x, model.comm)))
             return x
 
-        loads = np.random.default_rng(7).uniform(-1.0, 1.0, (dimension, BLOCK))[share]
+        loads = np.random.default_rng(7).uniform(-1.0, 1.0, (model.size, BLOCK))[model.share]
         pairs = min(count + 1, dimension)  # one more tells whether the last one belongs to a cluster
-        spectrum = largest_eigenpairs(apply, self._M, apply(np.asfortranarray(loads)), pairs, dimension)
+        spectrum = largest_eigenpairs(apply, model.M, apply(np.asfortranarray(loads)), pairs, dimension)
         omega2 = 1.0 / spectrum.theta - self._sigma
         cut = len(omega2) > count and are_clustered(omega2[count - 1], omega2[count])
-        return finish_modes(model, s, omega2[:count], times(self._T, spectrum.vectors[:, :count]), cut)
+        return finish_modes(model, s, omega2[:count], np.asfortranarray(spectrum.vectors[:, :count]), cut)
 
 
-EigenSolver = DenseEigenSolver | SparseEigenSolver
+EigenSolver = DenseEigenSolver | SlepcEigenSolver | OneFactorEigenSolver
 
 
 def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> Array:
@@ -241,3 +370,17 @@ def lowest_frequencies(model: FullModel, s: Array, count: int, solver: str) -> A
     solver_of_model = eigensolver(model, solver)
     count = min(count, model.size - len(model.rows.names))
     return np.array([solver_of_model.lowest(float(at), count).omega for at in s])
+
+
+def _inertia(M: PETSc.Mat, K: PETSc.Mat, below: float) -> int:
+    """Number of eigenvalues omega^2 < `below`: the negative pivots of K - `below` M (Parlett 1998, section 3.3)."""
+    shifted = K.copy()
+    shifted.axpy(-below, M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+    shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    pc = cholesky(shifted, "mumps")
+    factor = pc.getFactorMatrix()
+    factor.setMumpsIcntl(24, 1)  # null pivots are looked for: MUMPS counts no inertia without
+    pc.setUp()
+    negative = int(factor.getInertia()[0])
+    free_objects(factor, pc, shifted)
+    return negative

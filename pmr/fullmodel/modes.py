@@ -1,4 +1,4 @@
-r"""Eigenmodes of the full model by block Lanczos, their normalisation and residuals.
+r"""Eigenmodes of the full model by SLEPc's Krylov-Schur or block Lanczos, their normalisation and residuals.
 
 Block Lanczos finds the largest eigenvalues, the diagonal matrix :math:`\Theta`, and the eigenvectors, the columns of
 :math:`\Phi`, of an operator H that is self-adjoint in the product of the mass M:
@@ -17,12 +17,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
 
 from pmr.errors import ConvergenceError, TooManyModesError
-from pmr.fem.compat import MPI, PETSc
+from pmr.fem.compat import MPI, PETSc, SLEPc
 from pmr.fem.distributed import fix_signs, inner, subtract, times
 from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullModel
@@ -149,6 +150,8 @@ def _border(T: Array, columns: Array) -> Array:
     return result
 
 
+#: Tolerance, and largest number of iterations, of Krylov-Schur.
+TOLERANCE, ITERATIONS = 1e-13, 500
 #: Relative distance of omega^2 below which two modes count as one cluster.
 CLUSTER = 1e-7
 
@@ -175,6 +178,59 @@ class Modes:
                 s,
                 len(self.omega),
             )
+
+
+def lowest_mode_solver(K: PETSc.Mat, M: PETSc.Mat, sigma: float, count: int) -> SLEPc.EPS:
+    """Set up SLEPc's Krylov-Schur solver with shift-and-invert at -sigma for the `count` lowest modes of (K, M).
+
+    The start vector is the same on any number of ranks.  It is random, so that it is not orthogonal to any mode for
+    reasons of symmetry.
+    """
+    eps = SLEPc.EPS().create(comm=M.comm)
+    eps.setOperators(K, M)
+    eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+    eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
+    eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+    eps.setTarget(-sigma)
+    eps.setDimensions(nev=count)
+    eps.setTolerances(TOLERANCE, ITERATIONS)
+    st = eps.getST()
+    st.setType(SLEPc.ST.Type.SINVERT)
+    st.getKSP().setType("preonly")
+    start = M.createVecRight()
+    first, last = start.getOwnershipRange()
+    start.getArray()[:] = np.random.default_rng(7).uniform(0.5, 1.5, start.getSize())[first:last]
+    eps.setInitialSpace([start])
+    return eps
+
+
+class SolvedModes(NamedTuple):
+    """Eigenvalues omega^2 (k,) in (rad/s)^2, ascending, and the modes as k vectors."""
+
+    omega2: Array
+    vectors: list[PETSc.Vec]
+
+
+def solve_modes(eps: SLEPc.EPS, count: int) -> SolvedModes:
+    """Solve `eps` and free it: the values of omega^2 (count,), ascending, and the modes in the same order; collective.
+
+    Raises a `ConvergenceError` if fewer than `count` converge.
+    """
+    eps.solve()
+    converged = eps.getConverged()
+    if converged < count:
+        raise ConvergenceError(
+            f"SLEPc: {converged} of {count} eigenpairs converged to {TOLERANCE:g} within "
+            f"{eps.getIterationNumber()} iterations; ask for fewer modes, refine the mesh or choose solver = dense"
+        )
+    omega2, vectors = np.empty(count), []
+    for i in range(count):
+        vector = eps.getOperators()[0].createVecRight()
+        omega2[i] = eps.getEigenpair(i, vector).real
+        vectors.append(vector)
+    order = np.argsort(omega2, kind="stable")
+    eps.destroy()
+    return SolvedModes(omega2[order], [vectors[i] for i in order])
 
 
 def check_count(count: int, dimension: int) -> None:

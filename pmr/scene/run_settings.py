@@ -184,10 +184,7 @@ class Reduction(BasisChoice):
     ports: tuple[str | Place, ...] = Field(
         default=(), description="Named groups or places along x that get attachment modes"
     )
-    solver: Literal["auto", "dense", "slepc"] = Field(
-        default="auto",
-        description="Solver of eigenvalue problems: dense (LAPACK), or slepc (block Lanczos on a sparse factor)",
-    )
+    solver: Literal["auto", "dense", "slepc"] = Field(default="auto", description="Solver of eigenvalue problems")
     product: Literal["euclidean", "mass"] = Field(
         default="euclidean", description="Inner product in which the basis is orthonormal"
     )

@@ -59,7 +59,7 @@ def test_the_summary_keeps_its_contract(folder: Path) -> None:
     assert 0.999 < summary["basis"]["kappa"] <= 1.0 and len(summary["basis"]["singular_values"]) == 30
     assert {"assemble", "snapshots", "pod", "simulate", "estimate"} == set(summary["seconds"])
     assert {"march", "exudyn", "full", "ancf"} == set(summary["seconds"]["simulate"])
-    assert {"pmr", "dolfinx", "PETSc", "exudyn"} <= set(summary["versions"])
+    assert {"pmr", "dolfinx", "PETSc", "SLEPc", "exudyn"} <= set(summary["versions"])
     assert len(summary["scene_hash"]) == 16
 
 

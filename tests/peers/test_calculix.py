@@ -19,7 +19,7 @@ from peers.pads import Patch
 from statics import static_outputs
 
 from pmr import scene as scenes
-from pmr.fullmodel.eigensolvers import SparseEigenSolver, eigensolver
+from pmr.fullmodel.eigensolvers import SlepcEigenSolver, eigensolver
 from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.fullmodel.structural import structural_model
@@ -122,7 +122,7 @@ def test_frequencies_agree(ours, tmp_path: Path) -> None:
     Its wall modes are stiff in proportion to the size around the section (`test_reference_boom`): 1.4 % on this mesh.
     """
     coarse, fine = (peer(size).frequencies(8, tmp_path) for size in (SIZE, SIZE / 2))
-    found = SparseEigenSolver(ours).lowest(0.0, 8).omega / (2.0 * np.pi)
+    found = SlepcEigenSolver(ours).lowest(0.0, 8).omega / (2.0 * np.pi)
     assert found[:4] == pytest.approx(coarse[:4], rel=5e-4)
     assert found[4:] == pytest.approx(2 * fine[4:] - coarse[4:], rel=4e-3)
     assert np.all(coarse[4:] > fine[4:]) and np.all(fine[4:] > found[4:])
@@ -137,9 +137,9 @@ def test_the_deck_is_read_as_the_boom_that_it_is(ours, tmp_path: Path) -> None:
     deck.write_text(f"*INCLUDE, INPUT=nodes.inc\n*ELEMENT{elements}")
     shell = Shell(ShellBody(plate=Plate(thickness=WALL)), read_mesh(deck, ("triangle",), ("TAIL", "TIP")))
     full = structural_model(Structure(shell, (Clamp("TAIL"),)))
-    found = SparseEigenSolver(full).lowest(0.0, 4).omega / (2.0 * np.pi)
+    found = SlepcEigenSolver(full).lowest(0.0, 4).omega / (2.0 * np.pi)
     assert found == pytest.approx(expected, rel=5e-4)
-    assert found == pytest.approx(SparseEigenSolver(ours).lowest(0.0, 4).omega / (2.0 * np.pi), rel=1e-9)
+    assert found == pytest.approx(SlepcEigenSolver(ours).lowest(0.0, 4).omega / (2.0 * np.pi), rel=1e-9)
 
 
 def test_tip_deflections_agree(ours, tmp_path: Path) -> None:
