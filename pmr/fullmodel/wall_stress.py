@@ -65,9 +65,9 @@ def pad_stress(part: BoomSection, pads: Sequence[Pad]) -> Array:
 
 
 def has_even_walls(part: BoomSection) -> bool:
-    """Return whether a section is a box whose walls stay the same along it, without frames."""
+    """Return whether a section is a box whose walls stay the same along it, without frames and regions."""
     box = part.body.box
-    return box is not None and not box.varying_keys and not box.frames
+    return box is not None and not box.varying_keys and not box.frames and not part.body.regions
 
 
 def _shell_body(part: BoomSection, box: Box, along: float, size: float) -> PlateBody:
@@ -145,11 +145,14 @@ def stress_growth(scene: Scene, number: int, place: Array) -> float | None:
     """Return by what factor the stress of the pad that is nearest to a place grows with cells that are short beside it.
 
     `place` (3,) in m is on section `number`, from its tail.  The result is None if no pad's edge comes within the
-    length of a pad of the place.
+    length of a pad of the place, or if the section has no even walls (`has_even_walls`).
+
+    Raises an `InputError` as `pad_stress` does.
     """
     part = scene.sections[number]
     box = part.body.box
-    assert box is not None  # as the caller says
+    if box is None or not has_even_walls(part):
+        return None
     width, height = box.width / 2.0, box.height / 2.0
     sides = {"left": width, "right": -width, "top": height, "bottom": -height}
     nearest, least = None, np.inf

@@ -55,6 +55,9 @@ def test_walls_that_change_along_a_section_are_refused() -> None:
     doubler = {"start": 0.4, "end": 0.8, "thickness": 0.004}
     with pytest.raises(InputError, match="walls that stay the same along the section"):
         pad_stress(section(doublers=[doubler]), [pad()])
+    other_plate = section().with_keys(body={"regions": {"bottom": {"thickness": 0.01}}})
+    with pytest.raises(InputError, match="walls that stay the same along the section"):
+        pad_stress(other_plate, [pad()])
 
 
 def test_the_weaker_wall_of_a_joint_decides_and_joints_without_a_yield_stress_are_left_out(
@@ -94,3 +97,6 @@ def test_the_nearest_pad_of_a_joint_says_how_the_stress_grows(monkeypatch: pytes
     assert stress_growth(scene, 1, at) == pytest.approx(1.5)
     assert (looked_at[0].on, looked_at[0].at) == ("bottom", pytest.approx(bottom.at, abs=0.05))
     assert stress_growth(scene, 1, np.array([-9.0, 0.0, 0.0])) is None
+    regions = {"bottom": {"thickness": 0.01}}
+    uneven = scene.vary_sections(lambda part: {"body": {"regions": regions}})
+    assert stress_growth(uneven, 1, at) is None

@@ -90,6 +90,7 @@ static int find_shapes(pmr_state *st, const pmr_chosen *c, const double *u, cons
         for (k = 0; k < y->contacts; k++) st->excess[k] = st->C[(size_t)k * y->modes + c->at_modes[j]];
         for (k = 0; k < y->mp; k++) st->motion[k] = 0.0;
         failed = solve_closed(&of_mode);
+        if (failed) st->trouble = of_mode.trouble;
         find_outputs(st, y->observed, 0, y->op, unit, NULL, st->motion, NULL, st->changes);
         for (k = 0; k < c->outputs; k++)
             to->shapes[k * c->modes + j] = c->orders[k] ? st->changes[c->columns[k]] : 0.0;

@@ -164,7 +164,7 @@ static int find_second_rate(pmr_state *st, const occasion *at, extension_past *n
         failed = at->scheme ? try_part(st, at, now, &left, &size) : try_start(st, at, now, &left, &size);
         if (failed) return failed;
         left -= now->cylinder.force;
-        if (isnan(left)) return isnan(now->cylinder.force) ? PMR_LOST : PMR_NOT_FINITE;
+        if (!isfinite(left)) return isnan(now->cylinder.force) ? PMR_LOST : PMR_NOT_FINITE;
         size += fabs(now->cylinder.force) + fabs(now->slope * now->second);
         if (c->kind == PMR_CYLINDER_OIL)
             size += fabs(now->cylinder.pressures[0]) * c->areas[0] + fabs(now->cylinder.pressures[1]) * c->areas[1];
@@ -178,7 +178,7 @@ static int find_second_rate(pmr_state *st, const occasion *at, extension_past *n
         last = now->second, left_last = left;
         now->second = keep_between(&between, last, left,
                                    last - (now->slope > 0.0 ? left / now->slope : copysign(EXTENSION_DIFFERENCE, left)));
-        if (now->second == last) return PMR_DONE;
+        if (now->second == last) return at->scheme ? PMR_DONE : PMR_LOST; /* a part may end at a jump, a start not */
     }
     return PMR_LOST;
 }

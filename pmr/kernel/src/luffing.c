@@ -92,9 +92,12 @@ static int step_luffing(pmr_state *st, const double *motions)
     static const pmr_machine_record none;
     pmr_machine_run *ms = st->run;
     int64_t taken;
+    int failed;
     if (!all_finite(motions, 3 * st->system->motions)) return PMR_REFUSED;
     recall_luffing(ms);
     take_row(ms, 0, st->motions);
     take_row(ms, 1, motions);
-    return machine_run_advance(ms, 1, 1, &none, &taken);
+    failed = machine_run_advance(ms, 1, 1, &none, &taken);
+    if (failed) forget_answer(st);
+    return failed;
 }

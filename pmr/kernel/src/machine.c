@@ -188,7 +188,7 @@ static int find_machine_slope(pmr_machine_run *ms, int64_t k, const int *which, 
    A second trial tells this answer, a D, and how it drifts from step to step.  In the steps that follow the first trial's
    end x becomes x + D dr, with no second trial, while what the answer is off by leaves it accurate. */
 
-enum { END_PARTS = 3, ANSWER_AGE = 20 };
+enum { ANSWER_AGE = 20 };
 /* What an answer that was just learned may be off by; what it may leave of rates, over the fastest. */
 #define ANSWER_FRESH 1e-4
 #define ANSWER_LEFT 3e-14
@@ -248,7 +248,7 @@ static void learn_answer(pmr_machine_run *ms, double change)
             drift[at + n] = more * by_age;
             if (at + n - rates < modes) off += missed * missed, all += is * is;
         }
-    ms->past.answer_off = sqrt(off / all) / (age * age);
+    ms->past.answer_off = all > 0.0 ? sqrt(off / all) / (age * age) : 1.0;
     ms->past.answer_age = 0;
     ms->past.answers++;
     ms->past.answer_taut = is_taut(ms->state);
@@ -271,7 +271,7 @@ static int follow_answer(pmr_machine_run *ms, int64_t k, int n, double change, d
     double springs[6], *now;
     size_t at, count;
     int part;
-    if (past->answers < 2 || age > ANSWER_AGE || error * off > ANSWER_LEFT || ms->state->system->pads ||
+    if (past->answers < 2 || age > ANSWER_AGE || !(error * off <= ANSWER_LEFT) || ms->state->system->pads ||
         is_taut(ms->state) != past->answer_taut)
         return 0;
     for (part = 0; (now = end_part(ms, part, &at, &count)); part++) {
@@ -334,8 +334,8 @@ static int find_motion_at(pmr_machine_run *ms, int64_t k)
             square = change[0] * change[0];
         }
         for (n = 0; n < count; n++) rates[which[n]] += change[n];
+        if (count == 1 && !tries) keep_end_tried(ms); /* before it goes on by the answer */
         if (count == 1 && follow_answer(ms, k, which[0], change[0], error)) return PMR_DONE;
-        if (count == 1 && !tries) keep_end_tried(ms);
         failed = try_rates(ms, k, rates);
         if (failed) return failed;
         if (!tries && count == 1 && error > MACHINE_NEAR) learn_answer(ms, change[0]);
@@ -613,6 +613,7 @@ static int machine_run_advance(pmr_machine_run *ms, int64_t first, int64_t count
         if (!failed) failed = end_machine_step(ms, first + *taken);
         if (failed) {
             ms->past = past;
+            ms->past.answers = 0; /* the failed step may have learned another answer */
             ms->rows_known = 0;
             restore_boom(ms);
             return failed;

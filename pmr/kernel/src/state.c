@@ -270,12 +270,16 @@ static int take_settings(pmr_state *st, const pmr_settings *given, char *why)
     return PMR_DONE;
 }
 
+/* Learn the answer to the luffing angle's rate (machine.c) anew: a step failed, or its length or rho changed. */
+static void forget_answer(pmr_state *st) { ((machine_past *)(void *)st->computed_past)->answers = 0; }
+
 static int state_adjust(pmr_state *st, const pmr_settings *given, char *why)
 {
     if (check_settings(given, why)) return PMR_REFUSED;
     if (given->levels > st->opened)
         return pmr_say(why, "levels = %d: there is room for %d", given->levels, st->opened), PMR_REFUSED;
     st->placed = 0;
+    if (st->run && (given->step != st->settings.step || given->rho_inf != st->settings.rho_inf)) forget_answer(st);
     return take_settings(st, given, why);
 }
 

@@ -40,7 +40,7 @@ from pmr.simulation.moving import StoredScene, read_scene
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
 from pmr.simulation.native.form import SystemForm, path_text, start_in_equilibrium, start_modes, step_failure
 from pmr.simulation.native.luffing import stepped_frame
-from pmr.simulation.native.watched import watched_outputs
+from pmr.simulation.native.watched import WATCHED_EVERY, watched_outputs
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import SlidingBody
@@ -151,9 +151,12 @@ class Stepper:
         beyond = kernel.outputs - len(every)  # forces come after all outputs of the kernel
         self._bound = bound = BoundStep(self._state, [k if k < len(every) else k + beyond for k in chosen])
         self._watched = watched_outputs(system, None if moving is None else moving.scene, self.output_names)
-        watched = [self.output_names.index(name) for name in self._watched.names]
-        self._watch = BoundStep(self._state, [k if k < len(every) else k + beyond for k in watched])
-        self._unwarned = set(self._watched.kinds)
+        numbers = [self.output_names.index(name) for name in self._watched.names]
+        self._unwarned = dict[int, BoundStep]()  # outputs of each kind of which no warning was given
+        for kind in set(self._watched.kinds):
+            of_kind = [k for k, its in zip(numbers, self._watched.kinds, strict=True) if its == kind]
+            self._unwarned[kind] = BoundStep(self._state, [k if k < len(every) else k + beyond for k in of_kind])
+        self._steps = 0
         names, of_frame = kernel.names("drivers"), None
         paths, loads = names[: kernel.paths], {name: names.index(name) for name in system.load_names}
         if moving is not None:
@@ -242,7 +245,8 @@ class Stepper:
             drivers.end_step()
         if failed := self._observe():
             self._raise_failure(failed, f"the outputs of {self._step_text(0)}")
-        if self._unwarned:
+        self._steps += 1
+        if self._unwarned and self._steps % WATCHED_EVERY == 0:
             self._warn_beyond_limits()
         return self._y if self._same_memory else self._y.copy()
 
@@ -420,13 +424,15 @@ class Stepper:
 
     def _warn_beyond_limits(self) -> None:
         """Log a warning, once for each kind of watched outputs, if one is beyond its limits."""
-        if self._watch.observe():
-            return  # forces on the ground are not found: the step says so if they are among its outputs
-        values, limits = self._watch.values, self._watched.limits
-        for k in np.flatnonzero((values < limits[:, 0]) | (values > limits[:, 1])).tolist():
-            if (kind := self._watched.kinds[k]) in self._unwarned:
-                self._unwarned.remove(kind)
-                logger.warning("%s: %s", self._step_text(0), self._watched.messages[k])
+        for kind, outputs in list(self._unwarned.items()):
+            if outputs.observe():
+                continue  # forces on the ground are not found: the step says so if they are among its outputs
+            numbers = np.flatnonzero(np.array(self._watched.kinds) == kind)
+            low, high = self._watched.limits[numbers].T
+            beyond = numbers[~((outputs.values >= low) & (outputs.values <= high))]  # also what is not a number
+            if beyond.size:
+                del self._unwarned[kind]
+                logger.warning("%s: %s", self._step_text(0), self._watched.messages[beyond[0]])
 
     def _raise_failure(self, failed: int, where: str) -> None:
         """Raise the error that an error code stands for; `where` names the step."""

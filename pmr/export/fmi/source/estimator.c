@@ -156,7 +156,7 @@ static int estimate(Estimator *e, double step)
                       *unknown_deviation = unknown + e->unknowns, *innovations = unknown_deviation + e->unknowns;
     const pmr_linear_step after = step_of(e, last, &measured), before = step_of(e, last + 1, &measured);
     const pmr_linear_step now = step_of(e, last - 1, &measured);
-    const pmr_filter_step linear = {.reference = now.reference, 
+    const pmr_filter_step linear = {.reference = now.reference,
                                     .R = now.R, .G = now.G, .C = now.C, .D = now.D};
     const double *x = e->filtered, *P = x + e->counts.stride, *level = x + e->counts.kept - p;
     int k, failed;

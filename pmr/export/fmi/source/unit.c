@@ -364,16 +364,18 @@ static void check_inputs(Unit *unit)
     }
 }
 
-/* Warn of outputs beyond their bounds after a step, once for each kind; forces on the ground may not be found. */
+/* Warn of outputs beyond their bounds after a step, once for each kind: displacements, and margins, which may not be found
+   where forces on the ground are not. */
 static void check_outputs(Unit *unit)
 {
     const double *outputs = unit->variables + unit->at.outputs;
-    int k, kind;
-    if (!unit->watches || (unit->told[0] && unit->told[1]) || find_outputs(unit, 0) || find_outputs(unit, 1)) return;
+    int wanted[2] = {0, 0}, k, kind;
+    for (k = 0; k < unit->watches; k++) wanted[unit->watched[2 * k + 1]] = 1;
+    for (kind = 0; kind < 2; kind++) wanted[kind] = wanted[kind] && !unit->told[kind] && !find_outputs(unit, kind);
     for (k = 0; k < unit->watches && !unit->warning[0]; k++) {
         const double at = outputs[unit->watched[2 * k]];
         kind = unit->watched[2 * k + 1];
-        if (unit->told[kind] || (at >= unit->bounds[2 * k] && at <= unit->bounds[2 * k + 1])) continue;
+        if (!wanted[kind] || (at >= unit->bounds[2 * k] && at <= unit->bounds[2 * k + 1])) continue;
         line_of(unit, "watched", k, unit->warning, sizeof unit->warning);
         unit->told[kind] = 1;
     }
