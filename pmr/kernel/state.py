@@ -280,7 +280,7 @@ class State:
 
     def outputs(self) -> StateOutputs:
         """Outputs of the system, and forces of all contacts, at the end of the last step."""
-        y, forces = np.zeros(self.kernel.outputs), np.zeros(self.kernel.forces)
+        y, forces = np.zeros(self.kernel.outputs), np.zeros(self.kernel.contacts)
         lib.pmr_outputs(self._state, pointer(y), pointer(forces))
         return StateOutputs(y, forces)
 
@@ -326,7 +326,7 @@ class State:
         kernel = self.kernel
         sizes = {"accelerations": kernel.modes, "outputs": kernel.outputs}
         values = {
-            n: np.zeros(size) for n, size in (sizes | {"further": kernel.further, "forces": kernel.forces}).items()
+            n: np.zeros(size) for n, size in (sizes | {"further": kernel.further, "forces": kernel.contacts}).items()
         }
         out = ffi.new("pmr_values *", {name: pointer(array) for name, array in values.items()})
         width = 3 * kernel.motions or kernel.drivers

@@ -12,7 +12,7 @@ import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.files.arrays import Array
-from pmr.kernel.data import SystemData, system_data, system_in_modes
+from pmr.kernel.data import SystemData, system_data
 from pmr.kernel.further import AXES
 from pmr.scene.built import force_name
 from pmr.scene.hoist import ROPE, WIND
@@ -61,8 +61,7 @@ class Drivers:
                 "system", "paths", of_scene, f"paths that pads travel on are allowed in the pads' order: {of_pads}"
             )
         forms = {name: modal_form(body) for name, body in system.reduced.items()}
-        reduced = None if reactions else system_in_modes(system, forms)
-        return cls(system, forms, frame, system_data(system, forms, frame, reduced))
+        return cls(system, forms, frame, system_data(system, forms, frame, reactions))
 
     @property
     def paths(self) -> tuple[str, ...]:

@@ -32,7 +32,6 @@ from pmr.simulation.start import (
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import ALONE, Friction
-from pmr.system.from_scene import CombinedRings
 from pmr.system.system import System
 
 #: Most modes for which the kernel computes the equilibrium at the start; for more modes it is computed sparsely.
@@ -74,7 +73,7 @@ class SystemForm:
     @cached_property
     def kernel(self) -> Kernel:
         """Kernel of the system and of its `frame`, if there is one."""
-        return Kernel.of(self.system, self.forms, self.frame, self.combined)
+        return Kernel.of(self.system, self.forms, self.frame, reactions=False)
 
     @cached_property
     def frame(self) -> MovingFrame | None:
@@ -89,13 +88,13 @@ class SystemForm:
         """Matrix B^T B (i, i) in 1/kg of modal B: accelerations at the inputs' points by loads on free bodies."""
         return np.asarray(block_diag(*(form.body.B.T @ form.body.B for form in self.forms.values())))
 
-    @property
+    @cached_property
     def modal(self) -> System:
-        """System in modal coordinates, in which each ring of pads is replaced by combined contacts (`combined`).
+        """System in modal coordinates.
 
         A system of one body on one path has no carriers, as its tables describe all rows.
         """
-        return self.combined.system
+        return system_in_modes(self.system, self.forms)
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -111,11 +110,6 @@ class SystemForm:
         refuse_unsupported("march", needs)
         return needs
 
-    @cached_property
-    def combined(self) -> CombinedRings:
-        """System in modal coordinates with combined contacts, and how the forces of all contacts follow from theirs."""
-        return system_in_modes(self.system, self.forms)
-
     def initial_states(self, z: Array, v: Array) -> dict[str, InitialState]:
         """Coordinates and rates of each body by its name, from the kernel's modal ones z and v (r',)."""
         return {
@@ -128,8 +122,8 @@ class SystemForm:
 
         `friction` (..., n) in N is the friction of n pads, or None without friction.
         """
-        forces, pads = self.combined.original_forces(multipliers), Friction.from_contacts(self.system.contacts)
-        return forces if pads is None or friction is None else forces + pads.cylinder_forces(friction)
+        pads = Friction.from_contacts(self.system.contacts)
+        return multipliers if pads is None or friction is None else multipliers + pads.cylinder_forces(friction)
 
 
 def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]:

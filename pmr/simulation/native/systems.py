@@ -76,7 +76,7 @@ def follow(march: March, take: Take, progress: Progress | None = None) -> Simula
     of steps.  Errors as `pmr.simulation.SystemSimulator`; the error of a growing motion is raised at the end.
     """
     form, excitation, system = march.form, march.excitation, march.form.system
-    rubbing, to_original = Friction.from_contacts(system.contacts), form.combined.original_forces
+    rubbing = Friction.from_contacts(system.contacts)
     pushing, P, i = ~np.isnan(system.clearance), form.kernel.paths, form.kernel.inputs
 
     def hand_over(first: int, steps: Steps) -> None:
@@ -90,7 +90,7 @@ def follow(march: March, take: Take, progress: Progress | None = None) -> Simula
             """Trajectory of rows of the block."""
             some, chosen = steps.at(rows), np.arange(first, first + count)[rows]
             numbers = slice(first, first + count) if len(chosen) == count else chosen
-            f, motions, pressed, energy = some.friction, {}, to_original(some.multipliers), some.energy
+            f, motions, pressed, energy = some.friction, {}, some.multipliers, some.energy
             t, forces, moments, x = march.t[numbers], pressed, None, march.x[numbers].T
             if rubbing is not None and f is not None:
                 forces = pressed + rubbing.cylinder_forces(f)
@@ -103,14 +103,14 @@ def follow(march: March, take: Take, progress: Progress | None = None) -> Simula
                 t=t,
                 bodies=motions,
                 forces=forces,
-                peaks=forces if some.peaks is None else np.where(pushing, to_original(some.peaks), forces),
+                peaks=forces if some.peaks is None else np.where(pushing, some.peaks, forces),
                 loads=some.drivers[:, P : P + i],
                 energy=energy[:, 0],
                 work=energy[:, 1],
                 seconds=0.0,
                 surplus=np.nan,
                 parts=np.ones(len(t), np.int64) if some.parts is None else some.parts.astype(np.int64),
-                impulses=None if some.impulses is None else to_original(some.impulses),
+                impulses=None if some.impulses is None else some.impulses,
                 amplitudes=some.drivers[:, P + i : P + i + len(system.terms)] if system.terms else None,
                 friction=f,
                 moments=moments,
@@ -145,13 +145,13 @@ def observe(
         begun, rows = perf_counter(), slice(first, first + len(steps.z))
         numbers, column, load = np.arange(rows.start, rows.stop) * every, 0, P
         forces[rows] = form.forces(steps.multipliers, steps.friction)
-        pressed = form.combined.original_forces(steps.multipliers)
-        moments = None if rubbing is None or steps.friction is None else rubbing.moments(steps.friction, pressed)
+        pressed, f = steps.multipliers, steps.friction
+        moments = None if rubbing is None or f is None else rubbing.moments(f, pressed)
         for name, which in chosen.items():
             inputs = slice(load, load + len(system.bodies[name].input_names))
-            x, f = march.x[numbers][:, system.sides_of(name)], steps.drivers[:, inputs]
+            x, acting = march.x[numbers][:, system.sides_of(name)], steps.drivers[:, inputs]
             turned = None if moments is None else system.side_multipliers(name, moments)
-            deformed = deformation(system, name, x, system.side_multipliers(name, pressed), f, which, turned)
+            deformed = deformation(system, name, x, system.side_multipliers(name, pressed), acting, which, turned)
             columns = slice(column, column + sizes[name])
             y[rows, columns] = steps.z[:, form.columns[name]] @ form.forms[name].body.outputs[which].T
             if deformed is not None:
