@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -14,10 +13,6 @@ from pmr.files.arrays import Array
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.kernel import pointer
 from pmr.kernel.state import State
-from pmr.system.contacts import FrictionLaw
-
-Integers = NDArray[np.int32]
-
 
 #: Why step k of a machine, at t in s, fails although the step of its boom succeeds.
 REASONS = {
@@ -48,89 +43,15 @@ CYLINDER_COLUMNS = {
 }
 
 
-@dataclass(frozen=True)
-class Cylinder:
-    """A cylinder that drives a luffing angle or an extension; the fields are those of
-    `pmr_actuator`, but for `drive`.
-    """
-
-    kind: int = lib.PMR_NO_CYLINDER
-    foot: tuple[float, float] = (0.0, 0.0)
-    lug: tuple[float, float] = (0.0, 0.0)
-    spring: float = 0.0
-    damping: float = 0.0
-    stroke: tuple[float, float] = (0.0, np.inf)
-    stop_stiffness: float = 0.0
-    stop_damping: float = 0.0
-    friction: FrictionLaw = FrictionLaw()
-    shear_stiffness: float = 0.0
-    oil: Mapping[str, Any] = field(default_factory=dict)  # further fields
-    drive: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (T, 2): force in N, length in m or opening; rate
+#: Fields of `pmr_machine` or `pmr_actuator` by name; src/pmr_kernel.h has shapes and units.  A machine has all of its
+#: fields but the counts, and neither `cylinder` nor `drive` without a cylinder.
+Fields = Mapping[str, Any]
 
 
-@dataclass(frozen=True)
-class Base:
-    """Machine that a boom stands on: its free directions, mass and springs; the fields are those of `pmr_machine`."""
-
-    axes: Integers
-    free: Integers
-    level: float
-    mass: float
-    center: Array
-    inertia: Array
-    stiffness: Array
-    damping: Array
-
-
-@dataclass(frozen=True)
-class CarriedBoom:
-    """Place and moments of inertia of the sections of a boom on a machine; the fields are those of `pmr_machine`."""
-
-    boom_mass: float
-    place: Array
-    section_inertia: Array
-    section_paths: Integers
-    masses: Array
-    first_moments: Array
-    rotating: Array
-    second_moments: Array
-
-
-@dataclass(frozen=True)
-class BoomInputs:
-    """Inputs by which a machine's motion acts on its boom, and terms that shorten it; fields as in `pmr_machine`."""
-
-    fields: Integers
-    inertial: Integers
-    loads: Array
-    of_shortened: Integers
-    shortened: Array
-
-
-@dataclass(frozen=True)
-class MachineExcitation:
-    """Prescribed motions of a machine, forces on it and its weight over T steps; fields as in `pmr_machine`."""
-
-    motions: Array
-    rates: Array
-    base_motion: Array
-    external: Array
-    weight: Array
-    largest_weight: float
-
-
-@dataclass(frozen=True)
-class Machine:
-    """A machine with the boom that it carries, and the excitation of both over T steps.
-
-    src/pmr_kernel.h has shapes and units of the fields of each part, in `pmr_machine`.
-    """
-
-    base: Base
-    boom: CarriedBoom
-    inputs: BoomInputs
-    excitation: MachineExcitation
-    cylinder: Cylinder = Cylinder()
+def cylinder_numbers(cylinder: Fields) -> Array:
+    """Numbers of a cylinder in the kernel's order, from `foot` on."""
+    first = ffi.offsetof("pmr_actuator", "foot")
+    return np.frombuffer(ffi.buffer(ffi.new("pmr_actuator *", cylinder))[first:])
 
 
 class MachineSimulation:
@@ -140,38 +61,30 @@ class MachineSimulation:
     push, and for settings of several substeps or of energy.
     """
 
-    def __init__(self, state: State, machine: Machine, reasons: Mapping[int, str] = REASONS) -> None:
+    def __init__(self, state: State, machine: Fields, reasons: Mapping[int, str] = REASONS) -> None:
         """Open a run of a machine on a state of its boom, with arrays of zeros for the results of all steps.
 
         `reasons` are the messages for the kernel's error codes.  Raises an `InputError` if the kernel refuses it.
         """
         self._reasons = reasons
-        self.state, arrays, scalars = state, dict[str, Any](), dict[str, Any]()
+        self.state, self._arrays, values = state, list[NDArray[Any]](), dict[str, Any]()
         types = dict(ffi.typeof("pmr_machine").fields)
-        cylinder = machine.cylinder
-        inputs, excitation = machine.inputs, machine.excitation
-        parts = machine.base, machine.boom, inputs, excitation
-        values = {of.name: getattr(part, of.name) for part in parts for of in fields(part)}
-        for name, value in (values | {"drive": cylinder.drive}).items():
+        for name, value in machine.items():
             kind = types[name].type
             if kind.kind == "pointer":
                 array = np.ascontiguousarray(value, np.int32 if kind.item.cname == "int32_t" else np.float64)
-                arrays[name] = array
-                scalars[name] = ffi.cast(kind, array.ctypes.data)
+                self._arrays.append(array)  # kept as long as the pointer to it
+                values[name] = ffi.cast(kind, array.ctypes.data)
             else:
-                scalars[name] = value if kind.kind == "primitive" else np.ravel(value).tolist()
-        apart = ("oil", "drive")
-        scalars["cylinder"] = {of.name: getattr(cylinder, of.name) for of in fields(cylinder) if of.name not in apart}
-        scalars["cylinder"] |= cylinder.oil
-        counts = {"sections": len(machine.boom.masses), "shortened_count": len(inputs.of_shortened)}
-        self._arrays = arrays  # kept as long as the pointers to them
-        self._machine = ffi.new("pmr_machine *", scalars | counts | {"inertial_count": len(inputs.inertial)})
+                values[name] = np.ravel(value).tolist() if kind.kind == "array" else value
+        steps, inertial = len(machine["motions"]), len(machine["inertial"])
+        counts = {"sections": len(machine["masses"]), "shortened_count": len(machine["of_shortened"])}
+        self._machine = ffi.new("pmr_machine *", values | counts | {"inertial_count": inertial})
         out = ffi.new("pmr_machine_run **")
         if lib.pmr_machine_run_open(state.pointer, self._machine, out):
             allowed = "a frame with a base that moves, contacts that hold both ways and steps without parts and energy"
             raise InputError("machine", "boom", None, f"{allowed} are allowed")
         self._run = ffi.gc(out[0], lib.pmr_machine_run_close)
-        steps, inertial = len(excitation.motions), len(inputs.inertial)
         self.number = 0
         self.motion = np.zeros((steps, 3, 6))  # of each direction: value, rate, second rate
         self.held = np.zeros((steps, 6))  # N, N m: forces that hold the directions that are not free

@@ -91,7 +91,7 @@ def test_momenta_and_what_holds_it_are_those_of_the_equations(run: MachineRun) -
     """Where machine and boom move anyhow, the boom telescopes, and contacts give way by residual flexibility."""
     rng, r = np.random.default_rng(3), run.simulation.state.kernel.modes
     modes = modes_in_bodies(run.form, r)
-    extension = run.machine.excitation.motions[0, :, 0]  # its second rate is spread over a step
+    extension = run.machine["motions"][0, :, 0]  # its second rate is spread over a step
     assert extension.all()
     for _ in range(3):
         motion = rng.uniform(-1.0, 1.0, (3, 6))
@@ -119,7 +119,7 @@ def test_momenta_change_by_forces_that_are_averaged_as_accelerations_are() -> No
     h, rho = run.simulation.state.settings.step, run.simulation.state.settings.rho_inf
     am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
     gamma = 0.5 + af - am
-    motion, force = run.run(), -mass * run.machine.excitation.weight
+    motion, force = run.run(), -mass * run.machine["weight"]
     momenta, within = motion.momenta[:, 2], 1e-9 * mass * (1.0 + 3.0) * np.abs(motion.values[1]).max()
     expected, smooth = momenta[0], force[0]
     for k in range(1, len(force)):
@@ -138,7 +138,7 @@ def test_what_it_cannot_carry_is_refused(run: MachineRun) -> None:
 
 
 def test_no_more_steps_are_taken_than_there_are_motions(run: MachineRun) -> None:
-    nothing, steps = np.zeros(run.simulation.state.kernel.modes), len(run.machine.excitation.motions)
+    nothing, steps = np.zeros(run.simulation.state.kernel.modes), len(run.machine["motions"])
     run.simulation.start(np.zeros((3, 6)), nothing, nothing)
     for count in (-1, steps):
         with pytest.raises(InputError, match=f"0 to {steps - 1}"):
@@ -154,12 +154,11 @@ def test_a_step_that_fails_leaves_machine_and_boom_where_the_last_one_ended() ->
     held = [change for change in SCENE if not change.startswith(("frame.machine.free", "frame.machine.stiff"))]
     held += ["frame.machine.free=['x', 'y', 'z']", "frame.machine.stiffness={x=1e5}"]
     run = MachineRun(free_boom.scene(*held), free_boom.system(*SOFT))
-    nothing, given = np.zeros(run.simulation.state.kernel.modes), run.machine.excitation.base_motion.copy()
+    nothing, given = np.zeros(run.simulation.state.kernel.modes), run.machine["base_motion"].copy()
     ends = list[bytes]()
     for turned in (0.0, np.pi / 2.0):
-        excitation = replace(run.machine.excitation, base_motion=given)
         state = State(run.simulation.state.kernel, run.simulation.state.settings)
-        carried = MachineSimulation(state, replace(run.machine, excitation=excitation))
+        carried = MachineSimulation(state, run.machine | {"base_motion": given})
         carried.start(given[0], nothing, nothing)
         carried.advance(2)
         stood = carried.state.save()

@@ -14,7 +14,7 @@ For all further computations the computed angle is the prescribed luffing angle 
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,8 +22,7 @@ import numpy as np
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.kernel.further import ComputedData
-from pmr.kernel.machine import CYLINDER_COLUMNS, LUFFING_REASONS
-from pmr.kernel.machine import Machine as KernelMachine
+from pmr.kernel.machine import CYLINDER_COLUMNS, LUFFING_REASONS, Fields, cylinder_numbers
 from pmr.results.response import LUFFING_ANGLE
 from pmr.scene import Scene
 from pmr.scene.cylinder import LuffingCylinder
@@ -33,13 +32,15 @@ from pmr.scene.signals import Constant
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples, with_computed_motion
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.moving import DRIVE, GRAVITY, OF_FRAME, MovingFrame, held_at_start, read_scene
-from pmr.simulation.native.extension import ExtensionRun, cylinder_numbers, kernel_cylinder, with_extension_data
+from pmr.simulation.native.extension import ExtensionRun, kernel_cylinder, with_extension_data
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.machine import MachineRun, machine_motion
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.system import System
 
 PITCH = 4  # of the machine's directions
+#: Fields of the kernel's machine by which its motion acts on the boom.
+INPUTS = ("fields", "inertial", "loads", "of_shortened", "shortened")
 #: Angle in rad about which a boom without a cylinder swings.
 HANGING = -np.pi / 2.0
 
@@ -154,18 +155,16 @@ def stepped_frame(system: System, source: str) -> MovingFrame | None:
     return replace(run.frame, computed=ComputedData(luffing_arrays(run.machine, run.frame), outputs))
 
 
-def luffing_arrays(machine: KernelMachine, frame: MovingFrame) -> dict[str, Array]:
+def luffing_arrays(machine: Fields, frame: MovingFrame) -> dict[str, Array]:
     """Arrays of a free luffing angle in the kernel's block (`read_luffing` in src/system.c)."""
-    cylinder = machine.cylinder
+    cylinder = machine.get("cylinder", {})
     drive = next((k for k, name in enumerate(frame.loads) if name.startswith(DRIVE)), None)
     at = [len(frame.paths) + frame.loads.index(GRAVITY) if GRAVITY in frame.loads else -1]
     at.append(-1 if drive is None else len(frame.paths) + drive)
-    boom, inputs = machine.boom, machine.inputs
-    sizes = [len(boom.masses), len(inputs.of_shortened), len(inputs.inertial), *machine.base.axes, *at, cylinder.kind]
-    numbers: list[Any] = [machine.base.level, boom.boom_mass, boom.place, boom.section_inertia]
-    numbers.append(cylinder_numbers(cylinder))
+    sizes = [len(machine[name]) for name in ("masses", "of_shortened", "inertial")]
+    numbers = [machine[name] for name in ("level", "boom_mass", "place", "section_inertia")]
     names = ("section_paths", "masses", "first_moments", "rotating", "second_moments")
-    arrays = {name: np.ravel(getattr(boom, name)) for name in names}
-    arrays |= {of.name: np.ravel(getattr(inputs, of.name)) for of in fields(inputs)}
-    arrays |= {"integers": np.array(sizes), "numbers": np.concatenate([np.ravel(of) for of in numbers]).astype(float)}
+    arrays = {name: np.ravel(machine[name]) for name in (*names, *INPUTS)}
+    arrays["integers"] = np.array([*sizes, *machine["axes"], *at, cylinder.get("kind", 0)])
+    arrays["numbers"] = np.concatenate([*map(np.ravel, numbers), cylinder_numbers(cylinder)])
     return {f"luffing_{name}": array for name, array in arrays.items()}

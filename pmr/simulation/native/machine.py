@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -25,16 +26,7 @@ from pmr.errors import SimulationError
 from pmr.files.arrays import Array
 from pmr.kernel.further import AXES
 from pmr.kernel.kernel import Kernel
-from pmr.kernel.machine import (
-    REASONS,
-    Base,
-    BoomInputs,
-    CarriedBoom,
-    Cylinder,
-    Machine,
-    MachineExcitation,
-    MachineSimulation,
-)
+from pmr.kernel.machine import REASONS, Fields, MachineSimulation
 from pmr.kernel.state import Settings, State, StepError
 from pmr.scene import Scene
 from pmr.scene.frame import DIRECTIONS, INERTIA, BaseMotion
@@ -53,8 +45,8 @@ from pmr.system.system import System
 
 def machine_of(
     scene: Scene, system: System, frame: MovingFrame, excitation: Excitation, modes: Array, level: float = 0.0
-) -> Machine:
-    """Return the kernel's data of a scene's machine below the system.
+) -> dict[str, Any]:
+    """Return the fields of the kernel's machine of a scene, below the system, without a cylinder.
 
     `frame` is the frame of the scene, with a base at rest in the `excitation`.  `modes` (n, r') are the bodies' n
     coordinates by the kernel's r' modes.  `level` is the luffing angle in rad at which a machine that is a free luffing
@@ -73,45 +65,38 @@ def machine_of(
     pushed = [getattr(of, axis) or Constant(amount=0.0) for of in (machine.force, machine.moment) for axis in "xyz"]
     weight = np.zeros(len(t)) if scene.gravity is None else scene.gravity.signal.value(t)
     shortened = [term.G for term in boom.shortened]
-    base = Base(
-        axes=np.array([frame.drivers.index(axis) if frame.axes else -1 for axis in AXES], np.int32),
-        free=np.isin(DIRECTIONS, machine.free).astype(np.int32),
-        level=level,
-        mass=machine.mass,
-        center=np.array(machine.center),
-        inertia=np.array(machine.inertia),
-        stiffness=np.array([getattr(machine.stiffness, direction) for direction in DIRECTIONS]),
-        damping=np.array([getattr(machine.damping, direction) for direction in DIRECTIONS]),
-    )
-    carried = CarriedBoom(
-        boom_mass=boom.mass,
-        place=boom.place,
-        section_inertia=boom.inertia,
-        section_paths=np.array([frame.paths.index(n) if n in frame.paths else -1 for n in scene.names], np.int32),
-        masses=boom.masses,
-        first_moments=boom.first,
-        rotating=modes.T @ boom.rotating.transpose(0, 2, 1) @ modes,
-        second_moments=modes.T @ boom.carried @ modes,
-    )
     of_shortened = [
         (term.section, term.over, -1 if term.cylinder is None else term.cylinder) for term in boom.shortened
     ]
-    inputs = BoomInputs(
-        fields=columns,
-        inertial=np.array([k for k, name in enumerate(system.input_names) if INERTIA in name], np.int32),
-        loads=boom.loads,
-        of_shortened=np.array(of_shortened, np.int32).reshape(-1, 3),
-        shortened=modes.T @ np.array(shortened).reshape(-1, boom.size, boom.size) @ modes,
-    )
-    driven = MachineExcitation(
-        motions=np.ascontiguousarray(np.moveaxis(frame.motions(excitation, t), -1, 0)),
-        rates=_path_rates(scene, frame, t),
-        base_motion=base_motions(scene, t),
-        external=np.stack([signal.value(t) for signal in pushed], axis=1),
-        weight=weight,
-        largest_weight=float(np.abs(weight).max()),
-    )
-    return Machine(base, carried, inputs, driven)
+    return {
+        "axes": [frame.drivers.index(axis) if frame.axes else -1 for axis in AXES],
+        "free": np.isin(DIRECTIONS, machine.free).astype(int),
+        "level": level,
+        "mass": machine.mass,
+        "center": machine.center,
+        "inertia": machine.inertia,
+        "stiffness": np.array([getattr(machine.stiffness, direction) for direction in DIRECTIONS]),
+        "damping": [getattr(machine.damping, direction) for direction in DIRECTIONS],
+        "boom_mass": boom.mass,
+        "place": boom.place,
+        "section_inertia": boom.inertia,
+        "section_paths": [frame.paths.index(name) if name in frame.paths else -1 for name in scene.names],
+        "masses": boom.masses,
+        "first_moments": boom.first,
+        "rotating": modes.T @ boom.rotating.transpose(0, 2, 1) @ modes,
+        "second_moments": modes.T @ boom.carried @ modes,
+        "fields": columns,
+        "inertial": np.array([k for k, name in enumerate(system.input_names) if INERTIA in name], np.int32),
+        "loads": boom.loads,
+        "of_shortened": np.array(of_shortened, np.int32).reshape(-1, 3),
+        "shortened": modes.T @ np.array(shortened).reshape(-1, boom.size, boom.size) @ modes,
+        "motions": np.moveaxis(frame.motions(excitation, t), -1, 0),
+        "rates": _path_rates(scene, frame, t),
+        "base_motion": base_motions(scene, t),
+        "external": np.stack([signal.value(t) for signal in pushed], axis=1),
+        "weight": weight,
+        "largest_weight": float(np.abs(weight).max()),
+    }
 
 
 def modes_in_bodies(form: SystemForm, size: int) -> Array:
@@ -190,7 +175,7 @@ class MachineRun:
         system: System,
         luffing: Scene | None = None,
         level: float = 0.0,
-        cylinder: Cylinder | None = None,
+        cylinder: Fields | None = None,
         reasons: Mapping[int, str] = REASONS,
     ) -> None:
         frame = scene.frame
@@ -208,14 +193,17 @@ class MachineRun:
         self._kernel = Kernel.of(system, self.form.forms, moving)
         modes = modes_in_bodies(self.form, self._kernel.modes)
         state = State(self._kernel, Settings(stepping.step, stepping.rho_inf, energy=False))
-        machine = machine_of(scene, system, moving, self._excitation, modes, level)
-        self.machine = machine = machine if cylinder is None else replace(machine, cylinder=cylinder)
-        self._given, self._first = base_motions(scene, np.zeros(1))[0], machine.excitation.motions[0].copy()
-        self._free, self._sprung = np.isin(DIRECTIONS, frame.machine.free), machine.base.stiffness > 0.0
+        #: fields of the kernel's machine
+        self.machine = machine_of(scene, system, moving, self._excitation, modes, level) | dict(cylinder or {})
+        self._given, self._first = base_motions(scene, np.zeros(1))[0], self.machine["motions"][0].copy()
+        self._free, self._sprung = np.isin(DIRECTIONS, frame.machine.free), self.machine["stiffness"] > 0.0
         begun = [[getattr(of, axis) for axis in DIRECTIONS] for of in (frame.machine.start, frame.machine.rate)]
         self._fill_in_start = np.array(begun) * direction_units(scene)  # (2, 6): motions in free directions, rates
-        self._inertial = [system.input_names[k] for k in machine.inputs.inertial] if self._free.any() else []
-        self.simulation, self._in_balance = MachineSimulation(state, machine, reasons), scene.start == "equilibrium"
+        self._inertial = [system.input_names[k] for k in self.machine["inertial"]] if self._free.any() else []
+        self.simulation, self._in_balance = (
+            MachineSimulation(state, self.machine, reasons),
+            scene.start == "equilibrium",
+        )
 
     def run(self) -> MachineMotion:
         """Take all steps and return the motion; a SimulationError names the step that fails, 0 for the start."""
