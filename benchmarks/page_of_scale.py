@@ -55,10 +55,9 @@ def scale(found: Mapping[str, Any], prefix: str) -> Chapter:
         paragraphs=[
             "workflows/boom_shell.toml with finer and finer cells: ten coordinates with residual flexibility, its "
             "inertia, 4 enrichment modes, twelve pads. Flexibility is one factorisation of the stiffness and a static "
-            "solve for each load and for a third of the moving pads' 546 carriers, of which the others are mirror "
-            "images, its inertia a second solve for each. The answers, the matrices and the factor are what fills the "
-            "memory; nothing is dense with the model's size squared. Of "
-            "several ranks each holds the factor.",
+            "solve for each load and for each of the moving pads' 546 carriers, its inertia a second solve for each. "
+            "The answers, the matrices and the factor fill the memory; nothing is dense with the model's size squared. "
+            "Of several ranks each holds the factor.",
             "Seconds are wall time of the slowest rank. Processor time is that of all ranks together: less than the "
             "wall time where others use the cores too, and more where ranks wait for one another, which counts as "
             "busy. Load: processes that wanted to run, others' included, before and after each run.",

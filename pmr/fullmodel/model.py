@@ -125,8 +125,6 @@ class FullModel(FullOrderBody):
     reference_frequency: float  # rad/s: scale of the lowest frequencies, by which eigensolvers shift
     # None: unknown; such a model can be simulated, but not be reduced to free modes
     rigid: RigidMotions | None = None
-    # (n, n): planes of symmetry (`pmr.fullmodel.structural`), the same on every rank
-    mirrors: tuple[sp.csr_matrix, ...] = ()
     # (n, n): matrices of a moving frame and of axial forces, by the names of `pmr.system.body_matrices`; zero ones
     # are left out.  D is one of them if it is not Rayleigh's
     matrices: Mapping[str, PETSc.Mat] = field(default_factory=dict)

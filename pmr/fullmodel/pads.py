@@ -34,29 +34,25 @@ Supports, and points that slide on a planar beam, are rows or springs too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import cKDTree
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Indices, Mask
 from pmr.fullmodel.moving import cylinder_row
 from pmr.fullmodel.walls import Walls
 from pmr.models import StructuralModel
-from pmr.models.mesh_nodes import APART, Mirror, Nodes, mirrors_of
 from pmr.models.mover import Mover
-from pmr.models.trace import FACES, Extent, Window
+from pmr.models.trace import Extent, Window
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.system.polynomials import cardinal_spline, refine_table, value_or_zero
 from pmr.system.rows import Row, StraightRows, fixed_row, row_on_coordinates
 
 if TYPE_CHECKING:
     from pmr.models.beam2d import Beam2D
-    from pmr.models.named_mesh import NamedMesh
 
 
 def slider_row(beam: Beam2D, offset: float = 0.0, name: str = "slider") -> Row:
@@ -77,8 +73,6 @@ SPACING = 0.5
 MISSING = 0.02
 #: Share of a face's length or breadth by which a pad may reach beyond it: the path of a fixed pad has some length.
 SLACK = 2e-3
-#: Digits after the point, in m, to which the centres of a pad and of a mirror image agree.
-DIGITS = 12
 
 
 @dataclass(frozen=True)
@@ -207,14 +201,13 @@ def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints
 
     Raises an `InputError` if a face does not exist or a pad leaves its face somewhere on its travel.
     """
-    means = PadMeans(model)
     staying = [
-        *(pads.walls.pad_row(fixed_pad(pad, means, T, pads.travel), pad.at) for pad in pads.fixed),
+        *(pads.walls.pad_row(fixed_pad(pad, model, T, pads.travel), pad.at) for pad in pads.fixed),
         *(_support_row(support, model, T, pads) for support in pads.supports),
     ]
     moving = [
         *(_point_row(slider, model, T) for slider in pads.sliders),
-        *(pads.walls.pad_row(moving_pad(pad, means, T, pad.travel or pads.travel), pad.at) for pad in pads.moving),
+        *(pads.walls.pad_row(moving_pad(pad, model, T, pad.travel or pads.travel), pad.at) for pad in pads.moving),
         *(_end_row(end, model, T, pads) for end in pads.ends),
         *([cylinder_row(pads.luffing, pads.tail, model, T, pads.travel)] if pads.luffing is not None else []),
         *(row for straight in pads.straight for row in straight.rows(_point_row(Slider(), model, T))),
@@ -224,7 +217,7 @@ def restrain(pads: Pads, model: StructuralModel, T: sp.csr_matrix) -> Restraints
     return Restraints((*rows, *moving), tuple(row for row, spring in zip(staying, springs, strict=True) if spring))
 
 
-def moving_pad(pad: Pad, means: PadMeans, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
+def moving_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
     """Row of a pad centred at s + `pad.at` on the body's axis, for path coordinates s in `travel` (m).
 
     The row acts on the coordinates z of a structure, with q = T z.  Raises an `InputError` if the pad is too short for
@@ -239,7 +232,7 @@ def moving_pad(pad: Pad, means: PadMeans, T: sp.csr_matrix, travel: tuple[float,
     count = max(1, int(np.ceil((high - low) / step - 1e-9)))
     breaks = np.append(low + step * np.arange(count), high)
     places = low + pad.at + step * np.arange(1 - reach, count + reach)
-    U = sp.csr_matrix(means.around_stations(pad, places) @ T)
+    U = sp.csr_matrix(_station_means(pad, model, places) @ T)
     # The bump's pieces on the lattice, first the last one: stations ahead of the pad are farther left on it.
     pieces = (
         refine_table(cardinal_spline(3, STATIONS * step), step * np.arange(-reach, reach + 1)).c[:, ::-1] / STATIONS
@@ -249,94 +242,31 @@ def moving_pad(pad: Pad, means: PadMeans, T: sp.csr_matrix, travel: tuple[float,
     return Row(pad.name, breaks, U, touched, coefficients, 1.0 / pad.stiffness, pad.gap)
 
 
-def fixed_pad(pad: Pad, means: PadMeans, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
+def fixed_pad(pad: Pad, model: StructuralModel, T: sp.csr_matrix, travel: tuple[float, float]) -> Row:
     """Row of a pad that stays at `pad.at`, constant over `travel` (m), on the coordinates z with q = T z.
 
     It equals the row of a moving pad that has a station at its centre.  Raises an `InputError` if the pad leaves its
     face.
     """
-    mean = sp.csr_matrix(means.under_pad(pad, np.array([pad.at])) @ T)
+    mean = sp.csr_matrix(under_pad(pad, model, np.array([pad.at])) @ T)
     return replace(fixed_row(pad.name, mean, travel), compliance=1.0 / pad.stiffness, clearance=pad.gap)
 
 
-class PadMeans:
-    """Rows on the coordinates of a `model` that measure the mean normal displacement under pads and around stations.
+def under_pad(pad: Pad, model: StructuralModel, positions: Array) -> sp.csr_matrix:
+    """Rows (p, n) of the mean under a pad centred at each of the `positions` (p,) m along the axis.
 
-    A pad that is the mirror image of an earlier one takes no quadrature of its own.
+    Raises an `InputError` if the pad leaves its face at one of them.
     """
-
-    def __init__(self, model: StructuralModel) -> None:
-        self.model = model
-        self._rows = dict[tuple[_Place, bytes], sp.csr_matrix]()
-        nodes, mesh = getattr(model, "nodes", None), getattr(model, "mesh", None)
-        self._mirrors = list[tuple[Mirror, dict[str, str]]]()
-        if isinstance(nodes, Nodes) and mesh is not None and mesh.axis == 0:
-            self._mirrors = [(mirror, _mirrored_faces(mesh, mirror)) for mirror in mirrors_of(nodes)]
-
-    def under_pad(self, pad: Pad, positions: Array) -> sp.csr_matrix:
-        """Rows (p, n) of the mean under a pad centred at each of the `positions` (p,) m along the axis.
-
-        Raises an `InputError` if the pad leaves its face at one of the positions.
-        """
-        step, reach = _station_spacing(pad), 2 * STATIONS  # stations with a weight on either side
-        offsets = step * np.arange(1 - reach, reach)
-        weights = value_or_zero(cardinal_spline(3, STATIONS * step), offsets) / STATIONS
-        places = (positions[:, None] + offsets).ravel()
-        order = np.argsort(places)
-        columns = np.empty_like(order)
-        columns[order] = np.arange(len(order))
-        ends = len(offsets) * np.arange(len(positions) + 1)
-        means = sp.csr_matrix((np.tile(weights, len(positions)), columns, ends), (len(positions), len(places)))
-        return sp.csr_matrix(means @ self.around_stations(pad, places[order]))
-
-    def around_stations(self, pad: Pad, places: Array) -> sp.csr_matrix:
-        """Rows (K, n) of the weighted mean around each of a pad's stations, at the `places` (K,) m along the axis.
-
-        Raises an `InputError` if the pad leaves its face.
-        """
-        place, stations = _Place(pad.on, pad.across, pad.length, pad.width), places.tobytes()
-        images = [(place, sp.eye(self.model.size, format="csr"))]
-        for mirror, faces in self._mirrors:
-            images += [(_mirror_place(of, mirror, faces), P @ mirror.P) for of, P in images if of.face in faces]
-        for image, P in images:
-            if (rows := self._rows.get((image.rounded(), stations))) is not None:
-                return sp.csr_matrix(rows @ P)
-        rows = self._rows[place.rounded(), stations] = _station_means(pad, self.model, places)
-        return rows
-
-
-class _Place(NamedTuple):
-    """Face of a pad, its centre across the face, its length and its width, m."""
-
-    face: str
-    across: float
-    length: float
-    width: float
-
-    def rounded(self) -> _Place:
-        """Return this place without the round-off of a mirrored centre."""
-        return self._replace(across=round(self.across, DIGITS) + 0.0)
-
-
-def _mirrored_faces(mesh: NamedMesh, mirror: Mirror) -> dict[str, str]:
-    """By the name of each of a mesh's `FACES`, the face whose cells are the mirror images of its cells, if any."""
-    groups = {name: mesh.groups[name] for name in FACES if name in mesh.groups and mesh.groups[name].dim == 2}
-    middles = {name: mesh.points[group.entities].mean(axis=1) for name, group in groups.items()}
-    images, apart = dict[str, str](), APART * np.ptp(mesh.points, axis=0).max()
-    for name, places in middles.items():
-        mirrored = places.copy()
-        mirrored[:, mirror.axis] = 2.0 * mirror.middle - places[:, mirror.axis]
-        for other, other_places in middles.items():
-            if len(other_places) == len(places) and cKDTree(other_places).query(mirrored)[0].max() <= apart:
-                images[name] = other
-    return images
-
-
-def _mirror_place(place: _Place, mirror: Mirror, images: Mapping[str, str]) -> _Place:
-    """The mirror image of a pad's place; `images` are from `_mirrored_faces`."""
-    lies_across = int(np.argmax(np.abs(FACES[place.face].normal))) != mirror.axis
-    across = 2.0 * mirror.middle - place.across if lies_across else place.across
-    return place._replace(face=images[place.face], across=across)
+    step, reach = _station_spacing(pad), 2 * STATIONS  # stations with a weight on either side
+    offsets = step * np.arange(1 - reach, reach)
+    weights = value_or_zero(cardinal_spline(3, STATIONS * step), offsets) / STATIONS
+    places = (positions[:, None] + offsets).ravel()
+    order = np.argsort(places)
+    columns = np.empty_like(order)
+    columns[order] = np.arange(len(order))
+    ends = len(offsets) * np.arange(len(positions) + 1)
+    means = sp.csr_matrix((np.tile(weights, len(positions)), columns, ends), (len(positions), len(places)))
+    return sp.csr_matrix(means @ _station_means(pad, model, places[order]))
 
 
 def _support_row(support: Support, model: StructuralModel, T: sp.csr_matrix, pads: Pads) -> Row:

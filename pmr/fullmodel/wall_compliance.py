@@ -31,8 +31,8 @@ from pmr.fem.factor import BLOCK, factor_for_columns
 from pmr.files import npz
 from pmr.files.arrays import Array
 from pmr.files.whole import NotWrittenError, user_cache_folder
-from pmr.fullmodel.pads import Pad, PadMeans
-from pmr.fullmodel.structural import MirroredLoads, images_of, structural_model
+from pmr.fullmodel.pads import Pad, under_pad
+from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Clamp, Structure, couple
 from pmr.fullmodel.walls import Sliding, Standing, Walls
 from pmr.models import DIRECTIONS, StructuralModel
@@ -142,7 +142,7 @@ class HeldModel:
 
     def __init__(self, model: StructuralModel, body: PlateBody) -> None:
         structure = Structure(model, clamps=body.clamps, masses=body.masses)
-        self._model, self._means, self._T = model, PadMeans(model), couple(structure).T
+        self._model, self._T = model, couple(structure).T
         self._full = full = structural_model(structure, MPI.COMM_SELF)
         M, rigid = gather(full.M), full.rigid
         assert M is not None and rigid is not None  # as structures have, on the only rank
@@ -162,7 +162,7 @@ class HeldModel:
         The k rows of one distance follow each other.
         """
         means = [sp.csr_matrix((0, self._T.shape[1]))]
-        means += [self._means.under_pad(pad, pad.at + u) @ self._T for pad in pads]
+        means += [under_pad(pad, self._model, pad.at + u) @ self._T for pad in pads]
         order = np.arange(len(pads) * len(u)).reshape(len(pads), len(u)).T.ravel()
         return sp.vstack(means, "csr")[order]
 
@@ -183,17 +183,11 @@ class HeldModel:
         return np.asarray(self._T @ self._displacements(self.pads(pads, np.zeros(1))))
 
     def compliance(self, loaded_rows: sp.csr_matrix, rows: sp.csr_matrix) -> Array:
-        """Compliance (m, f): displacements of `rows` (m, n) under a unit force on each of the `loaded_rows` (f, n).
-
-        Forces that are mirror images of others take no solve.
-        """
-        result, images = np.empty((rows.shape[0], loaded_rows.shape[0])), images_of(loaded_rows, self._full.mirrors)
-        orbits = MirroredLoads(np.arange(loaded_rows.shape[0]), images, self._full.M)
-        for start in range(0, len(orbits.representatives), BLOCK):
-            numbers = orbits.representatives[start : start + BLOCK]
-            for answers in orbits.responses(numbers, self._displacements(loaded_rows[numbers])):
-                result[:, answers.numbers] = rows @ answers.columns
-        orbits.free_images()
+        """Compliance (m, f): displacements of `rows` (m, n) under a unit force on each of the `loaded_rows` (f, n)."""
+        result = np.empty((rows.shape[0], loaded_rows.shape[0]))
+        for start in range(0, loaded_rows.shape[0], BLOCK):
+            block = slice(start, start + BLOCK)
+            result[:, block] = rows @ self._displacements(loaded_rows[block])
         return result
 
     def compliance_along(self, pads: Sequence[Pad], u: Array, fixed_rows: sp.csr_matrix) -> Array:

@@ -7,18 +7,13 @@ coordinates of a node have consecutive numbers.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.spatial import cKDTree
 
 from pmr.fem.compat import cell_topology
 from pmr.files.arrays import Array, Indices
-
-#: Nodes and their images may be apart by this share of the body's length: meshes that are read have some 11 digits.
-APART = 1e-8
 
 
 def codes(entities: Indices, points: int) -> Indices:
@@ -117,34 +112,3 @@ def _dimension_codes(flat: Indices, dim: int, cells: Indices, points: int) -> In
     their numbers are 0, 1, 2, ..., as two cells may share their three lowest vertices.
     """
     return np.arange(len(cells), dtype=np.int64) if dim == 3 else codes(flat, points)
-
-
-@dataclass(frozen=True)
-class Mirror:
-    """Mirror image in the middle plane across an axis, of motions of nodes with n coordinates."""
-
-    axis: int  # 1: y, 2: z
-    middle: float  # m: position of the plane along the axis
-    P: sp.csr_matrix  # (n, n): signed permutation; P q is the mirror image of the motion q
-
-
-def mirrors_of(nodes: Nodes) -> Iterator[Mirror]:
-    """Yield mirror images in the middle planes across y and z, for each plane in which every node has an image."""
-    first = np.flatnonzero(nodes.component == 0)  # of each node; its other coordinates follow
-    node, places, number = np.cumsum(nodes.component == 0) - 1, nodes.points[first], np.arange(nodes.size)
-    low, high = places.min(axis=0), places.max(axis=0)
-    tree, counts = cKDTree(places, compact_nodes=False, balanced_tree=False), np.bincount(node)
-    for axis in (1, 2):
-        mirrored = places.copy()
-        mirrored[:, axis] = low[axis] + high[axis] - places[:, axis]
-        apart, image = tree.query(mirrored, distance_upper_bound=APART * (high - low).max())
-        if np.isinf(apart).any() or not np.array_equal(counts[image], counts):
-            continue
-        columns = first[image[node]] + number - first[node]
-        once = np.all(np.bincount(columns) == 1)
-        if once and np.array_equal(nodes.component[columns], nodes.component):
-            sign = np.ones(6)  # rotations are axial vectors: those about the axis keep their sign
-            sign[[axis, *(3 + other for other in range(3) if other != axis)]] = -1.0
-            ends = np.arange(nodes.size + 1)
-            P = sp.csr_matrix((sign[nodes.component], columns, ends), (nodes.size, nodes.size))
-            yield Mirror(axis, float(low[axis] + high[axis]) / 2.0, P)

@@ -39,8 +39,7 @@ from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import free_objects, inner, local_csr, sparse, subtract, times
 from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.model import FullModel
-from pmr.fullmodel.structural import MirroredLoads, images_of
-from pmr.reduction.free_body import FreeBody, fixed_rows
+from pmr.reduction.free_body import FreeBody
 from pmr.system.carriers import CarrierFlexibility, Flexibility
 from pmr.system.polynomials import transpose
 from pmr.system.rows import RowPolynomials, SharedCarriers
@@ -48,10 +47,6 @@ from pmr.system.rows import RowPolynomials, SharedCarriers
 _log = logging.getLogger(__name__)
 
 
-#: Largest entry outside the span of a basis that the basis' mirror image may have, over the image's largest entry.  The
-#: span of modes is exact to 3e-11, 4e-10 and 3e-9 at 70,000, 280,000 and a million coordinates; a basis with only one
-#: of two equal modes is off by 1.
-KEPT = 1e-8
 #: K w counts as theta M w of an eigenmode w if they differ by at most this many times the round-off in the terms of K
 #: w.
 ROUND_OFF = 100.0
@@ -73,19 +68,6 @@ class ResidualFlexibility:
         W, dual = _diagonalise(model, W)
         self._basis = np.asfortranarray(np.hstack([Z, W]))
         self._dual = np.asfortranarray(np.hstack([MZ, dual]))
-
-    def commutes_with(self, P: sp.csr_matrix) -> bool:
-        """Whether the mirror P (n, n) maps basis and fixed rows onto themselves, so that R P = P R; collective."""
-        M, held = self.model.M, [row.at(row.breaks[0]) for row in fixed_rows(self.model)]
-        if held and np.any(images_of(sp.vstack(held, format="csr"), [P])[0].partners < 0):
-            return False
-        first, last = M.getOwnershipRange()
-        mirror = sparse(P[first:last], M, columns=last - first)
-        image = times(mirror, self._basis)
-        free_objects(mirror)
-        apart = image - self._basis @ inner(self._dual, image, self._comm)
-        far, size = (np.max(self._comm.allgather(np.abs(x).max(axis=0, initial=0.0)), axis=0) for x in (apart, image))
-        return bool(np.all(far <= KEPT * size))
 
     def apply(self, g: Array) -> Array:
         """Product R g (n_local, k) in m, this rank's part, for loads g (n_local, k) in N; collective.
@@ -294,31 +276,27 @@ def load_powers(
 ) -> list[LoadFlexibility]:
     """The first `count` of R, R M R, ... between carriers (K, n), inputs and outputs; collective.
 
-    R is in m/N, R M R in s^2 m/N, and so on.  For each load, each of these takes one static solve; the values of loads
-    that are mirror images of others follow without a solve.  They are stored for the pairs of loads in a `pattern` (L,
+    R is in m/N, R M R in s^2 m/N, and so on.  For each load, each of these takes one static solve.  The values are
+    stored for the pairs of loads in a `pattern` (L,
     L), as `load_pairs` returns it, or for all pairs (None).
     """
     model = residual.model
     if pattern is None:
         check_memory(model, carriers.shape[0], count)
     loads, tables = carrier_loads(model, carriers), [LoadValues(model, carriers, pattern) for _ in range(count)]
-    images = images_of(carriers, [P for P in model.mirrors if residual.commutes_with(P)])
-    orbits = MirroredLoads(np.arange(loads.shape[1]), images, model.M)
     _log.info(
         "%d static solves answer loads on %d carriers and %d inputs",
-        count * len(orbits.representatives),
+        count * loads.shape[1],
         carriers.shape[0],
         loads.shape[1] - carriers.shape[0],
     )
-    many = min(BLOCK, 2 * BLOCK // (1 + len(images))) * model.comm.size
-    for k in range(0, len(orbits.representatives), many):
-        representatives = orbits.representatives[k : k + many]
-        columns = loads[:, representatives].toarray(order="F")
+    many = BLOCK * model.comm.size
+    for k in range(0, loads.shape[1], many):
+        numbers = np.arange(k, min(k + many, loads.shape[1]))
+        columns = loads[:, numbers].toarray(order="F")
         for power, table in enumerate(tables):
             columns = residual.apply(times(model.M, columns) if power else columns)
-            for answers in orbits.responses(representatives, columns):
-                table.store(answers.numbers, answers.columns)
-    orbits.free_images()
+            table.store(numbers, columns)
     return [table.result() for table in tables]
 
 

@@ -341,7 +341,7 @@ def _shared_carriers(rows: Sequence[Row], size: int) -> SharedCarriers:
     U = sp.vstack(new, format="csr")
     on_common = [replace(row, carriers=U, touched=numbers) for row, numbers in zip(rows, touched, strict=True)]
     coordinates = np.unique(U.indices)
-    if 2 * len(coordinates) >= U.shape[0]:  # mirror images among the carriers of a mesh may be worth as much
+    if 2 * len(coordinates) >= U.shape[0]:  # a mesh has many, of which each carrier touches few
         return SharedCarriers(U, tuple(on_common))
     return _on_single_coordinates(on_common, coordinates)
 

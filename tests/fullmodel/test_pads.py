@@ -12,7 +12,7 @@ from gathering import gathered
 
 from pmr import InputError
 from pmr.fem.compat import MPI
-from pmr.fullmodel.pads import Pad, PadMeans, Pads, Support, fixed_pad, moving_pad, restrain
+from pmr.fullmodel.pads import Pad, Pads, Support, fixed_pad, moving_pad, restrain
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, PadForce, Structure, Weight
 from pmr.models import StructuralModel
@@ -56,7 +56,7 @@ def applied(row: Row, s: float, q: np.ndarray, derivative: int = 0) -> np.ndarra
 @pytest.mark.parametrize("face", FACES)
 def test_a_pad_measures_a_rigid_motion_as_one_wherever_it_is(model: StructuralModel, face: str) -> None:
     axis, sign, across = FACES[face]
-    row = moving_pad(Pad("p", face, at=0.03, across=across), PadMeans(model), free(model), TRAVEL)
+    row = moving_pad(Pad("p", face, at=0.03, across=across), model, free(model), TRAVEL)
     R = model.rigid_motions()
     for s in (0.4, 0.4321, 0.9, 1.2345, 1.5):
         place, normal = np.zeros(3), sign * np.eye(3)[axis]
@@ -70,7 +70,7 @@ def test_a_pad_measures_a_rigid_motion_as_one_wherever_it_is(model: StructuralMo
 def test_a_pad_measures_the_mean_of_a_parabola_without_a_ripple() -> None:
     """w = x^2 on a mesh that has nothing regular: s^2 and the spread of the weights, for every s alike."""
     model = shell()
-    row = moving_pad(Pad("p", "top", across=0.02), PadMeans(model), free(model), TRAVEL)
+    row = moving_pad(Pad("p", "top", across=0.02), model, free(model), TRAVEL)
     w = np.where(model.nodes.component == 2, model.nodes.points[:, 0] ** 2, 0.0)
     spread = [applied(row, s, w) - s**2 for s in np.linspace(*TRAVEL, 77)]
     step = 0.3 / 10
@@ -79,7 +79,7 @@ def test_a_pad_measures_the_mean_of_a_parabola_without_a_ripple() -> None:
 
 def test_a_row_is_twice_continuously_differentiable(model: StructuralModel) -> None:
     """And no more: a declared order that holds exactly."""
-    row = moving_pad(Pad("p", "bottom"), PadMeans(model), free(model), TRAVEL)
+    row = moving_pad(Pad("p", "bottom"), model, free(model), TRAVEL)
     q = np.random.default_rng(3).normal(size=model.size)
     inner = row.breaks[1:-1]
     for order, scale in ((0, 1.0), (1, 1e2), (2, 1e4)):
@@ -89,15 +89,15 @@ def test_a_row_is_twice_continuously_differentiable(model: StructuralModel) -> N
 
 
 def test_the_path_has_as_many_carriers_on_any_mesh() -> None:
-    rows = [moving_pad(Pad("p", "top"), PadMeans(m), free(m), TRAVEL) for m in (shell(), shell(along=30), beam())]
+    rows = [moving_pad(Pad("p", "top"), m, free(m), TRAVEL) for m in (shell(), shell(along=30), beam())]
     assert {row.carriers.shape[0] for row in rows} == {37 + 7}  # 1.1 m in steps of 3 cm, and the pad's reach
 
 
 def test_a_fixed_pad_is_a_moving_one_that_stays(model: StructuralModel) -> None:
     pad = Pad("p", "left", at=0.7, across=0.03, stiffness=1e7)
-    row = fixed_pad(pad, PadMeans(model), free(model), (0.2, 0.5))
+    row = fixed_pad(pad, model, free(model), (0.2, 0.5))
     q = np.random.default_rng(4).normal(size=model.size)
-    moving = moving_pad(pad, PadMeans(model), free(model), (0.0, 0.6))
+    moving = moving_pad(pad, model, free(model), (0.0, 0.6))
     assert applied(row, 0.3, q) == pytest.approx(float(applied(moving, 0.0, q)), rel=1e-12)
     assert not row.moves and row.compliance == 1e-7
 
@@ -120,17 +120,17 @@ def test_a_pad_that_leaves_its_face_or_lies_beside_it_is_refused(make: Callable[
     model = make()
     for travel in ((0.1, 1.5), (0.4, 1.9), (7.0, 8.0), (-3.0, -2.5), (2.15, 2.5), (-0.4, -0.15)):
         with pytest.raises(InputError, match=OFFERS):
-            moving_pad(Pad("p", "top"), PadMeans(model), free(model), travel)
+            moving_pad(Pad("p", "top"), model, free(model), travel)
     for at in (15.0, -0.2, 2.2, 1.9):
         with pytest.raises(InputError, match=OFFERS):
-            fixed_pad(Pad("p", "top", at=at), PadMeans(model), free(model), TRAVEL)
+            fixed_pad(Pad("p", "top", at=at), model, free(model), TRAVEL)
 
 
 @pytest.mark.parametrize("make", [beam, shell, solid])
 def test_a_pad_beside_its_face_is_refused(make: Callable[[], StructuralModel]) -> None:
     for across in (1.0, -1.0, 0.13):
         with pytest.raises(InputError, match=OFFERS + r", -0\.15 to 0\.15 m across"):
-            fixed_pad(Pad("p", "top", at=0.7, across=across), PadMeans(make()), free(make()), TRAVEL)
+            fixed_pad(Pad("p", "top", at=0.7, across=across), make(), free(make()), TRAVEL)
 
 
 def test_a_hole_in_a_face_is_no_place_for_a_pad() -> None:
@@ -140,19 +140,19 @@ def test_a_hole_in_a_face_is_no_place_for_a_pad() -> None:
     middle = model.mesh.points[top.entities].mean(axis=1)
     kept = Group(2, top.entities[np.abs(middle[:, 0] - 0.9) > 0.2])
     holed = Shell(model.body, replace(model.mesh, groups={**model.mesh.groups, "top": kept}))
-    assert fixed_pad(Pad("p", "top", at=1.5), PadMeans(holed), free(holed), TRAVEL).name == "p"
+    assert fixed_pad(Pad("p", "top", at=1.5), holed, free(holed), TRAVEL).name == "p"
     with pytest.raises(InputError, match=r"pads\.p: the pad leaves the face top around"):
-        fixed_pad(Pad("p", "top", at=0.9, length=0.2), PadMeans(holed), free(holed), TRAVEL)
+        fixed_pad(Pad("p", "top", at=0.9, length=0.2), holed, free(holed), TRAVEL)
     low, high = 0.9 - 0.2, 0.9 + 0.2  # the edges of the hole, at the most
     with pytest.raises(InputError, match=r"allowed: with its centre at ([\d.]+) to ([\d.]+) m or ([\d.]+) to ") as hole:
-        moving_pad(Pad("p", "top", length=0.2), PadMeans(holed), free(holed), (0.3, 1.6))
+        moving_pad(Pad("p", "top", length=0.2), holed, free(holed), (0.3, 1.6))
     ends = [float(text) for text in re.findall(r"[\d.]+(?= (?:to|m))", str(hole.value).partition("centre at ")[2])]
     assert ends[0] <= 0.3 and ends[-1] >= 1.6 and 0.5 * low < ends[1] < low and high < ends[2] < 1.5
 
 
 def test_pads_at_the_ends_fit_exactly(model: StructuralModel) -> None:
-    assert moving_pad(Pad("p", "top"), PadMeans(model), free(model), (0.15, 1.85)).breaks[-1] == 1.85
-    assert fixed_pad(Pad("p", "top", at=0.15), PadMeans(model), free(model), TRAVEL).name == "p"
+    assert moving_pad(Pad("p", "top"), model, free(model), (0.15, 1.85)).breaks[-1] == 1.85
+    assert fixed_pad(Pad("p", "top", at=0.15), model, free(model), TRAVEL).name == "p"
 
 
 def test_wrong_pads_are_refused() -> None:
@@ -163,7 +163,7 @@ def test_wrong_pads_are_refused() -> None:
     with pytest.raises(InputError, match=r"pads\.travel"):
         Pads(travel=(1.0, 1.0))
     with pytest.raises(InputError, match="this beam has the faces bottom, left, top, right"):
-        moving_pad(Pad("p", "floor"), PadMeans(beam()), free(beam()), TRAVEL)
+        moving_pad(Pad("p", "floor"), beam(), free(beam()), TRAVEL)
 
 
 @pytest.mark.parametrize(
@@ -244,6 +244,6 @@ def test_pads_that_are_far_too_small_are_refused() -> None:
     with pytest.raises(
         InputError, match=r"pads\.p\.length = 1e-05: at least 0\.0011 m are allowed on a path of 1\.1 m"
     ):
-        moving_pad(Pad("p", "top", length=1e-5), PadMeans(beam()), free(beam()), TRAVEL)
+        moving_pad(Pad("p", "top", length=1e-5), beam(), free(beam()), TRAVEL)
     with pytest.raises(InputError, match="cells of this face are up to .* finer cells or larger pads are allowed"):
-        fixed_pad(Pad("p", "top", at=0.7, length=1e-4, width=1e-4), PadMeans(shell()), free(shell()), TRAVEL)
+        fixed_pad(Pad("p", "top", at=0.7, length=1e-4, width=1e-4), shell(), free(shell()), TRAVEL)

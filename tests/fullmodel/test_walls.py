@@ -7,25 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg
-import scipy.sparse as sp
 from gathering import gathered
 
-from pmr.fullmodel.pads import Pad, PadMeans, Pads, Support
+from pmr.fullmodel.pads import Pad, Pads, Support
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure
 from pmr.fullmodel.wall_compliance import (
     A_LAYER,
-    HeldModel,
     PlateBody,
     Ring,
-    _compute_compliance,
     places_along,
-    shell_of,
     wall_compliance,
 )
 from pmr.fullmodel.walls import Sliding, Standing, Walls, summary
 from pmr.models.beam3d import Beam3D
-from pmr.models.shell import Shell, draw_box
+from pmr.models.shell import draw_box
 from pmr.scene.box import Box
 from pmr.scene.structures import Beam3DBody, BoxProfile, Material, PointMass
 
@@ -214,46 +210,6 @@ def test_the_shells_compliance_is_symmetric_definite_and_a_mirror_image_of_itsel
     assert np.all(np.linalg.eigvalsh(C) > 0.0)
     mirrored = C[[1, 0, 2, 4, 3]][:, [1, 0, 2, 4, 3]]
     assert C == pytest.approx(mirrored, rel=1e-6, abs=1e-6 * C.max())
-
-
-@pytest.mark.slow
-@pytest.mark.numerical
-def test_forces_that_are_mirror_images_take_no_solve(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("gmsh")
-    box, solved, solve = Box(length=2.4, width=0.3, height=0.4, wall=0.008), [], HeldModel._displacements
-    body = PlateBody(draw_box(box, 0.15, 0.3), box, Material(), 5.0 / 6.0, (Clamp("tail"),))
-    ring = tuple(Pad(f"{on} {y}", on, across=y, width=0.06, at=0.6) for on in ("top", "bottom") for y in (-0.1, 0.1))
-
-    def count(model: HeldModel, rows: sp.csr_matrix) -> np.ndarray:
-        solved.append(rows.shape[0])
-        return solve(model, rows)
-
-    monkeypatch.setattr(HeldModel, "_displacements", count)
-    request = body, PRESSED[:2], (("tip", "y"),), (Ring(ring, 0.6),)
-    C, (along,) = _compute_compliance(*request)
-    assert solved == [2, 3, 5, 20]  # shell, then beam, under what stays; the same under the ring at five places
-    monkeypatch.setattr("pmr.fullmodel.wall_compliance.images_of", lambda rows, mirrors: [])
-    expected, (expected_along,) = _compute_compliance(*request)
-    pairs = (C, expected), (along.sliding, expected_along.sliding), (along.standing, expected_along.standing)
-    assert all(one == pytest.approx(other, abs=1e-9 * np.abs(other).max()) for one, other in pairs)
-
-
-@pytest.mark.slow
-def test_pads_that_mirror_others_measure_as_by_quadrature_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One of each group of mirror images is integrated; a pad off the group's places, or longer ones, are too."""
-    pytest.importorskip("gmsh")
-    box, strips, strip = Box(length=2.4, width=0.3, height=0.4, wall=0.008), [], Shell.strip
-    model = shell_of(PlateBody(draw_box(box, 0.15, 0.3), box, Material(), 5.0 / 6.0))
-    monkeypatch.setattr(Shell, "strip", lambda *which: strips.append(which[1]) or strip(*which))
-    on_top = [Pad(f"{on} {y}", on, across=y, width=0.06) for on in ("top", "bottom") for y in (-0.1, 0.1)]
-    on_sides = [Pad(f"{on} {z}", on, across=z, width=0.06) for on in ("left", "right") for z in (-0.1, 0.1)]
-    others = [Pad("aside", "top", across=0.05, width=0.06), Pad("long", "top", across=0.1, width=0.06, length=0.4)]
-    means, places = PadMeans(model), np.array([0.6, 0.63, 1.1])
-    rows = [means.under_pad(pad, places) for pad in (*on_top, *on_sides, *others)]
-    assert strips == ["top", "left", "top", "top"]
-    for pad, found in zip((*on_top, *on_sides, *others), rows, strict=True):
-        own = PadMeans(model).under_pad(pad, places)
-        assert abs(found - own).max() <= 1e-9 * abs(own).max()
 
 
 @pytest.mark.slow
