@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import sys
 import warnings
 from collections.abc import Callable
 from functools import partial
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer import Argument, Option
 
 from pmr.cli.console import (
     VisibleText,
@@ -59,7 +60,7 @@ def study_schema(*kinds: str) -> str:
 def schema(
     kind: Annotated[
         str,
-        typer.Argument(
+        Argument(
             metavar="[KIND]", help="scene, study, one kind of study such as scenes, or a key such as hoist.falls."
         ),
     ] = "scene",
@@ -104,10 +105,9 @@ def scene_kinds() -> list[str]:
 
 def new(
     kind: Annotated[
-        str,
-        typer.Argument(metavar="KIND", help="beam, boom, telescope, crane or platform.", autocompletion=scene_kinds),
+        str, Argument(metavar="KIND", help="beam, boom, telescope, crane or platform.", autocompletion=scene_kinds)
     ],
-    name: Annotated[Path, typer.Argument(metavar="NAME", help="New folder, whose name is the title of the scene.")],
+    name: Annotated[Path, Argument(metavar="NAME", help="New folder, whose name is the title of the scene.")],
 ) -> None:
     """Write a scene with comments into a new folder.
 
@@ -154,40 +154,19 @@ def compile_() -> None:
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # the class of click, or of the copy of click in typer
 
 
-class _Commands(TyperGroup):
-    """Group of commands that raises an InputError for wrong use, as for any other wrong input."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the arguments `args`; raises InputError for wrong ones.  Without any, the help is printed."""
-        if not args:
-            return super().parse_args(ctx, args)  # typer prints the help
-        try:
-            return super().parse_args(ctx, args)
-        except _UsageError as error:
-            raise _refusal(error, ctx) from None
-
-    def invoke(self, ctx: Any) -> Any:
-        """Run the command; raises InputError if it is used in a wrong way."""
-        try:
-            return super().invoke(ctx)
-        except _UsageError as error:
-            raise _refusal(error, ctx) from None
-
-
-def _refusal(error: Any, ctx: Any) -> InputError:
-    """Return an InputError for a command that was used in a wrong way, with the message of click.
+def _usage_message(error: Any) -> str:
+    """Return the message of click for a command that was used in a wrong way.
 
     If an argument is missing and has a help text, that text is added.
     """
-    command, about = (error.ctx or ctx).command_path, getattr(getattr(error, "param", None), "help", None)
-    message = error.format_message().rstrip(".")
+    command = error.ctx.command_path if error.ctx else "pmr"
+    message, about = error.format_message().rstrip("."), getattr(getattr(error, "param", None), "help", None)
     if message.startswith("Missing") and about:
         message += f": {about[:1].lower()}{about[1:].rstrip('.')}"
-    return InputError("command line", "", None, f"{message}; `{command} --help` says more")
+    return f"{message}; `{command} --help` says more"
 
 
 app = typer.Typer(
-    cls=_Commands,
     help="Simulate booms that telescope: from a scene file to a reduced model, its comparison and a report.",
     epilog="Start with: pmr new boom mine && pmr run mine",
     no_args_is_help=True,
@@ -208,10 +187,8 @@ def _version(is_given: bool) -> None:
 
 @app.callback()
 def _before_any_command(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print errors only.")] = False,
+    version: Annotated[bool, Option("--version", callback=_version, is_eager=True, help="Print the version.")] = False,
+    quiet: Annotated[bool, Option("--quiet", help="Print errors only.")] = False,
 ) -> None:
     """Set whether only errors are printed."""
     out.quiet = quiet
@@ -228,11 +205,16 @@ def main() -> None:
     handler.setFormatter(VisibleText("%(levelname)s %(message)s"))
     logging.basicConfig(level=logging.WARNING, handlers=[handler])
     try:
-        app()
+        sys.exit(app(standalone_mode=False))
     except SystemExit:
         if (failure := output_failure()) is not None:
             exit_with_message(f"standard output: {failure.strerror}; results that go to files are there", 1)
         raise
+    except _UsageError as error:
+        if not sys.argv[1:]:
+            error.show()  # type: ignore[attr-defined]  # the help
+            sys.exit(2)
+        exit_with_message(f"command line: {_usage_message(error)}", 2)
     except InputError as error:
         exit_with_message(str(error), 2)
     except (ConvergenceError, SimulationError, NotWrittenError) as error:

@@ -13,8 +13,8 @@ from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
-import typer
 from rich.console import Console
+from typer import Argument, Option
 
 from pmr.errors import InputError
 from pmr.errors.text import escape_controls
@@ -22,28 +22,23 @@ from pmr.files.whole import NotWrittenError, ensure_ordinary
 
 Model = Annotated[
     Path,
-    typer.Argument(
+    Argument(
         metavar="FILE", help="Reduced model that `pmr run` wrote: reduced.npz, or system.npz of several sections."
     ),
 ]
 Overrides = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the file; repeatable.")
+    list[str] | None, Option("--set", metavar="KEY=VALUE", help="Override a key of the file; repeatable.")
 ]
 Folder = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Where results go.  [default: reports/NAME of the file]")
+    Path | None, Option("--out", metavar="DIR", help="Where results go.  [default: reports/NAME of the file]")
 ]
 
-SceneFile = Annotated[
-    Path, typer.Argument(metavar="SCENE", help="Scene file, or the name of a scene that comes with pmr.")
-]
-MotionScene = Annotated[
-    Path, typer.Option("--scene", metavar="SCENE", help="Scene with the path, loads and time steps.")
-]
+SceneFile = Annotated[Path, Argument(metavar="SCENE", help="Scene file, or the name of a scene that comes with pmr.")]
+MotionScene = Annotated[Path, Option("--scene", metavar="SCENE", help="Scene with the path, loads and time steps.")]
 #: Largest number of worker processes; each of them keeps some files open.
 MOST_JOBS = 256
 Jobs = Annotated[
-    int | None,
-    typer.Option("--jobs", metavar="N", min=1, max=MOST_JOBS, help="Worker processes.  [default: one a core]"),
+    int | None, Option("--jobs", metavar="N", min=1, max=MOST_JOBS, help="Worker processes.  [default: one a core]")
 ]
 
 #: Largest number of letters that a line has for the name of a quantity.

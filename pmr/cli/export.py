@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
 from rich.table import Table
 from rich.text import Text
+from typer import Argument, Option
 
 from pmr.cli.console import (
     Folder,
@@ -34,37 +34,30 @@ _SAYS = "; ".join(f"{name}: {target_format.description}" for name, target_format
 
 def export(
     model: Model,
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help=f"{_SAYS}.")] = "exudyn",
+    to: Annotated[str, Option(metavar="FORMAT", help=f"{_SAYS}.")] = "exudyn",
     out_file: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="[default: a name of the format beside the model]")
+        Path | None, Option("--out", metavar="FILE", help="[default: a name of the format beside the model]")
     ] = None,
-    fmi: Annotated[
-        str | None, typer.Option("--fmi", metavar="2|3", help="Version of the interface, for fmu.  [default: 3]")
-    ] = None,
+    fmi: Annotated[str | None, Option(metavar="2|3", help="Version of the interface, for fmu.  [default: 3]")] = None,
     platforms: Annotated[
         str | None,
-        typer.Option(
-            "--platforms",
+        Option(
             metavar="host|all",
             help="Systems that an fmu has binaries for: this machine's, or Linux, Windows and macOS.  [default: host]",
         ),
     ] = None,
     sources: Annotated[
-        bool, typer.Option("--sources", help="Whether an fmu has the C of its binaries, for importers that compile it.")
+        bool, Option("--sources", help="Whether an fmu has the C of its binaries, for importers that compile it.")
     ] = False,
     observer: Annotated[
-        Path | None,
-        typer.Option("--observer", metavar="FILE", help="Sensors and unknowns as TOML, of which an fmu has estimates."),
+        Path | None, Option(metavar="FILE", help="Sensors and unknowns as TOML, of which an fmu has estimates.")
     ] = None,
     at: Annotated[
-        str | None,
-        typer.Option("--at", metavar="S,...", help="Places of the sliders in m, for state spaces.  [default: a grid]"),
+        str | None, Option(metavar="S,...", help="Places of the sliders in m, for state spaces.  [default: a grid]")
     ] = None,
     section: Annotated[
         str | None,
-        typer.Option(
-            "--section", metavar="NAME", help="Write a section of a boom alone, without its joints, for state spaces."
-        ),
+        Option(metavar="NAME", help="Write a section of a boom alone, without its joints, for state spaces."),
     ] = None,
 ) -> None:
     """Write a reduced model for other programs, which do not need pmr.
@@ -95,16 +88,13 @@ def export(
 
 def flexible(
     scene: SceneFile,
-    at: Annotated[float, typer.Option("--at", metavar="S", help="Place of the sliders in m.")],
+    at: Annotated[float, Option(metavar="S", help="Place of the sliders in m.")],
     to: Annotated[
-        str,
-        typer.Option(
-            "--to", metavar="FORMAT", help=f"{'; '.join(f'{k}: {v.description}' for k, v in BODY_FORMATS.items())}."
-        ),
+        str, Option(metavar="FORMAT", help=f"{'; '.join(f'{k}: {v.description}' for k, v in BODY_FORMATS.items())}.")
     ] = "sid",
-    modes: Annotated[int, typer.Option("--modes", metavar="N", help="Number of modes.")] = 8,
+    modes: Annotated[int, Option(metavar="N", help="Number of modes.")] = 8,
     out_file: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="[default: a name of the format in this folder]")
+        Path | None, Option("--out", metavar="FILE", help="[default: a name of the format in this folder]")
     ] = None,
     overrides: Overrides = None,
 ) -> None:
@@ -149,42 +139,22 @@ def flexible(
 
 def matrices(
     stiffness: Annotated[
-        Path,
-        typer.Argument(metavar="STIFFNESS", help=".sti of CalculiX, .mtx (Abaqus), .bdf or .op4 (Nastran), .npz, .hb."),
+        Path, Argument(metavar="STIFFNESS", help=".sti of CalculiX, .mtx (Abaqus), .bdf or .op4 (Nastran), .npz, .hb.")
     ],
-    mass: Annotated[
-        Path | None, typer.Option("--mass", metavar="FILE", help="[default: .mas beside it; of .bdf itself]")
-    ] = None,
+    mass: Annotated[Path | None, Option(metavar="FILE", help="[default: .mas beside it; of .bdf itself]")] = None,
     dofs: Annotated[
         Path | None,
-        typer.Option(
-            "--dofs",
-            metavar="FILE",
-            help="Node and direction of each row.  [default: .dof beside it; of .bdf, .mtx itself]",
-        ),
+        Option(metavar="FILE", help="Node and direction of each row.  [default: .dof beside it; of .bdf, .mtx itself]"),
     ] = None,
     nodes: Annotated[
         Path | None,
-        typer.Option(
-            "--nodes",
-            metavar="FILE",
-            help="Nodes and groups: .inp, .bdf, .csv.  [default: .inp beside it; of .bdf itself]",
-        ),
+        Option(metavar="FILE", help="Nodes and groups: .inp, .bdf, .csv.  [default: .inp beside it; of .bdf itself]"),
     ] = None,
-    stiffness_name: Annotated[
-        str, typer.Option("--stiffness-name", metavar="NAME", help="Of several matrices in a file of Nastran.")
-    ] = "",
-    mass_name: Annotated[str, typer.Option("--mass-name", metavar="NAME", help="The same, of the mass.")] = "",
-    damping: Annotated[
-        Path | None, typer.Option("--damping", metavar="FILE", help="Viscous damping.  [default: none]")
-    ] = None,
-    damping_name: Annotated[
-        str,
-        typer.Option("--damping-name", metavar="NAME", help="The same, of the damping.  [of STIFFNESS itself]"),
-    ] = "",
-    out_file: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="[default: STIFFNESS-matrices.npz]")
-    ] = None,
+    stiffness_name: Annotated[str, Option(metavar="NAME", help="Of several matrices in a file of Nastran.")] = "",
+    mass_name: Annotated[str, Option(metavar="NAME", help="The same, of the mass.")] = "",
+    damping: Annotated[Path | None, Option(metavar="FILE", help="Viscous damping.  [default: none]")] = None,
+    damping_name: Annotated[str, Option(metavar="NAME", help="The same, of the damping.  [of STIFFNESS itself]")] = "",
+    out_file: Annotated[Path | None, Option("--out", metavar="FILE", help="[default: STIFFNESS-matrices.npz]")] = None,
 ) -> None:
     """Read matrices that another program assembled, and check them.
 

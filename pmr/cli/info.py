@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
 from rich.table import Table
+from typer import Argument
 
 from pmr.cli.console import is_study, out, scene_file, study_file
 from pmr.errors import environment
@@ -187,7 +187,7 @@ _PLACES = {"tip": "at the tip", "beam": "along the beam"}
 def info(
     file: Annotated[
         Path | None,
-        typer.Argument(
+        Argument(
             metavar="[FILE]",
             help="reduced.npz, system.npz, a scene or a study or its name; without it what is installed.",
         ),

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
 from rich.table import Table
+from typer import Argument, Option
 
 from pmr.cli.console import Folder, MotionScene, Overrides, out, print_sentences, print_text, scene_file
 from pmr.cli.export import Model
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 def observe(
     model: Model,
     scene: MotionScene,
-    measured: Annotated[Path, typer.Option("--measured", metavar="FILE", help="Measurements over time, as CSV.")],
-    observer: Annotated[Path, typer.Option("--observer", metavar="FILE", help="Sensors and unknowns, as TOML.")],
+    measured: Annotated[Path, Option(metavar="FILE", help="Measurements over time, as CSV.")],
+    observer: Annotated[Path, Option(metavar="FILE", help="Sensors and unknowns, as TOML.")],
     out_dir: Folder = None,
     overrides: Overrides = None,
-    leave_out: Annotated[bool, typer.Option("--leave-out", help="Estimate without each sensor, too.")] = False,
+    leave_out: Annotated[bool, Option("--leave-out", help="Estimate without each sensor, too.")] = False,
     truth: Annotated[
-        Path | None, typer.Option("--truth", metavar="FILE", help="True values over time, as CSV, to judge bands by.")
+        Path | None, Option(metavar="FILE", help="True values over time, as CSV, to judge bands by.")
     ] = None,
 ) -> None:
     """Estimate payload, loads and outputs from measurements.
@@ -78,9 +78,9 @@ def observe(
 
 
 def identify(
-    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file, folder or name of a workflow.")],
-    measured: Annotated[Path, typer.Option("--measured", metavar="FILE", help="Frequencies at places, as CSV.")],
-    fit: Annotated[list[str], typer.Option("--fit", metavar="KEY=START", help="Key to fit and its start; repeatable.")],
+    scene: Annotated[Path, Argument(metavar="SCENE", help="Scene file, folder or name of a workflow.")],
+    measured: Annotated[Path, Option(metavar="FILE", help="Frequencies at places, as CSV.")],
+    fit: Annotated[list[str], Option(metavar="KEY=START", help="Key to fit and its start; repeatable.")],
     out_dir: Folder = None,
     overrides: Overrides = None,
 ) -> None:

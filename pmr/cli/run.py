@@ -12,10 +12,10 @@ from pathlib import Path
 from threading import Timer
 from typing import TYPE_CHECKING, Annotated
 
-import typer
 from rich.box import SIMPLE_HEAD
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from typer import Argument, Option
 
 from pmr.cli.console import (
     NAMES,
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 def run(
     scene_files: Annotated[
         list[Path],
-        typer.Argument(
+        Argument(
             metavar="SCENE", help="Scene files, folders with a scene.toml, or names of scenes that come with pmr."
         ),
     ],
@@ -57,18 +57,18 @@ def run(
     overrides: Overrides = None,
     simulators: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="NAME,...",
             help="Simulate the reduced model by each: march, exudyn, exudyn-multiplier, exudyn-callback.",
         ),
     ] = None,
     tolerance: Annotated[
         str | None,
-        typer.Option(metavar="PERCENT", help="Allowed error, such as 1%: coordinates and step are chosen accordingly."),
+        Option(metavar="PERCENT", help="Allowed error, such as 1%: coordinates and step are chosen accordingly."),
     ] = None,
     cache: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             metavar="DIR",
             help="Store reductions there, and reuse them in runs with other loads or another motion along the path.",
         ),

@@ -13,6 +13,7 @@ import typer
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bars
 from rich.table import Table
+from typer import Argument, Option
 
 from pmr.cli.console import (
     QUIET,
@@ -44,7 +45,7 @@ COLUMN = 14  # number of letters that a column of the table takes
 def study(
     study_file: Annotated[
         Path,
-        typer.Argument(
+        Argument(
             metavar="STUDY",
             help="File of a study or of a collection of studies, or the name of one that comes with pmr.",
         ),
@@ -53,10 +54,9 @@ def study(
     jobs: Jobs = None,
     overrides: Overrides = None,
     only: Annotated[
-        list[str] | None,
-        typer.Option("--only", metavar="RUN", help="Compute only this run, without a table; repeatable."),
+        list[str] | None, Option(metavar="RUN", help="Compute only this run, without a table; repeatable.")
     ] = None,
-    listed: Annotated[bool, typer.Option("--list", help="Print the names of all runs, and compute nothing.")] = False,
+    listed: Annotated[bool, Option("--list", help="Print the names of all runs, and compute nothing.")] = False,
 ) -> None:
     """Compute many runs and make one table of them.
 
@@ -231,8 +231,7 @@ def chart(
     scene: SceneFile,
     up_to: Annotated[
         float | None,
-        typer.Option(
-            "--up-to",
+        Option(
             metavar="KG",
             help="Largest load that is looked for.",
             show_default="the mass of machine and boom, or five times that of a boom without a machine",
