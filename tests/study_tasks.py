@@ -113,7 +113,8 @@ class Squares(StudyBase):
         sums = [
             Task(f"sum-{x}", add, {}, {"left": f"x={x}", "right": f"x={x + 1}"}, {"x": x}) for x in range(COUNT - 1)
         ]
-        return Plan((*sums, *squares[:3], Task("here", surroundings)), tuple(squares[3:]))
+        first, last = squares[:3], [Task("here", surroundings)]
+        return Plan((*first, *sums, *last), tuple(squares[3:]))
 
 
 def project(*studies: StudyBase) -> Project:

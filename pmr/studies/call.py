@@ -24,7 +24,7 @@ from pmr.scene.keys import SceneTable
 from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
 from pmr.studies import kinds
 from pmr.studies.study import RunRecord, Store, StudyBase, StudyResults
-from pmr.studies.tasks import Failure, Node, Plan, ReadyQueue, Task, open_nodes
+from pmr.studies.tasks import Failure, Node, Plan, Task, open_nodes
 from pmr.studies.workers import NOT_COMPUTING, Order, Pool, code_of_tasks
 
 #: Files that the digest of the code leaves out, so that tasks are not computed again when these change; the digest of
@@ -108,19 +108,21 @@ def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch)
     `nodes` are those that `open_nodes` returned.  Results are written into the store.  The call blocks until all tasks
     have ended; `watch` is called with the progress whenever a task ends, and every second.
     """
-    ready, code, begin = ReadyQueue(nodes), code_of_tasks(), time.monotonic()
+    waiting, code, begin = dict(nodes), code_of_tasks(), time.monotonic()
     running: dict[Future[Failure | None], Node] = {}
     done, failures = set[str](), dict[str, Failure]()
-    while ready or running:
-        while ready and len(running) < 2 * pool.slots:  # one waits behind each that runs, so that no worker does
-            node = ready.pop()
-            failed_need = next((digest for digest in node.needs.values() if digest in failures), None)
+    while waiting or running:
+        for digest, node in list(waiting.items()):
+            needs = [need for need in node.needs.values() if need in nodes]
+            failed_need = next((need for need in needs if need in failures), None)
             if failed_need is not None:
-                failures[node.digest] = failures[failed_need].of_skipped(nodes[failed_need].task.key)
-                ready.mark_done(node.digest)
-            else:
-                task, folder = node.task, str(store.folder)
-                order = Order(task.key, node.digest, task.address, task.arguments, node.needs, folder, code)
+                failures[digest] = failures[failed_need].of_skipped(nodes[failed_need].task.key)
+                del waiting[digest]
+            elif (
+                done.issuperset(needs) and len(running) < 2 * pool.slots
+            ):  # one waits behind each, so that no worker does
+                task, folder = waiting.pop(digest).task, str(store.folder)
+                order = Order(task.key, digest, task.address, task.arguments, node.needs, folder, code)
                 running[pool.submit(order)] = node
         finished, _ = wait(running, timeout=WATCH_EVERY, return_when=FIRST_COMPLETED)
         for future in [future for future in running if future in finished]:
@@ -129,7 +131,6 @@ def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch)
                 done.add(node.digest)
             else:
                 failures[node.digest] = failure
-            ready.mark_done(node.digest)
         tasks = [node.task for node in running.values()][: pool.slots]
         watch(_progress(nodes, done, failures, time.monotonic() - begin, tasks))
     return failures

@@ -1,19 +1,17 @@
-"""Tasks of a study, each a named call of a function; the plan of all tasks, and the graph of tasks to be computed."""
+"""Tasks of a study, each a named call of a function; the plan of all tasks, and the tasks to be computed."""
 
 from __future__ import annotations
 
 import hashlib
-import heapq
 import inspect
 import json
 import re
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 from numpy.typing import NDArray
@@ -98,7 +96,7 @@ class Task:
     arguments: Mapping[str, Any] = field(default_factory=dict)  # of JSON types; with digests of files that it reads
     needs: Mapping[str, str] = field(default_factory=dict)  # name that the function uses -> key of the needed task
     parameters: Mapping[str, Scalar] = field(default_factory=dict)  # first columns of the table, also for failed runs
-    cost: float = 1.0  # expected effort in any unit: long tasks start first, and the time left is estimated from it
+    cost: float = 1.0  # expected effort in any unit, from which the time left is estimated
 
     def __post_init__(self) -> None:
         """Raise ValueError for a key that can't name a file, and for a method or nested function as the function."""
@@ -130,22 +128,22 @@ def _source(module: str) -> str:
 
 @dataclass(frozen=True)
 class Plan:
-    """The tasks of one study: its runs, and tasks whose results several runs need."""
+    """The tasks of one study: its runs, and tasks whose results several runs need; needed tasks come first."""
 
     runs: tuple[Task, ...]  # one row of the table each, in this order
     shared: tuple[Task, ...] = ()  # tasks without a row that several runs need; computed once if a run still needs them
 
     def __post_init__(self) -> None:
-        """Raise InputError if two tasks have the same key, ValueError if a task needs a key that the plan lacks."""
+        """Raise InputError if two tasks have the same key, ValueError if a task needs one that is not before it."""
         twice = [key for key, count in Counter(task.key.casefold() for task in self).items() if count > 1]
         if twice:
             allowed = f"two runs are called {', '.join(twice)}; names of scenes and cases, and values, must differ"
             raise InputError("study", "", None, allowed)
-        keys = {task.key for task in self}
+        earlier = set[str]()
         for task in self:
-            missing = set(task.needs.values()) - keys
-            if missing:
-                raise ValueError(f"task {task.key} needs {', '.join(sorted(missing))}, which the plan lacks")
+            if missing := set(task.needs.values()) - earlier:
+                raise ValueError(f"task {task.key} needs {', '.join(sorted(missing))}, which no task before it is")
+            earlier.add(task.key)
 
     def __iter__(self) -> Iterator[Task]:
         """Iterate over all tasks: first those that runs share, then the runs."""
@@ -154,28 +152,19 @@ class Plan:
 
 @dataclass(frozen=True)
 class Node:
-    """A task with its digest and, by name, the digests of all results on which it depends.
-
-    `urgency` is the cost of the longest chain of tasks from this one on.  Starting the most urgent task first keeps all
-    workers busy longest (list scheduling by upward rank; Topcuoglu, Hariri, Wu 2002, section 4.1).
-    """
+    """A task with its digest and, by name, the digests of all results on which it depends."""
 
     digest: str
     task: Task
     needs: Mapping[str, str]
-    urgency: float
 
 
 def digests(plan: Plan, code: str) -> dict[str, str]:
-    """Return the digest of each task of a plan, by key; raises ValueError if the needs of tasks form a cycle.
-
-    `code` is the digest of the code that tasks compute with.
-    """
-    tasks, digest_of_task = {task.key: task for task in plan}, dict[str, str]()
-    for key in _topological_order({key: task.needs.values() for key, task in tasks.items()}):
-        task = tasks[key]
-        digest_of_task[key] = task.digest(code, {name: digest_of_task[need] for name, need in task.needs.items()})
-    return digest_of_task
+    """Return the digest of each task of a plan, by key; `code` is the digest of the code that tasks compute with."""
+    digest = dict[str, str]()
+    for task in plan:
+        digest[task.key] = task.digest(code, {name: digest[key] for name, key in task.needs.items()})
+    return digest
 
 
 def open_nodes(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool]) -> dict[str, Node]:
@@ -184,59 +173,14 @@ def open_nodes(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool])
     Each task comes after the tasks that it needs.  `is_done` returns for a digest whether its result is stored; `code`
     is the digest of the code.
     """
-    tasks, needs, needed = dict[str, Task](), dict[str, dict[str, str]](), set[str]()
+    nodes = dict[str, Node]()
     for plan in plans:
-        digest = digests(plan, code)
-        for task in plan:
-            tasks.setdefault(digest[task.key], task)
-            needs[digest[task.key]] = {name: digest[key] for name, key in task.needs.items()}
-        needed |= {digest[run.key] for run in plan.runs}
-    order = _topological_order({digest: of_task.values() for digest, of_task in needs.items()})
-    urgency, of_dependents = dict[str, float](), dict[str, float]()
-    for key in reversed(order):  # each key before the keys that it needs
-        if key in needed and not is_done(key):
-            urgency[key] = tasks[key].cost + of_dependents.get(key, 0.0)
-            needed.update(needs[key].values())
-            for need in needs[key].values():
-                of_dependents[need] = max(of_dependents.get(need, 0.0), urgency[key])
-    return {key: Node(key, tasks[key], needs[key], urgency[key]) for key in order if key in urgency}
-
-
-class ReadyQueue:
-    """Queue of the nodes whose needs are met, most urgent first."""
-
-    def __init__(self, nodes: Mapping[str, Node]) -> None:
-        self._nodes = nodes
-        self._rank = {digest: (-node.urgency, i) for i, (digest, node) in enumerate(nodes.items())}
-        self._sorter = TopologicalSorter(
-            {d: [n for n in node.needs.values() if n in nodes] for d, node in nodes.items()}
-        )
-        self._heap = list[tuple[tuple[float, int], str]]()
-        self._sorter.prepare()
-        self._add_ready()
-
-    def __bool__(self) -> bool:
-        """Whether a node is queued."""
-        return bool(self._heap)
-
-    def pop(self) -> Node:
-        """Remove the most urgent node and return it."""
-        return self._nodes[heapq.heappop(self._heap)[1]]
-
-    def mark_done(self, digest: str) -> None:
-        """Queue the nodes that waited only for the node with this digest, which has ended: with a result or failed."""
-        self._sorter.done(digest)
-        self._add_ready()
-
-    def _add_ready(self) -> None:
-        """Queue the nodes whose needs have been met since the last call."""
-        for digest in self._sorter.get_ready():
-            heapq.heappush(self._heap, (self._rank[digest], digest))
-
-
-def _topological_order(needs: Mapping[str, Iterable[str]]) -> list[str]:
-    """Return keys in an order in which each follows all keys that it needs; raises ValueError for a cycle."""
-    try:
-        return list(TopologicalSorter(needs).static_order())
-    except CycleError as error:
-        raise ValueError(f"{' and '.join(sorted(set(error.args[1])))} need one another's results") from None
+        digest, of_plan = digests(plan, code), dict[str, Node]()
+        needed = {digest[run.key] for run in plan.runs}
+        for task in reversed([*plan]):  # each task before the tasks that it needs
+            key = digest[task.key]
+            if key in needed and not is_done(key):
+                of_plan[key] = Node(key, task, {name: digest[need] for name, need in task.needs.items()})
+                needed.update(of_plan[key].needs.values())
+        nodes |= dict(reversed(of_plan.items()))
+    return nodes

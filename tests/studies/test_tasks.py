@@ -15,7 +15,7 @@ from waiting import is_alive, wait_until
 import pmr
 from pmr.errors import environment
 from pmr.studies.study import Store
-from pmr.studies.tasks import Plan, ReadyQueue, Task, digests, open_nodes, task_key
+from pmr.studies.tasks import Plan, Task, open_nodes, task_key
 from pmr.studies.workers import OTHER_CODE, Order, Worker, code_of_tasks
 
 
@@ -33,8 +33,8 @@ def test_a_task_is_a_function_of_a_module() -> None:
 def test_a_plan_knows_every_key_once() -> None:
     with pytest.raises(ValueError, match="two runs are called a;"):
         Plan((Task("a", square), Task("A", square)))  # one file on some systems
-    with pytest.raises(ValueError, match="needs b, which the plan lacks"):
-        Plan((Task("a", add, needs={"left": "b"}),))
+    with pytest.raises(ValueError, match="needs b, which no task before it is"):
+        Plan((Task("a", add, needs={"left": "b"}), Task("b", square)))
 
 
 def test_the_digest_changes_with_what_decides_the_result_only() -> None:
@@ -58,33 +58,18 @@ def nothing_done(digest: str) -> bool:
     return False
 
 
-def task(key: str, *needs: str, cost: float = 1.0) -> Task:
-    return Task(key, add, {"key": key}, {need: need for need in needs}, cost=cost)
+def task(key: str, *needs: str) -> Task:
+    return Task(key, add, {"key": key}, {need: need for need in needs})
 
 
 def order(plan: Plan) -> list[str]:
-    """Keys in the order in which one worker would take them."""
-    ready, keys = ReadyQueue(open_nodes([plan], "", nothing_done)), []
-    while ready:
-        node = ready.pop()
-        keys.append(node.task.key)
-        ready.mark_done(node.digest)
-    return keys
+    """Keys of the open tasks of a plan, in their order."""
+    return [node.task.key for node in open_nodes([plan], "", nothing_done).values()]
 
 
-def test_the_start_of_the_longest_chain_goes_first() -> None:
-    plan = Plan((task("short", cost=4.5), task("end", "middle", cost=3.0)), (task("middle", "start"), task("start")))
-    assert order(plan) == ["start", "short", "middle", "end"]
-
-
-def test_equally_urgent_tasks_keep_the_order_of_the_plan() -> None:
-    plan = Plan(tuple(task(key) for key in "dbca"))
-    assert order(plan) == list("dbca")
-
-
-def test_a_circle_is_refused() -> None:
-    with pytest.raises(ValueError, match="need one another's results"):
-        digests(Plan((task("a", "b"), task("b", "a"))), "")
+def test_tasks_follow_what_they_need_in_the_order_of_the_plan() -> None:
+    plan = Plan((task("d"), task("b", "middle"), task("c")), (task("start"), task("unneeded"), task("middle", "start")))
+    assert order(plan) == ["start", "middle", "d", "b", "c"]
 
 
 def test_a_long_chain_is_no_problem() -> None:
