@@ -32,11 +32,10 @@ from pmr.errors.environment import Clock
 from pmr.files.arrays import Array
 from pmr.fullmodel.build import AssembledBody, build_bodies, models_of
 from pmr.pipeline.full_order import FullOrder, References
-from pmr.reduction.bodies import cached_body, join_bodies, reduce_bodies, reduce_with, with_stress_flags
+from pmr.reduction.bodies import cached_body, join_bodies, reduce_bodies, with_stress_flags
 from pmr.reduction.cache import Cache
 from pmr.reduction.from_scene import summary as describe_basis
 from pmr.reduction.recovery import RecoveredBody, ReducedFields, recover_full, recover_reduced, recovered_steps
-from pmr.reduction.snapshots import Snapshots
 from pmr.results import BodyResult, Frequencies, Response, Shapes
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
@@ -77,7 +76,6 @@ class Motions:
 class Precomputed:
     """Results of a single body's full model that several runs share; a run uses them instead of computing them."""
 
-    snapshots: Snapshots
     references: Mapping[str, Response]  # ``full`` and ``ancf``, if the scene is compared with them
     frequencies: Array  # (S, f) Hz at the places of `pmr.compare.frequencies.way_points`
 
@@ -104,10 +102,7 @@ class Bodies:
         """
         self.built, self.clock, self.caches, self.shared = built, clock, caches, shared
         self._comm = next(iter(built.values())).model.comm
-        if shared is None:
-            self.bodies = reduce_bodies(prepare_scene(scene), built, caches, clock)
-        else:
-            self.bodies = {ALONE: reduce_with(scene, built[ALONE].model, shared.snapshots, clock)}
+        self.bodies = reduce_bodies(prepare_scene(scene), built, caches, clock)
         models = {name: body.model for name, body in self.bodies.items()}
         scene = self._comm.bcast(call_on_first_rank(self._comm, lambda: decide_second_order(scene, models)))
         self.choice = self._choose_models(scene)

@@ -1,4 +1,4 @@
-"""Tasks that runs of many kinds of studies share: eigenmodes, reference motions, frequencies.
+"""Tasks that runs of many kinds of studies share: reference motions and frequencies of full models.
 
 Each task is planned from a scene without the keys that do not decide its result, so that runs which differ only in such
 keys share the task, within a study and across the studies of a collection.  The functions import FEniCSx when they are
@@ -14,13 +14,10 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pmr.files import npz
 from pmr.results import Response
 from pmr.scene import Compare, Damping, Reduction, Scene, Simulation, TimeChoice
 from pmr.scene.keys import ALONE
-from pmr.scene.signals import Constant
 from pmr.studies.tasks import Arguments, Needs, Task, TaskFunction, TaskResult
 from pmr.system.from_scene import contacts_of
 from pmr.system.terms import terms_of
@@ -28,12 +25,10 @@ from pmr.system.terms import terms_of
 if TYPE_CHECKING:
     from pmr.fullmodel.build import AssembledBody
     from pmr.fullmodel.model import FullModel
-    from pmr.reduction.snapshots import Snapshots
     from pmr.system.system import System
 
 #: Rough effort in s for the beam of Weyrer et al.
-COSTS = {"modes": 0.2, "full": 0.5, "ancf": 3.0, "frequencies": 0.5}
-NOTHING = Constant(amount=0.0)
+COSTS = {"full": 0.5, "ancf": 3.0, "frequencies": 0.5}
 
 
 def scene_arguments(scene: Scene) -> dict[str, Any]:
@@ -93,26 +88,6 @@ def with_reduction(scene: Scene, reduction: Reduction) -> Scene:
     return scene.vary_sections(lambda part: {"reduction": reduction})
 
 
-def modes_tasks(scene: Scene) -> dict[str, Task]:
-    """Return the task ``modes``, which computes the eigenmodes that a scene's basis is made from.
-
-    A basis of vectors from a file or from a package's function has none.
-    """
-    choice = scene.reduction
-    if choice.is_external:
-        return {}
-    deciding: dict[str, Any] = {"basis": choice.basis, "coordinates": choice.coordinates}
-    deciding["flexibility"] = choice.estimable  # then there are enrichment modes
-    if choice.uses_pod:
-        deciding = {key: getattr(choice, key) for key in ("snapshots", "modes", "positions")} | {"basis": "eigenmodes"}
-    plain = with_reduction(_without_loads(scene), Reduction(solver=choice.solver, **deciding))
-    # The path of pads decides where they have rows; the path of points only decides where snapshots are taken.
-    if scene.points and not (choice.uses_pod and choice.positions == "path"):
-        plain = plain.with_keys(slider={"path": NOTHING}, time=TimeChoice(end=1.0, step=1.0))
-    size = f"{choice.snapshots}x{choice.modes}" if choice.uses_pod else f"{choice.basis}-{choice.coordinates}"
-    return {"modes": _scene_task(compute_modes, "modes", f"modes-{size}", plain)}
-
-
 def reference_task(scene: Scene, name: str) -> Task:
     """Return the task that simulates the reference model `name`, ``"full"`` or ``"ancf"``, for comparison."""
     is_ancf = name == "ancf"
@@ -131,35 +106,9 @@ def frequencies_task(scene: Scene) -> Task:
     return _scene_task(compute_frequencies, "frequencies", "frequencies", _without_loads(scene))
 
 
-def snapshots_from(scene: Scene, needs: Needs) -> Snapshots:
-    """Return a scene's snapshots from the result of its task `modes_tasks`; without this task they are taken here."""
-    from pmr.reduction.from_scene import take_snapshots
-    from pmr.reduction.snapshots import Snapshots
-
-    model = model_of(scene)
-    if "modes" not in needs:
-        return take_snapshots(scene, model)
-    phi, omega, s, residuals = (needs["modes"].arrays[name] for name in ("phi", "omega", "s", "residuals"))
-    return Snapshots.from_local(phi, model, omega, s, residuals, source=scene.reduction.basis)
-
-
 def response_from(result: TaskResult) -> Response:
     """Return the response from the result of a `reference_task`."""
     return npz.record_from_arrays(Response, result.arrays)
-
-
-def compute_modes(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: compute the k eigenmodes that a scene's basis is made from, on n coordinates.
-
-    Arrays: ``phi`` (n, k), ``omega`` (k,) in rad/s, ``residuals`` (k,), and ``s`` (k,) in m, the position of the slider
-    while it is held, NaN where it is released.
-    """
-    from pmr.reduction.from_scene import take_snapshots
-
-    scene = scene_of(arguments)
-    taken = take_snapshots(scene, model_of(scene))
-    phi = np.array(taken.S.getDenseArray())
-    return TaskResult(arrays={"phi": phi, "omega": taken.omega, "residuals": taken.residuals, "s": taken.s})
 
 
 def simulate_reference(arguments: Arguments, needs: Needs) -> TaskResult:

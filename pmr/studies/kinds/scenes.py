@@ -125,7 +125,7 @@ class Study(StudyBase):
     grid: dict[str, Any] = Field(default={}, description="Keys of the scenes and the values that each takes in turn")
 
     def plan(self) -> Plan:
-        """Return a task for each run, and for single bodies the eigenmodes, frequencies and references they share."""
+        """Return a task for each run, and for single bodies the frequencies and references they share."""
         runs, common = [], dict[str, Task]()
         for file, point in self._points():
             key = task_key(",".join(point.words) or file.stem)
@@ -133,8 +133,8 @@ class Study(StudyBase):
             arguments, needs = shared.scene_arguments(scene), dict[str, Task]()
             second_order = scene.frame is not None and scene.frame.second_order
             if not (len(scene.sections) > 1 or second_order or scene.goal is not None or candidate_scenes(scene)):
-                needs = shared.modes_tasks(scene) | {"frequencies": shared.frequencies_task(scene)}
-                needs |= {name: shared.reference_task(scene, name) for name in scene.compare.against}
+                needs = {name: shared.reference_task(scene, name) for name in scene.compare.against}
+                needs["frequencies"] = shared.frequencies_task(scene)
             common |= {task.key: task for task in needs.values()}
             keys = {name: task.key for name, task in needs.items()}
             runs.append(Task(key, run_case, arguments, keys, point.parameters))
@@ -168,7 +168,7 @@ def _varied_scene(file: Path, point: ScenePoint, key: str) -> Scene:
 
 
 def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: run a scene by `run_scene`; a single body's eigenmodes, references and frequencies come from `needs`."""
+    """Task: run a scene by `run_scene`; a single body's references and frequencies come from `needs`."""
     from pmr.pipeline.bodies import Precomputed
 
     scene = shared.scene_of(arguments)
@@ -176,7 +176,7 @@ def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
         return run_scene(scene)
     references: dict[str, Response] = {name: shared.response_from(needs[name]) for name in scene.compare.against}
     frequencies = needs["frequencies"].arrays["omega"] / (2.0 * np.pi)
-    return run_scene(scene, Precomputed(shared.snapshots_from(scene, needs), references, frequencies))
+    return run_scene(scene, Precomputed(references, frequencies))
 
 
 def motion_figures(scene: Scene, response: Response, s: Array, frequencies: Array) -> dict[str, Scalar]:
@@ -261,7 +261,7 @@ def body_figures(summary: Summary) -> dict[str, Scalar]:
 def run_scene(scene: Scene, precomputed: Precomputed | None = None) -> TaskResult:
     """Run a scene with its first simulator and return the results as a row of the table, with arrays and warnings.
 
-    `precomputed` are eigenmodes, references and frequencies of a single body that need not be computed again.  Record:
+    `precomputed` are references and frequencies of a single body that need not be computed again.  Record:
     ``errors.<model>_vs_<reference>.<output>`` (e_NRMS), ``coordinates.full`` and ``.reduced``, ``max_displacement`` and
     ``max_error`` (m), ``cylinders.<name>.{min,max}`` and ``ropes.<name>.{min,max}`` (N), and the columns of
     `motion_figures` and `body_figures`.  For a boom, ``largest_force`` is the largest force of its pads.  For a single

@@ -52,33 +52,23 @@ def shared(folder: Path, rest: str) -> dict[str, int]:
 
 @pytest.mark.slow
 def test_runs_share_what_is_equal(tmp_path: Path) -> None:
-    once = {"compute_modes": 1, "compute_frequencies": 1, "simulate_reference": 1}
+    once = {"compute_frequencies": 1, "simulate_reference": 1}
     sizes = "[grid]\nreduction.coordinates = [10, 20]\nreduction.product = ['euclidean', 'mass']"
     assert shared(tmp_path, sizes) == once
     assert shared(tmp_path, "[grid]\ntime.rho_inf = [0.5, 0.9]") == once | {"simulate_reference": 2}
     forces = "[grid]\nloads = [[{on = 5.0, signal = 1.0}], [{on = 5.0, signal = 2.0}]]"
     assert shared(tmp_path, forces) == once | {"simulate_reference": 2}
-    assert shared(tmp_path, "[grid]\nreduction.modes = [5, 6]") == once | {"compute_modes": 2}
+    assert shared(tmp_path, "[grid]\nreduction.modes = [5, 6]") == once
     assert shared(tmp_path, "[grid]\nmesh.elements = [20, 30]") == {name: 2 * n for name, n in once.items()}
     assert shared(tmp_path, "[grid]\ncompare.against = [['full', 'ancf']]") == once | {"simulate_reference": 2}
     later = "[grid]\nslider.path = [{kind = 'constant', amount = 2.0}, {kind = 'constant', amount = 3.0}]"
-    assert shared(tmp_path, later) == {"compute_modes": 1, "compute_frequencies": 2, "simulate_reference": 2}
-    on_path = later + "\nreduction.positions = ['path']\nreduction.snapshots = [1]\nreduction.coordinates = [6]"
-    assert shared(tmp_path, on_path) == {"compute_modes": 2, "compute_frequencies": 2, "simulate_reference": 2}
+    assert shared(tmp_path, later) == {"compute_frequencies": 2, "simulate_reference": 2}
 
 
 def test_who_simulates_is_shared_where_it_matters_only(tmp_path: Path) -> None:
-    once = {"compute_modes": 1, "compute_frequencies": 1, "simulate_reference": 1}
+    once = {"compute_frequencies": 1, "simulate_reference": 1}
     assert shared(tmp_path, "[grid]\nsimulation.simulators = [['march'], ['exudyn']]") == once
     assert shared(tmp_path, "[grid]\nsimulation.full = ['march', 'exudyn']") == once | {"simulate_reference": 2}
-
-
-def test_free_modes_depend_on_their_number_alone(tmp_path: Path) -> None:
-    free = "[grid]\nreduction.basis = ['free_modes']\nreduction.flexibility = [false, true]\n"
-    free += "reduction.estimate = [false]\n"
-    once = {"compute_modes": 1, "compute_frequencies": 1, "simulate_reference": 1}
-    assert shared(tmp_path, free + "reduction.modes = [5, 6]\nreduction.coordinates = [6]") == once
-    assert shared(tmp_path, free + "reduction.coordinates = [6, 8]") == once | {"compute_modes": 2}
 
 
 @pytest.mark.slow
@@ -100,8 +90,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
     folder = tmp_path_factory.mktemp("study")
     plan(folder, "[grid]\nreduction.coordinates = [4, 10, 20]\nreduction.basis = ['paper', 'eigenmodes']")
     found = compute(folder, call.load(folder / "study.toml"))
-    # six runs share a reference, eigenmodes at all positions, and frequencies
-    assert found.is_complete and len(list(folder.glob("tasks/*.npz"))) == 6 + 3
+    # six runs share a reference and frequencies
+    assert found.is_complete and len(list(folder.glob("tasks/*.npz"))) == 6 + 2
     return found
 
 
@@ -158,20 +148,13 @@ def test_what_too_few_coordinates_lack_is_left_empty(results: StudyResults) -> N
     assert held.figures["frequency_error.2"] is None and held.status == "done"  # 4 - 3 rows leave one
 
 
-def test_modes_of_a_boom_know_its_path() -> None:
-    """Where its pads have rows: without it there is no model."""
-    boom = scene.load(SCENE.with_name("boom_beam.toml"))
-    (task,) = common.modes_tasks(boom).values()
-    assert common.scene_of(task.arguments).path_bounds == boom.path_bounds == (1.5, 4.0)
-
-
 @pytest.mark.slow
 def test_a_row_has_reactions_and_the_stress_of_each_region() -> None:
     coarse = ["mesh.size=0.2", "mesh.along=0.25", "compare.against=[]", "time={end=0.5,step=5e-3}"]
     tilted = ["gravity={direction=[-0.5,0.0,-0.866],rise=0.0}", "damping={mass=5.0}", "recovery.every=0.1"]
     boom = scene.load(SCENE.with_name("boom_shell.toml"), [*coarse, *tilted])
-    tasks = common.modes_tasks(boom) | {"frequencies": common.frequencies_task(boom)}
-    needs = {name: task.function(task.arguments, {}) for name, task in tasks.items()}
+    task = common.frequencies_task(boom)
+    needs = {"frequencies": task.function(task.arguments, {})}
     found = run_case(common.scene_arguments(boom), needs).record
     regions = {name.split(".")[1] for name in found if name.startswith("stress.")}
     assert regions == {"bottom", "left", "right", "top"}
