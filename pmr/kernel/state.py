@@ -250,7 +250,7 @@ class State:
         whole step, and previous steps have been recorded; after `Failure.NOT_FINITE` the state has to be started or
         restored.
         """
-        _check_room(record, first, steps // every)
+        _check_room(record, first, steps // every, self.settings.parts[-1])
         taken, schedule = ffi.new("int64_t *"), _schedule(parts, steps)
         failed = lib.pmr_advance(self._state, signals.pointer, steps, every, schedule, record.at(first), taken)
         self.raise_unless_done(failed, f"step {self.step_number + 1}")
@@ -270,7 +270,7 @@ class State:
         if u.shape != (steps * per + 1, self.kernel.drivers):
             allowed = f"(steps {per} + 1, {self.kernel.drivers}) is allowed"
             raise InputError("state", "u", u.shape, allowed)
-        _check_room(record, first, steps // every)
+        _check_room(record, first, steps // every, self.settings.parts[-1])
         taken, needed, schedule = ffi.new("int64_t *"), ffi.new("int *"), _schedule(parts, steps)
         failed = lib.pmr_advance_sampled(
             self._state, pointer(u), per, steps, every, schedule, record.at(first), taken, needed
@@ -441,10 +441,12 @@ class Jacobian:
     G: Array
 
 
-def _check_room(record: Record, first: int, rows: int) -> None:
-    """Raise an InputError unless the record has `rows` rows from row `first` on."""
+def _check_room(record: Record, first: int, rows: int, parts: int) -> None:
+    """Raise an InputError unless the record has `rows` rows from row `first` on, and ends of `parts` parts if any."""
     if first < 0 or first + rows > record.steps:
         raise InputError("state", "record", record.steps, f"{first + rows} rows or more are needed")
+    if record.ends.size and len(record.ends) < parts:
+        raise InputError("state", "record", len(record.ends), f"ends of {parts} parts or more are needed")
 
 
 def _schedule(parts: Integers | None, steps: int) -> Any:

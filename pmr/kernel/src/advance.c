@@ -82,7 +82,7 @@ static int advance_sampled(pmr_state *st, const double *u, int per, int64_t coun
     int failed;
     *taken = 0;
     *needed = 0;
-    if (per < 1 || st->system->extension.sections) return PMR_REFUSED;
+    if (per < 1 || st->system->computed) return PMR_REFUSED;
     failed = make_steps(st, &course, u, count, every, parts, record, taken);
     if (failed != COARSE) return failed;
     *needed = st->settings.parts[st->progress.level];
@@ -101,11 +101,17 @@ static int make_one_step(pmr_state *st, pmr_course course)
     return PMR_NOT_FINITE;
 }
 
-static int step_to(pmr_state *st, const double *u, const double *rates)
+/* A step of the boom alone, as those of a machine have it. */
+static int step_boom(pmr_state *st, const double *u, const double *rates)
 {
-    if (st->system->extension.sections || !all_finite(u, st->system->drivers)) return PMR_REFUSED;
+    if (!all_finite(u, st->system->drivers)) return PMR_REFUSED;
     copy(st->u_begun, st->u, st->system->drivers);
     return make_one_step(st, (pmr_course){.begun = st->u_begun, .ended = u, .rates = rates});
+}
+
+static int step_to(pmr_state *st, const double *u, const double *rates)
+{
+    return st->system->computed ? PMR_REFUSED : step_boom(st, u, rates);
 }
 
 static int start_computed(pmr_state *st, int kind, const double *motions, const double *z, const double *v);

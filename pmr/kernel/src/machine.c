@@ -131,7 +131,7 @@ static int try_rates(pmr_machine_run *ms, int64_t k, const double *rates)
             ms->new_smooth[n] = ms->new_inertia[n] = loads[m->inertial[n]];
     }
     restore_boom(ms);
-    failed = step_to(ms->state, ms->u, NULL);
+    failed = step_boom(ms->state, ms->u, NULL);
     if (failed) return failed;
     z[0] = ms->state->z, z[1] = z[2] = ms->state->v;
     find_whole(ms, k, now->b, &now->carrier, loads, z, &now->whole);

@@ -168,9 +168,9 @@ int pmr_start_moving(pmr_state *state, int kind, const double *u, const double *
 size_t pmr_frame_work(const pmr_system *system);
 int pmr_frame(const pmr_system *system, const double *motions, double *u, double *jacobian, double *work);
 /* As `pmr_start` and `pmr_step`.  Of a system with a free luffing angle (luffing.c) or extension (extension.c) this motion
-   counts at the start alone, and its cylinder begins with what holds the boom.  `rows` (n,) or NULL: of each motion 1, 2 or 3 rows count; parts of a step follow
-   lines, cubics by rates, or cubics by second rates between what counts at both ends.  `pmr_advance` of such a system
-   takes signals of its motions. */
+   counts at the start alone, and its cylinder begins with what holds the boom.  `rows` (n,) or NULL: of each motion 1, 2
+   or 3 rows count; parts of a step follow lines, cubics by rates, or cubics by second rates between what counts at both
+   ends.  `pmr_advance` of such a system takes signals of its motions. */
 int pmr_start_in_frame(pmr_state *state, int kind, const double *motions, const int32_t *rows, const double *z,
                        const double *v);
 int pmr_step_in_frame(pmr_state *state, const double *motions, const int32_t *rows);
@@ -291,7 +291,8 @@ void pmr_signals_at(const pmr_signals *signals, double t, double *u, double *rat
 /* ---- steps ---- */
 
 /* One step to drivers u (N,) at its end, which parts in between follow along straight lines, or along Hermite's cubics
-   with rates at both ends, `rates` (2, N) at its beginning and its end. */
+   with rates at both ends, `rates` (2, N) at its beginning and its end.  PMR_REFUSED if a luffing angle or an extension is
+   free: `pmr_step_in_frame` moves them. */
 int pmr_step(pmr_state *state, const double *u, const double *rates);
 
 /* The course of n numbers from their values and first three rates at a time, `led` (4, n): with rows up to `rows` at t

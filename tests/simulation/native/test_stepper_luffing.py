@@ -15,6 +15,7 @@ from pmr import InputError, System
 from pmr.export.fmi.reference import reference
 from pmr.export.fmi.variables import Drivers, variables
 from pmr.kernel.machine import CYLINDER_COLUMNS
+from pmr.kernel.state import StepError
 from pmr.scene import Scene
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.moving import read_scene
@@ -140,3 +141,10 @@ def test_a_valve_opens_no_further_than_fully() -> None:
                 y = stepper.step({}, {"luffing drive opening": opening})
             ends.append(float(y[0]))
         assert ends[2] == ends[1] != ends[0]
+
+
+def test_a_step_of_the_boom_alone_is_refused() -> None:
+    """The angle is moved by steps in the frame alone: without them it would stand still in silence."""
+    stepper = stepped("opening")
+    with pytest.raises(StepError, match="step 1"):
+        stepper._state.step(stepper._state.drivers)
