@@ -28,7 +28,7 @@ from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
 from pmr.simulation.reactions import with_forces_on_machine
-from pmr.simulation.stepping import Block, Recorder
+from pmr.simulation.stepping import Recorder
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import BodyStates, SystemTrajectory, states_of
 from pmr.system.system import System
@@ -246,15 +246,14 @@ def _prepare_march(
         evaluation, recorder = Evaluation(system, excitation.times, f), Recorder(recorded_steps)
         parts, loads = np.ones(len(excitation.times), np.int64), f.copy() if system.hoist else f
 
-        def take(block: Block) -> None:
-            """Evaluate one block, and record its states and parts of steps."""
-            part = block.at(slice(None))
-            evaluation(block.first, part)
-            rows = slice(block.first, block.first + block.count)
+        def take(first: int, part: SystemTrajectory) -> None:
+            """Evaluate consecutive steps, and record their states and parts."""
+            evaluation(first, part)
+            rows = slice(first, first + len(part.t))
             parts[rows] = part.parts
             if system.hoist:  # `f` has the hanging weight, and the motion the rope's pulls
                 loads[rows] = part.loads
-            recorder(block)
+            recorder(first, part)
 
         ended = systems.follow(march(), take, done)
         trajectory = recorder.trajectory(ended)

@@ -167,22 +167,8 @@ def _overshoot(signal: SignalBase, stepping: TimeStepping) -> list[float]:
     return [float(max(beyond[worst], 0.0) / (high - low)), float(breaks[worst])]
 
 
-@dataclass(frozen=True)
-class Block:
-    """Consecutive steps of a simulation; the first one is the last step of the block before, or the start."""
-
-    first: int  # number of the first step of the block
-    count: int
-    #: Function of step numbers, from 0 on in the block, that returns their trajectory; valid until the next block.
-    at: Callable[[Indices | slice], SystemTrajectory]
-    whole: bool  # whether the block has all steps of the simulation, so that no other block follows
-
-
 #: After a block that takes less than this many seconds, blocks become longer.
 BRIEF = 0.05
-
-#: Function to which each block is passed, in order.
-Take = Callable[[Block], None]
 
 
 @dataclass(frozen=True)
@@ -197,26 +183,20 @@ class SimulationEnd:
 
 
 class Recorder:
-    """Callable that takes blocks and records some of their steps; `steps` (S,) are the steps' numbers, ascending."""
+    """Callable that takes consecutive steps and records some; `steps` (S,) are the numbers of these, ascending."""
 
     def __init__(self, steps: Indices) -> None:
         self._steps = steps
         self._recorded: SystemTrajectory | None = None
 
-    def __call__(self, block: Block) -> None:
-        """Record the selected steps of a block; if the first block has none, it only sets the arrays' shapes."""
-        low, high = np.searchsorted(self._steps, [block.first, block.first + block.count])
-        if self._recorded is not None and low == high:
-            return
-        # A whole block is taken without indexing, in a fifth of the time.
-        some = block.at(slice(None) if high - low == block.count else self._steps[low:high] - block.first)
-        if block.whole:
-            self._recorded = some
-            return
+    def __call__(self, first: int, part: SystemTrajectory) -> None:
+        """Record the selected steps of a `part` of the trajectory, whose first step has the number `first`."""
+        low, high = np.searchsorted(self._steps, [first, first + len(part.t)])
         if self._recorded is None:
-            self._recorded = some.map_arrays(lambda array: np.empty((len(self._steps), *array.shape[1:]), array.dtype))
-        for stored, array in zip(self._recorded.arrays, some.arrays, strict=True):
-            stored[low:high] = array
+            self._recorded = part.map_arrays(lambda array: np.empty((len(self._steps), *array.shape[1:]), array.dtype))
+        rows = slice(None) if high - low == len(part.t) else self._steps[low:high] - first
+        for stored, array in zip(self._recorded.arrays, part.arrays, strict=True):
+            stored[low:high] = array[rows]
 
     def trajectory(self, ended: SimulationEnd) -> SystemTrajectory:
         """Trajectory of the recorded steps, with the solver's wall time and the surplus of energy from `ended`."""

@@ -43,6 +43,41 @@ class SystemTrajectory:
     rates: Array | None = None  # (T, P) m/s: rates of the path coordinates; None if not known
     hoist: Array | None = None  # (T, 10): outputs of a hoist (`pmr.scene.hoist.OUTPUTS`); None without one
 
+    @classmethod
+    def from_states(
+        cls,
+        system: System,
+        t: Array,
+        states: Mapping[str, tuple[Array, Array]],
+        x: Array,
+        multipliers: Array,
+        peaks: Array | None,
+        energy: Array,
+        friction: Array | None = None,
+        **more: Any,
+    ) -> SystemTrajectory:
+        """Trajectory at times t (T,) in s from coordinates and rates (q, v) of each body, by name.
+
+        `x` (T, sides) in m are positions of the contacts' sides, `multipliers` (T, m) in N the contact forces without
+        the `friction` (T, n) in N of n pads, and `energy` (2, T) in J energy and work without what friction stores in
+        cylinders.  `peaks` (T, m) in N count for contacts that only push; None if forces at t are the largest ones.
+        `more` are further fields.
+        """
+        forces, moments, pads = multipliers, None, Friction.from_contacts(system.contacts)
+        if pads is not None and friction is not None:
+            forces = multipliers + pads.cylinder_forces(friction)
+            moments, energy = pads.moments(friction, forces), energy + pads.stored_energy(friction, forces)
+        bodies = {
+            name: Trajectory(
+                t, q, v, system.side_multipliers(name, multipliers), x.T[system.sides_of(name)].T, more["seconds"]
+            )
+            for name, (q, v) in states.items()
+        }
+        peaks = forces if peaks is None else np.where(np.isnan(system.clearance), forces, peaks)
+        return cls(
+            t, bodies, forces, peaks, energy=energy[0], work=energy[1], friction=friction, moments=moments, **more
+        )
+
     @property
     def arrays(self) -> list[NDArray[Any]]:
         """All arrays of the system and its bodies, each with T rows."""

@@ -39,7 +39,7 @@ from pmr.simulation.modal import LARGEST
 from pmr.simulation.native import systems
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress
-from pmr.system.body import SlidingBody, Trajectory
+from pmr.system.body import SlidingBody
 from pmr.system.contacts import ALONE, SLIDER, Friction
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
@@ -244,31 +244,22 @@ class SystemRun:
         least = balance.round_off(B.T @ (B / inertia[:, None]), motion.f, float(t[1]))
         surplus = balance.energy_surplus(balanced.stored, balanced.work, least, since_start=bool(pushes.any()))
         balance.refuse_growth(surplus, "Exudyn", list(self._needs.rigid_moving_rows))
-        reaching, rubbed = motion.forces[ends], {}
-        forces, energy, work = reaching, balanced.stored[ends], balanced.work[ends]
-        if (pads := self._friction) is not None:
-            friction = motion.friction[ends]
-            forces = reaching + pads.cylinder_forces(friction)
-            of_cylinders = pads.stored_energy(friction, forces)
-            energy, work = energy + of_cylinders, work + of_cylinders
-            rubbed = {"friction": friction, "moments": pads.moments(friction, forces)}
         within = np.maximum.reduceat(motion.forces[1:], ends[:-1], axis=0)
-        bodies = {
-            name: Trajectory(
-                t,
-                self._equations.body_coordinates(name, motion.q[ends]),
-                self._equations.body_coordinates(name, motion.v[ends]),
-                system.side_multipliers(name, reaching),
-                motion.x[ends][:, system.sides_of(name)],
-                seconds,
-                surplus=surplus,
-            )
-            for name in system.bodies
-        }
-        peaks = np.where(pushes, np.vstack([forces[:1], within]), forces)
-        parts_of_steps = np.concatenate([[1], parts])
-        c = motion.c[ends] if system.terms else None
-        return SystemTrajectory(
-            t, bodies, forces, peaks, motion.f[ends], energy, work, seconds, surplus, parts_of_steps, amplitudes=c,
-            rates=self._excitation.rates, **rubbed,
-        )  # fmt: skip
+        of_body = self._equations.body_coordinates
+        states = {name: (of_body(name, motion.q[ends]), of_body(name, motion.v[ends])) for name in system.bodies}
+        return SystemTrajectory.from_states(
+            system,
+            t,
+            states,
+            motion.x[ends],
+            motion.forces[ends],
+            np.vstack([motion.forces[:1], within]),
+            np.array([balanced.stored[ends], balanced.work[ends]]),
+            None if self._friction is None else motion.friction[ends],
+            loads=motion.f[ends],
+            seconds=seconds,
+            surplus=surplus,
+            parts=np.concatenate([[1], parts]),
+            amplitudes=motion.c[ends] if system.terms else None,
+            rates=self._excitation.rates,
+        )

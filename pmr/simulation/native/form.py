@@ -31,7 +31,7 @@ from pmr.simulation.start import (
 )
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
-from pmr.system.contacts import ALONE, Friction
+from pmr.system.contacts import ALONE
 from pmr.system.system import System
 
 #: Most modes for which the kernel computes the equilibrium at the start; for more modes it is computed sparsely.
@@ -116,14 +116,6 @@ class SystemForm:
             name: InitialState(form.X @ z[self.columns[name]], form.X @ v[self.columns[name]])
             for name, form in self.forms.items()
         }
-
-    def forces(self, multipliers: Array, friction: Array | None) -> Array:
-        """Forces (..., m) in N of all contacts from the kernel's multipliers; cylinders' include the pads' friction.
-
-        `friction` (..., n) in N is the friction of n pads, or None without friction.
-        """
-        pads = Friction.from_contacts(self.system.contacts)
-        return multipliers if pads is None or friction is None else multipliers + pads.cylinder_forces(friction)
 
 
 def driver_signals(form: SystemForm, excitation: Excitation) -> list[SignalBase]:

@@ -7,7 +7,7 @@ order, up to some thousand coordinates: the same loop is the reference for the e
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -21,9 +21,7 @@ from pmr.simulation.native.form import start_of as start_of
 from pmr.simulation.native.form import static_start as static_start
 from pmr.simulation.native.march import March, Steps
 from pmr.simulation.start import InitialState
-from pmr.simulation.stepping import Block, Progress, Recorder, SimulationEnd, Take
-from pmr.system.body import Trajectory
-from pmr.system.contacts import Friction
+from pmr.simulation.stepping import Progress, Recorder, SimulationEnd
 from pmr.system.polynomials import apply_table, select_columns, select_rows
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
@@ -69,58 +67,49 @@ def simulate_form(
     return recorder.trajectory(follow(March(form, excitation, initial), recorder, progress))
 
 
-def follow(march: March, take: Take, progress: Progress | None = None) -> SimulationEnd:
-    """Take all steps of `march`, and call `take` with a block of some thousand steps at a time; nothing is stored.
+def follow(
+    march: March, take: Callable[[int, SystemTrajectory], None], progress: Progress | None = None
+) -> SimulationEnd:
+    """Take all steps of `march`, some thousand at a time; nothing is stored.
 
-    If contacts only push, a step may be divided (`pmr.simulation.contact_step`); a block holds the states at the ends
-    of steps.  Errors as `pmr.simulation.SystemSimulator`; the error of a growing motion is raised at the end.
+    `take` is called with the number of the first of consecutive steps, which is the last one of the call before or the
+    start, and with their trajectory, whose arrays are valid until the next call.  If contacts only push, a step may be
+    divided (`pmr.simulation.contact_step`); the trajectory holds the states at the ends of steps.  Errors as
+    `pmr.simulation.SystemSimulator`; the error of a growing motion is raised at the end.
     """
-    form, excitation, system = march.form, march.excitation, march.form.system
-    rubbing = Friction.from_contacts(system.contacts)
-    pushing, P, i = ~np.isnan(system.clearance), form.kernel.paths, form.kernel.inputs
+    return march.run(lambda first, steps: take(first, _trajectory(march, first, steps)), progress)
 
-    def hand_over(first: int, steps: Steps) -> None:
-        """Pass `steps` to `take` as a block that makes trajectories on request.
 
-        `first` is the number of the first of these steps.
-        """
-        count = len(steps.z)
+def _trajectory(march: March, first: int, steps: Steps, every: int = 1, modal: bool = False) -> SystemTrajectory:
+    """Trajectory of recorded `steps`, each `every`-th one of `march`; `first` is the number of the first record.
 
-        def trajectory_at(rows: Indices | slice) -> SystemTrajectory:
-            """Trajectory of rows of the block."""
-            some, chosen = steps.at(rows), np.arange(first, first + count)[rows]
-            numbers = slice(first, first + count) if len(chosen) == count else chosen
-            f, motions, pressed, energy = some.friction, {}, some.multipliers, some.energy
-            t, forces, moments, x = march.t[numbers], pressed, None, march.x[numbers].T
-            if rubbing is not None and f is not None:
-                forces = pressed + rubbing.cylinder_forces(f)
-                moments, energy = rubbing.moments(f, forces), energy + rubbing.stored_energy(f, forces)[:, None]
-            for name, modal in form.forms.items():
-                q, v = (motion[:, form.columns[name]] @ modal.X.T for motion in (some.z, some.v))
-                sides = system.sides_of(name)
-                motions[name] = Trajectory(t, q, v, system.side_multipliers(name, pressed), x[sides].T, seconds=0.0)
-            return SystemTrajectory(
-                t=t,
-                bodies=motions,
-                forces=forces,
-                peaks=forces if some.peaks is None else np.where(pushing, some.peaks, forces),
-                loads=some.drivers[:, P : P + i],
-                energy=energy[:, 0],
-                work=energy[:, 1],
-                seconds=0.0,
-                surplus=np.nan,
-                parts=np.ones(len(t), np.int64) if some.parts is None else some.parts.astype(np.int64),
-                impulses=None if some.impulses is None else some.impulses,
-                amplitudes=some.drivers[:, P + i : P + i + len(system.terms)] if system.terms else None,
-                friction=f,
-                moments=moments,
-                rates=excitation.rates[numbers],
-                hoist=some.hoist,
-            )
-
-        take(Block(first, count, trajectory_at, whole=count == len(march.t)))
-
-    return march.run(hand_over, progress)
+    The coordinates are those of the bodies, or the kernel's if `modal`.
+    """
+    form, P, i = march.form, march.form.kernel.paths, march.form.kernel.inputs
+    rows = slice(first * every, (first + len(steps.z) - 1) * every + 1, every)
+    states = {
+        name: (z, v) if modal else (z @ form.forms[name].X.T, v @ form.forms[name].X.T)
+        for name, at in form.columns.items()
+        for z, v in [(steps.z[:, at], steps.v[:, at])]
+    }
+    return SystemTrajectory.from_states(
+        form.system,
+        march.t[rows],
+        states,
+        march.x[rows],
+        steps.multipliers,
+        steps.peaks,
+        steps.energy.T,
+        steps.friction,
+        loads=steps.drivers[:, P : P + i],
+        seconds=0.0,
+        surplus=np.nan,
+        parts=np.ones(len(steps.z), np.int64) if steps.parts is None else steps.parts.astype(np.int64),
+        impulses=steps.impulses,
+        amplitudes=steps.drivers[:, P + i : P + i + len(form.system.terms)] if form.system.terms else None,
+        rates=march.excitation.rates[rows],
+        hoist=steps.hoist,
+    )
 
 
 def observe(
@@ -133,30 +122,16 @@ def observe(
     not checked: rigid rows that move may grow unnoticed with rho_inf near 1 (docs/time_integration.md).  Errors as
     `pmr.simulation.SystemSimulator`.
     """
-    march, system = March(form, excitation), form.system
-    count, chosen = excitation.stepping.steps // every + 1, outputs_by_body(system, outputs)
-    sizes = {name: len(np.arange(system.bodies[name].outputs.shape[0])[which]) for name, which in chosen.items()}
-    y, forces, evaluated = np.empty((count, sum(sizes.values()))), np.empty((count, len(system.contacts))), 0.0
-    rubbing, P = Friction.from_contacts(system.contacts), form.kernel.paths
+    march, count = March(form, excitation), excitation.stepping.steps // every + 1
+    y = np.empty((count, len(form.system.output_names if outputs is None else outputs)))
+    forces, evaluated = np.empty((count, len(form.system.contacts))), 0.0
 
     def record_outputs(first: int, steps: Steps) -> None:
         """Compute and store outputs and contact forces of the records `steps`, from the record number `first` on."""
         nonlocal evaluated
         begun, rows = perf_counter(), slice(first, first + len(steps.z))
-        numbers, column, load = np.arange(rows.start, rows.stop) * every, 0, P
-        forces[rows] = form.forces(steps.multipliers, steps.friction)
-        pressed, f = steps.multipliers, steps.friction
-        moments = None if rubbing is None or f is None else rubbing.moments(f, pressed)
-        for name, which in chosen.items():
-            inputs = slice(load, load + len(system.bodies[name].input_names))
-            x, acting = march.x[numbers][:, system.sides_of(name)], steps.drivers[:, inputs]
-            turned = None if moments is None else system.side_multipliers(name, moments)
-            deformed = deformation(system, name, x, system.side_multipliers(name, pressed), acting, which, turned)
-            columns = slice(column, column + sizes[name])
-            y[rows, columns] = steps.z[:, form.columns[name]] @ form.forms[name].body.outputs[which].T
-            if deformed is not None:
-                y[rows, columns] += deformed
-            column, load = columns.stop, inputs.stop
+        part = _trajectory(march, first, steps, every, modal=True)
+        y[rows], forces[rows] = np.hstack([*displacements(form.modal, part, outputs).values()]), part.forces
         evaluated += perf_counter() - begun
 
     seconds = march.observe(every, record_outputs)
