@@ -80,50 +80,6 @@ class Elimination:
         entries = np.concatenate([np.ones(len(free)), -self.factors[at, other]])
         return sp.csr_matrix((entries, (rows, columns)), shape=(self.size, len(free)))
 
-    def project_dense(self, A: Array) -> Array:
-        """Product T^T A T (n - c, n - c) for a dense matrix A (n, n)."""
-        free, F, p = self.free, self.factors, self.pivots
-        at = np.searchsorted(free, self.coupled)
-        AT = A[:, free]
-        AT[:, at] -= A[:, p] @ F
-        result = AT[free]
-        result[at] -= F.T @ AT[p]
-        return result
-
-    def condense(self, K: PETSc.Mat) -> PETSc.Mat:
-        """Product T^T K T as a matrix (n, n) in which rows and columns of pivots are zero off the diagonal; collective.
-
-        The diagonal entries of the pivots are equal to the largest diagonal entry of K.  As the size stays n,
-        `EliminationOperator` can apply T^T and T to vectors in place.
-        """
-        first, last = K.getOwnershipRange()
-        result = K.copy()
-        if np.any(self.factors):
-            change = sparse(self._condensation_change(K)[first:last], K, columns=last - first)
-            result.axpy(1.0, change, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-            free_objects(change)
-        mine = self.pivots[(self.pivots >= first) & (self.pivots < last)]
-        result.zeroRowsColumns(mine.astype(PETSc.IntType), diag=float(K.getDiagonal().max()[1]))
-        return result
-
-    def _condensation_change(self, K: PETSc.Mat) -> sp.csr_matrix:
-        """Difference T^T K T - K in the free coordinates, of few rows and columns; collective.
-
-        With F (the `factors`), the rows R of K at the pivots, and the columns P of R at the pivots, the difference is
-        F^T P F - F^T R - R^T F.  It is cheaper than a product with K.
-        """
-        first, last = K.getOwnershipRange()
-        coupled = np.flatnonzero(np.any(self.factors, axis=1))
-        pivots = self.pivots[coupled]
-        rows_of_rank = {int(p): K.getRow(int(p)) for p in pivots if first <= p < last}
-        rows_of_pivots = {p: row for rows in K.comm.tompi4py().allgather(rows_of_rank) for p, row in rows.items()}
-        rows = [rows_of_pivots[int(p)] for p in pivots]
-        R = sp.vstack([sp.csr_matrix((values, i, [0, len(i)]), (1, self.size)) for i, values in rows], format="csr")
-        at, other = np.nonzero(self.factors[coupled])
-        F = sp.csr_matrix((self.factors[coupled][at, other], (at, self.coupled[other])), (len(coupled), self.size))
-        RF = R.T @ F
-        return sp.csr_matrix(F.T @ R[:, pivots] @ F - RF - RF.T)
-
     def to_petsc(self, template: PETSc.Mat) -> PETSc.Mat:
         """The matrix T of q = T z as a PETSc matrix, with its rows spread over ranks as those of `template`.
 
@@ -132,41 +88,6 @@ class Elimination:
         first, last = template.getOwnershipRange()
         pivots = np.count_nonzero((self.pivots >= first) & (self.pivots < last))
         return sparse(self.to_scipy()[first:last], template, columns=last - first - pivots)
-
-
-class EliminationOperator:
-    """Applies T and T^T of an elimination, q = T z, in place to columns whose rows are spread over ranks.
-
-    The rows are spread as those of the matrix `like`.
-    """
-
-    def __init__(self, elimination: Elimination, like: PETSc.Mat) -> None:
-        first, last = like.getOwnershipRange()
-        self._comm, self._count = like.comm.tompi4py(), len(elimination.pivots)
-        self._own = np.flatnonzero((elimination.pivots >= first) & (elimination.pivots < last))
-        near = (elimination.coupled >= first) & (elimination.coupled < last)
-        self._pivots, self._others = elimination.pivots[self._own] - first, elimination.coupled[near] - first
-        self._factors, self._coupled = elimination.factors[:, near], bool(np.any(elimination.factors))
-
-    def restrict(self, g: Array) -> None:
-        """Overwrite this rank's rows `g` (n_local, k) of k columns by the rows of T^T g; collective.
-
-        The rows at pivots become zero.
-        """
-        if self._coupled:
-            at_pivots = np.zeros((self._count, g.shape[1]))
-            at_pivots[self._own] = g[self._pivots]
-            g[self._others] -= self._factors.T @ np.asarray(self._comm.allreduce(at_pivots))
-        g[self._pivots] = 0.0
-
-    def extend(self, x: Array) -> None:
-        """Overwrite this rank's rows `x` (n_local, k) of k columns by the rows of T x; collective.
-
-        The entries of `x` at pivots are not read.
-        """
-        x[self._pivots] = 0.0
-        if self._coupled:
-            x[self._pivots] = -np.asarray(self._comm.allreduce(self._factors @ x[self._others]))[self._own]
 
 
 def eliminate(C: sp.csr_matrix, names: Sequence[str]) -> Elimination:
@@ -248,10 +169,11 @@ class DenseEigenSolver:
         phi, omega2, cut = np.empty((model.size, count)), np.empty(count), False
         if self._M is not None and self._K is not None:
             springs = (C[soft].T @ sp.diags(1.0 / compliance[soft]) @ C[soft]).toarray() if len(soft) else 0.0
-            M, K = elimination.project_dense(self._M), elimination.project_dense(self._K + springs)
+            T = elimination.to_scipy()
+            M, K = (T.T @ A @ T for A in (self._M, self._K + springs))
             mu, z = scipy.linalg.eigh(M, K + self._sigma * M)
             all_omega2 = 1.0 / mu[::-1] - self._sigma
-            omega2, phi = all_omega2[:count], elimination.to_scipy() @ z[:, ::-1][:, :count]
+            omega2, phi = all_omega2[:count], T @ z[:, ::-1][:, :count]
             cut = len(all_omega2) > count and are_clustered(all_omega2[count - 1], all_omega2[count])
         omega2, phi, cut = model.comm.bcast((omega2, phi, cut))
         return finish_modes(model, s, omega2, np.ascontiguousarray(phi[model.share]), cut)

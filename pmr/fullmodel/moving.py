@@ -25,11 +25,11 @@ from scipy.interpolate import BPoly, PPoly
 
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, PETSc, compiled_form, constant
-from pmr.fem.distributed import free_objects, gather, times
+from pmr.fem.distributed import free_objects, gather, sparse, times
 from pmr.fem.factor import NotDefiniteError, factor_for_columns
 from pmr.files.arrays import Array
 from pmr.fullmodel.assembly import Assembler, share
-from pmr.fullmodel.eigensolvers import DENSE_UP_TO, Elimination, EliminationOperator, eliminate, is_dense
+from pmr.fullmodel.eigensolvers import DENSE_UP_TO, Elimination, eliminate, is_dense
 from pmr.fullmodel.model import FullModel
 from pmr.models import StructuralModel, UnitState, is_assembled
 from pmr.scene.cylinder import LuffingCylinder
@@ -109,8 +109,9 @@ class _SparseSolver:
     """Static solver by a sparse factor that is spread over the ranks, or complete on each of them."""
 
     def __init__(self, stiffness: PETSc.Mat, elimination: Elimination) -> None:
-        self._condensed = EliminationOperator(elimination, stiffness)
-        K = elimination.condense(stiffness)
+        self._T = elimination.to_petsc(stiffness)
+        K, rows = stiffness.PtAP(self._T), elimination.to_scipy().T.tocsr()
+        self._T_transposed = sparse(rows[slice(*K.getOwnershipRange())], K, columns=stiffness.getLocalSize()[0])
         try:
             self._factor = factor_for_columns(K, "stiffness")
         except NotDefiniteError:
@@ -119,18 +120,13 @@ class _SparseSolver:
             free_objects(K)
 
     def solve(self, g: Array) -> Array:
-        """This rank's rows (n_local, k) of k solutions x, for its rows `g` (n_local, k) of the loads; collective.
-
-        `g` is overwritten.
-        """
-        self._condensed.restrict(g)
-        x = self._factor.solve_columns(g)
-        self._condensed.extend(x)
-        return x
+        """This rank's rows (n_local, k) of k solutions x, for its rows `g` (n_local, k) of the loads; collective."""
+        return times(self._T, self._factor.solve_columns(times(self._T_transposed, g)))
 
     def destroy(self) -> None:
-        """Free the factor's memory; collective."""
+        """Free the memory of the factor and of T; collective."""
         self._factor.destroy()
+        free_objects(self._T, self._T_transposed)
 
 
 #: Solves x = T (T^T K T)^-1 T^T g for loads g with the stiffness K; T spans the motions that held rows allow.

@@ -11,8 +11,8 @@ import pytest
 import scipy.sparse as sp
 
 from pmr import scene as scenes
-from pmr.fem.compat import MPI, PETSc, assemble, compiled_form, original_cells
-from pmr.fem.distributed import gather, sparse
+from pmr.fem.compat import MPI, assemble, compiled_form, original_cells
+from pmr.fem.distributed import gather
 from pmr.fullmodel.assembly import MatrixRows, model_order, reorder_rows, share
 from pmr.fullmodel.build import build_bodies, full_model
 from pmr.fullmodel.eigensolvers import DependentRowsError, eliminate
@@ -125,20 +125,3 @@ def test_the_distributed_matrix_is_the_same(load_scene, s: float) -> None:
     T = gather(elimination.to_petsc(model.M))
     if MPI.COMM_WORLD.rank == 0:
         assert np.array_equal(T.toarray(), elimination.to_scipy().toarray())
-
-
-@pytest.mark.mpi
-def test_the_condensed_matrix_is_the_product_with_the_pivots_on_its_diagonal() -> None:
-    n, comm = 40, MPI.COMM_WORLD
-    A = sp.random(n, n, density=0.2, random_state=8)
-    K = sp.csr_matrix(A @ A.T + sp.eye(n))
-    C = sp.vstack([sp.random(3, n, density=0.3, random_state=9), sp.csr_matrix(([1.0], ([0], [17])), (1, n))])
-    elimination = eliminate(sp.csr_matrix(C), "abcd")
-    first, last = share(n, comm)
-    like = PETSc.Mat().createAIJ(((last - first, n), (last - first, n)), comm=comm)
-    condensed = gather(elimination.condense(sparse(K[first:last], like, columns=int(last - first))))
-    if comm.rank == 0:
-        T, free = elimination.to_scipy(), elimination.free
-        expected = K.diagonal().max() * np.eye(n)
-        expected[np.ix_(free, free)] = (T.T @ K @ T).toarray()
-        assert condensed.toarray() == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
