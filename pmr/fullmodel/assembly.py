@@ -87,27 +87,30 @@ class Assembler:
     def __init__(self, model: FiniteElementModel, domain: object) -> None:
         self.model, self.comm, self.space = model, comm_of(domain), model.space(domain)
         self._order = model_order(model, self.space)
+        numbers = np.arange(len(self._order))
+        ordered = sp.csr_matrix((np.ones(len(numbers)), (self._order, numbers)))
+        self._projection = ordered if model.transformation is None else sp.csr_matrix(ordered @ model.transformation)
 
     def matrix(self, form: object, zeros: bool = True) -> PETSc.Mat:
         """Assemble a UFL form to a matrix (n, n); if `zeros`, explicit zeros of its pattern are kept.  Collective."""
         return self.assemble_form(compiled_form(form), zeros)
 
     def assemble_form(self, form: object, zeros: bool = True) -> PETSc.Mat:
-        """Assemble a compiled form to a matrix (n, n) in the model's order of coordinates.
+        """Assemble a compiled form to a matrix (n, n) on the model's coordinates, of which ranks own equal shares.
 
-        If the model has a `transformation` T, the matrix is projected, T^T A T, onto the model's coordinates.  If
-        `zeros`, explicit zeros of the pattern are kept.  Collective.
+        If `zeros`, explicit zeros of the pattern are kept.  Collective.
         """
-        rows = _local_rows(assemble(form))
+        A, columns = assemble(form), share(self._projection.shape[1], self.comm)
+        size = int(columns[1] - columns[0])
+        P = sparse(self._projection[slice(*A.getOwnershipRange())], A, columns=size)
+        product = A.PtAP(P)
+        rows = local_csr(product)
+        free_objects(P, product, A)
         if not zeros:
-            rows.matrix.eliminate_zeros()
-        matrix, T = reorder_rows(rows, self._order, self.comm), self.model.transformation
-        if T is None:
-            return matrix
-        (first, last), columns = matrix.getOwnershipRange(), share(T.shape[1], self.comm)
-        P = sparse(T.tocsr()[first:last], matrix, columns=int(columns[1] - columns[0]))
-        matrix = project_matrix(matrix, P)
-        free_objects(P)
+            rows.eliminate_zeros()
+        sizes, csr = (size, rows.shape[1]), (rows.indptr, rows.indices, rows.data)
+        matrix = PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=self.comm)  # the product is on dolfinx' copy of it
+        matrix.assemble()
         return matrix
 
     def displacement_function(self, q: Array) -> Function:
@@ -139,63 +142,6 @@ def model_order(model: FiniteElementModel, space: FunctionSpace) -> Indices:
     if not np.array_equal(np.sort(order), np.arange(len(order))):
         raise RuntimeError("the coordinates of the model do not match those of the function space")
     return order
-
-
-@dataclass(frozen=True)
-class MatrixRows:
-    """Some of the N rows of a matrix (N, N) that one rank holds: the numbers (n,) and the entries (n, N) of n rows."""
-
-    numbers: Indices
-    matrix: sp.csr_matrix
-
-    def select(self, positions: Indices) -> MatrixRows:
-        """The rows at the given `positions` (k,) among the n rows, in the order of `positions`."""
-        return MatrixRows(self.numbers[positions], self.matrix[positions])
-
-
-def _local_rows(A: PETSc.Mat) -> MatrixRows:
-    """Rows of A that this rank owns; frees A."""
-    rows = MatrixRows(np.arange(*A.getOwnershipRange()), local_csr(A))
-    free_objects(A)
-    return rows
-
-
-def reorder_rows(rows: MatrixRows, order: Indices, comm: MPI.Comm) -> PETSc.Mat:
-    """Matrix with rows and columns in the model's order, of which each rank owns about equally many rows; collective.
-
-    `rows` are the rows that this rank owns in PETSc's order.  `order` (N,) is the PETSc index of each of the model's
-    coordinates, from `model_order`.  PETSc's own method `createSubMatrix` takes three times as long on two ranks as on
-    one.
-    """
-    number = np.empty(len(order), PETSc.IntType)
-    number[order] = np.arange(len(order), dtype=number.dtype)
-    share_of_rank = _exchange_rows(MatrixRows(number[rows.numbers], rows.matrix), comm).matrix
-    share_of_rank.indices[:] = number[share_of_rank.indices]
-    share_of_rank.has_sorted_indices = False
-    share_of_rank.sort_indices()
-    sizes = (share_of_rank.shape[0], len(order))
-    result = PETSc.Mat().createAIJ(
-        (sizes, sizes), csr=(share_of_rank.indptr, share_of_rank.indices, share_of_rank.data), comm=comm
-    )
-    result.assemble()
-    return result
-
-
-def _exchange_rows(rows: MatrixRows, comm: MPI.Comm) -> MatrixRows:
-    """Send each of this rank's rows to the rank that will own it; returns the rows that this rank will own, ascending.
-
-    Collective.
-    """
-    ends = np.arange(1, comm.size + 1) * rows.matrix.shape[1] // comm.size
-    owner = np.searchsorted(ends, rows.numbers, side="right")
-    sent = [rows.select(np.flatnonzero(owner == rank)) if rank != comm.rank else None for rank in range(comm.size)]
-    received = [part for part in comm.alltoall(sent) if part is not None]
-    if received:
-        owner = np.concatenate([owner, *(np.full(len(part.numbers), comm.rank) for part in received)])
-        numbers = np.concatenate([rows.numbers, *(part.numbers for part in received)])
-        rows = MatrixRows(numbers, sp.vstack([rows.matrix, *(part.matrix for part in received)], "csr"))
-    owned = np.flatnonzero(owner == comm.rank)
-    return rows.select(owned[np.argsort(rows.numbers[owned])])
 
 
 def project_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import columns, free_objects, sparse
-from pmr.files.arrays import Array, Indices
+from pmr.files.arrays import Array
 from pmr.fullmodel.assembly import Operators, operators_of, pad_pattern, project_matrix, rayleigh, share
 from pmr.fullmodel.model import FullModel, RigidMotions, masses_of
 from pmr.fullmodel.moving import FrameAssembler
@@ -124,48 +124,16 @@ def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, inn
 
 
 def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, addition: sp.csr_matrix) -> PETSc.Mat:
-    """Sum T^T A T + `addition`, of which each rank owns consecutive rows; collective.
-
-    A is freed if the sum is another matrix.  Zeros of `addition` keep their place in the pattern.  If T only leaves
-    coordinates out, rows and columns are selected without a product.
-    """
-    first, last = A.getOwnershipRange()
+    """Sum T^T A T + `addition`, of which each rank owns consecutive rows; frees A.  Collective."""
     low, high = share(T.shape[1], A.comm.tompi4py())
-    if not _only_selects(T):
-        P = sparse(T[first:last], A, columns=int(high - low))
-        result = project_matrix(A, P)
-        free_objects(P)
-    elif T.shape[0] > T.shape[1]:
-        result = _submatrix(A, np.flatnonzero(np.diff(T.indptr))[low:high])
-    else:
-        result = A
+    P = sparse(T[slice(*A.getOwnershipRange())], A, columns=int(high - low))
+    result = project_matrix(A, P)
+    free_objects(P)
     if addition.nnz:
         more = sparse(addition[low:high], result, columns=int(high - low))
         result.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         free_objects(more)
     return result
-
-
-def _submatrix(A: PETSc.Mat, numbers: Indices) -> PETSc.Mat:
-    """Matrix of some rows of A and the columns of the same numbers; frees A.  Collective.
-
-    `numbers` are those rows that this rank will own.
-    """
-    chosen = PETSc.IS().createGeneral(numbers.astype(PETSc.IntType), comm=A.comm)
-    result = A.createSubMatrix(chosen, chosen)
-    free_objects(A, chosen)
-    return result
-
-
-def _only_selects(T: sp.csr_matrix) -> bool:
-    """Whether T z consists of the coordinates z in their order, with zeros between them.
-
-    The number of entries does not decide: T of a rigid mass on a single node has as many, in other places and with
-    other signs.
-    """
-    T = T.tocoo()
-    order = np.argsort(T.row, kind="stable")
-    return T.nnz == T.shape[1] and bool(np.all(T.data == 1.0) and np.all(T.col[order] == np.arange(T.nnz)))
 
 
 def _position(output: Action | PadForce | Gauge, structure: Structure) -> float:

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from pmr import scene as scenes
 from pmr.fem.compat import MPI, assemble, compiled_form, original_cells
 from pmr.fem.distributed import gather
-from pmr.fullmodel.assembly import MatrixRows, model_order, reorder_rows, share
+from pmr.fullmodel.assembly import model_order, share
 from pmr.fullmodel.build import build_bodies, full_model
 from pmr.fullmodel.eigensolvers import DependentRowsError, eliminate
 from pmr.fullmodel.from_scene import structure_of
@@ -39,22 +39,6 @@ def test_cells_stand_on_the_rank_that_keeps_most_of_their_rows() -> None:
     mine = np.argsort(model_order(model, space))[slice(*A.getOwnershipRange())]
     first, last = share(model.size, comm)
     assert np.mean((mine >= first) & (mine < last)) > (0.9 if comm.size > 1 else 0.999)
-
-
-@pytest.mark.mpi
-def test_rows_come_from_wherever_they_are_known() -> None:
-    """Also where ranks know those of others only, in any order."""
-    comm, n = MPI.COMM_WORLD, 23
-    rng = np.random.default_rng(2)
-    whole = sp.random(n, n, 0.3, "csr", random_state=np.random.RandomState(4))
-    order, known = rng.permutation(n), rng.permutation(n)
-    mine = np.array_split(known, comm.size)[comm.rank]
-    found = reorder_rows(MatrixRows(mine, whole[mine]), order, comm)
-    first, last = share(n, comm)
-    assert found.getOwnershipRange() == (first, last)
-    expected = whole[order[first:last]][:, order].toarray()
-    indptr, indices, values = found.getValuesCSR()
-    assert np.array_equal(sp.csr_matrix((values, indices, indptr), (last - first, n)).toarray(), expected)
 
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
