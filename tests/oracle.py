@@ -99,6 +99,7 @@ def with_curvature(full: FullBody, element: int) -> FullBody:
         output_positions=np.append(places, places[element + 1]),
         output_units=("m",) * len(places) + ("1/m",),
         output_names=(*(f"w{k}" for k in range(len(places))), "gauge"),
+        output_kinds=(*("beam z",) * (len(places) - 1), "tip z", "probe"),
     )
 
 
@@ -157,6 +158,7 @@ def project(full: FullBody, V: Array, tolerance: float = 1e-12) -> ReducedModel:
         output_positions=full.output_positions,
         output_units=full.output_units,
         output_names=full.output_names,
+        output_kinds=full.output_kinds,
         left_out=tuple(full.row_names[i] for i in left_out),
     )
 
@@ -211,15 +213,12 @@ def flexible(full: FullBody, count: int) -> ReducedModel:
 def enriched(full: FullBody, count: int, enrichment: int = 0) -> ReducedModel:
     """Reduce a model as `flexible` does, with the next modes as enrichment and the inertia of what is truncated."""
     model = flexible(full, count)
-    kept = [full.row_names.index(name) for name in model.row_names]
     more = free_modes(full, count + enrichment)[0][:, count:]
-    rows = stack_tables([row.project(more) for row in full.rows.rows], full.domain)
     beside = EnrichmentModes(
         stiffness=np.diagonal(more.T @ full.K @ more),
         damping=np.diagonal(more.T @ full.D @ more),
         B=more.T @ full.B,
         outputs=full.outputs @ more,
-        rows=PPoly(np.ascontiguousarray(rows.c[:, :, kept]), rows.x),
     )
     carriers = replace(carried_rows(full, count), enrichment=_shared(full).carriers @ more)
     return replace(model, enrichment=beside if enrichment else None, carriers=carriers)

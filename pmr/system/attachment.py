@@ -47,7 +47,6 @@ import scipy.sparse as sp
 from pmr.files.arrays import Array
 from pmr.system.body_matrices import DAMPING, Reactions
 from pmr.system.carriers import CarrierFlexibility, CylinderResponses, EnrichmentModes
-from pmr.system.polynomials import stack_tables
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.soundness import pivoted_cholesky, symmetric_part
 from pmr.system.truncation import extend, with_tables
@@ -223,14 +222,11 @@ def _append_vectors(model: ReducedModel, stiffness: Array, measures: Array, outp
     carriers = model.carriers
     assert carriers is not None
     K = len(carriers.values)
-    on_rows = replace(carriers, values=measures[:K])
-    rows = [on_rows.row(k, name).project(np.eye(len(stiffness))) for k, name in enumerate(model.row_names)]
     modes = EnrichmentModes(
         stiffness=stiffness,
         damping=np.zeros_like(stiffness) if model.rayleigh is None else model.rayleigh.modal_damping(stiffness),
         B=measures[K:].T,
         outputs=outputs,
-        rows=stack_tables(rows, model.domain, len(stiffness)),
     )
     on_modes = replace(carriers, enrichment=measures[:K], inertia=None, answers=None)
     without = replace(model, enrichment=modes, carriers=on_modes, reactions=None)  # which lack the new coordinates

@@ -86,18 +86,17 @@ class Flexibility:
 class EnrichmentModes:
     """The first c modes phi that a model truncates, M-orthonormal, with ascending frequencies omega.
 
-    The model has r coordinates, m rows, i inputs and o outputs.  The flexibility of these modes is part of the model's
-    tables.  The error of the model is estimated with them as coordinates, and `pmr.system.truncation` makes them
-    coordinates.
+    The model has r coordinates, i inputs and o outputs.  The flexibility of these modes is part of the model's tables,
+    their values on the carriers are `CarrierRows.enrichment`.  The error of the model is estimated with them as
+    coordinates, and `pmr.system.truncation` makes them coordinates.
     """
 
-    AXES: ClassVar = {"stiffness": "c", "damping": "c", "B": "ci", "outputs": "oc", "rows": "mc"}
+    AXES: ClassVar = {"stiffness": "c", "damping": "c", "B": "ci", "outputs": "oc"}
 
     stiffness: Array  # omega^2 (c,) in (rad/s)^2
     damping: Array  # phi^T D phi = 2 zeta omega (c,) 1/s
     B: Array  # phi^T B (c, i)
     outputs: Array  # O phi (o, c)
-    rows: PPoly  # C(s) phi (m, c)
     # (r + c, r + c), by name: `matrices` of the model with these modes as its last coordinates
     matrices: Mapping[str, Array] = field(default_factory=dict)
 

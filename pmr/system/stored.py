@@ -91,7 +91,7 @@ def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> d
     if not carriers.breaks or breaks is None:
         return {}
     C = carriers.polynomials(breaks)
-    tables = {"rows": C.times(carriers.values), "enrichment.rows": C.times(carriers.enrichment)}
+    tables = {"rows": C.times(carriers.values)}
     if carriers.flexibility is not None:
         products = carriers.flexibility.tables(C)
         tables |= {f"flexibility.{name}": getattr(products, name) for name in ("rows", "inputs", "outputs")}

@@ -16,8 +16,7 @@ import numpy as np
 
 from pmr.files.arrays import Array
 from pmr.system.body_matrices import DAMPING
-from pmr.system.carriers import CarrierRows, EnrichmentModes, Flexibility
-from pmr.system.polynomials import add_tables, join_columns, multiply_matrix, multiply_tables, select_columns, transpose
+from pmr.system.carriers import EnrichmentModes
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.soundness import symmetric_part
 
@@ -28,10 +27,11 @@ MODAL = 1e-6
 def truncate(model: ReducedModel, r: int) -> ReducedModel:
     """Return the model on its first r modes; the other modes join residual flexibility and enrichment modes.
 
-    A ValueError is raised if the coordinates are no eigenmodes in ascending order, if there is no residual flexibility,
-    if r is not between 1 and one less than the model's size, or if a mode without stiffness would be truncated.
+    A ValueError is raised if the coordinates are no eigenmodes in ascending order, if there is no residual flexibility
+    on carriers, if r is not between 1 and one less than the model's size, or if a mode without stiffness would be
+    truncated.
     """
-    if model.flexibility is None:
+    if model.carriers is None or model.carriers.flexibility is None:
         raise ValueError("a model without residual flexibility has no tables that its modes could join: leading() cuts")
     if not is_modal(model):
         raise ValueError("only eigenmodes in ascending order can join the residual flexibility")
@@ -45,15 +45,13 @@ def truncate(model: ReducedModel, r: int) -> ReducedModel:
         damping=np.diagonal(model.D)[r:],
         B=model.B[r:],
         outputs=model.outputs[:, r:],
-        rows=select_columns(model.rows, slice(r, None)),
         matrices=model.matrices,
     )
     return with_tables(
         replace(
             replace(model, flexibility=None, carriers=None).leading(r),
-            flexibility=_join_tables(model, modes, 1.0),
             enrichment=modes if model.enrichment is None else _chain_modes(modes, model.enrichment),
-            carriers=None if model.carriers is None else model.carriers.truncate(r, modes),
+            carriers=model.carriers.truncate(r, modes),
         )
     )
 
@@ -63,12 +61,11 @@ def extend(model: ReducedModel, count: int | None = None, tabulated: bool = True
 
     Unless the result is to be `tabulated`, its tables still have to be computed by `with_tables`.
 
-    A ValueError is raised if the model has fewer enrichment modes, none at all or no residual flexibility, or if
-    `count` is less than 1.
+    A ValueError is raised if the model has fewer enrichment modes or none at all, or if `count` is less than 1.
     """
     available = 0 if model.enrichment is None else model.enrichment.count
     count = available if count is None else count
-    if model.enrichment is None or model.flexibility is None or not 0 < count <= available:
+    if model.enrichment is None or model.carriers is None or not 0 < count <= available:
         raise ValueError(f"{count} enrichment modes of {available}: the model has no more")
     back = _select_modes(model.enrichment, slice(count))
     matrices = {name: _extend_matrix(A, back.matrices.get(name), count) for name, A in model.matrices.items()}
@@ -80,34 +77,21 @@ def extend(model: ReducedModel, count: int | None = None, tabulated: bool = True
         K=_block_diagonal(model.K, back.stiffness),
         B=np.concatenate([model.B, back.B]),
         outputs=np.hstack([model.outputs, back.outputs]),
-        rows=join_columns(model.rows, back.rows),
         matrices=matrices,
         ports={name: _extend_port(model, name, count) for name in model.ports},
-        flexibility=_join_tables(model, back, -1.0),
         enrichment=_select_modes(model.enrichment, slice(count, None)) if count < available else None,
-        carriers=None if model.carriers is None else model.carriers.extend(back),
+        carriers=model.carriers.extend(back),
     )
     return with_tables(longer) if tabulated else longer
 
 
 def with_tables(model: ReducedModel) -> ReducedModel:
-    """Return the model with tables computed from its carriers; unchanged if they lack flexibility or rows."""
+    """Return the model with tables computed from its carriers; unchanged if they lack flexibility."""
     carriers = model.carriers
-    if not _has_tables(carriers):
+    if carriers is None or carriers.flexibility is None:
         return model
-    assert carriers is not None and carriers.flexibility is not None
-    C, modes = carriers.polynomials(model.rows.x), model.enrichment
-    return replace(
-        model,
-        rows=C.times(carriers.values),
-        flexibility=carriers.flexibility.tables(C),
-        enrichment=None if modes is None else replace(modes, rows=C.times(carriers.enrichment)),
-    )
-
-
-def _has_tables(carriers: CarrierRows | None) -> bool:
-    """Whether tables can be computed from the carriers: they have flexibility and rows."""
-    return carriers is not None and carriers.flexibility is not None and len(carriers.breaks) > 0
+    C = carriers.polynomials(model.rows.x)
+    return replace(model, rows=C.times(carriers.values), flexibility=carriers.flexibility.tables(C))
 
 
 def is_modal(model: ReducedModel) -> bool:
@@ -132,26 +116,6 @@ def _is_diagonal(A: Array) -> bool:
 def _round_off(A: Array) -> float:
     """Absolute round-off to expect in entries of A."""
     return 1e-9 * float(np.abs(A).max(initial=0.0))
-
-
-def _join_tables(model: ReducedModel, modes: EnrichmentModes, sign: float) -> Flexibility:
-    """Tables of the residual flexibility with the part of the `modes` added (`sign` 1) or removed (`sign` -1).
-
-    They are returned unchanged if `with_tables` will compute them anew.
-    """
-    tables = model.flexibility
-    assert tables is not None
-    if _has_tables(model.carriers):
-        return tables
-    share, rows = sign / modes.stiffness, modes.rows
-    scaled = share[:, None] * modes.B
-    return Flexibility(
-        rows=add_tables(tables.rows, multiply_tables(rows, rows, share)),
-        inputs=add_tables(tables.inputs, multiply_matrix(rows, scaled)),
-        outputs=add_tables(tables.outputs, transpose(multiply_matrix(rows, (share * modes.outputs).T))),
-        direct=tables.direct + modes.outputs @ scaled,
-        energy=tables.energy + modes.B.T @ scaled,
-    )
 
 
 def _extend_matrix(A: Array, on_all_modes: Array | None, count: int) -> Array:
@@ -181,7 +145,6 @@ def _chain_modes(first: EnrichmentModes, second: EnrichmentModes) -> EnrichmentM
         damping=np.concatenate([first.damping, second.damping]),
         B=np.concatenate([first.B, second.B]),
         outputs=np.hstack([first.outputs, second.outputs]),
-        rows=join_columns(first.rows, second.rows),
         matrices=second.matrices,
     )
 
@@ -194,5 +157,4 @@ def _select_modes(modes: EnrichmentModes, numbers: slice) -> EnrichmentModes:
         damping=modes.damping[numbers],
         B=modes.B[numbers],
         outputs=modes.outputs[:, numbers],
-        rows=select_columns(modes.rows, numbers),
     )

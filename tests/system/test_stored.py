@@ -17,7 +17,7 @@ from pmr.system.soundness import symmetric_part
 from pmr.system.truncation import with_tables
 
 FULL = rich_body()
-TABLES = ("rows", "flexibility.rows", "flexibility.inputs", "flexibility.outputs", "enrichment.rows")
+TABLES = ("rows", "flexibility.rows", "flexibility.inputs", "flexibility.outputs")
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def test_what_carriers_tell_is_left_out_and_read_back(model: ReducedModel, tmp_p
     with np.load(model.save(tmp_path / "m.npz")) as data:
         names = set(data)
     assert not names & {f"{name}.coefficients" for name in TABLES}
-    assert {f"{name}.breaks" for name in TABLES if name != "enrichment.rows"} < names
+    assert {f"{name}.breaks" for name in TABLES} < names
     assert "carriers.flexibility.rows.triangle" in names and "carriers.flexibility.rows" not in names
     same(ReducedModel.load(tmp_path / "m.npz"), model)
 
