@@ -254,9 +254,9 @@ def read_unit_observer(file: Path, model: Path) -> UnitObserver:
 
 def unit_observer(observer: Observer, scene: Scene, system: System) -> UnitObserver:
     """Observer of a system for an FMU; `scene` is the one that its model was linearised along."""
-    chosen, described = select_outputs(scene, system, observer.model.outputs), observer.filter_model()
+    chosen = select_outputs(scene, system, observer.model.outputs)
     return UnitObserver(
-        data=described.data(),
+        data=observer.filter_data(),
         step=observer.model.step,
         outputs=chosen.names,
         columns=np.array(chosen.columns, np.int32),

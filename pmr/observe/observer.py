@@ -1,4 +1,26 @@
-"""Estimates of payload, loads and any output with bands, from sensors on a boom whose paths are measured."""
+r"""Estimates of payload, loads and any output with bands, from sensors on a boom whose paths are measured.
+
+The estimates are those of a Kalman filter, whose steps are the kernel's (src/filter.c).
+
+The state is X = (xi, f, m, theta, b, g, e): prediction of the kernel's step, unknown loads, payload, parameters, bias
+and gain of sensors, and errors of the model in measured outputs.  Loads and errors are Gauss-Markov processes,
+
+.. math::
+    f_{k+1} = e^{-h/\tau} f_k + w_k, \qquad \mathrm{var}(w_k) = \sigma^2 (1 - e^{-2h/\tau})
+
+Between two steps such a load wanders, too.  Its mean over a step, with the load at both ends known, is one more random
+load with the variance :math:`2 u \sigma^2 (1 - 2 u \tanh(1 / 2u))` of each step, :math:`u = \tau / h`.
+
+A parameter that is not estimated has no gain, and its covariance with the state goes on (Schmidt, *Application of
+state-space methods to navigation problems*, Advances in Control Systems 3, 1966).
+
+A payload m beside that of the reference motion acts as the load :math:`-m (g + a)`, with the acceleration a of the
+place that carries it.  In gains a is that of the reference motion; what the payload's estimate does by the rest of the
+estimated acceleration is a known load.  So gains do not depend on what is measured: the product of an estimated
+acceleration with innovations that are not white, as of any model that lacks something, would be a bias.
+(Simon, *Optimal State Estimation*, 2006, section 5.1; Lourens and others, *An augmented Kalman filter for force
+identification*, 2012.)
+"""
 
 from __future__ import annotations
 
@@ -10,12 +32,18 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array
-from pmr.kernel.filter import AS_EXPECTED
-from pmr.observe.filter import CHANGED, FilterModel, find_drift, watch
+from pmr.kernel.filter import AS_EXPECTED, FilterData, FilterSteps, KalmanFilter
+from pmr.observe.filter import ALARM, CHANGED, WINDOW, find_drift, watch
 from pmr.observe.linear import SPECIFIC_FORCE, LinearMotion
 from pmr.observe.unknowns import Estimates, Parameter, Payload, Sensor, UnknownLoad
 
 __all__ = ["Estimates", "Observer", "Parameter", "Payload", "Sensor", "UnknownLoad"]
+
+
+#: Innovation over its standard deviation from which a measurement counts less: its variance is enlarged to this bound.
+GATE = 5.0
+#: The same ratio from which a measurement is not used: no error of a model is as large as that of a wrong unit.
+REFUSED = 50.0
 
 
 @dataclass(frozen=True)
@@ -128,16 +156,10 @@ class Observer:
             raise InputError("observe", "measured", None, f"{allowed}, are needed: there are none")
         return values
 
-    def filter_model(self) -> FilterModel:
-        """Model from which the numbers of the Kalman filter follow."""
-        unknowns = (self.sensors, self.loads, self.payload, self.parameters)
-        return FilterModel(self.model, *unknowns, self.total_errors(), self.error_time, self.disturbance)
-
     def run(self, measured: Mapping[str, tuple[Array, Array]]) -> Estimates:
         """Estimates from measurements; arguments and errors as `grid`."""
-        described = self.filter_model()
-        watched = watch(described.filter(), self.grid(measured), self.model.step)
-        unknown = slice(described.first_unknown, described.first_unknown + len(self.unknowns))
+        watched = watch(self.kalman_filter(), self.grid(measured), self.model.step)
+        unknown = slice(self._first_unknown, self._first_unknown + len(self.unknowns))
         means, deviations = watched.states[:, unknown], np.sqrt(np.maximum(watched.state_variances[:, unknown], 0.0))
         drift, at = np.zeros(len(means), bool), len(self.loads)
         if self.payload is not None:
@@ -164,14 +186,91 @@ class Observer:
 
         It follows from covariances alone, with all sensors at all steps.  Near 1 the sensors can't tell the unknown.
         """
-        described = self.filter_model()
-        kalman, nothing = described.filter(), np.repeat(np.nan, len(self.sensors))
+        kalman, nothing = self.kalman_filter(), np.repeat(np.nan, len(self.sensors))
         for k in range(len(self.model.t)):
             kalman.update(k, nothing, np.full(len(self.sensors), AS_EXPECTED))
             kalman.predict(k)
-        variances = np.diagonal(kalman.P)[described.first_unknown :][: len(self.unknowns)]
-        ratios = np.sqrt(variances) / described.unknown_deviations
+        variances = np.diagonal(kalman.P)[self._first_unknown :][: len(self.unknowns)]
+        ratios = np.sqrt(variances) / self._unknown_deviations()
         return dict(zip(self.unknowns, ratios.tolist(), strict=True))
+
+    def kalman_filter(self) -> KalmanFilter:
+        """Kalman filter of all steps in its first state, with the sensitivities to parameters."""
+        model, shape = self.model, (*self.model.reference.shape, len(self.parameters))
+        sensitivity, growth = np.zeros(shape), np.zeros(shape)
+        for j, parameter in enumerate(self.parameters):
+            sensitivity[..., j] = parameter.sensitivity
+            if parameter.per_kilogram is not None:
+                growth[..., j] = parameter.per_kilogram
+        return KalmanFilter(self.filter_data(), FilterSteps(model.reference, model.matrices, sensitivity, growth))
+
+    @property
+    def _first_unknown(self) -> int:
+        """Number of the first unknown in the filter's state, behind the states of the model."""
+        return 3 * self.model.matrices.modes
+
+    def _unknown_deviations(self) -> Array:
+        """Standard deviations (u,) of loads, payload, parameters, biases and gains before the motion."""
+        deviations = [load.deviation for load in self.loads]
+        deviations += [] if self.payload is None else [self.payload.deviation]
+        deviations += [parameter.deviation for parameter in self.parameters]
+        errors = [*(sensor.bias for sensor in self.sensors), *(sensor.gain for sensor in self.sensors)]
+        return np.array([*deviations, *filter(None, errors)])
+
+    def filter_data(self) -> FilterData:
+        """Sizes and numbers of the filter, and its first state: the boom stands in equilibrium with what is unknown."""
+        model, h, n, payload = self.model, self.model.step, self._first_unknown, self.payload
+        outputs = np.array([model.output_number(sensor.output) for sensor in self.sensors])
+        biased, scaled = (np.nonzero([getattr(s, key) for s in self.sensors])[0] for key in ("bias", "gain"))
+        errors = self.total_errors()
+        off = np.nonzero(errors[outputs] > 0.0)[0]
+        load_inputs = np.array([model.input_number(load.input) for load in self.loads], int)
+        payload_input = -1 if payload is None else model.input_number(payload.input)
+        acceleration = 0 if payload is None else model.output_number(payload.acceleration)
+        first_parameter = n + len(self.loads) + (payload is not None)
+        deviations = self._unknown_deviations()
+        N = n + len(deviations) + len(off)
+        x, P, equilibrium = np.zeros(N), np.zeros((N, N)), np.eye(N)
+        x[first_parameter : first_parameter + len(self.parameters)] = [each.mean for each in self.parameters]
+        P[range(n, N), range(n, N)] = np.array([*deviations, *[1.0] * len(off)]) ** 2
+        equilibrium[:n, n : n + len(self.loads)] = model.start[:, load_inputs]
+        if payload is not None:
+            lift = -(payload.gravity + float(model.reference[0, acceleration]))
+            equilibrium[:n, first_parameter - 1] = model.start[:, payload_input] * lift
+        decay, added = np.ones(N), np.zeros(N)
+        load_decay = np.exp([-h / load.time for load in self.loads])
+        decay[n : n + len(self.loads)], decay[N - len(off) :] = load_decay, np.exp(-h / self.error_time)
+        added[n : n + len(self.loads)] = [
+            load.deviation**2 * (1.0 - a * a) for load, a in zip(self.loads, load_decay, strict=True)
+        ]
+        added[N - len(off) :] = 1.0 - np.exp(-h / self.error_time) ** 2
+        added[n // 3 : 2 * n // 3] = (self.disturbance * h) ** 2
+        if payload is not None:
+            added[first_parameter - 1] = payload.wander**2 * h
+        return FilterData(
+            sizes={
+                "states": n, "outputs": len(model.outputs), "sensors": len(self.sensors), "inputs": len(model.inputs),
+                "loads": len(self.loads), "parameters": len(self.parameters), "biased": len(biased),
+                "scaled": len(scaled), "off": len(off), "payload": payload_input, "acceleration": acceleration,
+            },
+            numbers={
+                "gravity": 0.0 if payload is None else payload.gravity, "gate": GATE, "refused": REFUSED,
+                "alarm": ALARM, "share": min(1.0, h / WINDOW), "following": min(1.0, h / self.error_time / 10.0),
+            },
+            indices={
+                "sensor_outputs": outputs, "load_inputs": load_inputs, "biased_sensors": biased,
+                "scaled_sensors": scaled, "off_sensors": off,
+                "considered": np.array([not parameter.estimated for parameter in self.parameters], int),
+            },
+            arrays={
+                "noise": np.array([sensor.noise for sensor in self.sensors]), "errors": errors,
+                "decay": decay, "added": added, "courses": model.matrices.courses,
+                "rough": np.array([load.deviation_in_step(h) for load in self.loads]),
+            },
+            x=x,
+            P=equilibrium @ P @ equilibrium.T,
+            square=np.mean(model.reference**2, axis=0),
+        )  # fmt: skip
 
 
 def _follows(events: NDArray[np.bool_], steps: float) -> NDArray[np.bool_]:
