@@ -1,11 +1,10 @@
-"""Loads that limits allow in one posture and load case, by searches side by side that share the states they compute."""
+"""Loads that limits allow in one posture and load case."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 
@@ -14,10 +13,8 @@ from pmr.simulation.statics.loaded import LoadedState, LoadedStates, LoadedStruc
 from pmr.simulation.statics.postures import HOOK, PostureMatrices
 from pmr.studies.limits import Limit, Share
 
-#: Generator that repeatedly yields loads in kg and is sent a limit's used shares under them; returns the load at which
-#: the share reaches 1, or None if it reaches 1 under none of the loads.
-Search = Generator[tuple[float, ...], Sequence[float], float | None]
-Key = TypeVar("Key")
+#: Function from loads in kg to the shares of a limit that they use; infinite where there is no stable equilibrium.
+UsedShares = Callable[[Sequence[float]], list[float]]
 #: A load in kg, and the used share of a limit minus 1.
 Point = tuple[float, float]
 
@@ -31,74 +28,39 @@ TOP_TOLERANCE, LOAD_TOLERANCE, SHARE_TOLERANCE = 1e-12, 1e-13, 1e-13
 POINTS, DOUBT = 5, 2.0
 
 
-def run_searches(loaded: LoadedStructure, searches: Mapping[Key, tuple[Share, Search]]) -> dict[Key, float | None]:
-    """Run searches at one place side by side, and return for each key the load in kg that its search found, or None.
+def first_load(
+    used: UsedShares, top: float, *, grows: bool = False, guess: float = np.nan, at_once: bool = True
+) -> float:
+    """Return the least load in kg in (0, top] at which the `used` share of a limit reaches 1.
 
-    `searches` maps a key to a pair (share function, search).  The share function returns the used shares of the
-    search's limit from equilibrium states of the structure `loaded`; a share is infinite under a load without a stable
-    equilibrium.  A load that several searches request is computed once.
-    """
-    results, requests = dict[Key, float | None](), {key: next(search) for key, (_, search) in searches.items()}
-    while requests:
-        groups = list(dict.fromkeys(requests.values()))  # several may ask for the same
-        every = loaded.states([load for loads in groups for load in loads])
-        states = dict(zip(groups, every.split(map(len, groups)), strict=True))
-        following = dict[Key, tuple[float, ...]]()
-        for key, loads in requests.items():
-            share, search = searches[key]
-            try:
-                following[key] = search.send(_used_shares(share, states[loads]))
-            except StopIteration as end:
-                results[key] = end.value
-        requests = following
-    return results
-
-
-def _used_shares(share: Share, states: LoadedStates) -> list[float]:
-    """Return the used share of each state; infinite where there is no stable equilibrium."""
-    if states.in_equilibrium.all():
-        return share(states).tolist()
-    used = np.full(len(states.load), np.inf)
-    if states.in_equilibrium.any():
-        used[states.in_equilibrium] = share(states.select(states.in_equilibrium))
-    return used.tolist()
-
-
-def first_load(top: float, *, grows: bool = False, guess: float = np.nan, at_once: bool = True) -> Search:
-    """Return a search for the least load in kg in (0, top] at which the used share of a limit reaches 1.
-
-    `run_searches` runs it.  It returns 0 if the share is 1 or more without a load, and None if the share is below 1 at
-    all loads tried.
+    The result is 0 if the share is 1 or more without a load, and NaN if the share is below 1 at all loads tried.
 
     If `guess` is a load in kg close to the expected result, loads around `guess` are tried first; if the share reaches
     1 between two of these, no others are tried.  NaN means no guess.  After that, 0 and `top` are tried if `grows`
-    says that the share never falls while the load grows; else `NODES` evenly spaced loads, requested together if
-    `at_once` is true and one after the other if it is false.
+    says that the share never falls while the load grows; else `NODES` evenly spaced loads, all together if `at_once` is
+    true and one after the other if it is false.
     """
     if 0.0 < guess < top:
-        points = yield from _request_points(
-            tuple(dict.fromkeys(min(guess * factor, top) for factor in FACTORS_AROUND_GUESS))
-        )
+        points = _points(used, dict.fromkeys(min(guess * factor, top) for factor in FACTORS_AROUND_GUESS))
         if points[0][1] < 0.0 <= points[-1][1]:
-            return (yield from _find_root(points, TOP_TOLERANCE * top))
-    loads = (0.0, top) if grows else tuple(np.linspace(0.0, top, NODES).tolist())
+            return _find_root(used, points, TOP_TOLERANCE * top)
+    loads = [0.0, top] if grows else np.linspace(0.0, top, NODES).tolist()
     points = []
-    for some in [loads] if at_once else [(load,) for load in loads]:
-        points += yield from _request_points(some)
+    for some in [loads] if at_once else [[load] for load in loads]:
+        points += _points(used, some)
         if points[0][1] >= 0.0:
             return 0.0
         if any(excess >= 0.0 for _, excess in points):
-            return (yield from _find_root(points, TOP_TOLERANCE * top))
-    return None
+            return _find_root(used, points, TOP_TOLERANCE * top)
+    return np.nan
 
 
-def _request_points(loads: tuple[float, ...]) -> Generator[tuple[float, ...], Sequence[float], list[Point]]:
-    """Request the used shares at `loads` in kg, and return a point (load, share - 1) for each load."""
-    used = yield loads
-    return [(load, share - 1.0) for load, share in zip(loads, used, strict=True)]
+def _points(used: UsedShares, loads: Iterable[float]) -> list[Point]:
+    """Return a point (load, share - 1) for each of the `loads` in kg."""
+    return [(load, share - 1.0) for load, share in zip(loads, used([*loads]), strict=True)]
 
 
-def _find_root(points: list[Point], tolerance: float) -> Generator[tuple[float, ...], Sequence[float], float]:
+def _find_root(used: UsedShares, points: list[Point], tolerance: float) -> float:
     """Return the first load in kg, to about `tolerance` kg, at which the used share between ascending points is 1.
 
     The method is inverse interpolation: the load is a polynomial in share - 1; the polynomial of one degree less gives
@@ -122,7 +84,7 @@ def _find_root(points: list[Point], tolerance: float) -> Generator[tuple[float, 
         if not trial_loads:
             return best
         before = high - low
-        points = sorted([*points, *(yield from _request_points(tuple(sorted(trial_loads))))])
+        points = sorted([*points, *_points(used, sorted(trial_loads))])
 
 
 def _interpolate_load(points: Sequence[Point], k: int) -> tuple[float, float]:
@@ -200,6 +162,19 @@ class Place:
         """Return the share of `limit` that the boom uses in one equilibrium state."""
         return float(self.share(limit)(LoadedStates.from_states([state]))[0])
 
+    def allowed_load(self, limit: Limit, top: float, guess: float) -> float:
+        """Return the load in kg at which `limit` is reached; NaN if the load is above `top` in kg.
+
+        `guess` is a load in kg near which the result is expected, or NaN.
+        """
+        loaded = self.equilibria
+        if loaded.holds_both_ways:
+            direct = limit.eigenvalue_load(loaded.state(0.0).form, guess, top)
+            if direct is not None:
+                return direct if direct <= top else np.nan
+        used, at_once = _used_shares(loaded, self.share(limit)), loaded.holds_both_ways
+        return first_load(used, top, grows=limit.kind.grows, guess=guess, at_once=at_once)
+
 
 def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: Array | None = None) -> Array:
     """Return the load (l,) in kg that each limit allows at a place, stability last; NaN if it exceeds `up_to` in kg.
@@ -213,31 +188,11 @@ def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: 
     loads = np.zeros(len(limits) + 1)
     top = min(up_to, first.form.critical * (1.0 - 1e-9)) if loaded.holds_both_ways else up_to
     if first.in_equilibrium:
-        loads[:-1] = _loads_by_limit(limits, place, top, near_loads)
+        loads[:-1] = [place.allowed_load(limit, top, guess) for limit, guess in zip(limits, near_loads, strict=False)]
         reached = np.flatnonzero(loads[:-1] > 0.0)
         stable = loaded.states((loads[reached] * (1.0 - JUST_BELOW)).tolist()).in_equilibrium
         loads[reached[~stable]] = np.nan
     loads[-1] = _stability_load(loaded, up_to)
-    return loads
-
-
-def _loads_by_limit(limits: Sequence[Limit], place: Place, top: float, guesses: Array) -> Array:
-    """Return the load (l,) in kg at which each limit but stability is reached; NaN if the load is above `top` in kg.
-
-    `guesses` (l,) are loads in kg near which the results are expected, NaN where there is no guess.
-    """
-    loaded, loads, searches = place.equilibria, np.full(len(limits), np.nan), dict[int, tuple[Share, Search]]()
-    for n, (limit, guess) in enumerate(zip(limits, guesses.tolist(), strict=False)):
-        direct = limit.eigenvalue_load(loaded.state(0.0).form, guess, top) if loaded.holds_both_ways else None
-        if direct is None:
-            searches[n] = (
-                place.share(limit),
-                first_load(top, grows=limit.kind.grows, guess=guess, at_once=loaded.holds_both_ways),
-            )
-        elif direct <= top:
-            loads[n] = direct
-    for n, load in run_searches(loaded, searches).items():
-        loads[n] = np.nan if load is None else load
     return loads
 
 
@@ -251,10 +206,9 @@ def large_rotation_changes(limits: Sequence[Limit], place: Place, loads: Array, 
     large rotations change the load at which stability is lost is not known.
     """
     changes, tip = (np.zeros(len(loads)), [n for n, kind in enumerate(place.postures.output_kinds) if kind == "tip"])
-    states, unloaded = place.equilibria.states(loads.tolist()), place.equilibria.states([0.0])
-    for n, (limit, state) in enumerate(zip(limits, states.split([1] * len(loads)), strict=False)):
-        load = float(state.load[0])
-        if not load > 0.0 or not state.in_equilibrium[0]:
+    unloaded = place.equilibria.states([0.0])
+    for n, (limit, load) in enumerate(zip(limits, loads.tolist(), strict=False)):
+        if not load > 0.0 or not (state := place.equilibria.states([load])).in_equilibrium[0]:
             continue
         share = ROTATION_FACTOR * float(np.sum(state.outputs[0, tip] ** 2)) / reach**2
         if limit.of == "overturning":
@@ -267,15 +221,26 @@ def large_rotation_changes(limits: Sequence[Limit], place: Place, loads: Array, 
     return changes
 
 
+def _used_shares(loaded: LoadedStructure, share: Share) -> UsedShares:
+    """Return the function from loads in kg to the shares of a limit that they use; infinite without equilibrium."""
+
+    def used(loads: Sequence[float]) -> list[float]:
+        """Return the used share under each load."""
+        states = loaded.states(loads)
+        shares, stands = np.full(len(loads), np.inf), states.in_equilibrium
+        if stands.any():
+            shares[stands] = share(states.select(stands))
+        return shares.tolist()
+
+    return used
+
+
 def _stability_load(loaded: LoadedStructure, up_to: float) -> float:
     """Return the least load in kg under which the boom has no stable equilibrium; NaN if it is above `up_to` in kg."""
     if loaded.holds_both_ways:
         critical = loaded.state(0.0).form.critical
         return critical if critical <= up_to else np.nan
-
-    search = first_load(up_to, at_once=False)
-    load = run_searches(loaded, {"stability": (_buckling_share, search)})["stability"]
-    return np.nan if load is None else load
+    return first_load(_used_shares(loaded, _buckling_share), up_to, at_once=False)
 
 
 def _buckling_share(states: LoadedStates) -> Array:

@@ -24,7 +24,7 @@ clearance.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -122,15 +122,6 @@ class LoadedStates:
         """Equilibria selected by a mask (p,)."""
         forms = tuple(form for form, chosen in zip(self.forms, mask.tolist(), strict=True) if chosen)
         return LoadedStates(self.load[mask], self.outputs[mask], self.forces[mask], self.in_equilibrium[mask], forms)
-
-    def split(self, lengths: Iterable[int]) -> Iterator[LoadedStates]:
-        """Yield consecutive groups of the equilibria, with these lengths, in order."""
-        first = 0
-        for length in lengths:
-            at = slice(first, first := first + length)
-            yield LoadedStates(
-                self.load[at], self.outputs[at], self.forces[at], self.in_equilibrium[at], self.forms[at]
-            )
 
 
 @dataclass(frozen=True)
