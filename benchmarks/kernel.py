@@ -95,7 +95,7 @@ def _loop(march: March) -> float:
     """Processor time in s of the kernel's loop over all steps."""
     state, steps = march.state, len(march.t) - 1
     march.rerun()  # the caches are warm, and the state is opened
-    march.start()
+    march.restart()
     record, at, per, seconds = Record(state.kernel, steps, LOOP), 0, state.settings.parts[0], 0.0
     while at < steps:
         u = march.sample_drivers(at, min(steps, at + max(FINE, TIMES // per)), per)

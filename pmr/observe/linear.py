@@ -226,8 +226,6 @@ def gravity_of(scene: Scene, chosen: Selection) -> Array:
 def _differentiate(form: SystemForm, excitation: Excitation, chosen: Selection, loads: list[int]) -> LinearSteps:
     """Linear models of all steps of an excitation, with the `chosen` outputs and loads in the columns `loads`."""
     march = March(form, excitation)
-    if error := march.start():
-        raise error
     u = march.sample_drivers(0, excitation.stepping.steps, 1)
     numbers = (np.array(part, np.int32) for part in (chosen.columns, chosen.orders, loads, form.mode_columns))
     steps = LinearSteps(ChosenOutputs(*numbers), len(u) - 1)

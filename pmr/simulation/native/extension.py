@@ -15,7 +15,7 @@ For all further computations the computed extension is a prescribed one.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -36,7 +36,7 @@ from pmr.simulation.contact_step import contact_frequency_within, part_counts
 from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
 from pmr.simulation.moving import EXTENSION_DRIVE, MovingFrame, held_at_start
-from pmr.simulation.native.form import SystemForm, path_text, start_in_equilibrium, start_modes, step_failure
+from pmr.simulation.native.form import SystemForm, begin, path_text, step_failure
 from pmr.system.contacts import Friction, FrictionLaw
 from pmr.system.system import System
 
@@ -151,12 +151,17 @@ class ExtensionRun:
         columns = np.zeros((len(t), kernel.computed))
         record, signals = Record(kernel, 1, (), self._parts[-1]), Signals(self.frame.signals)
         ends, times, parts = list[Array](), list[Array](), list[int]()
+
+        def start(kind: Literal["given", "equilibrium"], *modes: Array) -> None:
+            """Start the kernel from given `modes` or in equilibrium."""
+            state.start_in_frame(kind, self.frame.start, None, *modes)
+
         for k in range(len(t)):
             try:
                 if k:
                     state.advance(signals, 1, record)
                 else:
-                    self._start(self.frame.start)
+                    begin(self.form, start, self._excitation)
             except StepError as error:
                 where = f"step {k}, t = {t[k]:g} s" if k else "t = 0 s"
                 at = path_text((name,), columns[max(k - 1, 0), :1])
@@ -178,24 +183,6 @@ class ExtensionRun:
         assert section.joint is not None  # of a section that slides
         sections[self._number] = section.model_copy(update={"joint": section.joint.model_copy(update=computed)})
         return self._scene.model_copy(update={"sections": tuple(sections)})
-
-    def _start(self, motions: Array) -> None:
-        """Start in equilibrium under motions (3, n); a StepError or an InputError is raised as by the kernel."""
-        state, system = self.state, self._system
-
-        def begin() -> StepError | None:
-            try:
-                state.start_in_frame("equilibrium", motions)
-            except StepError as error:
-                return error
-            return None
-
-        states = start_in_equilibrium(system, state.kernel.modes, begin, self._excitation)
-        if isinstance(states, StepError):
-            raise states
-        if states is not None:
-            x = side_positions(system, self._excitation)[0]
-            state.start_in_frame("given", motions, None, *start_modes(self.form, x, np.zeros(len(x)), states))
 
     def _record(self, columns: Array) -> dict[str, Array]:
         """Columns (T,) of the extension by name, with the power of its cylinder and of its supply."""

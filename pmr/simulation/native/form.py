@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import Failure, StepError
 from pmr.scene.choice import SimulatorNeeds, refuse_unsupported
 from pmr.scene.signals import Constant, SignalBase
-from pmr.simulation.excitation import Excitation, side_positions, signals_in_order
+from pmr.simulation.excitation import Excitation, side_positions, side_velocities, signals_in_order
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.moving import MovingFrame
 from pmr.simulation.start import (
@@ -160,32 +161,38 @@ def static_start(system: System, excitation: Excitation) -> dict[str, InitialSta
     return rest_states(Assembly(system), side_positions(system, excitation)[0], f, c)
 
 
-def start_in_equilibrium(
-    system: System, modes: int, start: Callable[[], StepError | None], excitation: Excitation
-) -> dict[str, InitialState] | StepError | None:
-    """Have `start` put a kernel of so many modes in equilibrium, if it can.
+def begin(
+    form: SystemForm,
+    start: Callable[..., None],
+    excitation: Excitation,
+    initial: Mapping[str, InitialState] | None = None,
+) -> tuple[Any, ...]:
+    """Start a kernel of `form` by ``start(kind, *modes)``; return the arguments with which it started.
 
-    Returns
-    -------
-    dict, StepError or None
-        None if the kernel is in equilibrium; else states of equilibrium, of bodies by name, from which to start it.  It
-        is the error of `start` if that fails with a hoist, as no other method finds the equilibrium of a rope.
-
-    Raises
-    ------
-    InputError
-        If nothing holds the bodies, or if a system with a hoist has more than `DENSE_WITH_HOIST` modes.
+    It begins in the states `initial` of bodies by name, or as the excitation says if that is None: at rest or in
+    equilibrium.  Other than `start` itself, this function raises a StepError if no equilibrium with a hoist is found,
+    and an InputError if nothing holds the bodies, or if a system with a hoist has more than `DENSE_WITH_HOIST` modes.
     """
-    if system.hoist and modes > DENSE_WITH_HOIST:
-        allowed = f"'rest' is allowed with a hoist and {modes} coordinates, of {DENSE_WITH_HOIST} at most"
-        raise InputError("scene", "start", "equilibrium", f"{allowed} the equilibrium is found")
-    error = None
-    if system.hoist or modes <= DENSE:
-        error = start()
-        if error is None:
-            return None
-    states = static_start(system, excitation)  # raises an error that names motions that are not held
-    return error if system.hoist and error is not None else states
+    system, modes, failed = form.system, form.kernel.modes, None
+    if initial is None and excitation.start == "equilibrium":
+        if system.hoist and modes > DENSE_WITH_HOIST:
+            allowed = f"'rest' is allowed with a hoist and {modes} coordinates, of {DENSE_WITH_HOIST} at most"
+            raise InputError("scene", "start", "equilibrium", f"{allowed} the equilibrium is found")
+        if system.hoist or modes <= DENSE:
+            try:
+                start("equilibrium")
+                return ("equilibrium",)
+            except StepError as error:
+                failed = error
+        initial = static_start(system, excitation)  # raises an error that names motions that are not held
+        if system.hoist and failed is not None:
+            raise failed  # no other method finds the equilibrium of a rope
+    arguments: tuple[Any, ...] = ("rest",)
+    if initial:
+        x, x_rate = side_positions(system, excitation)[0], side_velocities(system, excitation)
+        arguments = ("given", *start_modes(form, x, x_rate, initial))
+    start(*arguments)
+    return arguments
 
 
 def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, InitialState]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +14,8 @@ from pmr.files.arrays import Array
 from pmr.kernel.kernel import Signals
 from pmr.kernel.state import Failure, Record, Settings, State, StepError
 from pmr.simulation import balance, contact_step
-from pmr.simulation.excitation import Excitation, first_moves, side_positions, side_velocities
-from pmr.simulation.native.form import (
-    SystemForm,
-    driver_signals,
-    path_text,
-    start_in_equilibrium,
-    start_modes,
-    step_failure,
-)
+from pmr.simulation.excitation import Excitation, first_moves, side_positions
+from pmr.simulation.native.form import SystemForm, begin, driver_signals, path_text, step_failure
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import Progress, SimulationEnd, advance_in_blocks
 
@@ -94,32 +87,23 @@ class March:
         except NotImplementedError:
             self._frame = self._signals = None
         zero = self.sample_drivers(0, 0, 1)[0] if self._frame is None else self._frame.motions(excitation, 0.0).ravel()
-        self._start: tuple[Any, ...] = ("rest", zero)
-        if initial is None and excitation.start == "equilibrium":
-            self._start = ("equilibrium", zero)
-            equilibrium = start_in_equilibrium(system, kernel.modes, self.start, excitation)
-            if equilibrium is None:
-                return
-            if isinstance(equilibrium, StepError):
-                raise self._failure(equilibrium, 0)
-            initial = equilibrium
-        if initial:
-            modes = start_modes(form, self.x[0], side_velocities(system, excitation), initial)
-            self._start = ("given", zero, *modes)
-        if error := self.start():
-            raise self._failure(error, 0)
-
-    def start(self) -> StepError | None:
-        """Set the kernel's state to t = 0; return the error if that fails, else None."""
-        self._sampling = 0.0  # s: time spent to sample drivers, in the steps that follow
+        self._zero = zero  # motions of the frame, or drivers, at t = 0
         try:
-            if self._frame is None:
-                self.state.start(*self._start)
-            else:
-                self.state.start_in_frame(self._start[0], self._start[1], None, *self._start[2:])
+            self._begun = begin(form, self._start, excitation, initial)
         except StepError as error:
-            return error
-        return None
+            raise self._failure(error, 0) from None
+
+    def _start(self, kind: Literal["rest", "given", "equilibrium"], *modes: Array) -> None:
+        """Set the kernel's state to t = 0; a StepError is raised if that fails."""
+        self._sampling = 0.0  # s: time spent to sample drivers, in the steps that follow
+        if self._frame is None:
+            self.state.start(kind, self._zero, *modes)
+        else:
+            self.state.start_in_frame(kind, self._zero, None, *modes)
+
+    def restart(self) -> None:
+        """Set the kernel's state to t = 0 again."""
+        self._start(*self._begun)
 
     def run(self, take: Callable[[int, Steps], None], progress: Progress | None = None) -> SimulationEnd:
         """Take all steps; call `take` with the number of the first of some consecutive steps, and with the `Steps`.
@@ -144,7 +128,7 @@ class March:
 
     def rerun(self) -> float:
         """Take all steps once more from the start, without output; return the solver's time in s."""
-        self.start()
+        self.restart()
         return self.observe(1, lambda first, steps: None)
 
     def observe(self, every: int, take: Callable[[int, Steps], None], progress: Progress | None = None) -> float:

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -38,7 +37,7 @@ from pmr.simulation.excitation import Excitation
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.moving import StoredScene, read_scene
 from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
-from pmr.simulation.native.form import SystemForm, path_text, start_in_equilibrium, start_modes, step_failure
+from pmr.simulation.native.form import SystemForm, begin, path_text, step_failure
 from pmr.simulation.native.luffing import stepped_frame
 from pmr.simulation.native.watched import WATCHED_EVERY, watched_outputs
 from pmr.simulation.start import InitialState
@@ -344,32 +343,24 @@ class Stepper:
         u = kernel.frame_drivers(motions)[0] if kernel.motions else motions[0].copy()
         paths = self._path_coordinates
         self._form.refuse_unsupported(self._form.modal.side_coordinates(paths)[None], self._rho_inf)
-        if initial is None and static:
-            constant, begin = self._constant_excitation(paths, u), partial(self._start_kernel, "equilibrium")
-            equilibrium = start_in_equilibrium(self._system, kernel.modes, begin, constant)
-            if equilibrium is None:
-                return
-            if isinstance(equilibrium, StepError):
-                raise self._failure("t = 0 s", equilibrium)
-            initial = equilibrium
-        x = self._system.side_coordinates(paths)
-        if error := self._start_kernel("given", *start_modes(self._form, x, np.zeros(len(x)), initial or {})):
-            raise self._failure("t = 0 s", error)
-
-    def _start_kernel(self, kind: Literal["given", "equilibrium"], *modes: Array) -> StepError | None:
-        """Start the kernel from given `modes` or in equilibrium; return the error if that fails, else None."""
-        motions = self._bound.motions
         try:
-            if self._state.kernel.motions:
-                self._state.start_in_frame(kind, motions, self._bound.rows, *modes)
-            else:
-                self._state.start(kind, motions[0], *modes)
+            begin(self._form, self._start_kernel, self._constant_excitation(paths, u, static), initial)
         except StepError as error:
-            return error
-        return None
+            raise self._failure("t = 0 s", error) from None
 
-    def _constant_excitation(self, paths: Mapping[str, float], u: Array) -> Excitation:
-        """Excitation of one step with constant `paths` in m, loads and amplitudes of terms, by drivers u (N,)."""
+    def _start_kernel(self, kind: Literal["rest", "given", "equilibrium"], *modes: Array) -> None:
+        """Start the kernel from given `modes`, at rest or in equilibrium; a StepError is raised if that fails."""
+        motions = self._bound.motions
+        if self._state.kernel.motions:
+            self._state.start_in_frame(kind, motions, self._bound.rows, *modes)
+        else:
+            self._state.start(kind, motions[0], *modes)
+
+    def _constant_excitation(self, paths: Mapping[str, float], u: Array, static: bool) -> Excitation:
+        """Excitation of one step with constant `paths` in m, loads and amplitudes of terms, by drivers u (N,).
+
+        It starts in equilibrium if `static`, or at rest.
+        """
         names, first = (self._system.input_names, self._system.term_names), len(paths)
         split = np.split(u[first : first + len(names[0]) + len(names[1])], [len(names[0])])
         loads, terms = (
@@ -377,7 +368,8 @@ class Stepper:
             for of, values in zip(names, split, strict=True)
         )
         still = {path: Constant(amount=s) for path, s in paths.items()}
-        return Excitation(still, loads, TimeStepping(self._step, self._step, self._rho_inf), terms=terms)
+        stepping = TimeStepping(self._step, self._step, self._rho_inf)
+        return Excitation(still, loads, stepping, start="equilibrium" if static else "rest", terms=terms)
 
     @property
     def _path_coordinates(self) -> dict[str, float]:
