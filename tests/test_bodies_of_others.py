@@ -160,10 +160,10 @@ def exchanged(one: Raw, rng: Random) -> Raw:
 
 ORDERS = [(2, 1, 0), (1, 2, 0), (2, 0, 1), (0, 2, 1), (1, 0, 2)]
 WRONG: list[tuple[Callable[[Raw, Random], Raw], str]] = [
-    (lambda one, rng: called(one, ORDERS[rng.integers(len(ORDERS))]), "directions in the order of K"),
+    (lambda one, rng: called(one, ORDERS[rng.integers(len(ORDERS))]), "places that K was made for"),
     (lambda one, rng: turned(one, far_nodes(one, rng, 3), rng), "axes of their own"),
-    (lambda one, rng: turned(one, np.arange(len(one["points"])), rng), "axes of the places .* turned by"),
-    (exchanged, "are exchanged"),
+    (lambda one, rng: turned(one, np.arange(len(one["points"])), rng), "places that K was made for"),
+    (exchanged, "places that K was made for"),
     (lambda one, rng: one | {"points": one["points"][rng.permutation(len(one["points"]))]}, "in another order"),
     (lambda one, rng: one | {"points": 1e3 * one["points"]}, "in mm"),
     (lambda one, rng: one | {"points": 1e3 * one["points"], "K": one["K"] / 1e3, "M": one["M"] / 1e3}, "in mm"),

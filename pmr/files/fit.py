@@ -22,15 +22,10 @@ from pmr.files.arrays import Array, Mask
 from pmr.files.reasons import (
     ALIKE,
     Reason,
-    affine_change,
-    all_axes_turned,
     check_density,
     check_speed,
     lone_turned_nodes,
-    misplaced_nodes,
     point_text,
-    rows_by_direction,
-    turned_nodes,
 )
 from pmr.files.rigid import DIRECTIONS, ROUNDING_OF_POINTS, Resistance, rigid_motions
 
@@ -210,30 +205,30 @@ def _missing_mass(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
 
 
 def _misplaced_rows(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (wrong input, reason) if rows of K resist a rotation about their node but no translation.
+    """Yield (``points``, reason) if rows of K resist a rotation about their node but no translation.
 
-    The points of such nodes are not those that K was made for.
+    Rows beside supports, and beside nodes without a rotation that other nodes have, are left out.
     """
     sums, sizes = body.sums_of_moments
-    wrong = np.zeros(len(body.points), dtype=bool)
-    wrong[body.node[np.abs(sums).max(axis=1) > ROUNDING_OF_POINTS[1] * sizes]] = True
+    moments = np.divide(np.abs(sums).max(axis=1), sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
+    share = np.zeros(len(body.points))
+    np.maximum.at(share, body.node, moments)
+    wrong = share > ROUNDING_OF_POINTS[1]
     wrong &= ~body.grounded_nodes & ~body.missing_displacements.any(axis=1) & ~body.near(_nodes_without_rotations(body))
     if wrong.any():
-        yield (
-            affine_change(body)
-            or misplaced_nodes(body, wrong)
-            or Reason(
-                "points",
-                f"nodes where K has them are allowed: it resists rotations at {wrong.sum()} nodes that it leaves free "
-                "to move; the nodes are in another order than its rows, or of another mesh",
-            )
+        worst = body.points[np.where(wrong, share, 0.0).argmax()]
+        yield Reason(
+            "points",
+            f"places that K was made for are allowed: it resists rotations at {wrong.sum()} nodes that it leaves free "
+            f"to move, most at {point_text(worst)}; are places in mm, directions or nodes in another order, or the "
+            "nodes of another mesh?",
         )
 
 
 def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
-    """Yield (wrong input, reason) if rows of K far from supports resist a translation.
+    """Yield (``direction``, reason) if rows of K far from supports resist a translation.
 
-    Springs to ground resist translations too, so nodes that are held as by a spring are not reported.
+    In a dense K all rows may be beside supports: there more motions take no force than rigid ones are left free.
     """
     held = body.grounded_nodes & ~body.spring_nodes
     if body.dense:
@@ -241,16 +236,11 @@ def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     else:
         wrong = held & (~_supported_nodes(body) | lone_turned_nodes(body))
     if wrong.any():
-        yield (
-            rows_by_direction(body)
-            or turned_nodes(body, wrong, body.near(body.missing_displacements.any(axis=1)))
-            or all_axes_turned(body)
-            or Reason(
-                "K",
-                f"a body free to move is allowed but at supports and springs: K resists translations at {wrong.sum()} "
-                f"nodes, such as that at {point_text(body.points[wrong][0])}, as neither does; its rows are in another "
-                "order, or nodes have axes of their own",
-            )
+        yield Reason(
+            "direction",
+            f"directions along the axes of the places are allowed: K resists translations at {wrong.sum()} nodes, such "
+            f"as that at {point_text(body.points[wrong][0])}, as neither supports nor springs do; have nodes axes of "
+            "their own, or are the rows not node by node?",
         )
 
 

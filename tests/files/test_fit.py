@@ -83,21 +83,20 @@ def rounded(K: sp.csr_matrix) -> sp.csr_matrix:
 
 
 HALF = Rotation.from_euler("z", 30, degrees=True)
+PLACES = "points: places that K was made for are allowed: it resists rotations at .* most at"
+AXES = "direction: directions along the axes of the places are allowed: K resists translations at"
 WRONG: dict[str, tuple[Change, str]] = {
-    "z, y, x": (lambda g: reordered(g, (2, 1, 0)), "called x, y, z are along z, y, x"),
-    "y, z, x": (lambda g: reordered(g, (1, 2, 0)), "called x, y, z are along (y, z, x|z, x, y)"),
-    "x, z, y": (lambda g: reordered(g, (0, 2, 1)), "called x, y, z are along x, z, y"),
-    "all axes turned": (lambda g: turned(g, np.arange(len(g.points)), HALF), "all of them turned by 30 degrees"),
-    "some axes turned": (
-        lambda g: turned(g, np.array([19, 20]), HALF),
-        "2 nodes have axes of their own, .* 30 degrees",
-    ),
-    "two nodes": (lambda g: exchanged(g, [21, 25]), "those at .* and .* are exchanged"),
-    "three nodes": (lambda g: exchanged(g, [20, 21, 25]), "3 are in another one"),
-    "all nodes": (shuffled, "the nodes are in another order than its rows"),
+    "z, y, x": (lambda g: reordered(g, (2, 1, 0)), PLACES),
+    "y, z, x": (lambda g: reordered(g, (1, 2, 0)), PLACES),
+    "x, z, y": (lambda g: reordered(g, (0, 2, 1)), PLACES),
+    "all axes turned": (lambda g: turned(g, np.arange(len(g.points)), HALF), PLACES),
+    "some axes turned": (lambda g: turned(g, np.array([19, 20]), HALF), AXES),
+    "two nodes": (lambda g: exchanged(g, [21, 25]), PLACES),
+    "three nodes": (lambda g: exchanged(g, [20, 21, 25]), PLACES),
+    "all nodes": (shuffled, PLACES),
     "places in mm": (lambda g: replace(g, points=1e3 * g.points), "mm"),
-    "places in inches": (lambda g: replace(g, points=g.points / 0.0254), "SI units|in the unit of K"),
-    "one coordinate in mm": (lambda g: replace(g, points=g.points * [1, 1, 1e3]), "K has those along z 0.001 times"),
+    "places in inches": (lambda g: replace(g, points=g.points / 0.0254), f"SI units|{PLACES}"),
+    "one coordinate in mm": (lambda g: replace(g, points=g.points * [1, 1, 1e3]), PLACES),
     "mass in t": (lambda g: changed_mass(g, lambda M: 1e-3 * M), "sound would travel at .* in mm, or masses in t"),
     "mm, t and N": (lambda g: replace(g, points=1e3 * g.points, K=1e-3 * g.K, M=1e-3 * g.M), "mm"),
     "N/mm and t": (
@@ -108,7 +107,7 @@ WRONG: dict[str, tuple[Change, str]] = {
     "stiffness for mass": (lambda g: changed_mass(g, lambda M: g.K), "the same matrix as the stiffness"),
     "a node too far": (
         lambda g: replace(g, points=np.vstack([g.points[:20], g.points[[20]] + [0.1, 0, 0], g.points[21:]])),
-        "it has the node at",
+        PLACES,
     ),
 }
 
@@ -118,8 +117,6 @@ WRONG: dict[str, tuple[Change, str]] = {
 @pytest.mark.parametrize("name", WRONG)
 def test_what_does_not_fit_is_refused_with_the_reason(body: str, held: Change | None, name: str) -> None:
     change, says = WRONG[name]
-    if body == "frame" and name.startswith(("places in mm", "mm, t")):
-        says = "turns freely with places 0.001 times these"
     given = BODIES[body] if held is None else held(BODIES[body])
     with pytest.raises(InputError) as caught:
         change(given)
@@ -142,7 +139,7 @@ def test_units_are_told_where_no_rigid_motion_is_free(body: str, faces: str, nam
     """By the speed of sound between the supports: 5000 m/s in steel."""
     given = BODIES[body]
     held = clamped(given, np.isin(given.node, np.concatenate([given.groups[face] for face in FACES[faces]])))
-    with pytest.raises(InputError, match="sound would travel|turns freely with places|are they in t"):
+    with pytest.raises(InputError, match="sound would travel|are places in mm|are they in t"):
         WRONG[name][0](held)
 
 
@@ -193,9 +190,9 @@ def test_a_condensed_body_is_taken_and_its_directions_are_told_apart(held: Chang
     keep = np.flatnonzero(np.isin(given.points[:, 0], [0.5, 1.0, 2.0, 3.0]))
     whole = condensed(given, keep)
     if held is None:
-        with pytest.raises(InputError, match="called x, y, z are along z, y, x"):
+        with pytest.raises(InputError, match=PLACES):
             reordered(whole, (2, 1, 0))
-        with pytest.raises(InputError, match="axes of their own"):
+        with pytest.raises(InputError, match=AXES):
             turned(whole, np.arange(5), HALF)
 
 
@@ -205,7 +202,7 @@ def test_a_node_that_only_free_ones_surround_is_told_apart_by_its_axes() -> None
     held = clamped(given, np.isin(given.node, given.groups["bottom"]))
     top = given.groups["top"]
     for node in (top[0], top[7]):
-        with pytest.raises(InputError, match=r"1 nodes have axes of their own, that at .* turned by 30 degrees"):
+        with pytest.raises(InputError, match=AXES):
             turned(held, np.array([node]), HALF)
 
 
@@ -284,7 +281,7 @@ def test_what_is_no_mass_or_stiffness_beside_the_others_is_refused(name: str) ->
 def test_rows_that_run_through_directions_first_are_refused() -> None:
     given = BODIES["bricks"]
     order = np.lexsort((given.node, given.direction))
-    with pytest.raises(InputError, match="rows node by node are allowed: these are all along x"):
+    with pytest.raises(InputError, match=AXES):
         from_matrices(given.M[order][:, order], given.K[order][:, order], given.points)
 
 
@@ -292,14 +289,14 @@ def test_cylindrical_axes_at_all_nodes_are_refused() -> None:
     given = BODIES["bricks"]
     T = sp.block_diag([Rotation.from_euler("x", 7.0 * k, degrees=True).as_matrix() for k in range(len(given.points))])
     K = (T.T @ given.K @ T).tocsr()
-    with pytest.raises(InputError, match="allowed: nodes have axes of their own"):
+    with pytest.raises(InputError, match=AXES):
         replace(given, K=(K + K.T) / 2.0)
 
 
 @pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize("held", [None, clamped, sprung], ids=["free", "clamped", "sprung"])
 @pytest.mark.parametrize("reversed_axes", ["x", "z", "xy"])
-def test_nodes_whose_axes_are_reversed_are_counted(body: str, held: Change | None, reversed_axes: str) -> None:
+def test_nodes_whose_axes_are_reversed_are_refused(body: str, held: Change | None, reversed_axes: str) -> None:
     """A reversed axis where K couples no axes looks like a spring to ground at that node."""
     given = BODIES[body] if held is None else held(BODIES[body])
     nodes = (given.points[:, 0] > 2.0) & (given.points[:, 2] == given.points[:, 2].max())
@@ -308,8 +305,7 @@ def test_nodes_whose_axes_are_reversed_are_counted(body: str, held: Change | Non
         np.isin(given.node, nodes) & np.isin(given.direction, ["xyz".index(a) for a in reversed_axes]), -1, 1
     )
     D = sp.diags(signs.astype(float))
-    axes = ", ".join(f"-{axis}" if axis in reversed_axes else axis for axis in "xyz")
-    with pytest.raises(InputError, match=f"2 nodes have axes of their own, that at .* along {axes}$"):
+    with pytest.raises(InputError, match=AXES):
         replace(given, K=(D @ given.K @ D).tocsr(), M=(D @ given.M @ D).tocsr())
 
 
