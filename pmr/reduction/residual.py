@@ -16,17 +16,15 @@ from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import RANK_CHECKS, Basis, galerkin, without_rows
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.residual_tables import (
-    LoadFlexibility,
     ResidualFlexibility,
     carrier_loads,
-    load_pairs,
     load_powers,
     tables,
     terms,
 )
 from pmr.scene.members import TAIL
 from pmr.system.attachment import RICHER
-from pmr.system.carriers import CarrierRows, CylinderResponses, Flexibility
+from pmr.system.carriers import CarrierFlexibility, CarrierRows, CylinderResponses, Flexibility
 from pmr.system.polynomials import add_tables, multiply_tables
 from pmr.system.reduced_model import ReducedModel, satisfied_rows
 from pmr.system.rows import Rows, SharedCarriers
@@ -78,7 +76,7 @@ def flexible_model(body: FreeBody, basis: Basis, provenance: dict[str, object]) 
     model, shared, V = body.model, _rows_on_path(body.model), np.array(basis.V.getDenseArray())
     residual = ResidualFlexibility(body, V)
     reduced = _project(residual, basis, provenance)
-    (flexibility,) = load_powers(residual, shared.carriers, load_pairs(shared, len(model.input_names)), 1)
+    (flexibility,) = load_powers(residual, shared.carriers, 1)
     body.free_factor()
     free_dropped(model.comm)
     flexible = _with_flexibility(reduced, tables(flexibility, shared, model.rows.domain))
@@ -108,7 +106,7 @@ def section_model(
     residual = ResidualFlexibility(body, V)
     reduced = _project(residual, basis, provenance)
     powers = 2 if estimable and coordinates < basis.size else 1  # R, and R M R
-    flexibility, *inertia = load_powers(residual, shared.carriers, None, powers)
+    flexibility, *inertia = load_powers(residual, shared.carriers, powers)
     x = _cylinder_responses(residual, shared, flexibility)
     answers = None if x is None else _cylinder_values(residual, shared, x, motions)
     loads = carrier_loads(model, shared.carriers)
@@ -118,14 +116,11 @@ def section_model(
     body.free_factor()
     free_dropped(model.comm)
     values = _carrier_measures(model, shared, basis)
-    carriers = CarrierRows.from_rows(
-        released_rows(model).shared_carriers.rows, values, flexibility.carrier_flexibility()
-    )
+    carriers = CarrierRows.from_rows(released_rows(model).shared_carriers.rows, values, flexibility)
     flexible = _with_flexibility(reduced, tables(flexibility, shared, model.rows.domain))
     if basis.size < model.size:  # all motions of a body leave no flexibility out
         check_independence(flexible, _yielding_rows(flexible))
-    inertia_of_any = inertia[0].carrier_flexibility() if inertia else None
-    carriers = replace(carriers, inertia=inertia_of_any, answers=answers, spanned=spanned)
+    carriers = replace(carriers, inertia=inertia[0] if inertia else None, answers=answers, spanned=spanned)
     of_carriers = _with_matrices(carriers, model, [V, span, x], motions)
     return _with_coordinates(replace(flexible, carriers=of_carriers), coordinates)
 
@@ -143,7 +138,7 @@ def _tail_weights(shared_carriers: SharedCarriers) -> Array | None:
 
 
 def _cylinder_responses(
-    residual: ResidualFlexibility, shared_carriers: SharedCarriers, flexibility: LoadFlexibility
+    residual: ResidualFlexibility, shared_carriers: SharedCarriers, flexibility: CarrierFlexibility
 ) -> Array | None:
     """Responses (n_local, n) to a cylinder's force, this rank's part; None for a section without a cylinder.
 
@@ -153,8 +148,7 @@ def _cylinder_responses(
     if load is None:
         return None
     x = residual.powers(load @ shared_carriers.carriers[:, residual.model.share], RICHER + 1)
-    R = flexibility.carrier_flexibility().rows
-    return x * 0.0 if load @ R @ load <= HELD * np.diagonal(R).max() else x
+    return x * 0.0 if load @ flexibility.rows @ load <= HELD * np.diagonal(flexibility.rows).max() else x
 
 
 def _spanning_vectors(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tuple[Array | None, Array]:

@@ -27,8 +27,6 @@ and Kurdila: Fundamentals of Structural Dynamics, 2nd ed., 2006, section 17.6 (i
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 import scipy.linalg
@@ -41,7 +39,6 @@ from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.free_body import FreeBody
 from pmr.system.carriers import CarrierFlexibility, Flexibility
-from pmr.system.polynomials import transpose
 from pmr.system.rows import RowPolynomials, SharedCarriers
 
 _log = logging.getLogger(__name__)
@@ -118,8 +115,6 @@ def _diagonalise(model: FullModel, W: Array) -> Array:
     return np.array([W, np.where(differs <= (ROUND_OFF * np.finfo(float).eps) ** 2 * size, MW, KW / theta)])
 
 
-Pattern: TypeAlias = sp.csr_matrix | None
-
 #: Number of loads solved for at a time on each rank: a few times as many vectors of full length are in memory.  A load
 #: then costs a tenth of what it costs alone, and larger blocks would not make it cheaper (70,000 coordinates of a
 #: shell).
@@ -141,118 +136,30 @@ class SparseProduct:
         return np.asarray(self._rows @ x[self._touched])
 
 
-@dataclass(frozen=True)
-class LoadFlexibility:
-    """Residual flexibility R between L unit loads and o outputs; loads on K carriers come first, inputs follow."""
-
-    pairs: sp.csr_matrix | Array  # (L, L) m/N between loads: sparse for the pairs of a pattern, dense for all
-    outputs: Array  # (o, L) m/N
-    carriers: int  # number K of loads on carriers
-
-    @property
-    def inputs(self) -> Array:
-        """R (L, i) in m/N between all loads and the inputs."""
-        return _dense(self.pairs[:, self.carriers :])
-
-    def carrier_flexibility(self) -> CarrierFlexibility:
-        """R between carriers, inputs and outputs as dense matrices.
-
-        Only to be called if all pairs of loads have been computed.
-        """
-        dense, K = _dense(self.pairs), self.carriers
-        return CarrierFlexibility(dense[:K, :K], dense[:K, K:], self.outputs[:, :K], self.outputs[:, K:], dense[K:, K:])
-
-
-class PatternPairs:
-    """Values for those pairs of loads at which a symmetric `pattern` (L, L) has an entry, stored block by block."""
-
-    def __init__(self, pattern: sp.csr_matrix) -> None:
-        self._pattern = pattern
-        self._blocks: list[tuple[Indices, Indices, Array]] = [(np.empty(0, int), np.empty(0, int), np.empty(0))]
-
-    def partners(self, numbers: Indices) -> Indices:
-        """Numbers of the loads that form a pair with at least one of the loads with these `numbers`."""
-        return np.unique(self._pattern[numbers].indices)
-
-    def store(self, rows: Indices, columns: Indices, values: Array) -> None:
-        """Store this rank's contribution `values` (rows, columns) for pairs of loads numbered `rows` and `columns`."""
-        block = self._pattern[rows][:, columns].tocoo()
-        self._blocks.append((rows[block.row], columns[block.col], values[block.row, block.col]))
-
-    def total(self, comm: MPI.Comm) -> sp.csr_matrix:
-        """Values (L, L) summed over the ranks and made symmetric; collective."""
-        rows, columns, values = (np.concatenate(parts) for parts in zip(*self._blocks, strict=True))
-        summed = sp.csr_matrix((comm.allreduce(values), (rows, columns)), self._pattern.shape)
-        return (summed + summed.T) / 2.0
-
-
-class AllPairs:
-    """Values for all pairs of `count` loads."""
-
-    def __init__(self, count: int) -> None:
-        self._values, self._all = np.zeros((count, count)), np.arange(count)
-
-    def partners(self, numbers: Indices) -> Indices:
-        """Numbers of all loads."""
-        return self._all
-
-    def store(self, rows: Indices, columns: Indices, values: Array) -> None:
-        """Store this rank's contribution `values` (L, columns) for loads numbered `columns`; `rows` are all loads."""
-        self._values[:, columns] = values
-
-    def total(self, comm: MPI.Comm) -> Array:
-        """Values (L, L) summed over the ranks and made symmetric, in place; collective."""
-        comm.Allreduce(MPI.IN_PLACE, self._values)
-        self._values += self._values.T.copy()
-        self._values /= 2.0
-        return self._values
-
-
-def _dense(A: sp.csr_matrix | Array) -> Array:
-    """Matrix as a dense array."""
-    return A if isinstance(A, np.ndarray) else np.asarray(A.toarray())
-
-
-def load_pairs(shared_carriers: SharedCarriers, inputs: int) -> sp.csr_matrix:
-    """Pattern (L, L) of those pairs of loads which tables at one path coordinate need.
-
-    They are pairs of carriers that rows touch on the same interval, and pairs of an input with any load.  On the path
-    of a beam each load pairs with a few others, however fine the mesh.
-    """
-    if not shared_carriers.rows:
-        return sp.csr_matrix(np.ones((inputs, inputs)))
-    k = len(shared_carriers.rows[0].breaks) - 1
-    at = np.concatenate(
-        [np.broadcast_to(np.arange(k)[:, None], row.touched.shape).ravel() for row in shared_carriers.rows]
-    )
-    touched = np.concatenate([row.touched.ravel() for row in shared_carriers.rows])
-    of_carriers = sp.csr_matrix((np.ones(len(at)), (at, touched)), (k, shared_carriers.carriers.shape[0]))
-    of_all = sp.hstack([of_carriers, np.ones((k, inputs))], format="csr")
-    return sp.csr_matrix(of_all.T @ of_all)
-
-
 class LoadValues:
-    """Values on carriers, inputs and outputs of the responses to loads, for pairs of a pattern (None: all pairs)."""
+    """Values on K carriers, i inputs and o outputs of the responses to unit loads on the carriers, then on the inputs.
 
-    def __init__(self, model: FullModel, carriers: sp.csr_matrix, pattern: Pattern) -> None:
-        self._rows, self._outputs = carrier_loads(model, carriers).T.tocsr(), SparseProduct(local_csr(model.outputs).T)
-        self._comm, self._carriers, loads = model.comm, carriers.shape[0], self._rows.shape[0]
-        self._all_rows = SparseProduct(self._rows)
-        self._pairs = AllPairs(loads) if pattern is None else PatternPairs(pattern)
-        self._output_values = np.empty((model.outputs.getSize()[1], loads))
+    `loads` (n_local, K + i) are this rank's part of the loads, `carriers` is K.
+    """
+
+    def __init__(self, model: FullModel, loads: sp.csc_matrix, carriers: int) -> None:
+        self._comm, self._carriers, count = model.comm, carriers, loads.shape[1]
+        self._loads, self._outputs = SparseProduct(loads.T), SparseProduct(local_csr(model.outputs).T)
+        self._on_loads, self._on_outputs = np.zeros((count, count)), np.empty((model.outputs.getSize()[1], count))
 
     def store(self, numbers: Indices, answers: Array) -> None:
         """Store the values of the responses `answers` (n_local, k), this rank's part, to loads with these `numbers`."""
-        partners = self._pairs.partners(numbers)
-        is_all = len(partners) == self._rows.shape[0]
-        rows = self._all_rows if is_all else SparseProduct(self._rows[partners])
-        self._pairs.store(partners, numbers, rows.multiply(answers))
-        self._output_values[:, numbers] = self._outputs.multiply(answers)
+        self._on_loads[:, numbers] = self._loads.multiply(answers)
+        self._on_outputs[:, numbers] = self._outputs.multiply(answers)
 
-    def result(self) -> LoadFlexibility:
-        """Flexibility of all loads, after the responses to all loads have been stored; collective."""
-        outputs = np.asarray(self._comm.allreduce(self._output_values))
-        return LoadFlexibility(self._pairs.total(self._comm), outputs, self._carriers)
+    def result(self) -> CarrierFlexibility:
+        """Flexibility between all loads, made symmetric, after the responses to all have been stored; collective."""
+        pairs, K = self._on_loads, self._carriers
+        self._comm.Allreduce(MPI.IN_PLACE, pairs)
+        pairs += pairs.T.copy()
+        pairs /= 2.0
+        outputs = np.asarray(self._comm.allreduce(self._on_outputs))
+        return CarrierFlexibility(pairs[:K, :K], pairs[:K, K:], outputs[:, :K], outputs[:, K:], pairs[K:, K:])
 
 
 def check_memory(model: FullModel, carriers: int, powers: int) -> None:
@@ -265,25 +172,22 @@ def check_memory(model: FullModel, carriers: int, powers: int) -> None:
     free = model.comm.bcast(environment.available_memory() if model.comm.rank == 0 else None)
     message = f"pads have {carriers:,} stations along their paths, which takes about {needed / 1e9:.1f} GB of memory"
     if free is not None and needed > free:
-        allowed = f"{message}, {free / 1e9:.1f} GB are free; longer pads, or a shorter path, are allowed"
+        allowed = f"{message}, {free / 1e9:.1f} GB are free; longer pads, a shorter path, or fewer elements of beams, "
+        allowed += "are allowed"
         raise InputError("scene", "pads.length", None, allowed)
     if needed > NOTICED and model.comm.rank == 0:
         _log.warning("%s; longer pads take less", message)
 
 
-def load_powers(
-    residual: ResidualFlexibility, carriers: sp.csr_matrix, pattern: Pattern, count: int
-) -> list[LoadFlexibility]:
+def load_powers(residual: ResidualFlexibility, carriers: sp.csr_matrix, count: int) -> list[CarrierFlexibility]:
     """The first `count` of R, R M R, ... between carriers (K, n), inputs and outputs; collective.
 
-    R is in m/N, R M R in s^2 m/N, and so on.  For each load, each of these takes one static solve.  The values are
-    stored for the pairs of loads in a `pattern` (L,
-    L), as `load_pairs` returns it, or for all pairs (None).
+    R is in m/N, R M R in s^2 m/N, and so on.  For each load, each of these takes one static solve.
     """
     model = residual.model
-    if pattern is None:
-        check_memory(model, carriers.shape[0], count)
-    loads, tables = carrier_loads(model, carriers), [LoadValues(model, carriers, pattern) for _ in range(count)]
+    check_memory(model, carriers.shape[0], count)
+    loads = carrier_loads(model, carriers)
+    tables = [LoadValues(model, loads, carriers.shape[0]) for _ in range(count)]
     _log.info(
         "%d static solves answer loads on %d carriers and %d inputs",
         count * loads.shape[1],
@@ -300,22 +204,12 @@ def load_powers(
     return [table.result() for table in tables]
 
 
-def tables(flexibility: LoadFlexibility, shared_carriers: SharedCarriers, domain: tuple[float, float]) -> Flexibility:
-    """Residual flexibility of rows on common carriers as tables in s: G = C R C^T, H = C R B and X = O R C^T.
-
-    All rows have the same breaks and the same path coordinate s, on `domain` in m.  The constants W = O R B and
-    B^T R B are part of the result.
-    """
+def tables(
+    flexibility: CarrierFlexibility, shared_carriers: SharedCarriers, domain: tuple[float, float]
+) -> Flexibility:
+    """Residual flexibility of rows on common carriers and breaks as tables in s, on `domain` in m."""
     breaks = shared_carriers.rows[0].breaks if shared_carriers.rows else np.array(domain)
-    C, K = RowPolynomials.from_rows(shared_carriers.rows, breaks), flexibility.carriers
-    inputs = flexibility.inputs
-    return Flexibility(
-        rows=C.quadratic_form(flexibility.pairs[:K, :K]),
-        inputs=C.times(inputs[:K]),
-        outputs=transpose(C.times(flexibility.outputs[:, :K].T)),
-        direct=flexibility.outputs[:, K:],
-        energy=inputs[K:],
-    )
+    return flexibility.tables(RowPolynomials.from_rows(shared_carriers.rows, breaks))
 
 
 def carrier_loads(model: FullModel, carriers: sp.csr_matrix) -> sp.csc_matrix:

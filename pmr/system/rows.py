@@ -395,7 +395,7 @@ class RowPolynomials:
         c = (blocks @ np.ascontiguousarray(X)[self.touched]).reshape(k, m, powers, X.shape[1])
         return PPoly(np.ascontiguousarray(c.transpose(2, 0, 1, 3)), self.breaks)
 
-    def quadratic_form(self, R: sp.csr_matrix | Array) -> PPoly:
+    def quadratic_form(self, R: Array) -> PPoly:
         """Table C(s) Q C(s)^T = b(s) R b(s)^T with values (m, m), of a symmetric matrix Q on the coordinates.
 
         R = U Q U^T (K, K) has the values of Q between the carriers U.  On each interval, only the block (w, w) of R is
@@ -408,18 +408,10 @@ class RowPolynomials:
         result, some = np.zeros((2 * powers - 1, k, m, m)), max(1, AT_ONCE // w**2)
         for j in range(0, k, some):
             at, b = self.touched[j : j + some], blocks[j : j + some]
-            product = (b @ _entries_between(R, at) @ b.swapaxes(1, 2)).reshape(len(b), powers, m, powers, m)
+            product = (b @ R[at[:, :, None], at[:, None]] @ b.swapaxes(1, 2)).reshape(len(b), powers, m, powers, m)
             for p in range(powers):
                 result[p : p + powers, j : j + some] += product[:, p].transpose(2, 0, 1, 3)
         return PPoly((result + result.swapaxes(2, 3)) / 2.0, self.breaks)
-
-
-def _entries_between(R: sp.csr_matrix | Array, touched: Indices) -> Array:
-    """Entries (k, w, w) of R (K, K) between the carriers `touched` (k, w) on each of k intervals."""
-    rows, columns = np.broadcast_arrays(touched[:, :, None], touched[:, None])
-    if isinstance(R, np.ndarray):
-        return np.asarray(R[rows, columns])
-    return np.asarray(R[rows.ravel(), columns.ravel()]).reshape(rows.shape)
 
 
 @dataclass(frozen=True)

@@ -117,14 +117,14 @@ def test_free_modes_need_no_floor(load_scene) -> None:
     """Their tables stay what R is, to the last digit that it has."""
     scene = load_scene("simple_residual", [NO_ANCF, "reduction.coordinates=60"])
     model = full_model(scene)
-    from pmr.reduction.residual_tables import ResidualFlexibility, load_pairs, load_powers, tables
+    from pmr.reduction.residual_tables import ResidualFlexibility, load_powers, tables
 
     modes = free_modes(model, 60)
     found = flexible_model(FreeBody(model), modal_basis(modes), {})
     V = np.array(modes.S.getDenseArray())
     shared = Rows(model.rows.rows[2:], model.size).shared_carriers.refine(found.rows.x)
     residual = ResidualFlexibility(FreeBody(model), V)
-    (flexibility,) = load_powers(residual, shared.carriers, load_pairs(shared, len(model.input_names)), 1)
+    (flexibility,) = load_powers(residual, shared.carriers, 1)
     plain = tables(flexibility, shared, model.rows.domain)
     assert found.flexibility and np.array_equal(found.flexibility.rows.c, plain.rows.c)
 

@@ -12,7 +12,7 @@ from pmr.errors import environment
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.free_body import FreeBody
-from pmr.reduction.residual_tables import BLOCK, ResidualFlexibility, check_memory, load_pairs, load_powers, tables
+from pmr.reduction.residual_tables import BLOCK, ResidualFlexibility, check_memory, load_powers, tables
 from pmr.reduction.snapshots import free_modes
 from pmr.system.polynomials import common_breaks
 from pmr.system.rows import Rows
@@ -51,7 +51,7 @@ def test_tables_are_exact_between_and_on_their_breaks(case) -> None:
     rows = full.rows.rows[2:]
     breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in rows], full.rows.domain)
     shared = Rows(rows, full.size).shared_carriers.refine(breaks)
-    found = tables(load_powers(residual, shared.carriers, load_pairs(shared, 2), 1)[0], shared, full.rows.domain)
+    found = tables(load_powers(residual, shared.carriers, 1)[0], shared, full.rows.domain)
     body = full.comm.bcast(full.gather())
     O, B = body.outputs.toarray(), body.B
     assert found.rows.c.shape == (7, len(breaks) - 1, 2, 2) and found.inputs.c.shape[0] == 4
@@ -69,19 +69,10 @@ def test_the_sliders_flexibility_is_symmetric_and_positive(case) -> None:
     rows = full.rows.rows[2:]
     breaks = common_breaks([row.project(np.zeros((full.size, 1))) for row in rows], full.rows.domain)
     shared = Rows(rows, full.size).shared_carriers.refine(breaks)
-    G = tables(load_powers(residual, shared.carriers, load_pairs(shared, 2), 1)[0], shared, full.rows.domain).rows
+    G = tables(load_powers(residual, shared.carriers, 1)[0], shared, full.rows.domain).rows
     assert np.array_equal(G.c, G.c.swapaxes(2, 3))
     s = np.linspace(*full.rows.domain, 301)[1:]
     assert np.linalg.eigvalsh(G(s))[:, 0].min() > 0.0
-
-
-def test_pairs_of_loads_grow_as_the_mesh_and_not_as_its_square(load_scene) -> None:
-    found = []
-    for elements in (30, 60):
-        full = full_model(load_scene("paper_simple", ["compare.against=[]", f"mesh.elements={elements}"]))
-        shared = Rows(full.rows.rows[2:], full.size).shared_carriers.align_breaks(full.rows.domain)
-        found.append(load_pairs(shared, 1).nnz)
-    assert 1.9 < found[1] / found[0] < 2.1
 
 
 @pytest.mark.slow
