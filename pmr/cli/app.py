@@ -24,8 +24,6 @@ from pmr.cli.console import (
     output_failure,
     prepare_folder,
     prepare_streams,
-    print_rows,
-    print_text,
     rank_count,
 )
 from pmr.cli.export import export, flexible, matrices, simulate
@@ -91,7 +89,7 @@ def schema(
     if not rows:
         allowed = f"one of {', '.join(makers)}, or a key of a scene or study such as hoist.falls, is allowed"
         raise InputError("command line", "KIND", kind, f"{similar_name_hint(kind, makers)}{allowed}")
-    print_rows(rows)
+    out.rows(rows)
 
 
 SCHEMA = "scene.schema.json"
@@ -140,7 +138,7 @@ def new(
         (name / "mesh.py").write_text(mesh.read_text(encoding="utf-8"), encoding="utf-8")
         about["mesh.py"] = "draws a mesh, as a start for one of your own"
     for file, what in about.items():
-        print_text(out, f"{name / file}  {what}")
+        out.text(f"{name / file}  {what}")
 
 
 def compile_() -> None:
@@ -148,7 +146,7 @@ def compile_() -> None:
 
     pip has compiled the step.  Version 0.2 removes this command of earlier versions.
     """
-    print_text(out, "nothing is to be compiled: the step was compiled when pmr was installed")
+    out.text("nothing is to be compiled: the step was compiled when pmr was installed")
 
 
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # the class of click, or of the copy of click in typer
@@ -181,7 +179,7 @@ app.command("compile")(compile_)
 def _version(is_given: bool) -> None:
     """Print pmr's version and exit, if the option is given."""
     if is_given:
-        print_text(out, f"pmr {environment.package_versions()['pmr']}")
+        out.text(f"pmr {environment.package_versions()['pmr']}")
         raise typer.Exit
 
 

@@ -65,19 +65,26 @@ class Output(Console):
         except OSError as error:
             self.failure = error
 
+    def text(self, text: str) -> None:
+        """Print a text in one line, without colours and without wrapping; control characters are written as escapes."""
+        self.print(escape_controls(text), soft_wrap=True)
+
+    def sentences(self, text: str) -> None:
+        """Print the sentences `text`: on a terminal wrapped between words, elsewhere in one line."""
+        shown = wrap_at_spaces(text, self.width, "  ") if self.is_terminal else escape_controls(text)
+        self.print(shown, soft_wrap=True)
+
+    def rows(self, rows: Iterable[tuple[str, str]]) -> None:
+        """Print rows (name, text) in two columns, wrapped at spaces."""
+        from rich.table import Table
+
+        table = Table.grid(padding=(0, 2))
+        for name, text in rows:
+            table.add_row(wrap_at_spaces(name, NAMES), wrap_at_spaces(text, max(self.width - NAMES - 2, NAMES)))
+        self.print(table)
+
 
 out, err = Output(**PLAIN), Output(stderr=True, **PLAIN)
-
-
-def print_text(console: Console, text: str) -> None:
-    """Print a text in one line, without colours and without wrapping; control characters are written as escapes."""
-    console.print(escape_controls(text), soft_wrap=True)
-
-
-def print_sentences(console: Console, text: str) -> None:
-    """Print the sentences `text`: on a terminal wrapped between words, elsewhere in one line."""
-    shown = wrap_at_spaces(text, console.width, "  ") if console.is_terminal else escape_controls(text)
-    console.print(shown, soft_wrap=True)
 
 
 def wrap_at_spaces(text: str, width: int, indent: str = "") -> str:
@@ -91,18 +98,8 @@ def wrap_at_spaces(text: str, width: int, indent: str = "") -> str:
     return "\n".join(lines)
 
 
-def print_rows(rows: Iterable[tuple[str, str]]) -> None:
-    """Print rows (name, text) in two columns, wrapped at spaces."""
-    from rich.table import Table
-
-    table = Table.grid(padding=(0, 2))
-    for name, text in rows:
-        table.add_row(wrap_at_spaces(name, NAMES), wrap_at_spaces(text, max(out.width - NAMES - 2, NAMES)))
-    out.print(table)
-
-
 class VisibleText(logging.Formatter):
-    """Formatter of log messages that writes control characters as escapes, as `print_text` does."""
+    """Formatter of log messages that writes control characters as escapes, as `Output.text` does."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802  (the name that logging calls)
         """Return the message with control characters written as escapes."""
@@ -248,7 +245,7 @@ def output_failure() -> OSError | None:
 
 def exit_with_message(message: str, code: int) -> NoReturn:
     """Print a message on standard error, and end this process and all other MPI ranks with the exit code `code`."""
-    print_text(err, f"pmr: {message}")
+    err.text(f"pmr: {message}")
     if rank_count() > 1:
         sys.modules["mpi4py.MPI"].COMM_WORLD.Abort(code)
     sys.exit(code)

@@ -19,9 +19,6 @@ from pmr.cli.console import (
     err,
     out,
     prepare_folder,
-    print_rows,
-    print_sentences,
-    print_text,
     scene_file,
 )
 from pmr.errors import InputError, TooManyModesError
@@ -82,8 +79,8 @@ def export(
             estimator = read_unit_observer(observer, model)
         written = write(to, model, out_file, Options(fmi, at, section, platforms, sources or None, estimator))
     if section is not None:
-        print_text(out, f"section {section} alone, without its joints")
-    print_text(out, str(written))
+        out.text(f"section {section} alone, without its joints")
+    out.text(str(written))
 
 
 def flexible(
@@ -132,9 +129,9 @@ def flexible(
         ) from None
     chosen.write(body, target)
     for k, (name, point) in enumerate(zip(body.frames.names, body.frames.points, strict=True), start=1):
-        print_text(out, f"{chosen.by} {k}: {name}, at {', '.join(f'{round(x, 9) + 0.0:.4g}' for x in point)} m")
-    print_text(out, f"{len(body.omega)} modes, {', '.join(f'{w / 6.283185307179586:.4g}' for w in body.omega)} Hz")
-    print_text(out, str(target))
+        out.text(f"{chosen.by} {k}: {name}, at {', '.join(f'{round(x, 9) + 0.0:.4g}' for x in point)} m")
+    out.text(f"{len(body.omega)} modes, {', '.join(f'{w / 6.283185307179586:.4g}' for w in body.omega)} Hz")
+    out.text(str(target))
 
 
 def matrices(
@@ -177,17 +174,17 @@ def matrices(
     body = read_foreign(files)
     amplitudes = f", {body.modal.sum()} of them modal amplitudes" if body.modal.any() else ""
     coordinates = f"{body.size} coordinates of {len(body.points)} nodes{amplitudes}"
-    print_text(out, f"{coordinates}; groups: {', '.join(body.groups) or 'none'}")
+    out.text(f"{coordinates}; groups: {', '.join(body.groups) or 'none'}")
     x, y, z = (round(float(c), 9) + 0.0 for c in body.centre)
     free = " of what supports inside the matrices leave free" if body.lacks else ""
     centre = f"centre of mass at ({x:.4g}, {y:.4g}, {z:.4g}) m"
-    print_text(out, f"{body.mass:.4g} kg{free}, {centre}; {_held_motions_text(len(body.held))}")
+    out.text(f"{body.mass:.4g} kg{free}, {centre}; {_held_motions_text(len(body.held))}")
     if body.D is not None:
         damped = (body.D.getnnz(axis=1) > 0).sum()
-        print_text(out, f"viscous damping on {damped} coordinates; the damping of a scene is added to it")
+        out.text(f"viscous damping on {damped} coordinates; the damping of a scene is added to it")
     if body.unchecked:
-        print_text(err, f"warning: {UNCHECKED}")
-    print_text(out, str(body.save(target)))
+        err.text(f"warning: {UNCHECKED}")
+    out.text(str(body.save(target)))
 
 
 def _held_motions_text(count: int) -> str:
@@ -246,7 +243,7 @@ def simulate(model: Model, scene: MotionScene, out_dir: Folder = None, overrides
     table.add_row("simulated in", ", ".join(f"{name} {s:.3g} s" for name, s in summary["seconds"]["simulate"].items()))
     out.print(table)
     hidden = ("model", "mesh")  # they are those of the run that wrote the model
-    print_rows(row for row in errors.trust_table(result).rows if row[0] not in hidden)
+    out.rows(row for row in errors.trust_table(result).rows if row[0] not in hidden)
     for warning in summary["warnings"]:
-        print_sentences(out, f"warning: {warning}")
-    print_text(out, str(folder / "trajectories.npz"))
+        out.sentences(f"warning: {warning}")
+    out.text(str(folder / "trajectories.npz"))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from rich.table import Table
 from typer import Argument, Option
 
-from pmr.cli.console import Folder, MotionScene, Overrides, out, print_sentences, print_text, scene_file
+from pmr.cli.console import Folder, MotionScene, Overrides, out, scene_file
 from pmr.cli.export import Model
 from pmr.errors import InputError
 from pmr.errors.text import escape_controls
@@ -68,13 +68,13 @@ def observe(
     for name, ratio in figures["observability"].items():
         if ratio > 0.5:
             share = f"{100.0 * ratio:.0f} % of its width at the start"
-            print_sentences(out, f"warning: these sensors hardly tell {name}: its band has {share} in the end")
+            out.sentences(f"warning: these sensors hardly tell {name}: its band has {share} in the end")
     for sentence in figures["faults"]:
-        print_sentences(out, f"warning: {sentence}")
+        out.sentences(f"warning: {sentence}")
     for name, share in figures["coverage"].items():
-        print_sentences(out, f"{100.0 * share:.0f} % of the true values of {name} lie within the band of 90 %")
+        out.sentences(f"{100.0 * share:.0f} % of the true values of {name} lie within the band of 90 %")
     for path in (*files, write_report(folder).html):
-        print_text(out, str(path))
+        out.text(str(path))
 
 
 def identify(
@@ -148,12 +148,12 @@ def identify(
         by_column = zip(columns, shares, strict=bool(shares))
         listed = ", ".join(f"{column} {100.0 * share:.2g} %" for column, share in by_column if share is not None)
         if listed:
-            print_text(out, f"RMS error, {name.replace('_', ' ')}: {listed}")
+            out.text(f"RMS error, {name.replace('_', ' ')}: {listed}")
     for name, value, error in zip(result.names, result.values, result.errors, strict=True):
         if error > 0.5 * abs(value):
-            print_sentences(out, f"warning: these measurements hardly determine {name}")
+            out.sentences(f"warning: these measurements hardly determine {name}")
     for path in (fitted, figures):
-        print_text(out, str(path))
+        out.text(str(path))
 
 
 def _start_of(text: str) -> tuple[str, float]:

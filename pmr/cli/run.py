@@ -26,9 +26,6 @@ from pmr.cli.console import (
     exit_with_message,
     out,
     prepare_folder,
-    print_rows,
-    print_sentences,
-    print_text,
     rank_number,
     report_failure_message,
     scene_file,
@@ -174,8 +171,8 @@ def run(
                     written = report.write([outcome.result for outcome in outcomes], folder)
                 except Exception as error:  # any error of the report; the computed results are stored
                     exit_with_message(report_failure_message(error, folder), 1)
-            print_text(out, f"report  {written.html}")
-            print_text(out, f"        {written.pdf}")
+            out.text(f"report  {written.html}")
+            out.text(f"        {written.pdf}")
 
 
 def _print_hints(scene: Scene) -> None:
@@ -183,7 +180,7 @@ def _print_hints(scene: Scene) -> None:
     from pmr.scene.hints import hints
 
     for hint in hints(scene) if rank_number() == 0 else ():
-        print_sentences(err, f"warning: {hint}")
+        err.sentences(f"warning: {hint}")
 
 
 def _save_results(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome) -> None:
@@ -240,19 +237,19 @@ def _print_outcome(outcome: Outcome) -> None:
 
     result, summary = outcome.result, outcome.result.summary
     out.print(escape_controls(result.scene.title), style="bold")
-    print_rows(first_page.largest_value_rows(result))
+    out.rows(first_page.largest_value_rows(result))
     _print_errors(errors.rows(result))
     each = ", ".join(
         f"{section['name']} {section['coordinates']['reduced']}" for section in summary.get("sections", ())
     )
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in summary["seconds"]["simulate"].items())
     coordinates = f"{summary['coordinates']['full']} -> {summary['coordinates']['reduced']} coordinates"
-    print_sentences(out, f"{coordinates}{f' ({each})' if each else ''}; simulated in: {seconds}")
-    print_rows(errors.trust_table(result).rows)
+    out.sentences(f"{coordinates}{f' ({each})' if each else ''}; simulated in: {seconds}")
+    out.rows(errors.trust_table(result).rows)
     for warning in summary["warnings"]:
-        print_sentences(out, f"warning: {warning}")
+        out.sentences(f"warning: {warning}")
     for pair, length in summary["agreement"].items():
-        print_text(out, f"{pair.replace('_vs_', ' and ')} agree to {length:.1e} m")
+        out.text(f"{pair.replace('_vs_', ' and ')} agree to {length:.1e} m")
     out.print()
 
 
@@ -294,7 +291,7 @@ class _StageLines:
         """Print the present stage, unless it has been printed before."""
         if self._stage and self._stage not in self._printed:
             self._printed.add(self._stage)
-            print_text(err, f"{self._title}: {self._stage}, after {duration_text(time.monotonic() - self._begin)}")
+            err.text(f"{self._title}: {self._stage}, after {duration_text(time.monotonic() - self._begin)}")
 
     def stop(self) -> None:
         """Stop printing stages."""

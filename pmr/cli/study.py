@@ -24,8 +24,6 @@ from pmr.cli.console import (
     err,
     out,
     prepare_folder,
-    print_sentences,
-    print_text,
     report_failure_message,
     scene_file,
 )
@@ -87,7 +85,7 @@ def study(
         _run_experiment(file, out_dir, jobs, overrides or [], only or [], listed)
     if listed:
         for name in call.load(file, overrides or ()).runs:
-            print_text(out, name)
+            out.text(name)
         return
     environment.check_report()  # before the work, not after it
     folder = out_dir or Path("reports", study_file.stem)
@@ -103,22 +101,22 @@ def study(
             with _show_progress() as watch:
                 outcome = compute_results(chosen, folder, pool, watch)
     except KeyboardInterrupt:
-        print_text(err, "interrupted; the same command goes on from here")
+        err.text("interrupted; the same command goes on from here")
         raise typer.Exit(130) from None
     _print_failures(outcome)
     if not only:
         for table in save(project, outcome, folder):
-            print_text(out, f"table  {table}")
+            out.text(f"table  {table}")
         from pmr.report.studies import write_report
 
         try:
             report = write_report(folder)
-            print_text(out, f"report {report.html}")
-            print_text(out, f"report {report.pdf}")
+            out.text(f"report {report.html}")
+            out.text(f"report {report.pdf}")
         except Exception as error:  # any error of the report; the tables are stored
-            print_text(err, f"pmr: {report_failure_message(error, folder)}")
+            err.text(f"pmr: {report_failure_message(error, folder)}")
             raise typer.Exit(1) from None
-    print_text(out, f"{outcome.done} of {len(chosen.runs)} runs are there; {outcome.computed} tasks were computed now")
+    out.text(f"{outcome.done} of {len(chosen.runs)} runs are there; {outcome.computed} tasks were computed now")
     if not only:
         _print_results(chosen, outcome)
     if not outcome.is_complete:
@@ -167,7 +165,7 @@ def _show_progress() -> Iterator[Watch]:
         def log(progress: Progress) -> None:
             begins = progress.elapsed >= QUIET and not printed >= progress.stages
             if begins or progress.elapsed >= due[0]:
-                print_text(err, progress.text)
+                err.text(progress.text)
                 printed.update(progress.stages)
                 due[0] = progress.elapsed + LOGGED_EVERY
 
@@ -201,11 +199,11 @@ def _print_results(project: Project, outcome: Outcome) -> None:
             table.add_row(*map(escape_controls, row))
         out.print(table)
         if results.is_complete and (line := part.study.summary_line(results)):
-            print_text(out, line)
+            out.text(line)
         for warning in results.warnings:
-            print_sentences(out, f"warning: {warning.line(len(results.runs))}")
+            out.sentences(f"warning: {warning.line(len(results.runs))}")
         for hint in part.study.hints():
-            print_sentences(out, f"warning: {hint}")
+            out.sentences(f"warning: {hint}")
 
 
 def _print_failures(outcome: Outcome) -> None:
@@ -217,11 +215,11 @@ def _print_failures(outcome: Outcome) -> None:
                 runs.setdefault((record.status, record.reason), []).append(f"{name}/{record.key}".lstrip("/"))
     for (status, reason), keys in list(runs.items())[:SHOWN_FAILURES]:
         more = f" and {len(keys) - SHOWN_KEYS} more" if len(keys) > SHOWN_KEYS else ""
-        print_text(err, f"{status}: {', '.join(keys[:SHOWN_KEYS])}{more}: {reason}")
+        err.text(f"{status}: {', '.join(keys[:SHOWN_KEYS])}{more}: {reason}")
     if len(runs) > SHOWN_FAILURES:
-        print_text(err, f"and {len(runs) - SHOWN_FAILURES} more reasons")
+        err.text(f"and {len(runs) - SHOWN_FAILURES} more reasons")
     if runs:
-        print_text(err, "these are in no table; the same command computes them again")
+        err.text("these are in no table; the same command computes them again")
 
 
 STUDY = "chart.toml"
@@ -268,6 +266,6 @@ def chart(
         written.write_text(chart_study_text(file, loaded, largest), encoding="utf-8")
         if up_to is None:
             sentence = f"{largest:.6g} kg is the largest load that is looked for: {words_of_usual_load(loaded)}"
-            print_sentences(out, f"{sentence}; --up-to KG takes another")
-        print_text(out, f"study  {written}  the study of this chart: add limits to it, and call again")
+            out.sentences(f"{sentence}; --up-to KG takes another")
+        out.text(f"study  {written}  the study of this chart: add limits to it, and call again")
     study(written, out_dir=folder, jobs=jobs)

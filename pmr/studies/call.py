@@ -206,8 +206,6 @@ def _summary_head(title: str, kind: str) -> dict[str, Any]:
 
 DIALECT = Dialect("study file", references=("file", "files", "scene", "scenes"))
 COLLECTION = "collection"
-#: Kinds of studies of earlier versions that are scripts in workflows/paper.
-EXPERIMENTS = ("combinations", "convergence", "error_map", "histories", "residual", "speed", "trade")
 
 
 class Collection(SceneTable):
@@ -313,9 +311,6 @@ def _read(path: str | Path, changes: Sequence[Change]) -> TomlFile:
     for change in changes:
         file.apply(change)
     kind = file.data.get("kind")
-    if kind in EXPERIMENTS:
-        allowed = f"this experiment is a script: `pmr study {kind}` runs workflows/paper/{kind}.py"
-        raise InputError(file.origin("kind"), "kind", kind, allowed)
     if kind not in kind_names():
         allowed = f"{similar_name_hint(kind, kind_names())}one of {', '.join(kind_names())} is allowed"
         raise InputError(file.origin("kind"), "kind", kind, allowed)

@@ -217,16 +217,15 @@ class ChartModels:
     """Postures of the reduced model (`reduced`) and of the models with which it is compared; None for a missing model.
 
     `enriched` is the reduced model with attachment modes.  `with_tip_mass` is the reduced model of a run with a mass at
-    the tip.  `other_mesh` is a reduced model on a finer or coarser mesh, `structural` a richer structural model.
+    the tip.  `comparisons` has other models by the part of the error that they tell: under ``model`` a richer
+    structural model, under ``mesh`` a reduced model on a finer or coarser mesh.
     """
 
     reduced: PostureMatrices
     enriched: PostureMatrices | None
     with_tip_mass: PostureMatrices | None
-    other_mesh: PostureMatrices | None
-    structural: PostureMatrices | None
-    structural_label: str  # name of the richer structural model, or the reason why there is none
-    mesh_share: float  # error of the mesh over the difference to the model on the other mesh
+    comparisons: Mapping[str, ComparedModel]
+    no_structural: str  # the reason why there is no richer structural model
     stiffness_excess: float  # share by which the richer model's buckling factor is above that of full order
     reach: Array  # (P,) m
 
@@ -236,30 +235,23 @@ class ChartModels:
         arrays, model_arrays = needs["postures"].arrays, needs["model"].arrays if "model" in needs else {}
         reduced = npz.record_from_arrays(PostureMatrices, arrays, "reduced.")
         enriched, with_tip_mass, other_mesh = (_read_postures(arrays, name) for name in ("richer", "mass", "mesh"))
-        share, above = (float(arrays.get(name, np.nan)) for name in ("mesh_share", "too_stiff"))
-        structural = _read_postures(model_arrays, "model")
-        label = str(model_arrays.get("called", model_arrays.get("reason", "")))
-        return cls(reduced, enriched, with_tip_mass, other_mesh, structural, label, share, above, arrays["reach"])
-
-    @property
-    def comparisons(self) -> dict[str, ComparedModel]:
-        """Models with which the reduced one is compared, by the part of the error: ``model`` or ``mesh``."""
-        by_part = dict[str, ComparedModel]()
-        if self.structural is not None:
-            by_part["model"] = ComparedModel(self.structural, self.structural_label, 1.0)
-        if self.other_mesh is not None:
-            by_part["mesh"] = ComparedModel(self.other_mesh, "other mesh", self.mesh_share)
-        return by_part
+        comparisons = dict[str, ComparedModel]()
+        if (structural := _read_postures(model_arrays, "model")) is not None:
+            comparisons["model"] = ComparedModel(structural, str(model_arrays["called"]), 1.0)
+        if other_mesh is not None:  # the share is the error of the mesh over the difference to this model
+            comparisons["mesh"] = ComparedModel(other_mesh, "other mesh", float(arrays["mesh_share"]))
+        reason, above = str(model_arrays.get("reason", "")), float(arrays.get("too_stiff", np.nan))
+        return cls(reduced, enriched, with_tip_mass, comparisons, reason, above, arrays["reach"])
 
     def not_covered(self, limits: Sequence[Limit]) -> list[str]:
         """Return the errors that the error bars of a chart with these limits do not cover, one clause for each."""
         if self.enriched is None:
             return ["any error: error_bars = false"]
         of = sorted({limit.of for limit in limits if not limit.kind.in_richer_model})
-        model = f"the structural model: {self.structural_label}" if self.structural is None else ""
+        model = f"the structural model: {self.no_structural}" if "model" not in self.comparisons else ""
         if not model and of:
             model = f"the structural model in limits of {' and '.join(of)}: {WHY_NOT_STRESS}"
-        mesh = "" if self.other_mesh is not None else f"the mesh: {NO_OTHER_MESH}"
+        mesh = "" if "mesh" in self.comparisons else f"the mesh: {NO_OTHER_MESH}"
         return [*filter(None, (model, mesh)), f"large rotations in {STABILITY}"]
 
 

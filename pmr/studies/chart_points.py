@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,18 +32,11 @@ from pmr.studies.limits import FIELD, Limit
 from pmr.system.contacts import Contact
 
 
-@dataclass(frozen=True)
-class Equilibrium:
-    """The boom in equilibrium at a `place` (posture and load case) under a `load` in kg, with a `description`."""
+class Equilibrium(NamedTuple):
+    """Outputs, contact forces and closed contacts of a boom in equilibrium, and words on its posture and load."""
 
-    place: Place
-    load: float
+    state: LoadedState
     description: str
-
-    @property
-    def state(self) -> LoadedState:
-        """Outputs, contact forces and closed contacts in this equilibrium."""
-        return self.place.equilibria.state(self.load)
 
 
 @dataclass(frozen=True)
@@ -66,10 +59,10 @@ def stable_equilibria(place: Place, load: float, reach: float) -> list[Equilibri
     where = f"at a boom length of {reach:.4g} m, raised {np.rad2deg(at.place.luffing[k]):.4g} degrees"
     if at.place.slewing[k]:
         where += f", slewed {np.rad2deg(at.place.slewing[k]):.4g} degrees"
-    equilibria = [Equilibrium(place, 0.0, f"{where}, without a load")]
+    loads = {0.0: f"{where}, without a load"}
     if load > 0.0:
-        loaded = f"{where}, under {float(f'{load:.4g}'):.10g} kg"
-        equilibria.append(Equilibrium(place, load * (1.0 - JUST_BELOW), loaded))
+        loads[load * (1.0 - JUST_BELOW)] = f"{where}, under {float(f'{load:.4g}'):.10g} kg"
+    equilibria = [Equilibrium(place.equilibria.state(acting), words) for acting, words in loads.items()]
     return [at_rest for at_rest in equilibria if at_rest.state.in_equilibrium]
 
 
@@ -95,7 +88,7 @@ def warnings_of_row(
         equilibria += stable_equilibria(places(models.reduced, k)[case], float(of_limits[limit]), float(reach[k]))
     if not equilibria:
         return ()
-    response = _response_at_equilibria(equilibria)
+    response = _response_at_equilibria(equilibria, models.reduced)
     parts = [
         SummaryPart(grave=pulled_pad_warnings(scene, contacts, response)),
         ropes_part(scene, response),
@@ -146,11 +139,14 @@ def replaced_mass_warnings(original: Scene, scene: Scene, point: tuple[float, fl
     return lines
 
 
-def _response_at_equilibria(equilibria: Sequence[Equilibrium]) -> RestingResponse:
-    """Return a response with tip displacements and contact forces of one equilibrium at each time; all else is zero."""
-    at, states = equilibria[0].place.postures, [at_rest.state for at_rest in equilibria]
+def _response_at_equilibria(equilibria: Sequence[Equilibrium], at: PostureMatrices) -> RestingResponse:
+    """Return a response with tip displacements and contact forces of one equilibrium at each time; all else is zero.
+
+    `at` are the postures of the model, with the names of its outputs and contacts.
+    """
+    states = [at_rest.state for at_rest in equilibria]
     t, nothing = np.arange(len(equilibria), dtype=float), np.zeros(len(equilibria))
-    tip = _indices_of_kind(at.output_kinds, "tip")
+    tip = [n for n, kind in enumerate(at.output_kinds) if kind == "tip"]
     return RestingResponse(
         t=t,
         x=np.zeros(len(tip)),
@@ -164,11 +160,6 @@ def _response_at_equilibria(equilibria: Sequence[Equilibrium]) -> RestingRespons
         force_names=tuple(map(force_name, at.force_names)),
         words=tuple(at_rest.description for at_rest in equilibria),
     )
-
-
-def _indices_of_kind(kinds: Sequence[str], kind: str) -> list[int]:
-    """Return the indices of the outputs or contacts of a kind among all, which have the `kinds`."""
-    return [n for n, of in enumerate(kinds) if of == kind]
 
 
 class Stop(SceneTable):
@@ -286,12 +277,10 @@ def governing_details(
     if at is None:
         return {}
     governing_limits = [*limits, None]  # stability has no share that a swing changes
-    rows = list[dict[str, Array] | None]()
-    for limit, place, load in zip(governing_limits, places, loads.tolist(), strict=True):
-        if place is None:
-            rows.append(None)
-        else:
-            rows.append(_place_arrays(limits, place, load, bent) | _stop_arrays(limit, place, load, stops))
+    rows = [
+        None if place is None else _place_arrays(limits, limit, place, load, bent, stops)
+        for limit, place, load in zip(governing_limits, places, loads.tolist(), strict=True)
+    ]
     example_row = next(row for row in rows if row is not None)
     empty = {name: np.full_like(values, np.nan) for name, values in example_row.items()}
     arrays = {name: np.array([(row or empty)[name] for row in rows]) for name in example_row}
@@ -309,8 +298,15 @@ def _stress_columns(at: PostureMatrices) -> dict[str, dict[str, int]]:
     return {probe: components for probe, components in at.columns.stress_columns().items() if FIELD not in probe}
 
 
-def _place_arrays(limits: Sequence[Limit], place: Place, load: float, bent: DeflectionOutputs) -> dict[str, Array]:
-    """Return one place's row of each array of `governing_details` but ``stops``, slightly below `load` in kg.
+def _place_arrays(
+    limits: Sequence[Limit],
+    limit: Limit | None,
+    place: Place,
+    load: float,
+    bent: DeflectionOutputs,
+    stops: Sequence[StopMotion],
+) -> dict[str, Array]:
+    """Return the row of a place, where `limit` governs, of each array of `governing_details`, just below `load` in kg.
 
     At the load at which stability is lost there is no equilibrium; therefore a slightly smaller load acts.
     """
@@ -318,13 +314,11 @@ def _place_arrays(limits: Sequence[Limit], place: Place, load: float, bent: Defl
     state = place.equilibria.state(load)
     shape = Place(bent.replace_outputs(at), place.k, place.amounts, place.gravity).equilibria.state(load)
     of_probes = [(list(numbers.values()), tuple(numbers)) for numbers in _stress_columns(at).values()]
-    stress = np.array([float(von_mises_stress(state.outputs[numbers], names)) for numbers, names in of_probes])
-    used = np.array([*(place.used_share(limit, state) for limit in limits), load / state.form.critical])
-    luffing = at.place.luffing[place.k]
-    return {"forces": state.forces, "bent": shape.outputs, "stress": stress, "used": used, "luffing": luffing}
-
-
-def _stop_arrays(limit: Limit | None, place: Place, load: float, stops: Sequence[StopMotion]) -> dict[str, Array]:
-    """Return one place's ``stops`` (stops, 5) of `governing_details`, under slightly less than `load` in kg."""
-    stop_rows = [stop.stop_figures(place, load * (1.0 - JUST_BELOW), limit) for stop in stops]
-    return {"stops": np.array(stop_rows).reshape(-1, 5)}
+    return {
+        "forces": state.forces,
+        "bent": shape.outputs,
+        "stress": np.array([float(von_mises_stress(state.outputs[numbers], names)) for numbers, names in of_probes]),
+        "used": np.array([*(place.used_share(limit, state) for limit in limits), load / state.form.critical]),
+        "luffing": at.place.luffing[place.k],
+        "stops": np.array([stop.stop_figures(place, load, limit) for stop in stops]).reshape(-1, 5),
+    }

@@ -21,7 +21,6 @@ from pmr.scene import Scene
 from pmr.scene.choice import has_walls_that_could_give
 from pmr.scene.left_out import left_out
 from pmr.scene.members import members
-from pmr.simulation.statics.loaded import LoadedStructure
 from pmr.simulation.statics.postures import HOOK, WEIGHT, DeflectionOutputs, PostureMatrices
 from pmr.simulation.statics.swings import Rope, lift_off
 from pmr.studies import shared
@@ -324,19 +323,12 @@ def _point_arrays(
     sometimes = np.nan_to_num(parts["error.mesh"]) + np.nan_to_num(parts["error.model"])
     row |= parts | {"error": parts["error.reduction"] + sometimes + parts["error.rotation"]}
     if rope is not None:
-        least = float(np.nanmin(np.append(load, np.inf)))
-        row["hoist"] = np.array(_hoist_factor(places[0].equilibria, least, rope, chart.gravity))
+        least, loaded = float(np.nanmin(np.append(load, np.inf))), places[0].equilibria
+        is_hoisted = 0.0 < least < np.inf
+        row["hoist"] = np.array(
+            lift_off(loaded.state(least).form, least, rope, chart.gravity) if is_hoisted else np.nan
+        )
     return row
-
-
-def _hoist_factor(loaded: LoadedStructure, load: float, rope: Rope, gravity: float) -> float:
-    """Return the rope's largest force at lift-off over the weight of `load` in kg; NaN if that is 0 or infinite.
-
-    `gravity` is in m/s^2.
-    """
-    if not 0.0 < load < np.inf:
-        return np.nan
-    return lift_off(loaded.state(load).form, load, rope, gravity)
 
 
 class LeastCase(NamedTuple):

@@ -58,30 +58,23 @@ class LeastLoads(NamedTuple):
         order = np.argsort(np.linalg.norm(place[:, 0], axis=1), kind="stable")
         return cls(load[order], error[order], place[order], rows[0]["luffing"].reshape(-1, turns)[:, 0], order)
 
+    def at_radii(self, radii: Array, lower: Array, e: int, up_to: float) -> Array:
+        """Loads and their lower bounds (2, R, l) in kg with boom length number `e`, for the tip at `radii` (R,) in m.
 
-class TableColumn(NamedTuple):
-    """Loads of l limits at R radii of a duty table, for one boom length; NaN at radii that the tip does not reach."""
-
-    load: Array  # (R, l) kg
-    lower: Array  # (R, l) kg: the load less its error bar
-
-    @classmethod
-    def at_radii(cls, radii: Array, least: LeastLoads, lower: Array, e: int, up_to: float) -> TableColumn:
-        """Interpolate the loads of boom length number `e` between luffing angles, for the tip at `radii` (R,) in m.
-
-        `lower` (E, A, l) in kg are lower bounds of the loads of `least`.  A limit that is not reached counts as reached
-        at `up_to` in kg.  Of a radius that the tip has at two angles, above and below the horizontal, the smaller load
-        counts.  The lower bound is less by what interpolation with curves and with straight lines differ.
+        They are interpolated between luffing angles, and NaN at radii that the tip does not reach.  `lower` (E, A, l)
+        in kg are lower bounds of the loads.  A limit that is not reached counts as reached at `up_to` in kg.  Of a
+        radius that the tip has at two angles, above and below the horizontal, the smaller load counts.  The lower bound
+        is less by what interpolation with curves and with straight lines differ.
         """
-        luffing, order = np.unique(least.luffing, return_index=True)
-        place, load = least.place[e, order, 0], np.nan_to_num(least.load[e, order], nan=up_to)
+        luffing, order = np.unique(self.luffing, return_index=True)
+        place, load = self.place[e, order, 0], np.nan_to_num(self.load[e, order], nan=up_to)
         angles = _angles_at_radii(radii, place, luffing)
         of_load, straight, bound = (
             _interpolate_loads(angles, luffing, values, up_to, smooth=smooth)
             for values, smooth in ((load, True), (load, False), (lower[e, order], True))
         )
         bound = np.maximum(bound - np.abs(of_load - straight), 0.0)
-        return cls(np.fmin(*of_load), np.fmin(*bound))
+        return np.array([np.fmin(*of_load), np.fmin(*bound)])
 
 
 @dataclass(frozen=True)
@@ -107,12 +100,11 @@ class DutyTable:
         """Return the duty table of a chart; `up_to` is the largest load in kg that was tried."""
         radii = _round_radii(least.place[:, :, 0])
         lower = np.maximum(lower_bounds(least.load, least.error, up_to), 0.0)
-        columns = [TableColumn.at_radii(radii, least, lower, e, up_to) for e in range(len(least.load))]
-        load = np.stack([column.load for column in columns], axis=1)  # (R, E, l)
+        columns = np.array([least.at_radii(radii, lower, e, up_to) for e in range(len(least.load))])
+        load, bound = np.moveaxis(columns, 0, 2)  # (R, E, l) each
         limited, which = load.min(axis=2), load.argmin(axis=2)
         lengths = np.linalg.norm(least.place[:, 0], axis=1)
-        bound = np.stack([column.lower for column in columns], axis=1).min(axis=2)
-        return cls(radii, lengths, limited, bound, np.where(limited < up_to, which, -1), up_to)
+        return cls(radii, lengths, limited, bound.min(axis=2), np.where(limited < up_to, which, -1), up_to)
 
     def csv(self, names: Sequence[str]) -> str:
         """Return the table as text in CSV; `names` are the names of the limits."""
@@ -287,32 +279,28 @@ class LoadCase(SceneTable):
         """Whether a load hangs at the tip in this load case."""
         return self.load > 0.0
 
-    def check_loads(self, key: str, forces: Mapping[str, bool], classes: Mapping[str, tuple[float, float]]) -> None:
-        """Raise InputError if the case names a load or a hoisting class that does not exist.
+    def check_loads(self, key: str, forces: Mapping[str, bool]) -> None:
+        """Raise InputError if the case names a load that does not exist.
 
         `key` is the key of the case in the study file, for the message.  `forces` says of each load of the scene
-        whether it is a force, as that of wind on an area is.  `classes` maps the name of a hoisting class to its
-        phi2,min and beta2 in s/m, as `hoisting_factor` uses them.
+        whether it is a force, as that of wind on an area is.
         """
-        if self.hoisting_class is not None:
-            hoisting_factor(f"{key}.hoisting_class", classes, self.hoisting_class, 0.0)
-        named: list[tuple[str, str, Any]] = [(f"loads.{name}", name, amount) for name, amount in self.loads.items()]
+        kinds = {"loads": sorted(forces), "forces": sorted(load for load, is_force in forces.items() if is_force)}
+        named: list[tuple[str, str, str, Any]] = [
+            ("loads", f"loads.{name}", name, amount) for name, amount in self.loads.items()
+        ]
         areas = enumerate(self.wind.on if self.wind else ())
-        named += [(f"wind.on[{k}].load", exposed.load, exposed.load) for k, exposed in areas]
-        for of, name, value in named:
-            names = (
-                sorted(forces) if of.startswith("loads") else [load for load, is_force in forces.items() if is_force]
-            )
-            if name not in names:
-                kind = "loads" if of.startswith("loads") else "forces"
-                allowed = f"{', '.join(sorted(names)) or f'no {kind}'} of the scene are allowed"
+        named += [("forces", f"wind.on[{k}].load", exposed.load, exposed.load) for k, exposed in areas]
+        for kind, of, name, value in named:
+            if name not in kinds[kind]:
+                allowed = f"{', '.join(kinds[kind]) or f'no {kind}'} of the scene are allowed"
                 raise InputError("study", f"{key}.{of}", value, allowed)
 
     def hoisting_factor(self, classes: Mapping[str, tuple[float, float]]) -> float:
         """Return the dynamic factor of the case's hoisting class at the case's speed; 1 if the case has no class."""
-        if self.hoisting_class is None:
+        if self.hoisting_class is None or self.hoisting_speed is None:
             return 1.0
-        return hoisting_factor("hoisting_class", classes, self.hoisting_class, self.hoisting_speed or 0.0)
+        return hoisting_factor(classes[self.hoisting_class], self.hoisting_speed)
 
     def acting_amounts(self, classes: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
         """Return the case as plain values under the keys ``name``, ``weight``, ``load`` and ``loads``.
@@ -325,14 +313,10 @@ class LoadCase(SceneTable):
         return {"name": self.name, "weight": self.weight, "load": load, "loads": loads}
 
 
-def hoisting_factor(key: str, classes: Mapping[str, tuple[float, float]], name: str, speed: float) -> float:
+def hoisting_factor(of_class: tuple[float, float], speed: float) -> float:
     r"""Return :math:`\phi_2 = \phi_{2,min} + \beta_2 v`, the dynamic factor of a hoisting class at a speed v in m/s.
 
-    `name` is the hoisting class and `speed` is v.  `classes` maps names of classes to :math:`\phi_{2,min}` and
-    :math:`\beta_2` in s/m.  InputError, with `key` as the key in its message, is raised for a class that is not among
-    `classes`.
+    `of_class` has :math:`\phi_{2,min}` and :math:`\beta_2` in s/m; `speed` is v.
     """
-    if name not in classes:
-        raise InputError("study", key, name, f"one of {', '.join(classes)} is allowed")
-    least, slope = classes[name]
+    least, slope = of_class
     return least + slope * speed

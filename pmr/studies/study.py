@@ -93,7 +93,7 @@ class StudyBase(SceneTable):
 
 
 FORMAT = "pmr-task-result"
-FORMAT_VERSION = 3  # from version 3 on, warnings belong to the result
+FORMAT_VERSION = 3
 STALE_AFTER = 3600.0  # s, age at which a file under construction counts as abandoned
 #: Text between two warnings in a cell of the table.
 SEPARATOR = " | "
@@ -141,10 +141,6 @@ class Store:
         header |= {"warnings": list(result.warnings)}
         npz.write(self.path(digest), {f"array.{name}": array for name, array in result.arrays.items()}, header)
 
-    def read_without_arrays(self, digest: str) -> TaskResult:
-        """Return the result with this digest without its arrays; raises DamagedError as `read` does."""
-        return self.read(digest, only=(npz.HEADER,))
-
     def read(self, digest: str, only: Collection[str] | None = None) -> TaskResult:
         """Return the result with this digest; its arrays are read-only.
 
@@ -155,13 +151,12 @@ class Store:
         try:
             data = npz.read(file, only=only)
             header = npz.pop_header(data)
-            if (header["format"], header["digest"]) != (FORMAT, digest) or not 1 <= header["version"] <= FORMAT_VERSION:
+            if (header["format"], header["version"], header["digest"]) != (FORMAT, FORMAT_VERSION, digest):
                 raise ValueError("another file's header")
             arrays = {name.removeprefix("array."): array for name, array in data.items()}
             for array in arrays.values():
                 array.setflags(write=False)
-            warnings = tuple(header["warnings"] if header["version"] > 2 else header["notes"])
-            return TaskResult(header["record"], arrays, header["seconds"], warnings)
+            return TaskResult(header["record"], arrays, header["seconds"], tuple(header["warnings"]))
         except (KeyError, TypeError, ValueError) as error:
             raise npz.DamagedError(f"{file.name} is missing or damaged ({error})") from None
 
@@ -268,7 +263,7 @@ class StudyResults:
             if failure is not None:
                 record = RunRecord(task.key, failure.status, task.parameters, {}, {}, failure.reason, failure.detail)
             else:
-                done, file = store.read_without_arrays(digest[task.key]), store.path(digest[task.key])
+                done, file = store.read(digest[task.key], only=(npz.HEADER,)), store.path(digest[task.key])
                 record = RunRecord(task.key, "done", task.parameters, done.record, done.seconds, warnings=done.warnings)
                 record = replace(record, file=os.path.relpath(file, folder))
             runs.append(record)
@@ -279,9 +274,7 @@ class StudyResults:
         """Read the results from the summary.json that `save` wrote into `folder`."""
         finish_swap(folder)
         runs = json.loads((folder / "summary.json").read_text())["runs"]
-        for run in runs:
-            run["warnings"] = tuple(run["warnings"] if "warnings" in run else run.pop("notes"))  # earlier name
-        return cls(folder, tuple(RunRecord(**run) for run in runs))
+        return cls(folder, tuple(RunRecord(**run | {"warnings": tuple(run["warnings"])}) for run in runs))
 
     @property
     def warnings(self) -> list[CountedWarning]:

@@ -12,9 +12,8 @@ import pytest
 from on_pads import beam_on_pads, modes_on_pads
 from oracle import flexible, full_body
 from processes import called, python
-from rich.console import Console
 
-from pmr.cli.console import print_sentences, wrap_at_spaces
+from pmr.cli.console import Output, wrap_at_spaces
 from pmr.cli.info import describe_model
 
 SIMPLE = "workflows/paper_simple.toml"
@@ -309,7 +308,7 @@ def test_a_form_that_is_not_compiled_is_one_line(tmp_path: Path, monkeypatch: py
 def test_sentences_break_between_words_on_a_terminal_alone(terminal: bool) -> None:
     """A line elsewhere, where another program reads it; what is one word stays whole."""
     text = "the error of the time step itself is " + 20 * "0.00254 % at the tip and " + "all sections"
-    screen = Console(file=io.StringIO(), width=80, force_terminal=terminal, color_system=None)
-    print_sentences(screen, text)
+    screen = Output(file=io.StringIO(), width=80, force_terminal=terminal, color_system=None)
+    screen.sentences(text)
     lines = screen.file.getvalue().rstrip("\n").split("\n")
     assert " ".join(map(str.strip, lines)) == text and (max(map(len, lines)) <= 80) == (len(lines) > 1) == terminal

@@ -9,7 +9,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from processes import called
-from rich.console import Console
 
 from pmr import InputError
 from pmr.cli import console
@@ -41,7 +40,7 @@ def test_what_steers_is_spelled_out(text: str) -> None:
 @pytest.mark.parametrize("text", [*PLAIN, *STEERING])
 def test_the_terminal_shows_text_as_it_is(text: str) -> None:
     shown = io.StringIO()
-    console.print_text(Console(file=shown, force_terminal=True, color_system="truecolor", **console.PLAIN), text)
+    console.Output(file=shown, force_terminal=True, color_system="truecolor", **console.PLAIN).text(text)
     assert shown.getvalue() == escape_controls(text) + "\n"
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pmr.files.npz import DamagedError, write
+from pmr.files.npz import HEADER, DamagedError, write
 from pmr.studies.study import STALE_AFTER, CountedWarning, RunRecord, Store, StudyResults
 from pmr.studies.tasks import TaskResult
 
@@ -94,14 +94,6 @@ def test_the_worst_of_a_kind_of_warning_is_shown() -> None:
     )
 
 
-def test_studies_of_earlier_versions_had_notes(tmp_path: Path) -> None:
-    found = results(tmp_path)
-    found.save({})
-    file = tmp_path / "summary.json"
-    file.write_text(file.read_text().replace('"warnings": [', '"notes": ['))
-    assert '"warnings"' not in file.read_text() and StudyResults.load(tmp_path) == found
-
-
 ARRAYS = {"x": np.linspace(0.0, 1.0, 1000), "names": np.array(["a", "b"]), "none": np.empty((0, 3))}
 RESULT = TaskResult({"a": 0.1, "b": None, "c": True, "d": "text"}, ARRAYS, {"task": 2.0}, ("a note",))
 
@@ -122,7 +114,7 @@ def test_what_was_written_is_read_again(store: Store) -> None:
     for name, array in ARRAYS.items():
         assert np.array_equal(back.arrays[name], array)
         assert not back.arrays[name].flags.writeable  # shared by all tasks of a process
-    assert store.read_without_arrays("abc").record == RESULT.record
+    assert store.read("abc", only=(HEADER,)).record == RESULT.record
 
 
 def test_no_part_of_a_result_is_taken_for_the_whole(store: Store) -> None:

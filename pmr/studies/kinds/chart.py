@@ -141,7 +141,7 @@ class Study(StudyBase):
 
     @model_validator(mode="after")
     def _check_names(self) -> Self:
-        """Refuse a name of two limits or of two cases, and a list of cases of which none is in service."""
+        """Refuse equal names, hoisting classes that do not exist, and cases of which none is in service."""
         for what, names in (
             ("limits", [entry.name for entry in self.limits]),
             ("cases", [case.name for case in self.cases]),
@@ -150,6 +150,11 @@ class Study(StudyBase):
                 raise ValueError(f"names of {what} must differ, and {STABILITY!r} is there without being asked for")
         if not any(case.in_service for case in self.cases):
             raise ValueError("a case with a load is needed: those with load = 0 are out of service")
+        named = {f"cases[{k}]": case.hoisting_class for k, case in enumerate(self.cases)}
+        named |= {"hoist": self.hoist.hoisting_class} if self.hoist else {}
+        for key, name in named.items():
+            if name is not None and name not in self.classes:
+                raise key_error(f"{key}.hoisting_class", name, f"one of {', '.join(self.classes)} is allowed")
         return self
 
     def plan(self) -> Plan:
@@ -263,13 +268,10 @@ class Study(StudyBase):
 
     @property
     def _class_factor(self) -> float | None:
-        """Dynamic factor of `hoist`'s hoisting class at its speed; None without a class.
-
-        Raises InputError for a class that is not among `classes`.
-        """
+        """Dynamic factor of `hoist`'s hoisting class at its speed; None without a class."""
         if self.hoist is None or self.hoist.hoisting_class is None:
             return None
-        return hoisting_factor("hoist.hoisting_class", self.classes, self.hoist.hoisting_class, self.hoist.speed)
+        return hoisting_factor(self.classes[self.hoist.hoisting_class], self.hoist.speed)
 
     @property
     def names(self) -> list[str]:
@@ -377,10 +379,9 @@ class Study(StudyBase):
         loads = [load for part in scene.sections for load in part.loads if load.name != HOOK]
         forces = {load.name: load.acts == "force" for load in loads}
         for k, case in enumerate(self.cases):
-            case.check_loads(f"cases[{k}]", forces, self.classes)
+            case.check_loads(f"cases[{k}]", forces)
         if any(stop.of == "slewing" for stop in self.stops) and scene.frame.slewing is None:
             raise InputError("study", "stops", "slewing", "a scene whose [frame] has a slewing angle is allowed")
-        self._class_factor  # noqa: B018  (refuses a class that is not there)
         return scene.with_keys(frame={"second_order": True})
 
     @property

@@ -19,13 +19,7 @@ from pmr.files.arrays import Array, Summary
 from pmr.results import Frequencies, Response
 from pmr.results.fatigue import rainflow_cycles
 from pmr.results.response import Extremes
-from pmr.results.tables import (
-    force_extremes,
-    probe_extremes,
-    reaction_extremes,
-    stress_by_part,
-    summaries_by_section,
-)
+from pmr.results.tables import force_extremes, probe_extremes, reaction_extremes, stress_by_part, summaries_by_section
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE, SceneTable, qualified_name
 from pmr.scene.model_ladder import candidate_scenes

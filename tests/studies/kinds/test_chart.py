@@ -404,6 +404,6 @@ def test_wind_on_an_area_is_a_force_and_no_load_with_another_unit() -> None:
     windy = LoadCase.model_validate(
         {"name": "a", "wind": {"speed": 20.0, "on": [{"load": "wind", "area": 2.4, "shape": 1.6}]}}
     )
-    windy.check_loads("cases[0]", {"wind": True}, {})
+    windy.check_loads("cases[0]", {"wind": True})
     with pytest.raises(InputError, match=r"cases\[0\].wind.on\[0\].load = 'wind': no forces of the scene are allowed"):
-        windy.check_loads("cases[0]", {"wind": False}, {})
+        windy.check_loads("cases[0]", {"wind": False})
