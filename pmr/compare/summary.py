@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from pmr.compare.drives import energy_part, extension_part, hoist_part, luffing_part
+from pmr.compare.dynamic_factors import dynamic_factors_part
 from pmr.compare.error_parts import SimulatedSystem, reduction_error, step_part
 from pmr.compare.errors import (
     ResponseFunction,
@@ -249,6 +250,7 @@ def parts_of_motion(
     divided = contact_step.summary(omega, simulations.time_grid)
     return [
         *parts_of_forces(scene, system, simulations.first.response),
+        dynamic_factors_part(scene, system, simulations.first.response),
         step,
         published_part(scene, natural),
         lowest_mode_part(scene, system, excitation, natural),

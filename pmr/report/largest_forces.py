@@ -11,7 +11,7 @@ from pmr.report import errors
 from pmr.report.extremes import LargestValue, LargestValues, extreme_clause
 from pmr.report.numbers import SPACE, format_length, format_percent, format_quantity, significant
 from pmr.report.overview import format_range
-from pmr.report.subject import drive_of, has_free_luffing, joint_section, luffing_support_names
+from pmr.report.subject import drive_of, has_free_luffing, joint_section, luffing_support_names, shown_force_name
 from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES
 from pmr.results.response import Extreme, Extremes
@@ -50,6 +50,7 @@ def force_rows(result: RunResult) -> LargestValues:
     yield from _indentation_rows(result)
     yield from _hoist_rows(result)
     yield from _forces_by_kind_rows(result)
+    yield from _dynamic_factor_rows(result)
     yield from _machine_rows(result)
     yield from _ground_rows(result)
 
@@ -163,6 +164,19 @@ def _forces_by_kind_rows(result: RunResult) -> LargestValues:
             yield LargestValue(row, f"{text}, {extreme_clause(result, largest)}")
             if key == "pad_force":
                 yield from _yield_rows(result, forces)
+
+
+def _dynamic_factor_rows(result: RunResult) -> LargestValues:
+    """Yield a row with the largest forces of this motion over those at rest in the same posture."""
+    if rows := result.summary.get("dynamic_factors"):
+        factors = ", ".join(
+            f"{row['largest'] / row['rest']:.2f} {shown_force_name(row['name']).replace(FORCE_OF, '', 1)} "
+            f"({format_quantity(abs(row['rest']), 'N')} at rest)"
+            for row in rows
+        )
+        yield LargestValue(
+            "dynamic factors", f"{factors}; largest force over that at rest, in the same posture under the same loads"
+        )
 
 
 def _bearer_words(key: str, name: str) -> str:

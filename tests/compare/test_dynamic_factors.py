@@ -1,0 +1,60 @@
+"""Largest forces of a motion over those at rest: a boom that stands has the factor 1, one that is let go some 2."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import free_boom
+import pytest
+
+import pmr
+from pmr.compare.dynamic_factors import dynamic_factors_part
+
+pytestmark = pytest.mark.slow  # a boom is reduced
+
+STANDS = ("sections.fly.joint.extension={kind='constant', amount=0.7}", "sections.fly.masses.0.mass=2000.0")
+
+
+def rows(*keys: str) -> dict[str, dict[str, Any]]:
+    """Rows of ``dynamic_factors`` by kind of force."""
+    scene = free_boom.scene("frame.second_order=false", *keys)
+    system = pmr.reduce(scene).system
+    figures = dynamic_factors_part(scene, system, pmr.simulate(scene, system)).figures
+    return {row["kind"]: row for row in figures.get("dynamic_factors", ())}
+
+
+def test_a_boom_at_rest_has_the_factor_1() -> None:
+    of = rows(*STANDS, "start='equilibrium'", "time.end=0.02")
+    assert [*of] == ["pad", "cylinder"]
+    for row in of.values():
+        assert row["largest"] / row["rest"] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_boom_that_is_let_go_swings_to_twice_its_force_at_rest() -> None:
+    """A heavy load on a light boom is nearly a single mass on a spring, whose largest force is twice its weight."""
+    pad = rows(*STANDS, "start='rest'", "gravity.rise=0.0", "time.end=0.4", "time.step=5e-4")["pad"]
+    assert pad["largest"] / pad["rest"] == pytest.approx(2.0, rel=0.05)
+
+
+def test_rest_is_that_of_the_posture_and_the_loads_at_the_time_of_the_largest_force() -> None:
+    hook = "sections.fly.loads.2.signal={kind='sine', amplitude=5e3, frequency=3.0}"
+    pad = rows("start='equilibrium'", hook)["pad"]
+    scene = free_boom.scene("frame.second_order=false", "start='equilibrium'", hook)
+    extension, load = (
+        float(signal.value(pad["t"])) for signal in (scene.extension(1), scene.sections[1].loads[2].signal)
+    )
+    still = free_boom.scene(
+        "frame.second_order=false",
+        "start='equilibrium'",
+        f"sections.fly.joint.extension={{kind='constant', amount={extension!r}}}",
+        f"sections.fly.loads.2.signal={{kind='constant', amount={load!r}}}",
+    )
+    response = pmr.simulate(still, pmr.reduce(still).system)
+    (number,) = [k for k, output in enumerate(response.outputs) if output.name == pad["name"]]
+    assert pad["rest"] == pytest.approx(response.column(number)[0], rel=1e-6)
+    assert abs(load) > 1e3 and 0.5 < extension < 0.9
+
+
+@pytest.mark.parametrize("key", ["frame.base={z={kind='sine', amplitude=0.1, frequency=1.0}}"])
+def test_a_base_that_moves_has_no_factor(key: str) -> None:
+    assert rows(*STANDS, key, "time.end=0.02") == {}
