@@ -73,11 +73,12 @@ def make_space() -> MakeSpace:
         times = fields.t if fields else np.linspace(0.0, 1.0, 21)
         shapes = Shapes(np.ones(3), np.linspace(0.2, 5.8, STATIONS), np.ones((STATIONS, 3)))
         planar = scene.body.model == "beam2d"
-        forces = 5 if planar else 7
+        faces = ("bottom", "top") if planar else ("bottom", "top", "left", "right")
+        pads = [name for ring in scene.pads for name, face, _ in ring.named_pads if face in faces]
         return RunResult(
             scene=scene,
             summary=SUMMARY if summary is None else summary,
-            responses={name: _response(name, t, 1 if planar else 2, forces) for name in responses},
+            responses={name: _response(name, t, 1 if planar else 2, pads) for name in responses},
             paths=Paths(("slider",), scene.slider.path.value(t)[:, None], scene.slider.path.rate(t)[:, None]),
             loads=Loads(
                 tuple(member_at(scene).signals),
@@ -91,8 +92,8 @@ def make_space() -> MakeSpace:
     return make
 
 
-def _response(name: str, t: np.ndarray, directions: int, forces: int) -> Response:
-    """Response of a model at the times t (T,), in one or two directions, with so many forces."""
+def _response(name: str, t: np.ndarray, directions: int, pads: Sequence[str]) -> Response:
+    """Response of a model at the times t (T,), in one or two directions, with the forces of these pads."""
     size = {"full": 1.0, "reduced": 1.001}[name]
     x = np.linspace(0.2, 5.8, STATIONS)
     along = np.stack([0.003 * np.sin(12.0 * t), 0.008 * np.cos(9.0 * t)][-directions:], axis=1) * size
@@ -103,11 +104,14 @@ def _response(name: str, t: np.ndarray, directions: int, forces: int) -> Respons
         x=np.array([*np.tile(x, directions), *[6.0] * directions]),
         displacement=np.hstack([*line, along]),
         energy=Energy(size * np.sin(t) ** 2, size * np.cos(t) ** 2, -size * t),
-        slider_force=1e3 * size * (1.0 + np.arange(forces)) * np.cos(5.0 * t)[:, None],
+        slider_force=1e3 * size * (1.0 + np.arange(len(pads))) * np.cos(5.0 * t)[:, None],
         residual_position=1e-12 + 0.0 * t,
         residual_velocity=unknown,
         seconds={"full": 50.0, "reduced": 0.005}[name],
         output_names=(*(f"{d} at {at:g} m" for d in names for at in x), *(f"tip {d}" for d in names)),
+        force_names=tuple(f"force of {pad}" for pad in pads),
+        kinds=(*(f"beam {d}" for d in names for _ in x), *(f"tip {d}" for d in names), *("pad",) * len(pads)),
+        bodies=("",) * (directions * (STATIONS + 1) + len(pads)),
     )
 
 

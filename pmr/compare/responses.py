@@ -20,8 +20,9 @@ from pmr.errors.environment import Clock, import_package
 from pmr.files.arrays import Array, Indices
 from pmr.results import Response
 from pmr.scene import Scene
+from pmr.scene.built import force_name
 from pmr.scene.choice import SIMULATORS, observed_places, transverse_axes
-from pmr.scene.keys import ALONE
+from pmr.scene.keys import ALONE, SLIDER
 from pmr.scene.members import member_at
 from pmr.simulation import Excitation, Progress, TimeStepping, contact_step, exudyn
 from pmr.simulation.native import systems
@@ -29,6 +30,7 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
 from pmr.simulation.reactions import with_forces_on_machine
 from pmr.simulation.stepping import Recorder
+from pmr.system.body import Body, kinds_of, names_of, units_of
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import BodyStates, SystemTrajectory, states_of
 from pmr.system.system import System
@@ -351,12 +353,12 @@ def simulate_cable(
     return ancf.simulate(cable, scene.only_section.load_positions, excitation, np.asarray(x, dtype=float), done)
 
 
-def cable_response(scene: Scene, x: ArrayLike, done: Progress | None = None) -> Response:
-    """Response of the ANCF cable, which serves as a reference, at the material points x (o,) in m.
+def cable_response(scene: Scene, body: Body, done: Progress | None = None) -> Response:
+    """Response of the ANCF cable, which serves as a reference, with the outputs of the `body` that it stands for.
 
     The joint of the cable holds a point in space, so it has no rows: their residuals are NaN.
     """
-    motion = simulate_cable(scene, x, Excitation.from_scene(scene), done)
+    motion = simulate_cable(scene, body.output_positions, Excitation.from_scene(scene), done)
     from pmr.simulation.exudyn import ancf
 
     unknown = np.full(len(motion.t), np.nan)
@@ -369,4 +371,9 @@ def cable_response(scene: Scene, x: ArrayLike, done: Progress | None = None) -> 
         residual_position=unknown,
         residual_velocity=unknown,
         seconds=motion.seconds,
+        output_names=names_of(body),
+        output_units=units_of(body),
+        force_names=(force_name(SLIDER),),
+        kinds=(*kinds_of(body), "pad"),
+        bodies=(ALONE,) * (len(motion.x) + 1),
     )

@@ -131,7 +131,7 @@ class FullOrder:
         if self.system.comm.rank > 0:
             return None
         with (clock or Clock()).stage(name) as done:
-            response = cable_response(self.scene, self.system.bodies[ALONE].output_positions, done)
+            response = cable_response(self.scene, self.system.bodies[ALONE], done)
         if reason := reason_for_distrust(response):
             raise SimulationError(reason)
         return response

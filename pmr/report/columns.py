@@ -14,7 +14,6 @@ from pmr.files.arrays import Array
 from pmr.report.numbers import NOTHING, round_number
 from pmr.report.subject import is_alone, luffing_support_names, shown_force_name
 from pmr.results import Response, RunResult
-from pmr.results.response import outputs_of
 from pmr.results.tables import FORCE_OF
 from pmr.scene.built import PadRing
 from pmr.scene.frame import boom_rotation
@@ -121,27 +120,15 @@ ROUND_OFF = 1e-12
 
 @dataclass(frozen=True)
 class Force:
-    """A force or moment on a body.
+    """A force or moment on a body: its name in the report, its name in a response, and its unit."""
 
-    `output_name` is its name in a response, `name` its name within a group in the report, and `remark` is a clause
-    behind its name.  `column` is the number of its column among the slider forces, for responses whose forces have no
-    names.
-    """
-
-    column: int
     name: str
     output_name: str
     unit: str = "N"
-    remark: str = ""
-
-    @property
-    def full_name(self) -> str:
-        """Name in a table: that of the output, or the name in the group if the output has none, with its remark."""
-        return shown_force_name(self.output_name.replace(FORCE_OF, "", 1) or self.name) + self.remark
 
     def history(self, response: Response) -> Array:
         """Read the force or moment (T,) in its `unit` from a response."""
-        return response.force(self.output_name, self.column)
+        return response.force(self.output_name, 0)
 
 
 @dataclass(frozen=True)
@@ -181,20 +168,10 @@ def tip_displacements(result: RunResult) -> Mapping[str, ResponseFunction]:
 
     def of_axis(direction: str) -> ResponseFunction:
         """Return a function that reads the displacement of the tip in `direction` from a response."""
+        return lambda response: response.of("tip", last, direction)[:, 0]
 
-        def displacement(response: Response) -> Array:
-            """Displacement (T,) in m of the tip in `direction`."""
-            outputs = outputs_of(result.scene, response)
-            of = ("tip", last, direction)
-            column = next(k for k, output in enumerate(outputs) if (output.kind, output.body, output.direction) == of)
-            return response.displacement[:, column]
-
-        return displacement
-
-    outputs = outputs_of(result.scene, result.responses["reduced"])
-    return {
-        output.direction: of_axis(output.direction) for output in outputs if (output.kind, output.body) == ("tip", last)
-    }
+    outputs = result.responses["reduced"].outputs
+    return {of.direction: of_axis(of.direction) for of in outputs if (of.kind, of.body) == ("tip", last)}
 
 
 def is_round_off(result: RunResult, quantity: ResponseFunction) -> bool:
@@ -248,7 +225,7 @@ def axis_points(result: RunResult, response: Response, direction: str = "z") -> 
 
     The points of a body are sorted by x; bodies without outputs in this direction are left out.
     """
-    outputs, bodies = outputs_of(result.scene, response), []
+    outputs, bodies = response.outputs, []
     for body, tail in zip(result.scene.bodies, _tails(result, len(response.t)).T, strict=True):
         columns = [k for k, output in enumerate(outputs) if output.body == body and output.direction == direction]
         columns.sort(key=lambda k: float(response.x[k]))
@@ -273,46 +250,21 @@ def _tails(result: RunResult, steps: int) -> Array:
     return np.cumsum(np.hstack([np.zeros((steps, 1)), extensions]), axis=1)
 
 
-def forces_by_group(result: RunResult, kind: str = "pad") -> dict[str, list[Force]]:
-    """Forces of the reduced model that are outputs of one `kind`, by the names of their groups.
-
-    The pads of a body alone are grouped by ring, and rings that stay on the body come first.  All other forces form one
-    group with an empty name.
-    """
-    response = result.responses["reduced"]
-    first, count = response.displacement.shape[1], response.slider_force.shape[1]
-    outputs = outputs_of(result.scene, response)[first : first + count]
-    numbers = {output.name: k for k, output in enumerate(outputs) if output.kind == kind}
-    if kind == "pad" and is_alone(result) and result.scene.pads:
-        groups = dict[str, list[Force]]()
-        for ring in sorted(result.scene.pads, key=lambda ring: bool(ring.moving)):
-            for name, _, _ in ring.named_pads:
-                if (called := FORCE_OF + name) in numbers:
-                    pad = Force(numbers[called], name.removeprefix(f"{ring.name} "), called)
-                    groups.setdefault(ring.name, []).append(pad)
-        return groups
-    chosen = [(k, output.name) for k, output in enumerate(outputs) if output.kind == kind]
-    if kind == "pad" and is_alone(result):  # points that slide
-        names = [f"slider {k + 1}" if len(chosen) > 1 else "" for k, _ in chosen]
-    else:
-        names = [called.removeprefix(FORCE_OF) for _, called in chosen]
+def forces_of(result: RunResult, kind: str = "pad") -> list[Force]:
+    """Forces and moments of the reduced model that are outputs of one `kind`."""
     units = {
         qualified_name(body, FORCE_OF + support): unit
         for body, part in result.scene.bodies.items()
         for support, unit in part.spring_units.items()
     }
     stand_ins = luffing_support_names(result) if result.scene.holding_cylinder is None else set()
-    group = [
-        Force(
-            k,
-            shown_force_name(name),
-            called,
-            units.get(called, "N"),
-            ACROSS if name.replace(FORCE_OF, "", 1) in stand_ins else "",
-        )
-        for (k, called), name in zip(chosen, names, strict=True)
-    ]
-    return {"": group} if group else {}
+    forces = list[Force]()
+    for output in result.responses["reduced"].outputs:
+        if output.kind == kind:
+            name = output.name.replace(FORCE_OF, "", 1)
+            shown = shown_force_name(name) + (ACROSS if name in stand_ins else "")
+            forces.append(Force(shown, output.name, units.get(output.name, "N")))
+    return forces
 
 
 def ring_forces(result: RunResult) -> Iterator[RingForces]:

@@ -1,20 +1,28 @@
-"""Forces of pads, cylinders, ropes, hoist, supports and the pivot, as figures and tables."""
+"""Sections about forces, and about what drives a boom: histories, and tables of the least and largest values."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
-from pmr.files.arrays import Array
+from pmr.files.arrays import Summary
 from pmr.report.blocks import Block, Drawing, Grid
-from pmr.report.columns import Force, forces_by_group
+from pmr.report.columns import Force, forces_of
 from pmr.report.figures import loads as figures
 from pmr.report.figures.canvas import drawing
-from pmr.report.figures.histories import drawn_history
-from pmr.report.numbers import NOTHING, Unit, format_input, format_quantity, format_time, significant, unit_for
+from pmr.report.numbers import (
+    NOTHING,
+    SPACE,
+    Unit,
+    format_input,
+    format_quantity,
+    format_time,
+    significant,
+    unit_for,
+)
 from pmr.report.subject import (
     crossing,
     drive_of,
@@ -24,27 +32,33 @@ from pmr.report.subject import (
     is_alone,
     is_luffing_cylinder_alone,
     moving_part,
-    places_at,
     shown_force_name,
 )
 from pmr.results import RunResult
 from pmr.results.quantities import QUANTITIES
-from pmr.results.response import LUFFING_ANGLE, Extremes, Output, Response
+from pmr.results.response import ROUND_OFF, Extremes, Output
 from pmr.results.tables import REACTION_OF, reaction_extremes
-from pmr.scene.hoist import KEYS
 from pmr.scene.keys import LUFFING_CYLINDER
+from pmr.scene.mechanism import AT_PIVOT
 
-#: Share of the largest force up to which a force is round-off: a support along which nothing acts has a force that is
-#: not exactly 0.
-ROUND_OFF = 1e-9
 #: Sentences on the sign of forces, by the kind of output, for forces whose signs seem to contradict another table.
 SIGNS = {
     "support": " Positive along the axes: a support that is pressed down has a negative force, and so has one in place "
     "of a luffing cylinder while the cylinder pushes."
 }
 #: Beginning of the names of those supports whose forces are the reactions at the pivot.
-PIVOT = "pivot "
-AT_PIVOT = f"{REACTION_OF}{PIVOT}"
+PIVOT = f"{AT_PIVOT} "
+#: Keys in summary.json of what a hoist does, by their names, and the quantities that they are.
+HOIST = {"height of the hook": ("height", "hook_height"), "swing along the boom": ("swing_along", "swing"),
+         "swing across the boom": ("swing_across", "swing"), "force of the rope": ("force", "hoist_force")}  # fmt: skip
+
+
+class Panel(NamedTuple):
+    """Figure of outputs of one unit over time: the end of its identifier, its caption and its outputs."""
+
+    anchor: str
+    caption: str
+    outputs: Sequence[Output]
 
 
 def contact_block(result: RunResult, prefix: str) -> Block | None:
@@ -60,32 +74,18 @@ def cylinder_block(result: RunResult, prefix: str) -> Block | None:
 
     `prefix` begins the identifiers of its figures.
     """
-    block, ropes = _force_block(result, prefix, "cylinder", "cylinder forces"), tuple(_rope_grids(result))
-    return replace(block, grids=(*block.grids, *ropes)) if block else None
-
-
-def _rope_grids(result: RunResult) -> Iterator[Grid]:
-    """Yield a table with the extremes of the forces of ropes, chains, and the cylinders that pull them."""
-    extremes_of_ropes = {
-        f"{drive_of(rope)} of {rope['name']}": Extremes.from_summary(rope["force"])
-        for rope in result.summary.get("ropes", ())
-    }
-    if extremes_of_ropes:
-        caption = (
-            "Forces of ropes or chains, all strands of each together, and of a cylinder that moves all of them: by "
-        )
-        caption += "virtual work, without friction of sheaves."
-        grid = _grid(extremes_of_ropes, "N", max(of.size for of in extremes_of_ropes.values()), caption)
-        elastic = [
-            (format_quantity(rope["length"], "m"), format_quantity(rope["stiffness"], "N/m"))
-            if "length" in rope
-            else ("", "")
-            for rope in result.summary["ropes"]
-        ]
-        if any(any(rope) for rope in elastic):
-            rows = tuple((*row, *rope) for row, rope in zip(grid.rows, elastic, strict=True))
-            grid = Grid(caption, (*grid.head, "length", "EA/l"), rows)
-        yield grid
+    block, ropes = _force_block(result, prefix, "cylinder", "cylinder forces"), dict[str, Extremes]()
+    for rope in result.summary.get("ropes", ()):
+        elastic = ""
+        if "length" in rope:
+            length, stiffness = format_quantity(rope["length"], "m"), format_quantity(rope["stiffness"], "N/m")
+            elastic = f", {length} long, EA/l {stiffness}"
+        ropes[f"{drive_of(rope)} of {rope['name']}{elastic}"] = Extremes.from_summary(rope["force"])
+    if block is None or not ropes:
+        return block
+    caption = "Forces of ropes or chains, all strands of each together, and of a cylinder that moves all of them: by "
+    caption += "virtual work, without friction of sheaves"
+    return replace(block, grids=(*block.grids, extremes_grid(result, caption, ropes, "N")))
 
 
 def support_block(result: RunResult, prefix: str) -> Block | None:
@@ -94,7 +94,8 @@ def support_block(result: RunResult, prefix: str) -> Block | None:
     It has figures of the forces of elastic supports over time, and tables of extremes for elastic and rigid supports.
     `prefix` begins the identifiers of the figures.
     """
-    block, rigid = _force_block(result, prefix, "support", "supports"), tuple(reaction_grids(result))
+    caption = "Least and largest forces and moments on rigid supports, positive along the axes"
+    block, rigid = _force_block(result, prefix, "support", "supports"), _reaction_grids(result, False, caption)
     if block is None:
         return Block(heading="Supports", grids=rigid) if rigid else None
     return replace(block, grids=(*block.grids, *rigid))
@@ -105,27 +106,26 @@ def pivot_block(result: RunResult, prefix: str) -> Block | None:
 
     The forces are those of all of the boom's supports together.  `prefix` begins the identifiers of the figures.
     """
-    response, row = result.responses["reduced"], list[Drawing]()
-    acting = [
-        reaction for reaction in response.outputs if reaction.kind == "reaction" and reaction.name.startswith(AT_PIVOT)
+    outputs = [output for output in result.responses["reduced"].outputs if output.name.startswith(REACTION_OF + PIVOT)]
+    note = ""
+    if any(output.name.endswith("cylinder") for output in outputs):
+        note = " The luffing cylinder carries a part of them, along itself, and the pivot the rest."
+        if has_free_luffing(result):
+            note += (
+                " Its force here is the one that these moments need; the force of its drive, in the table below, "
+                "differs from it by the moment of the structure's damping about the pivot."
+            )
+    of_boom = "of the boom on its machine, sum over all supports, in the axes of the boom."
+    panels = [
+        Panel(f"pivot-{name}", f"{what} {of_boom}{note if unit == 'N' else ''}", _acting(result, outputs, unit))
+        for unit, what, name in (("N", "Forces", "forces"), ("N m", "Moments about the pivot", "moments"))
     ]
-    for unit, what, name in (("N", "Forces", "forces"), ("N m", "Moments about the pivot", "moments")):
-        some = [reaction for reaction in acting if reaction.unit == unit]
-        largest = max((float(np.abs(response.other(reaction.name)).max()) for reaction in some), default=0.0)
-        some = [reaction for reaction in some if np.abs(response.other(reaction.name)).max() > ROUND_OFF * largest]
-        if some:
-            caption = f"{what} of the boom on its machine, sum over all supports, in the axes of the boom."
-            if any(reaction.name.endswith("cylinder") for reaction in some):
-                caption += " The luffing cylinder carries a part of them, along itself, and the pivot the rest."
-            if any(reaction.name.endswith("cylinder") for reaction in some) and has_free_luffing(result):
-                caption += (
-                    " Its force here is the one that these moments need; the force of its drive, in the table below, "
-                    "differs from it by the moment of the structure's damping about the pivot."
-                )
-            row.append(drawing(f"{prefix}-pivot-{name}", figures.pivot_figure, caption, result, some))
-    caption = "Least and largest {} on the machine, when they occur" + then_words(result) + "."
-    grids = (*_rigid_support_grids(result, at_pivot=True, caption=caption), *_driven_grids(result, "luffing_cylinder"))
-    return Block(heading="Forces on the machine", drawings=row, grids=grids) if row else None
+    drawings = _draw_panels(result, prefix, panels)
+    grids = (
+        *_reaction_grids(result, True, "Least and largest forces and moments on the machine"),
+        *_driven_grids(result, "luffing_cylinder"),
+    )
+    return Block(heading="Forces on the machine", drawings=drawings, grids=grids) if drawings else None
 
 
 def ground_block(result: RunResult, prefix: str) -> Block | None:
@@ -135,30 +135,23 @@ def ground_block(result: RunResult, prefix: str) -> Block | None:
     """
     if (ground := result.summary.get("ground")) is None:
         return None
-    outputs, row, grids = result.responses["reduced"].outputs, list[Drawing](), list[Grid]()
     captions = {
         "outrigger": "Forces of the outriggers on the ground; 0 where one lifts off.",
         "margin": "Margins against tipping over the edges of the support polygon: moments that hold the machine down.",
         "tipping": "Use of the support polygon: 0 where the resultant is in its middle, 1 where the machine tips.",
     }
-    for kind, caption in captions.items():
-        of_kind = [output for output in outputs if output.kind == kind]
-        row.append(drawing(f"{prefix}-ground-{kind}", figures.ground_figure, caption, result, of_kind))
-    for key, unit, what in (
-        ("outriggers", "N", "force of each outrigger"),
-        ("margins", "N m", "margin over each edge"),
-    ):
-        extremes = {of["name"]: Extremes.from_summary(of) for of in ground[key]}
-        largest = max(extreme.size for extreme in extremes.values())
-        caption = f"Least and largest {what}, when they occur{then_words(result)}."
-        grids.append(_grid(extremes, unit, largest, caption))
-    text = "; ".join(
+    panels = [Panel(f"ground-{kind}", caption, _of_kind(result, kind)) for kind, caption in captions.items()]
+    rows = [(of, unit) for key, unit in (("outriggers", "N"), ("margins", "N m")) for of in ground[key]]
+    extremes = {of["name"]: Extremes.from_summary(of) for of, _ in rows}
+    caption = "Least and largest force of each outrigger and margin over each edge"
+    grid = extremes_grid(result, caption, extremes, {of["name"]: unit for of, unit in rows})
+    texts = [
         f"{of['name']} lifts off at {format_time(of['lifted']['t'])}" for of in ground["outriggers"] if "lifted" in of
-    )
-    if ground["tips"] is not None:
-        text += f"{'; ' if text else ''}the machine tips at {format_time(ground['tips'])}"
-    sentence = f"{text[:1].upper()}{text[1:]}." if text else "All outriggers press on the ground all the time."
-    return Block(heading="Outriggers and tipping", text=sentence, drawings=row, grids=tuple(grids))
+    ]
+    texts += [] if ground["tips"] is None else [f"the machine tips at {format_time(ground['tips'])}"]
+    text = "; ".join(texts) or "all outriggers press on the ground all the time"
+    text = f"{text[:1].upper()}{text[1:]}."
+    return Block("Outriggers and tipping", _draw_panels(result, prefix, panels), text=text, grids=(grid,))
 
 
 def driven_block(result: RunResult, prefix: str) -> Block | None:
@@ -167,51 +160,86 @@ def driven_block(result: RunResult, prefix: str) -> Block | None:
     It has the extension, the force on it, pressures, flows and power.  None if neither is computed, or nothing drives
     the luffing angle.  `prefix` begins the identifiers of its figures.
     """
-    response, extended = result.responses["reduced"], "extension_cylinder" in result.summary
-    if LUFFING_ANGLE not in response.other_names and not extended:
-        return None
-    driven = [output for output in response.outputs if output.name.startswith(("extension ", "rate of extension "))]
-    groups = (
-        ("extension", [of for of in driven if of.name.startswith("extension of ")], "Extension that is computed."),
-        ("force", [of for of in driven if of.unit == "N"], "Force on the extension, positive where it pushes."),
-        ("pressure", _of_kind(response, "pressure"), "Pressures of the oil above that of the surroundings."),
-        ("flow", _of_kind(response, "flow"), "Flows into bore and rod side, and out of the supply."),
-        ("power", _of_kind(response, "power"), "Power of the cylinder's force, and power out of the supply."),
+    outputs = result.responses["reduced"].outputs
+    driven = [output for output in outputs if output.name.startswith(("extension ", "rate of extension "))]
+    extensions = [output for output in driven if output.name.startswith("extension of ")]
+    flows = [output for output in _of_kind(result, "flow") if output.unit != "m^3"]
+    panels = (
+        Panel("luffing-extension", "Extension that is computed.", extensions),
+        Panel("luffing-force", "Force on the extension, positive where it pushes.", _acting(result, driven, "N")),
+        Panel("luffing-pressure", "Pressures of the oil above that of the surroundings.", _of_kind(result, "pressure")),
+        Panel("luffing-flow", "Flows into bore and rod side, and out of the supply.", flows),
+        Panel(
+            "luffing-power",
+            "Power of the cylinder's force, and power out of the supply.",
+            _of_kind(result, "power"),
+        ),
     )
-    drawn = [
-        drawing(f"{prefix}-luffing-{name}", figures.pivot_figure, caption, result, outputs)
-        for name, outputs, caption in groups
-        if outputs
+    drawings, heading = _draw_panels(result, prefix, panels), "Extension" if driven else "Luffing"
+    return Block(heading, drawings, grids=_driven_grids(result, "extension_cylinder")) if drawings else None
+
+
+def hoist_block(result: RunResult, prefix: str) -> Block | None:
+    """Build the block about the hoist, with histories and a table of extremes; None if the run has none.
+
+    `prefix` begins the identifiers of the figures.
+    """
+    if (hoist := result.summary.get("hoist")) is None:
+        return None
+    panels = (
+        Panel("hoist-height", "Height of the hook.", _of_kind(result, "hook_height")),
+        Panel(
+            "hoist-swing",
+            "Swing of the hook: along the boom, outwards positive, and across its plane.",
+            _of_kind(result, "swing"),
+        ),
+        Panel("hoist-force", "Force of the rope.", _of_kind(result, "hoist_force")),
+    )
+    extremes = {name: Extremes.from_summary(hoist[key]) for name, (key, _) in HOIST.items()}
+    units = {name: QUANTITIES[quantity].unit for name, (_, quantity) in HOIST.items()}
+    weight, times = format_quantity(hoist["weight_force"], "N"), significant(hoist["factor"])
+    text = f"The rope's largest force is {times} times that of the weight, {weight}."
+    for span in hoist.get("slack", ()):
+        start, end = (format_time(span[key]) for key in ("start", "end"))
+        text += f" It is slack from {start} to {end}, then it pulls with up to {format_quantity(span['snatch'], 'N')}."
+    grid = extremes_grid(result, "The hoist", extremes, units)
+    return Block("Hoist", _draw_panels(result, prefix, panels), text=text, grids=(grid,))
+
+
+def _draw_panels(result: RunResult, prefix: str, panels: Iterable[Panel]) -> list[Drawing]:
+    """Draw each panel that has outputs; `prefix` begins the identifiers."""
+    return [
+        drawing(f"{prefix}-{panel.anchor}", figures.output_figure, panel.caption, result, panel.outputs)
+        for panel in panels
+        if panel.outputs
     ]
-    grids = tuple(_driven_grids(result, "extension_cylinder"))
-    return Block(heading="Extension" if extended else "Luffing", drawings=drawn, grids=grids) if drawn else None
 
 
-def _of_kind(response: Response, kind: str) -> list[Output]:
-    """Outputs of a response whose kind is `kind` and that are not zero at all times; no volumes."""
-    chosen = [output for output in response.outputs if output.kind == kind and output.unit != "m^3"]
-    return [output for output in chosen if np.any(response.other(output.name))]
+def _of_kind(result: RunResult, kind: str) -> list[Output]:
+    """Outputs of the reduced model of one kind that are not zero at all times."""
+    response = result.responses["reduced"]
+    return [output for output in response.outputs if output.kind == kind and np.any(response.other(output.name))]
 
 
-def _driven_grids(result: RunResult, key: str) -> Iterator[Grid]:
-    """Yield a table with the extremes of what a cylinder does, if the summary has this `key`."""
+def _acting(result: RunResult, outputs: Sequence[Output], unit: str) -> list[Output]:
+    """Those of the `outputs` in this unit that are more than round-off beside the largest of them."""
+    response = result.responses["reduced"]
+    sizes = [(output, float(np.abs(response.other(output.name)).max())) for output in outputs if output.unit == unit]
+    largest = max((size for _, size in sizes), default=0.0)
+    return [output for output, size in sizes if size > ROUND_OFF * largest]
+
+
+def _driven_grids(result: RunResult, key: str) -> tuple[Grid, ...]:
+    """Return a table with the extremes of what a cylinder does, if the summary has this `key`."""
     if (cylinder := result.summary.get(key)) is None:
-        return
-    listed = {name: extremes for name, extremes in cylinder.items() if name != "stops"}
-    by_name = {name.replace("_", " "): Extremes.from_summary(extremes) for name, extremes in listed.items()}
-    keys = {name: "luffing_force" if name == "force" else f"driven_{name.split()[0]}" for name in by_name}
-    bases = {name: QUANTITIES[quantity].unit for name, quantity in keys.items()}
-    units = {name: unit_for(extremes.size, bases[name]) for name, extremes in by_name.items()}
+        return ()
+    extremes = {name.replace("_", " "): Extremes.from_summary(of) for name, of in cylinder.items() if name != "stops"}
+    keys = {name: "luffing_force" if name == "force" else f"driven_{name.split()[0]}" for name in extremes}
+    units = {name: QUANTITIES[quantity].unit for name, quantity in keys.items()}
     raises = key == "luffing_cylinder"
     what = "The luffing cylinder, hinged as frame.cylinder says" if raises else "What drives the extension"
-    caption = f"{what}: positive where it presses, and where it gets longer; when that is{then_words(result)}."
-    yield extremes_grid(caption, by_name, units)
-
-
-def extremes_grid(caption: str, extremes: Mapping[str, Extremes], units: Mapping[str, Unit]) -> Grid:
-    """Build a table with a row for each name, whose extremes are in the unit of this name."""
-    rows = ((f"{name} in {units[name].name}", *extreme_cells(of, units[name])) for name, of in extremes.items())
-    return Grid(caption, ("", "least", "largest"), tuple(rows))
+    caption = f"{what}: positive where it presses, and where it gets longer"
+    return (extremes_grid(result, caption, extremes, units),)
 
 
 def _force_block(result: RunResult, prefix: str, kind: str, heading: str) -> Block | None:
@@ -220,23 +248,20 @@ def _force_block(result: RunResult, prefix: str, kind: str, heading: str) -> Blo
     A figure has at most `MOST_FORCES` panels.  Forces that are round-off at all times have no panel and are named in a
     sentence.  `prefix` begins the identifiers of the figures.  None if there are no outputs of this kind.
     """
-    groups, drawn, grids = forces_by_group(result, kind), list[Drawing](), list[Grid]()
-    if not groups:
+    forces, drawn = forces_of(result, kind), list[Drawing]()
+    if not forces:
         return None
     anchor = "forces" if kind == "pad" else kind
-    bearing = [force for group in groups.values() for force in group if exceeds_round_off(result, force)]
+    bearing = [force for force in forces if exceeds_round_off(result, force)]
     for unit in ("N", "N m"):
-        for name, group in groups.items():
-            shown = [force for force in group if force in bearing and force.unit == unit]
-            for first in range(0, len(shown), figures.MOST_FORCES):
-                panels, number = shown[first : first + figures.MOST_FORCES], len(drawn) + 1
-                caption = _caption(result, kind, name, unit)
-                drawn.append(drawing(f"{prefix}-{anchor}-{number}", figures.force_figure, caption, result, panels))
-        named_forces = [force for force in bearing if force.unit == unit and force.output_name]
-        grids += [force_extremes_grid(result, kind, named_forces)] if named_forces else []
-    idle = [force.full_name for group in groups.values() for force in group if force not in bearing]
+        shown = [force for force in bearing if force.unit == unit]
+        for first in range(0, len(shown), figures.MOST_FORCES):
+            panels, name = shown[first : first + figures.MOST_FORCES], f"{prefix}-{anchor}-{len(drawn) + 1}"
+            drawn.append(drawing(name, figures.force_figure, _caption(result, kind, unit), result, panels))
+    idle = [force.name for force in forces if force not in bearing]
     text = f"No force at any time on {', '.join(idle)}." if idle else ""
-    return Block(heading=heading.capitalize(), text=text, drawings=drawn, grids=tuple(grids))
+    grids = (_force_grid(result, kind, bearing),) if bearing else ()
+    return Block(heading=heading.capitalize(), text=text, drawings=drawn, grids=grids)
 
 
 def exceeds_round_off(result: RunResult, force: Force) -> bool:
@@ -258,8 +283,8 @@ def then_words(result: RunResult) -> str:
     return f", and {'the path coordinate s' if is_alone(result) else 'the boom length'} then"
 
 
-def _caption(result: RunResult, kind: str, group: str, unit: str) -> str:
-    """Caption of a figure of forces of one `kind` and `group`, or of moments if `unit` is ``N m``."""
+def _caption(result: RunResult, kind: str, unit: str) -> str:
+    """Caption of a figure of forces of one `kind`, or of moments if `unit` is ``N m``."""
     in_parts = result.responses["reduced"].force_peaks is not None  # then steps were divided into parts
     peaks = in_parts and has_pushing_pads(result)
     within = " Of pads that only push, the largest force within each step." if peaks else ""
@@ -270,131 +295,86 @@ def _caption(result: RunResult, kind: str, group: str, unit: str) -> str:
         return "Force of the luffing cylinder, positive where it pushes."
     if kind == "support":
         return f"{'Moments' if unit == 'N m' else 'Forces'} of supports that give way, positive along the axes."
-    if not is_alone(result):
-        return f"Pad forces over time. Positive where a pad pushes the sections apart.{within}"
-    if not result.scene.pads:
+    if is_alone(result) and not result.scene.pads:
         return "Slider force: the multiplier λ of the constraint. The slider pushes with −λ on the body."
-    return f"Forces of the pads at the {group}, positive where they push the body inwards.{within}"
+    inwards = "the body inwards" if is_alone(result) else "the sections apart"
+    return f"Pad forces over time. Positive where a pad pushes {inwards}.{within}"
 
 
-def force_extremes_grid(result: RunResult, kind: str, forces: Sequence[Force]) -> Grid:
-    """Build the table of extremes of forces, or of moments, of one kind, with the largest friction if it is known.
-
-    All of `forces` have the same unit.
-    """
-    response, t = result.responses["reduced"], result.responses["reduced"].t
-    path, unit = places_at(result, t), forces[0].unit
-    by_name = {force.full_name: Extremes.from_history(force.history(response), t, path) for force in forces}
-    what = "moments" if unit == "N m" else "forces"
+def _force_grid(result: RunResult, kind: str, forces: Sequence[Force]) -> Grid:
+    """Build the table of extremes of forces and moments of one kind, with the largest friction if it is known."""
+    response = result.responses["reduced"]
+    t, path = response.t, result.abscissa_at(response.t)
+    by_name = {force.name: Extremes.from_history(force.history(response), t, path) for force in forces}
     on, signs = " on supports that give way" if kind == "support" else "", SIGNS.get(kind, "")
     if kind == "support" and is_luffing_cylinder_alone(result):
         on, signs = " of the luffing cylinder", " Positive where it pushes."
-    caption = f"Least and largest {what}{on}, when they occur{then_words(result)}.{signs}"
-    grid = _grid(by_name, unit, float(np.abs(response.slider_force).max(initial=0.0)), caption)
-    cylinders_of_run = result.summary.get("cylinders", ())
-    friction = {of["name"]: format_quantity(of["friction"], "N") for of in cylinders_of_run if "friction" in of}
+    units, floor = {force.name: force.unit for force in forces}, ROUND_OFF * float(np.abs(response.slider_force).max())
+    grid = extremes_grid(result, f"Least and largest forces{on}", by_name, units, signs, floor)
+    friction = {of["name"]: format_quantity(of["friction"], "N") for of in result.summary.get("cylinders", ())
+                if "friction" in of}  # fmt: skip
     if not friction.keys() & by_name.keys():
         return grid
     rows = tuple((*row, friction.get(name, "")) for row, name in zip(grid.rows, by_name, strict=True))
     return Grid(grid.caption, (*grid.head, "friction up to"), rows)
 
 
-def reaction_grids(result: RunResult) -> Iterator[Grid]:
-    """Yield tables with the extremes of forces and of moments on rigid supports."""
-    caption = "Least and largest {} on rigid supports, positive along the axes, when they occur"
-    return _rigid_support_grids(result, at_pivot=False, caption=f"{caption}{then_words(result)}.")
+def _reaction_grids(result: RunResult, at_pivot: bool, caption: str) -> tuple[Grid, ...]:
+    """Return a table of the extremes of forces and moments on rigid supports, if any of them bears one.
 
-
-def _rigid_support_grids(result: RunResult, at_pivot: bool, caption: str) -> Iterator[Grid]:
-    """Yield a table of extremes for forces on rigid supports and one for moments.
-
-    If `at_pivot`, the tables are about the forces at the pivot of a boom in a frame, which are sums over all supports;
-    if not, they are about all other supports.  `caption` contains a ``{}`` in place of the word forces or moments.
+    If `at_pivot`, these are the forces at the pivot of a boom in a frame, which are sums over all supports; if not,
+    they are those on all other supports.
     """
-    response, by_unit = result.responses["reduced"], dict[str, dict[str, Extremes]]()
-    for of, extreme in reaction_extremes(response, places_at(result, response.t)).items():
-        if (result.frame is not None and of.support.startswith(PIVOT)) == at_pivot:
+    response, units, extremes = result.responses["reduced"], dict[str, str](), dict[str, Extremes]()
+    for of, extreme in reaction_extremes(response, result.abscissa_at(response.t)).items():
+        is_at_pivot = result.frame is not None and of.support.startswith(PIVOT)
+        if extreme.size > 0.0 and is_at_pivot == at_pivot:  # a support bears no force if nothing acts along it
             name = shown_force_name(of.support).removeprefix(PIVOT)
-            computed = (
-                ", by the moment about the pivot" if name == LUFFING_CYLINDER and has_free_luffing(result) else ""
-            )
-            by_unit.setdefault(of.unit, {})[name + computed] = extreme
-    for base, of_unit in by_unit.items():
-        largest = max(extreme.size for extreme in of_unit.values())
-        bearing = {name: extreme for name, extreme in of_unit.items() if extreme.size > ROUND_OFF * largest}
-        if bearing:  # a support bears no force if nothing acts along its direction
-            yield _grid(bearing, base, largest, caption.format("moments" if base == "N m" else "forces"))
+            computed = name == LUFFING_CYLINDER and has_free_luffing(result)
+            name += ", by the moment about the pivot" if computed else ""
+            extremes[name], units[name] = extreme, of.unit
+    return (extremes_grid(result, caption, extremes, units),) if extremes else ()
 
 
-def _grid(extremes_by_name: Mapping[str, Extremes], base: str, largest: float, caption: str) -> Grid:
-    """Build a table with a row of extremes for each name, with the prefix of the unit that suits its largest value.
+def extremes_grid(
+    result: RunResult,
+    caption: str,
+    extremes: Mapping[str, Extremes],
+    bases: Mapping[str, str] | str,
+    remark: str = "",
+    floor: float = 0.0,
+    where: str | None = None,
+) -> Grid:
+    """Build a table with a row for each name: its least and its largest value, their times and their places.
 
-    `base` is the unit without prefix, `caption` the text above the table.  A value is printed as 0 if it is less than
-    `NOTHING` times the largest value in this table, or less than `ROUND_OFF` times the argument `largest`.
+    `bases` are the units without prefix, by name or one for all; values of one unit have one prefix.  A value is
+    printed as 0 if it is less than `NOTHING` times the largest one with its unit, or at most `floor`.  `where` are
+    words for the places, by default `then_words`; `remark` is a sentence behind the caption.
     """
-    most = max((extreme.size for extreme in extremes_by_name.values()), default=0.0)
-    unit, nothing = unit_for(most, base), max(NOTHING * most, ROUND_OFF * largest)
-    rows = tuple(
-        (name or "slider", *extreme_cells(extreme, unit, nothing)) for name, extreme in extremes_by_name.items()
-    )
-    return Grid(caption, ("", f"least in {unit.name}", f"largest in {unit.name}"), rows)
+    largest, units = dict[str, float](), {name: bases if isinstance(bases, str) else bases[name] for name in extremes}
+    for name, of in extremes.items():
+        largest[units[name]] = max(largest.get(units[name], 0.0), of.size)
+    placed = where is not None or bool(moving_part(result))
+    rows = []
+    for name, of in extremes.items():
+        most = largest[units[name]]
+        cells = _extreme_cells(of, unit_for(most, units[name]), max(NOTHING * most, floor), placed)
+        rows.append((name or "slider", *cells))
+    there = then_words(result) if where is None else where
+    return Grid(f"{caption}, when they occur{there}.{remark}", ("", "least", "largest"), tuple(rows))
 
 
-def extreme_cells(extreme: Extremes, unit: Unit, nothing: float = 0.0) -> Iterator[str]:
-    """Yield a cell for the least and one for the largest value in `unit`, each with its time and position.
+def _extreme_cells(of: Extremes, unit: Unit, nothing: float, placed: bool) -> Iterator[str]:
+    """Yield a cell for the least and one for the largest value in `unit`, each with its time and, if `placed`, place.
 
-    A value of at most `nothing`, given in the unit without prefix, is printed as ``0`` without time and position.
-    A position that is NaN is left out.
+    A value of at most `nothing`, given in the unit without prefix, is printed as ``0`` without time and place.
     """
-    for value, t, s in (
-        (extreme.least, extreme.t_least, extreme.s_least),
-        (extreme.most, extreme.t_most, extreme.s_most),
-    ):
-        when = f" at {format_time(t)}" + ("" if np.isnan(s) else f", {format_input(round(s, 2), 'm')}")
-        yield f"{significant(value / unit.size)}{when}" if abs(value) > nothing else "0"
+    for extreme in (of.lowest, of.highest):
+        place = f", {format_input(round(extreme.s, 2), 'm')}" if placed else ""
+        value = f"{significant(extreme.value / unit.size)}{SPACE}{unit.name}".rstrip(SPACE)
+        yield f"{value} at {format_time(extreme.t)}{place}" if abs(extreme.value) > nothing else "0"
 
 
-#: Name of each output, what its caption adds, and its quantity.
-SHOWN = {
-    "height": ("height of the hook", "", "hook_height"),
-    "swing_along": ("swing along the boom", ", in the boom's plane, outwards positive", "swing"),
-    "swing_across": ("swing across the boom", ", across that plane", "swing"),
-    "force": ("force of the rope", "", "hoist_force"),
-}
-
-
-def _history(key: str, response: Response) -> Array:
-    """Output of a hoist (T,) as it is shown: angles in degrees."""
-    values = response.other(KEYS[key])
-    return np.rad2deg(values) if _unit(key) == "°" else values
-
-
-def _unit(key: str) -> str:
-    """Unit in which an output is shown."""
-    unit = QUANTITIES[SHOWN[key][2]].unit
-    return "°" if unit == "rad" else unit
-
-
-def hoist_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about the hoist, with histories and a table of extremes; None if the run has none.
-
-    Quantities that do not change have no history.  `prefix` begins the identifiers of the figures.
-    """
-    figures = result.summary.get("hoist")
-    if figures is None:
-        return None
-    drawings, extremes, response = list[Drawing](), dict[str, Extremes](), result.responses["reduced"]
-    for number, (key, (name, clause, _)) in enumerate(SHOWN.items()):
-        label = name.capitalize()
-        if figures[key]["max"] > figures[key]["min"]:
-            drawn = f"{prefix}-hoist-{number}", result, partial(_history, key), f"{label}{clause}", label, _unit(key)
-            drawings.append(drawn_history(*drawn))
-        extremes[name] = Extremes.from_history(_history(key, response), response.t, places_at(result, response.t))
-    units = {name: unit_for(extremes[name].size, _unit(key)) for key, (name, *_) in SHOWN.items()}
-    grid = extremes_grid(f"The hoist; when that is{then_words(result)}.", extremes, units)
-    weight, times = format_quantity(figures["weight_force"], "N"), significant(figures["factor"])
-    text = f"The rope's largest force is {times} times that of the weight, {weight}."
-    for span in figures.get("slack", ()):
-        start, end = (format_time(span[key]) for key in ("start", "end"))
-        text += f" It is slack from {start} to {end}, then it pulls with up to {format_quantity(span['snatch'], 'N')}."
-    return Block(heading="Hoist", text=text, drawings=drawings, grids=(grid,))
+def summary_extremes(force: Summary) -> Extremes:
+    """Extremes of a section force from its entry in summary.json, whose places are distances from the tail."""
+    return Extremes(*(float(force[f"{what}{end}"]) for end in ("min", "max") for what in ("", "t_", "x_")))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from decimal import Decimal
-from math import floor, isfinite, log10
+from math import floor, isfinite, log10, pi
 
 SPACE = "\u00a0"  # space between a number and its unit, at which no line may break
 MINUS = "\u2212"
@@ -26,20 +26,27 @@ class Unit:
     name: str
 
 
-#: Units of oil, whose volumes and flows are small.
-LITRES = {"m^3": Unit(1e-3, "l"), "m^3/s": Unit(1e-3 / 60.0, "l/min")}
+#: Units without prefixes in which quantities are printed, by their own units; ``strain`` is that of a strain.
+FIXED = {
+    "m^3": Unit(1e-3, "l"),
+    "m^3/s": Unit(1e-3 / 60.0, "l/min"),
+    "rad": Unit(pi / 180.0, "°"),
+    "strain": Unit(1e-6, "µm/m"),
+    "mm": Unit(1.0, "mm"),
+    "kg": Unit(1.0, "kg"),
+    "1": Unit(1.0, ""),
+}
 
 
 def unit_for(largest: float, base: str) -> Unit:
     """Return the unit with the prefix by which the value `largest`, given in the unit `base`, is printed as 1 to 1000.
 
     Lengths in m and times in s get no prefix above 1, such as k.  Quotients such as N/m, and products other than N m,
-    get no prefix at all; nor does any unit if `largest` is 0 or not finite.  Volumes are in litres, flows in l/min,
-    masses in kg.
+    get no prefix at all; nor does any unit if `largest` is 0 or not finite.  Those of `FIXED` have one unit each.
     """
-    if base in LITRES:
-        return LITRES[base]
-    if largest == 0.0 or not isfinite(largest) or base == "kg" or not (base.isalpha() or base == "N m"):
+    if base in FIXED:
+        return FIXED[base]
+    if largest == 0.0 or not isfinite(largest) or not (base.isalpha() or base == "N m"):
         return Unit(1.0, base)
     sizes = [size for size in _PREFIXES if size <= 1.0 or base not in ("m", "s")]
     size = next((size for size in sizes if abs(largest) >= 0.9995 * size), sizes[-1])
@@ -111,7 +118,8 @@ def format_percent(fraction: float, digits: int = 3) -> str:
 def format_quantity(value: float, base: str, digits: int = 3) -> str:
     """Format a value, given in the unit `base`, with the prefix that suits it and `digits` digits, as ``47.9 mm``."""
     unit = unit_for(value, base)
-    return f"{significant(value / unit.size, digits)}{SPACE}{unit.name}"
+    gap = "" if unit.name == "°" else SPACE
+    return f"{significant(value / unit.size, digits)}{gap}{unit.name}"
 
 
 def format_length(value: float, digits: int = 3) -> str:

@@ -5,11 +5,12 @@ A function whose block has figures takes the `prefix` of their identifiers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import attrgetter
 
 import numpy as np
 
+from pmr.files.arrays import Array
 from pmr.report import first_page, forces, player, scene_tables, sentences, stresses, subject
 from pmr.report.album import Album, start_album
 from pmr.report.blocks import Block, Chapter, Drawing, Figures, Grid, Player, Table, signed_deviation
@@ -25,11 +26,12 @@ from pmr.report.columns import (
 from pmr.report.errors import error_table, is_compared
 from pmr.report.errors import rows as error_rows
 from pmr.report.figures import histories, shapes, sketch, space
-from pmr.report.figures import loads as inputs
-from pmr.report.figures.canvas import colour_scale, drawing
-from pmr.report.numbers import SPACE, format_input, significant
-from pmr.report.subject import acting_loads, direction_words, is_alone, moving_part
+from pmr.report.figures.canvas import colour_scale, drawing, section_colours
+from pmr.report.figures.loads import line_figure
+from pmr.report.numbers import SPACE, format_input, significant, with_sign
+from pmr.report.subject import acting_loads, direction_words, is_alone, moving_part, slider_offsets
 from pmr.results import RunResult
+from pmr.results.quantities import UNIT_QUANTITIES
 from pmr.scene.keys import qualified_name
 
 Show = Callable[[RunResult, str], Block | None]
@@ -100,22 +102,32 @@ def input_block(result: RunResult, prefix: str) -> Block | None:
     Extensions and angles that do not change, and loads that do not act, are left out; None if nothing is left.
     `prefix` begins the identifiers of the figures.
     """
-    row, parts, alone = list[Drawing](), list[str](), is_alone(result)
-    if moving_part(result) if alone else np.ptp(result.paths.values, axis=0).any():
-        moves = f"{moving_part(result).capitalize()} position along the body over time."
-        caption = moves if alone else "Extension of each section over time."
-        row.append(drawing(f"{prefix}-position", inputs.path_figure, caption, result))
-        parts.append(moving_part(result) if alone else "extensions")
-    if acting_loads(result):
-        caption = f"Loads over time.{_weight_sentence(result)}"
-        row.append(drawing(f"{prefix}-loads", inputs.load_figure, caption, result))
-        parts.append("loads")
+    row, moves, colours = list[Drawing](), moving_part(result), section_colours(result.scene.bodies)
+
+    def draw(
+        name: str, caption: str, lines: Mapping[str, Array], base: str, quantity: str, *look: Sequence[str]
+    ) -> None:
+        """Append a figure of `lines` (T,), of the `quantity` in the unit `base`, over time."""
+        row.append(
+            drawing(f"{prefix}-{name}", line_figure, f"{caption} over time.", result, lines, base, quantity, *look)
+        )
+
+    if moves and is_alone(result):
+        ahead = {f"s {with_sign(offset)} m" if offset else "s": offset for offset in slider_offsets(result)}
+        lines = {name: result.abscissa + offset for name, offset in ahead.items()}
+        draw("position", f"{moves.capitalize()} position along the body", lines, "m", "Position")
+    elif np.ptp(result.paths.values, axis=0).any():
+        lines = dict(zip(result.paths.names, result.paths.values.T, strict=True))
+        draw("position", "Extension of each section", lines, "m", "Extension", [colours[name] for name in lines])
+    by_unit = dict[str, dict[str, Array]]()
+    for load in acting_loads(result):
+        by_unit.setdefault(load.unit, {})[qualified_name(load.body, load.name)] = load.values
+    for number, (unit, lines) in enumerate(by_unit.items()):
+        draw(f"loads-{number}", "Loads", lines, unit, UNIT_QUANTITIES[unit].capitalize())
     if changing := subject.changing_angles(result):
-        caption = f"{' and '.join(changing).capitalize()} over time."
-        row.append(drawing(f"{prefix}-angles", inputs.angle_figure, caption, result, changing))
-        parts.append("angles of the boom")
-    heading = ", ".join(parts[:-1]) + " and " * (len(parts) > 1) + "".join(parts[-1:])
-    return Block(heading=heading.capitalize(), drawings=row) if row else None
+        lines = {name: angle.value(result.responses["reduced"].t) for name, angle in changing.items()}
+        draw("angles", " and ".join(changing).capitalize(), lines, "rad", "Angle")
+    return Block("Motion and loads that are given", row, text=_weight_sentence(result)) if row else None
 
 
 def motion_block(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Block | None:
@@ -289,10 +301,10 @@ SECTIONS: tuple[Show, ...] = (
 
 
 def _weight_sentence(result: RunResult) -> str:
-    """Sentence, with a space before it, that the weight acts and how it comes up; empty if no weight acts."""
+    """Sentence that the weight acts and how it comes up; empty if no weight acts."""
     gravity = result.scene.gravity
     if gravity is None:
         return ""
     rise = f", which comes up within the first {format_input(gravity.rise, 's')}" if gravity.rise else ""
     turns = ", in a direction that turns with the frame" if result.frame is not None else ""
-    return f" The weight acts too{rise}{turns}."
+    return f"The weight acts too{rise}{turns}."

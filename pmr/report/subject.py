@@ -154,11 +154,6 @@ def moving_part(result: RunResult) -> str:
     return "slider" if result.scene.points else "mouth"
 
 
-def places_at(result: RunResult, t: Array) -> Array:
-    """Abscissa (T,) in m at the times t (T,) in s; NaN if nothing slides."""
-    return result.abscissa_at(t) if moving_part(result) else np.full(len(t), np.nan)
-
-
 def force_words(result: RunResult) -> str:
     """Words for the contact forces: ``pad forces``, or ``slider force`` (``slider forces``) for a body on sliders."""
     sliders = len(result.scene.points) if is_alone(result) else 0

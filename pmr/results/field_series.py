@@ -118,10 +118,7 @@ class Fields:
     @classmethod
     def load(cls, file: Path) -> Fields:
         """Return the fields from a file that `save` wrote."""
-        data = npz.read(file, MOST_EXPANSION, ROOM)
-        return npz.record_from_arrays(
-            cls, npz.rename_keys(data, {"region.": "grid.regions."})
-        )  # as version 0.1 wrote them
+        return npz.record_from_arrays(cls, npz.read(file, MOST_EXPANSION, ROOM))
 
 
 @dataclass(frozen=True)

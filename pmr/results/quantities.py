@@ -496,7 +496,7 @@ QUANTITIES: Mapping[str, Quantity] = {
 #: Quantities by their units, in one word.
 UNIT_QUANTITIES = {
     "m": "length", "N": "force", "N m": "moment", "Pa": "pressure", "K": "temperature", "m^3/s": "flow", "W": "power",
-    "rad": "angle",
+    "rad": "angle", "1": "share",
 }  # fmt: skip
 #: Limits of load charts on quantities, and the quantities that they limit, by the names of the limits.
 LIMITS = {quantity.limit.key: quantity.limit for quantity in QUANTITIES.values() if quantity.limit is not None}

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pmr.errors.text import overview
 from pmr.files.arrays import Array
-from pmr.scene import Scene
-from pmr.scene.built import force_name, reaction_name
-from pmr.scene.choice import pad_faces, transverse_axes
-from pmr.scene.joints import OneBody
-from pmr.scene.keys import ALONE, cylinder_name, qualified_name
-from pmr.scene.members import member_at
 
 #: Kinds of outputs, in this order: displacements of points along a body and of its tip; forces of pads (a slider counts
 #: as a pad without faces), of cylinders and of elastic supports; measurements of probes; reactions of rigid supports;
@@ -110,13 +104,12 @@ class Response:
     seconds : float
         Wall time of the solver alone.
     output_names, output_units : tuples of str
-        Names and units (o,) of the columns of `displacement`; empty in results of version 0.1, and if outputs have no
-        names.
+        Names and units (o,) of the columns of `displacement`; empty if outputs have no names.
     others : (T, k) array or None
         Outputs that are neither in m nor in N, then reactions of rigid supports; `other_names` and `other_units` have
         their names and units.
     force_names : tuple of str
-        Names (m,) of the columns of `slider_force`; empty in results of version 0.1, and if contacts have no names.
+        Names (m,) of the columns of `slider_force`; empty if contacts have no names.
     round_off : float, m
         Displacement up to which a displacement may be round-off (`pmr.compare.round_off.round_off`); 0 if not known.
     force_round_off : float, N
@@ -126,10 +119,10 @@ class Response:
         None if steps are not divided into parts.
     kinds, bodies : tuples of str
         Kind and direction of each column, such as ``"tip z"`` (`KINDS`), and the body of each column.  Columns of
-        displacements come first, then columns of forces, then `others`.  Empty in results of earlier versions.
+        displacements come first, then columns of forces, then `others`.
     surplus : float
         Energy that comes neither from loads nor from moving constraints, as a share of the largest energy
-        (docs/time_integration.md).  NaN if a simulator has no energy balance, and in results of version 0.1.
+        (docs/time_integration.md).  NaN if a simulator has no energy balance.
     """
 
     t: Array
@@ -331,98 +324,3 @@ class Extremes:
             "min": self.least, "t_min": self.t_least, "s_min": self.s_least,
             "max": self.most, "t_max": self.t_most, "s_max": self.s_most,
         }  # fmt: skip
-
-
-def outputs_of(scene: Scene, response: Response) -> tuple[Output, ...]:
-    """Return the meaning of all columns of a response: displacements, then forces, then all others.
-
-    Results of earlier versions do not store this meaning.  For them it is derived from the names of the columns or, if
-    columns have no names, from their order.
-    """
-    return response.outputs or (
-        *_displacement_outputs(scene, response),
-        *_force_outputs(scene, response),
-        *_other_outputs(scene, response),
-    )
-
-
-def _displacement_outputs(scene: Scene, response: Response) -> Iterator[Output]:
-    """Yield the meaning of each displacement, in the order of the columns, derived from its name.
-
-    A name that is none of a tip or of a position along a body counts as a displacement of kind ``beam`` with an empty
-    body and direction.
-    """
-    tips = {
-        qualified_name(body, of.observe.tip_along(d)): ("tip", body, d)
-        for body, of in scene.bodies.items()
-        for d in "xyz"
-    }
-    beams = {qualified_name(body, f"{d} at "): ("beam", body, d) for body in scene.bodies for d in "xyz"}
-    names = response.output_names or _unnamed_displacements(scene, response)
-    for name, x in zip(names, response.x.tolist(), strict=True):
-        start = next((start for start in beams if name.startswith(start)), None)
-        kind, body, d = tips.get(name) or (beams[start] if start is not None else ("beam", "", ""))
-        yield Output(name, kind, body, x, d)
-
-
-def _unnamed_displacements(scene: Scene, response: Response) -> tuple[str, ...]:
-    """Return names for displacements that have none.
-
-    The positions along the first direction come first, then those along the next one, then the tip in each direction.
-    """
-    (body,) = scene.bodies.values()
-    across = transverse_axes(member_at(scene))
-    each = len(response.x) // len(across) - 1
-    return (*(f"{d} at " for d in across for _ in range(each)), *(body.observe.tip_along(d) for d in across))
-
-
-def _force_outputs(scene: Scene, response: Response) -> Iterator[Output]:
-    """Yield the meaning of each force, derived from its name."""
-    count = response.slider_force.shape[1]
-    outputs_of = {name: output for body, of in scene.bodies.items() for name, output in _body_outputs(body, of).items()}
-    for body in scene.bodies:
-        name = force_name(cylinder_name(body))
-        outputs_of[name] = Output(name, "cylinder", body, unit="N")
-    joints = {force_name(f"{body} {end}"): body for body in scene.bodies for end in ("tail", "mouth") if body}
-    for name in response.force_names or _unnamed_forces(scene) or ("",) * count:
-        joint = next((start for start in joints if name.startswith(start)), None)
-        if joint is not None:
-            yield Output(name, "pad", joints[joint], unit="N")
-        else:
-            slider = Output(name, "pad" if ALONE in scene.bodies else "support", ALONE, unit="N")
-            yield outputs_of.get(name) or slider
-
-
-def _body_outputs(body: str, part: OneBody) -> dict[str, Output]:
-    """Return the outputs of a body's forces by name: those of its pads on the ground and of its elastic supports."""
-    outputs = dict[str, Output]()
-    for ring in part.pads:
-        for pad, _, _ in ring.named_pads:
-            for name in (qualified_name(body, force_name(pad)), force_name(f"{body} {pad}")):
-                outputs[name] = Output(name, "pad", body, unit="N")
-    for support, unit in part.spring_units.items():
-        name = qualified_name(body, force_name(support))
-        outputs[name] = Output(name, "support", body, unit=unit)
-    return outputs
-
-
-def _unnamed_forces(scene: Scene) -> list[str]:
-    """Return names for forces that have none; the list is empty if points slide.
-
-    Elastic pads that stay on the body come first, and among them those that only push come last.  Then follow pads that
-    move.
-    """
-    (body,) = scene.bodies.values()
-    faces = pad_faces(member_at(scene))
-    staying = [ring for ring in body.pads if not ring.moving and ring.stiffness != "rigid"]
-    ordered = [*sorted(staying, key=lambda ring: ring.unilateral), *(ring for ring in body.pads if ring.moving)]
-    return [force_name(name) for ring in ordered for name, face, _ in ring.named_pads if face in faces]
-
-
-def _other_outputs(scene: Scene, response: Response) -> Iterator[Output]:
-    """Yield the meaning of each further column, derived from its name: reaction, friction, or probe."""
-    for name, unit in zip(response.other_names, response.other_units, strict=True):
-        kind = next((kind for kind in ("reaction", "friction") if name.startswith(f"{kind} of ")), "probe")
-        place = name.removeprefix(reaction_name(""))
-        body = next((body for body in scene.bodies if body and place.startswith(qualified_name(body, ""))), "")
-        yield Output(name, kind, body, unit=unit)

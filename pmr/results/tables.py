@@ -146,18 +146,6 @@ def frequency_table(result: RunResult) -> Table:
     return Table((f"{result.abscissa_name} [m]", *heads), tuple(map(tuple, values.tolist())) if lowest.models else ())
 
 
-def stress_peaks(result: RunResult) -> dict[str, dict[str, Summary]]:
-    """Return the largest von Mises stress by model, and then by region of each body.
-
-    Bodies without named regions are left out.
-    """
-    peaks = dict[str, dict[str, Summary]]()
-    for name, part in summaries_by_section(result.summary).items():
-        for model, regions in part.get("stress_by_region", {}).items():
-            peaks.setdefault(model, {}).update({qualified_name(name, region): peak for region, peak in regions.items()})
-    return peaks
-
-
 def summaries_by_section(summary: Summary) -> dict[str, Summary]:
     """Return the part of summary.json about each section, by the section's name.
 

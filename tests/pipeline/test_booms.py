@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -27,7 +26,6 @@ from pmr.reduction import bodies
 from pmr.reduction.bodies import reduce_bodies
 from pmr.report.document import write_report
 from pmr.results import load as load_frames
-from pmr.results.response import outputs_of
 from pmr.results.tables import build_tables
 from pmr.scene import Scene
 from pmr.simulation import Excitation
@@ -74,12 +72,7 @@ def test_summary_says_what_each_section_and_joint_does(outcome: Outcome) -> None
     assert listed["min"] == force.min() and listed["max"] == force.max()
 
 
-def test_outputs_are_what_their_names_mean(outcome: Outcome) -> None:
-    """Kinds and bodies that models and contacts carry are those that names of earlier results are read by."""
-    for name, response in outcome.result.responses.items():
-        known = outputs_of(outcome.result.scene, replace(response, kinds=(), bodies=()))
-        assert [one.kind for one in known] == [one.kind for one in response.outputs], name
-        assert all(one.body in (other.body, "") for one, other in zip(known, response.outputs, strict=True))
+def test_outputs_are_of_kinds(outcome: Outcome) -> None:
     reduced = outcome.result.responses["reduced"]
     assert {one.kind for one in reduced.outputs} == {"beam", "tip", "pad", "cylinder", "probe", "reaction"}
 

@@ -116,6 +116,10 @@ def _response(name: str, t: np.ndarray, sliders: int) -> Response:
         residual_position=unknown if name == "ancf" else tiny,
         residual_velocity=unknown if name == "ancf" else 1e3 * tiny,
         seconds={"full": 3.0, "ancf": 2.0, "reduced": 0.3}[name],
+        output_names=(*(f"z at {x:g} m" for x in X[:-1]), "tip z"),
+        force_names=("force of slider",) if sliders == 1 else tuple(f"force of slider {k + 1}" for k in range(sliders)),
+        kinds=(*("beam z",) * (len(X) - 1), "tip z", *("pad",) * sliders),
+        bodies=("",) * (len(X) + sliders),
     )
 
 

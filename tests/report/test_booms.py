@@ -35,7 +35,7 @@ def text(page: str) -> str:
 
 def test_every_figure_is_there_once(page: str) -> None:
     assert figures(page) == [
-        *("snapshots", "position", "loads", "tip-y", "tip-z", "stress", "forces-1", "forces-2"),
+        *("snapshots", "position", "loads-0", "tip-y", "tip-z", "stress", "forces-1", "forces-2"),
         *("energy", "energy-parts", "frequencies"),
     ]
 

@@ -21,6 +21,7 @@ from pmr.report.forces import contact_block
 from pmr.report.stresses import section_force_block
 from pmr.results import BodyResult
 from pmr.results.field_stress import Envelope
+from pmr.results.response import Output
 
 SPACE = "\u00a0"
 NAMES = ("weld stress along", "weld stress shear", "weld strain along", "weld displacement z")
@@ -39,10 +40,8 @@ def probed(make_result) -> RunResult:
     for name, response in result.responses.items():
         wave = 20e6 - 40e6 * (2.0 * np.abs(2.0 * ((2.0 * response.t) % 1.0) - 1.0) - 1.0)
         others = np.stack([wave, 1e-9 * wave / 60e6, wave / 210e9, 1e-6 * wave], axis=1)
-        names = ("force of slider",) if name == "reduced" else ()
-        found[name] = replace(
-            response, others=others, other_names=NAMES, other_units=("Pa", "Pa", "1", "mm"), force_names=names
-        )
+        outputs = [Output(of, "probe", "", unit=unit) for of, unit in zip(NAMES, ("Pa", "Pa", "1", "mm"), strict=True)]
+        found[name] = response.with_others(others, outputs)
     return replace(result, responses=found)
 
 
@@ -52,12 +51,12 @@ def test_probes_have_extremes_and_load_cycles(probed: RunResult) -> None:
     assert block is not None
     extremes, stress, strain = block.grids
     assert [row[0] for row in extremes.rows] == [
-        "weld stress along in MPa", "weld strain along in µm/m", "weld displacement z in mm",
+        "weld stress along", "weld strain along", "weld displacement z",
     ]  # fmt: skip
     first = dict(zip(extremes.head, extremes.rows[0], strict=False))
     assert (first["least"], first["largest"]) == (
-        "\u221220.0 at 0\u00a0s, 1.25\u00a0m",
-        "60.0 at 0.25\u00a0s, 1.25\u00a0m",
+        f"\u221220.0{SPACE}MPa at 0{SPACE}s, 1.25{SPACE}m",
+        f"60.0{SPACE}MPa at 0.25{SPACE}s, 1.25{SPACE}m",
     )
     assert "weld stress at (1.50, 0, \u22120.200)\u00a0m, outer" in extremes.caption
     assert stress.head == ("range in MPa", "cycles", "mean in MPa")
@@ -68,11 +67,11 @@ def test_probes_have_extremes_and_load_cycles(probed: RunResult) -> None:
 
 def test_forces_have_extremes_with_time_and_place(probed: RunResult) -> None:
     (grid,) = contact_block(probed, "case-1").grids
-    assert grid.head == ("", "least in N", "largest in N") and grid.caption.endswith("the path coordinate s then.")
+    assert grid.head == ("", "least", "largest") and grid.caption.endswith("the path coordinate s then.")
     ((name, least, largest),) = grid.rows
     t = probed.responses["reduced"].t[probed.responses["reduced"].slider_force[:, 0].argmin()]
-    assert (name, largest) == ("slider", f"99.0 at 0{SPACE}s, 1.25{SPACE}m")
-    assert least == f"\u221298.0 at {t:g}{SPACE}s, 3.75{SPACE}m"
+    assert (name, largest) == ("slider", f"99.0{SPACE}N at 0{SPACE}s, 1.25{SPACE}m")
+    assert least == f"\u221298.0{SPACE}N at {t:g}{SPACE}s, 3.75{SPACE}m"
 
 
 def idle(result: RunResult, **forces: float) -> RunResult:
@@ -82,7 +81,11 @@ def idle(result: RunResult, **forces: float) -> RunResult:
         size = 100.0 if name == "reduced" else 0.0
         force = size * np.outer(np.cos(t) ** 2, list(forces.values()))
         names = tuple(f"force of {called}" for called in forces)
-        found[name] = replace(one, slider_force=force, force_names=names, force_peaks=None)
+        kinds = (*one.kinds[:11], *("pad",) * len(names))
+        found[name] = replace(
+            one, slider_force=force, force_names=names, force_peaks=None, kinds=kinds, bodies=("",) * len(kinds),
+            others=None, other_names=(), other_units=(),
+        )  # fmt: skip
     return replace(result, responses=found)
 
 
@@ -102,7 +105,7 @@ def test_a_pad_that_never_touches_has_no_panel_and_no_row(probed: RunResult, mon
 @pytest.mark.usefixtures("undrawn")
 def test_what_is_nothing_beside_the_largest_of_its_kind_is_zero(probed: RunResult) -> None:
     (grid,) = contact_block(idle(probed, lower=1.0, other=0.9e-4, aside=1.1e-4), "case-1").grids
-    largest = {name: cell.partition(" at")[0] for name, _, cell in grid.rows}
+    largest = {name: cell.partition(f"{SPACE}N at")[0] for name, _, cell in grid.rows}
     assert largest == {"lower": "100", "other": "0", "aside": "0.0110"}
 
 
@@ -114,12 +117,16 @@ def test_moments_of_supports_that_give_way_are_no_forces(make_space, monkeypatch
     ]
     result, figures = make_space(supports=supports, responses=("reduced",)), []
     names, reduced = ("force of leg", "force of hinge"), result.responses["reduced"]
-    bearing = replace(reduced, slider_force=np.array([2e3, 5e4]) * np.ones((len(reduced.t), 2)), force_names=names)
+    kinds = (*reduced.kinds[:12], "support", "support")
+    forces = np.array([2e3, 5e4]) * np.ones((len(reduced.t), 2))
+    bearing = replace(reduced, slider_force=forces, force_names=names, kinds=kinds, bodies=("",) * len(kinds))
     monkeypatch.setattr(drawn, "drawing", lambda *given: figures.append([force.unit for force in given[-1]]))
     block = drawn.support_block(replace(result, responses={"reduced": bearing}), "case-1")
     assert block is not None and figures == [["N"], ["N m"]]
-    assert [grid.head[1] for grid in block.grids] == ["least in kN", "least in kN m"]
-    assert [grid.rows[0][0] for grid in block.grids] == ["leg", "hinge"]
+    (grid,) = block.grids
+    assert [(row[0], row[1].partition(" at")[0]) for row in grid.rows] == [
+        ("leg", f"2.00{SPACE}kN"), ("hinge", f"50.0{SPACE}kN m"),
+    ]  # fmt: skip
 
 
 def test_round_off_of_cylinders_is_no_key_number(make_result) -> None:
@@ -138,18 +145,22 @@ def test_the_error_table_has_probes_in_their_units(probed: RunResult) -> None:
 def test_regions_stand_beside_the_full_model(make_result) -> None:
     peak = {"value": 50e6, "t": 0.5, "position": [1.0, 0.1, 0.2], "face": "outer"}
     both = {"top": peak, "bottom": peak | {"value": 40e6}}
-    found = {"stress_by_region": {"reduced": both, "full": {name: one | {"value": 51e6} for name, one in both.items()}}}
+    found = {"stress_by_region": {"reduced": both, "full": {name: one | {"value": 51e6} for name, one in both.items()}},
+             "stress_peak": {"reduced": peak, "full": peak}}  # fmt: skip
     (grid,) = stresses.stress_block(make_result(summary=found), "case-1").grids
-    assert grid.head[:3] == ("region", "in MPa", "full model")
-    assert grid.rows[1] == ("bottom", "40.00", "51.00", "0.5000", "(1.00, 0.100, 0.200)", "outer")
+    assert grid.head[:3] == ("", "in MPa", "full model")
+    assert grid.rows[1] == ("bottom", "40.00", "51.00", f"0.5{SPACE}s", "(1.00, 0.100, 0.200)", "outer")
     assert (
-        stresses.stress_block(make_result(summary={"stress_by_region": {"reduced": {"body": peak}}}), "case-1") is None
+        stresses.stress_block(
+            make_result(summary={"stress_by_region": {"reduced": {"body": peak}}, "stress_peak": {"reduced": peak}}),
+            "case-1",
+        )
+        is None
     )
 
 
-def test_without_probes_or_names_of_forces_nothing_is_said(make_result) -> None:
+def test_without_probes_nothing_is_said(make_result) -> None:
     assert stresses.probe_block(make_result(), "case-1") is None
-    assert contact_block(make_result(), "case-1").grids == ()
 
 
 def with_envelope(result: RunResult, back: float = -2e3) -> RunResult:
@@ -169,7 +180,7 @@ def test_extremes_are_in_a_table_and_round_off_is_not(make_space: MakeSpace) -> 
     assert block is not None and len(block.rows) == 1
     (row,) = block.grids[0].rows
     assert row[0] == "bending moment y"
-    assert row[1:] == (f"−2.00{SPACE}kN m at 0{SPACE}m, 0.5{SPACE}s", f"158{SPACE}kN m at 0{SPACE}m, 0.5{SPACE}s")
+    assert row[1:] == (f"−2.00{SPACE}kN m at 0.5{SPACE}s, 0{SPACE}m", f"158{SPACE}kN m at 0.5{SPACE}s, 0{SPACE}m")
 
 
 def test_an_end_that_is_nothing_has_no_place(make_space: MakeSpace) -> None:

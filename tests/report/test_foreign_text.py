@@ -54,7 +54,7 @@ def test_the_page_is_one_that_browsers_read(html: str) -> None:
 
 @pytest.mark.parametrize("kind", TEXTS)
 def test_a_report_shows_names_as_they_are(html: str, kind: str) -> None:
-    drawn = re.search(r'<figure id="case-1-loads".*?(<svg.*?</svg>)', html, re.DOTALL)[1]
+    drawn = re.search(r'<figure id="case-1-loads-0".*?(<svg.*?</svg>)', html, re.DOTALL)[1]
     legend = [unescape(found) for found in re.findall(r"<text[^>]*>([^<]*)</text>", drawn)]
     assert fit(TEXTS[kind]) in legend
 

@@ -1,20 +1,14 @@
-"""What columns are, by what a response says and by what names meant before that."""
+"""What columns are, by what a response says."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from boom_results import boom, make_space  # noqa: F401 fixtures
 
-from pmr import Response, RunResult
-from pmr.files import npz
-from pmr.report.columns import forces_by_group, tip_displacements
+from pmr import Response
 from pmr.results import Energy
-from pmr.results.response import outputs_of
 from pmr.system.body import force_outputs, kinds_of, length_outputs, other_outputs
 
 T = np.linspace(0.0, 1.0, 4)
@@ -76,26 +70,6 @@ def test_units_places_and_directions_stand_beside_kinds(response: Response) -> N
     assert (force.unit, force.is_force, force.place) == ("N", True, None)
     assert (probe.unit, probe.is_force) == ("Pa", False)
     assert replace(response, kinds=(), bodies=()).outputs == ()
-
-
-def test_a_result_without_kinds_is_read_by_its_names_or_their_order(boom: RunResult, tmp_path: Path) -> None:  # noqa: F811
-    """As earlier versions wrote it: with names of displacements alone, and no names of loads."""
-    boom.save(tmp_path)
-    data = npz.read(tmp_path / "trajectories.npz")
-    columns = {key: names for key, names in json.loads(str(data["columns"])).items() if key != "loads"}
-    kept = {key: value for key, value in data.items() if key.rpartition(".")[2] not in ("kinds", "bodies", "surplus")}
-    npz.write(tmp_path / "trajectories.npz", kept | {"columns": np.array(json.dumps(columns))})
-    again = RunResult.load(tmp_path)
-    assert again.responses["full"].outputs == () and again.loads.names == ()
-    found = outputs_of(again.scene, again.responses["full"])
-    assert [one.kind for one in found] == ["beam"] * 10 + ["tip"] * 2 + ["pad"] * 7
-    assert list(tip_displacements(again)) == ["y", "z"] and [len(pads) for pads in forces_by_group(again).values()] == [
-        3,
-        4,
-    ]
-    assert np.array_equal(
-        tip_displacements(again)["y"](again.responses["full"]), boom.responses["full"].displacement[:, -2]
-    )
 
 
 class Model:

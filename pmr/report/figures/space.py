@@ -22,7 +22,6 @@ from pmr.report.figures.canvas import (
     LIMIT,
     MUTED,
     ROW,
-    SECTIONS,
     add_legend,
     drawing,
     legend_rows,
@@ -31,7 +30,7 @@ from pmr.report.figures.canvas import (
     octave_axis,
     section_colours,
 )
-from pmr.report.figures.histories import Timeline
+from pmr.report.figures.loads import line_figure
 from pmr.report.figures.shapes import exaggeration
 from pmr.report.numbers import SPACE, format_input, format_quantity
 from pmr.report.subject import abscissa_label, changing_angles, reach
@@ -58,18 +57,6 @@ def side_view(result: RunResult) -> Figure:
 def plan_view(result: RunResult) -> Figure:
     """Draw the boom from above at a few moments."""
     return _draw_boom(result, "plan", "X in m", "Y in m")
-
-
-def tip_figure(result: RunResult) -> Figure:
-    """Draw over time the tip's radius and height from the pivot, in the plane of luffing."""
-    time, steps = Timeline(result), spread_indices(len(result.responses["reduced"].t), WAY)
-    figure, axes = make_sheet(HALF, 1.9)
-    lines = list(zip(body_axes(result, steps)[-1].side[:, -1].T, ("radius", "height"), SECTIONS[1:], strict=False))
-    for values, _, colour in lines:
-        axes[0, 0].plot(time.t[steps], values, color=colour)
-    time.frame(axes[0, 0], "Tip from the pivot in m")
-    add_legend(figure, [*(Line2D([], [], color=colour, label=name) for _, name, colour in lines), *time.shade_legend()])
-    return figure
 
 
 def buckling_figure(result: RunResult, abscissa: str) -> Figure:
@@ -367,7 +354,9 @@ def space_drawings(result: RunResult, prefix: str) -> list[Drawing]:
     if slews(result):  # the view from the side is at the top of the page
         drawings.append(drawing(f"{prefix}-plan", plan_view, view_caption(result, "from above"), result))
     caption = "The tip over time: its radius and its height from the pivot."
-    drawings.append(drawing(f"{prefix}-tip-in-space", tip_figure, caption, result))
+    radius, height = body_axes(result, range(len(result.responses["reduced"].t)))[-1].side[:, -1].T
+    tip = {"radius": radius, "height": height}
+    drawings.append(drawing(f"{prefix}-tip-in-space", line_figure, caption, result, tip, "m", "Tip from the pivot"))
     if any(result.summary.get("buckling", {}).get("over", {}).get("factor", ())):
         caption = "Factor by which all axial forces would have to grow until the boom buckles, with every pad closed, "
         caption += "along the way of this run, which begins at the larger dot."
