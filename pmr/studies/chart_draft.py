@@ -8,7 +8,10 @@ import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+import jinja2
+import numpy as np
 
 from pmr.errors import InputError
 from pmr.errors.environment import is_installed
@@ -28,50 +31,11 @@ logger = logging.getLogger(__name__)
 EXTENSIONS, ANGLES = 12, 10
 #: Number of slewing angles in a whole turn.
 SLEWING_STEPS = 8
+TEMPLATES = jinja2.Environment(
+    loader=jinja2.PackageLoader("pmr.studies"), trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+)
 #: Key that TOML takes without quotes.
 BARE_KEY = re.compile("[A-Za-z0-9_-]+")
-#: Limit of a chart whose scene says on what the machine stands.
-TIPPING = """
-[[limits]]
-name = "tipping"
-of = "tipping"
-most = 1.0      # use of the support polygon: at 1 the machine tips
-factor = 1.33   # so that at most three quarters of it are used; your standard has the factor of your machine
-"""
-#: Limit of a chart whose scene has probes of stress and a yield stress, in Pa.
-STRESS = """
-[[limits]]
-name = "stress at probes"
-of = "stress"
-most = {most:.6g}e6    # Pa, the least yield stress where probes are
-factor = 1.5    # bending of walls under pads comes on top of stresses of beams: limits of pads keep it small
-"""
-#: Limit of a chart on the forces of the pads of a joint, for a section by name, with a force in N.
-WALLS = """
-[[limits]]
-name = "walls at pads of {name}"
-of = "pad"
-which = [{pads}]
-most = {force:.1f}    # N of a pad alone, at which the walls of {section} begin to yield at its edge
-factor = 1.5    # bending of the whole section comes on top
-note = "the force is from cells of an eighth of the pad: it is 2 to 4 % too large, which the factor covers"
-"""
-LIMITS = """
-# Further limits that the load must keep, each with your own safety factor.
-# [[limits]]
-# name = "pads"
-# of = "pad"                   # or stress, luffing, cylinder, support, deflection, buckling, frequency, overturning
-# most = 50e3                  # N, what a pad and the walls under it bear
-# factor = 1.5
-#
-# [[cases]]
-# name = "in service"
-# weight = 1.1
-# load = 1.3
-# loads = { gust = 400.0 }     # loads of the scene by name
-"""
-
-
 #: Factor on the mass of a boom without a machine for the largest load that a chart looks for.
 BOOMS = 5.0
 
@@ -150,7 +114,16 @@ def _slewing_angles(scene: Scene, frame: Frame) -> list[float]:
     return [low + width * k / max(count, 1) for k in range(count + (width < turn))]
 
 
-def _wall_limits(scene: Scene) -> Iterator[str]:
+class WallLimit(NamedTuple):
+    """Limit on the forces of the pads of a joint, by which the walls of a section begin to yield."""
+
+    name: str  # section whose joint it is
+    pads: list[str]  # patterns of names of its pads, in quotes
+    force: float  # N
+    section: str  # section whose walls yield
+
+
+def _wall_limits(scene: Scene) -> Iterator[WallLimit]:
     """Yield a limit of a chart for each joint of beams whose walls' stress at pads can be computed."""
     if len(scene.sections) == 1 or not stress_remark(scene):  # shells have a limit of their own, on the stress field
         return
@@ -167,8 +140,7 @@ def _wall_limits(scene: Scene) -> Iterator[str]:
     for name, at_yield in forces.items():
         joint = scene.joint(scene.names.index(name))
         ends = [end for end, rings in (("tail", joint.tail), ("mouth", joint.mouth)) if any(r.faces for r in rings)]
-        pads = ", ".join(json.dumps(f"{name} {end} *") for end in ends)
-        yield WALLS.format(name=name, pads=pads, force=at_yield.force, section=at_yield.section)
+        yield WallLimit(name, [json.dumps(f"{name} {end} *") for end in ends], at_yield.force, at_yield.section)
 
 
 def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
@@ -185,14 +157,11 @@ def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
         raise InputError("command line", "--up-to", up_to, "a load above 0 kg is allowed")
     end, names = scene.time.end, scene.names[1:]
     bounds = [scene.extension(number).bounds(0.0, end) for number in range(1, len(scene.sections))]
-    rows = []
-    for k in range(EXTENSIONS if names else 0):
-        share = k / (EXTENSIONS - 1)
-        at = (
-            f"{name if BARE_KEY.fullmatch(name) else json.dumps(name)} = {low + share * (high - low):.6g}"
-            for name, (low, high) in zip(names, bounds, strict=True)
-        )
-        rows.append(f"  {{ {', '.join(at)} }},\n")
+    keys = [name if BARE_KEY.fullmatch(name) else json.dumps(name) for name in names]
+    rows = [
+        [f"{key} = {low + share * (high - low):.6g}" for key, (low, high) in zip(keys, bounds, strict=True)]
+        for share in np.linspace(0.0, 1.0, EXTENSIONS if names else 0).tolist()
+    ]
     least, most = scene.frame.luffing.bounds(0.0, end)
     slewing, which = _slewing_angles(scene, scene.frame), "the least load of all counts"
     if scene.frame.ground is not None and len(slewing) > 1 and _is_symmetric(scene, 1):
@@ -201,18 +170,17 @@ def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
     regions = [region for part in probed for region in part.body.regions.values() if region.material is not None]
     materials = [*(part.body.material for part in probed), *(region.material for region in regions)]
     yields = [material.yield_stress for material in materials if material is not None]
-    return "".join(
-        [
-            'kind = "chart"\n',
-            f"title = {json.dumps(f'Load chart: {scene.title}')}\n",
-            f"scene = {json.dumps(str(file.resolve()))}\n",
-            f"up_to = {float(up_to)!r}  # kg\n",
-            f"extensions = [\n{''.join(rows)}]\n" if rows else "",
-            f"luffing = {{ least = {least:.6g}, most = {most:.6g}, count = {ANGLES if most > least else 1} }}\n",
-            f"slewing = [{', '.join(f'{angle:.6g}' for angle in slewing)}]  # {which}\n",
-            TIPPING if scene.frame.ground is not None else "",
-            STRESS.format(most=1e-6 * min(filter(None, yields))) if yields and all(yields) else "",
-            *_wall_limits(scene),
-            LIMITS,
-        ]
+    return TEMPLATES.get_template("chart.toml").render(
+        title=json.dumps(f"Load chart: {scene.title}"),
+        scene=json.dumps(str(file.resolve())),
+        up_to=repr(float(up_to)),
+        rows=rows,
+        least=least,
+        most=most,
+        angles=ANGLES if most > least else 1,
+        slewing=[f"{angle:.6g}" for angle in slewing],
+        which=which,
+        tips=scene.frame.ground is not None,
+        stress=1e-6 * min(filter(None, yields)) if yields and all(yields) else None,  # MPa
+        walls=_wall_limits(scene),
     )
