@@ -17,7 +17,7 @@ from pmr.cli.console import Folder, MotionScene, Overrides, out, scene_file
 from pmr.cli.export import Model
 from pmr.errors import InputError
 from pmr.errors.text import escape_controls
-from pmr.files.whole import finish_swap, replacement_file
+from pmr.files.whole import finish_swap, write_text
 
 if TYPE_CHECKING:
     from pmr.files.arrays import Array
@@ -107,14 +107,12 @@ def identify(
 
     result = table.identify(reduce_with, start)
     folder = out_dir or Path("reports", f"identify_{scene.stem}")
-    folder.mkdir(parents=True, exist_ok=True)
     fitted, figures = folder / "fitted.toml", folder / "identify.json"
     lines = [
         f"extends = {json.dumps(os.path.relpath(file, folder))}",
         *map(_toml_line, [*changes, *result.overrides()]),
     ]
-    with replacement_file(fitted) as part:
-        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(fitted, "\n".join(lines) + "\n")
     load_any(fitted)  # refuses what TOML can't hold, such as a key of a list that another change sets as a whole
     parameters = {
         name: {"start": start[name], "value": float(value), "error": float(error) if math.isfinite(error) else None}
@@ -137,8 +135,7 @@ def identify(
     content = {
         "parameters": parameters, "correlation": result.correlation.tolist(), "rms": by_mode, "places": places,
     }  # fmt: skip
-    with replacement_file(figures) as part:
-        part.write_text(json.dumps(content, indent=2), encoding="utf-8")
+    write_text(figures, json.dumps(content, indent=2))
     printed = Table("key", "start", "fitted", "standard error", title_justify="left")
     for name, value, error in zip(result.names, result.values, result.errors, strict=True):
         text = f"{error:.2g}" if math.isfinite(error) else "not determined"

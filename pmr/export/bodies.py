@@ -32,7 +32,7 @@ import scipy.sparse as sp
 
 from pmr.errors import InputError, environment
 from pmr.files.arrays import Array
-from pmr.files.whole import replacement_file
+from pmr.files.whole import replacement_file, write_text
 from pmr.results.field_series import FramedBody, NodalBody
 
 
@@ -133,10 +133,7 @@ def write_sid(body: NodalBody, target: Path) -> Path:
 
     Raises InputError as `inertia_integrals`.
     """
-    lines = list(_sid_lines(body))
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with replacement_file(target) as part:
-        part.write_text("\n".join([*lines, ""]), encoding="ascii")
+    write_text(target, "\n".join([*_sid_lines(body), ""]))
     return target
 
 

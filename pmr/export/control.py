@@ -20,7 +20,7 @@ from pmr.export.fmi.variables import Identifiers
 from pmr.export.formats import Options
 from pmr.export.state_space import PLACES, StateSpace, path_positions, saved_system, state_space
 from pmr.files.arrays import Array
-from pmr.files.whole import replacement_file
+from pmr.files.whole import replacement_file, write_text
 from pmr.scene.frame import INERTIA, MINUS_THE_ACCELERATION
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
@@ -103,8 +103,7 @@ def write_python_control(npz_path: Path, target: Path, options: Options) -> Path
             "command line", "--out", str(target), f"another name is allowed: {data.name} is input of the same run"
         )
     _write_matrices(npz_path, options, data)
-    with replacement_file(target) as part:
-        part.write_text(_SCRIPT.format(module=target.stem, data=data.name), encoding="utf-8")
+    write_text(target, _SCRIPT.format(module=target.stem, data=data.name))
     return target
 
 
@@ -125,8 +124,7 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
     rows = assembly.contact_rows_over_time(np.atleast_2d(system.side_coordinates(s)))
     answers = [assembly.frequency_responses(rows.at_time(k), 2.0 * np.pi * f)[:, output] for k in range(len(space.s))]
     response = np.array(answers)
-    with replacement_file(target) as part:
-        part.write_text(_response_table(space, f, response, space.outputs[output]), encoding="utf-8")
+    write_text(target, _response_table(space, f, response, space.outputs[output]))
     _draw(space, f, np.abs(response), space.outputs[output], target.with_suffix(".png"))
     return target
 
@@ -239,27 +237,6 @@ RESERVED = frozenset(
     Real Integer Boolean String time zeros place s x x_start A B C D f y""".split()
 )
 
-_BLOCK = """\
-block {name} "Boom on pads, linear, with its extensions held at one of {S} places; written by pmr"
-  parameter Integer place(min = 1, max = {S}) = 1 "which of the places" annotation(Evaluate = true);
-  final parameter Real s[{S}, {P}](each unit = "m") = {s} "{paths}";
-  parameter Real x_start[{n}] = zeros({n}) "modal coordinates and their rates at the start";
-{variables}
-  Real x[{n}](start = x_start, each fixed = true) "modal coordinates and their rates";
-protected
-  final parameter Real A[{S}, {n}, {n}] = {A};
-  final parameter Real B[{S}, {n}, {i}] = {B};
-  final parameter Real C[{S}, {q}, {n}] = {C};
-  final parameter Real D[{S}, {q}, {i}] = {D};
-  Real f[{i}] "inputs in their order";
-  Real y[{q}] "outputs in their order";
-equation
-  der(x) = A[place, :, :] * x + B[place, :, :] * f;
-  y = C[place, :, :] * x + D[place, :, :] * f;
-{equations}
-end {name};
-"""
-
 
 def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
     """Write a Modelica 3 block of a saved reduced system, with A, B, C, D at all grid points; return `target`.
@@ -286,7 +263,8 @@ def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
     equations = [f"  f[{k}] = {variable};" for k, variable in enumerate(variables[:i], 1)]
     equations += [f"  {variable} = y[{k}];" for k, variable in enumerate(variables[i:], 1)]
     S, n = space.A.shape[:2]
-    text = _BLOCK.format(
+    block = Path(__file__).with_name("templates") / "state_space.mo"
+    text = block.read_text(encoding="utf-8").format(
         name=name,
         **{"S": S, "P": max(1, space.s.shape[1]), "n": n, "i": i, "q": len(space.outputs)},
         **{key: _braces(getattr(space, key)) for key in "ABCD"},
@@ -295,8 +273,7 @@ def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
         variables="\n".join(lines),
         equations="\n".join(equations),
     )
-    with replacement_file(target) as part:
-        part.write_text(text, encoding="utf-8")
+    write_text(target, text)
     return target
 
 

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 from pmr.errors import InputError
 from pmr.export.formats import Options
 from pmr.files.arrays import Array, Mask
-from pmr.files.whole import replacement_file
+from pmr.files.whole import write_text
 from pmr.scene.built import force_name
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, SLIDER
 from pmr.simulation.modal import Modes, diagonalise, modal_damping
@@ -308,8 +308,7 @@ def write_output4(npz_path: Path, target: Path, options: Options) -> Path:
 def _write(npz_path: Path, target: Path, options: Options, lines: Callable[[StateSpace], Iterator[str]]) -> Path:
     """Write the lines that `lines` yields from the state space, and return `target`."""
     space = saved_state_space(npz_path, options)
-    with replacement_file(target) as part:
-        part.write_text("\n".join([*lines(space), ""]), encoding="utf-8")
+    write_text(target, "\n".join([*lines(space), ""]))
     return target
 
 

@@ -80,6 +80,13 @@ def replacement_file(path: Path) -> Iterator[Path]:
             part.unlink()
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text in UTF-8 to a file, whole or not at all, and make its folder; errors as `replacement_file`."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacement_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
 @contextmanager
 def report_full_disk(path: Path) -> Iterator[None]:
     """Raise NotWrittenError with `path` in place of the system's error if the block finds no room or no access."""

@@ -18,7 +18,7 @@ from pmr.errors import InputError
 from pmr.errors.text import missing_file_reason
 from pmr.export.fmi.observer import ALLOWED, UnitObserver
 from pmr.files.arrays import Array, Summary
-from pmr.files.whole import replacement_file
+from pmr.files.whole import replacement_file, write_text
 from pmr.observe.budget import output_errors
 from pmr.observe.identify import read_table
 from pmr.observe.linear import gravity_of, linearize, select_outputs
@@ -191,8 +191,7 @@ class Observation:
             writer.writerow(header)
             for row in np.column_stack(columns).tolist():
                 writer.writerow([f"{value:.9g}" if np.isfinite(value) else "" for value in row])
-        with replacement_file(figures) as part:
-            part.write_text(json.dumps(self.summary(), indent=2), encoding="utf-8")
+        write_text(figures, json.dumps(self.summary(), indent=2))
         return [table, figures]
 
 

@@ -46,69 +46,63 @@ class ModelAttributes:
     step: float  #: s, of the reference trajectory
 
 
-def description_2(model: ModelAttributes, variables: Sequence[Variable]) -> str:
-    """Text of modelDescription.xml of FMI 2.0."""
-    root = _root_element(model, "2.0", {"guid": model.token, "numberOfEventIndicators": "0"})
-    can = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
-    can["providesDirectionalDerivative"] = str(model.derivatives).lower()
-    steps = {
-        "canHandleVariableCommunicationStepSize": "true",
-        "canInterpolateInputs": "true",
-        "maxOutputDerivativeOrder": "1",
-    }
-    for kind, more in _interfaces(model, steps):
+def model_description(model: ModelAttributes, variables: Sequence[Variable], version: str) -> str:
+    """Text of modelDescription.xml of FMI 2.0 or 3.0; `version` is ``"2"`` or ``"3"``."""
+    is_3 = version == "3"
+    root = ET.Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": f"{version}.0",
+            "modelName": model.title,
+            "description": "Reduced model in modal coordinates",
+            "generationTool": f"pmr {__version__}",
+            "variableNamingConvention": "flat",
+            **({"instantiationToken": model.token} if is_3 else {"guid": model.token, "numberOfEventIndicators": "0"}),
+        },
+    )
+    state, plural = ("FMUState", "s") if is_3 else ("FMUstate", "")
+    can = {f"canGetAndSet{state}": "true", f"canSerialize{state}": "true"}
+    can[f"providesDirectionalDerivative{plural}"] = str(model.derivatives).lower()
+    steps = {"canHandleVariableCommunicationStepSize": "true"} | ({} if is_3 else {"canInterpolateInputs": "true"})
+    interfaces: dict[str, dict[str, str]] = {"ModelExchange": {}} if model.model_exchange else {}
+    interfaces["CoSimulation"] = steps | {"maxOutputDerivativeOrder": "1"}
+    for kind, more in interfaces.items():
         element = ET.SubElement(root, kind, {"modelIdentifier": model.identifier, **can, **more})
-        if model.sources:
+        if model.sources and not is_3:
             files = ET.SubElement(element, "SourceFiles")
             for name in model.sources:
                 ET.SubElement(files, "File", name=name)
     _add_units(root, variables)
-    choice = ET.SubElement(ET.SubElement(root, "TypeDefinitions"), "SimpleType", name="Start")
-    _add_start_kinds(ET.SubElement(choice, "Enumeration"))
-    _add_experiment(root, model)
+    types = ET.SubElement(root, "TypeDefinitions")
+    choice = ET.SubElement(types, "EnumerationType" if is_3 else "SimpleType", name="Start")
+    choice = choice if is_3 else ET.SubElement(choice, "Enumeration")
+    for name, value in STARTS.items():
+        ET.SubElement(choice, "Item", name=name, value=str(value))
+    categories = ET.SubElement(root, "LogCategories")
+    for name in ("logStatusWarning", "logStatusError"):
+        ET.SubElement(categories, "Category", name=name)
+    times = {"startTime": "0.0", "stopTime": repr(model.end), "tolerance": "1e-8", "stepSize": repr(model.step)}
+    ET.SubElement(root, "DefaultExperiment", times)
     listed, number = ET.SubElement(root, "ModelVariables"), {v.reference: k + 1 for k, v in enumerate(variables)}
     for variable in variables:
-        scalar = ET.SubElement(listed, "ScalarVariable", _variable_attributes(variable))
+        kind, attributes = "Float64" if is_3 else "Real", _real_attributes(variable)
         if variable.kind == "choice":
-            ET.SubElement(scalar, "Enumeration", declaredType="Start", start=str(int(variable.start or 0)))
-            continue
-        real = ET.SubElement(scalar, "Real", _real_attributes(variable))
-        if variable.derivative_of is not None:
-            real.set("derivative", str(number[variable.derivative_of]))
+            kind, attributes = "Enumeration", {"declaredType": "Start", "start": str(int(variable.start or 0))}
+        if (of := variable.derivative_of) is not None:
+            attributes["derivative"] = str(of if is_3 else number[of])
+        if is_3:
+            ET.SubElement(listed, kind, _variable_attributes(variable) | attributes)
+        else:
+            ET.SubElement(ET.SubElement(listed, "ScalarVariable", _variable_attributes(variable)), kind, attributes)
     structure = ET.SubElement(root, "ModelStructure")
-    for name, unknowns in zip(("Outputs", "Derivatives", "InitialUnknowns"), _model_structure(variables), strict=True):
-        element = ET.SubElement(structure, name)
+    groups = {"Output": "Outputs", "ContinuousStateDerivative": "Derivatives", "InitialUnknown": "InitialUnknowns"}
+    for (single, group), unknowns in zip(groups.items(), _model_structure(variables), strict=True):
+        element = structure if is_3 else ET.SubElement(structure, group)
         for variable in unknowns:
-            ET.SubElement(element, "Unknown", index=str(number[variable.reference]))
-    return _xml_text(root)
-
-
-def description_3(model: ModelAttributes, variables: Sequence[Variable]) -> str:
-    """Text of modelDescription.xml of FMI 3.0."""
-    root = _root_element(model, "3.0", {"instantiationToken": model.token})
-    can = {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
-    can["providesDirectionalDerivatives"] = str(model.derivatives).lower()
-    steps = {"canHandleVariableCommunicationStepSize": "true", "maxOutputDerivativeOrder": "1"}
-    for kind, more in _interfaces(model, steps):
-        ET.SubElement(root, kind, {"modelIdentifier": model.identifier, **can, **more})
-    _add_units(root, variables)
-    _add_start_kinds(ET.SubElement(ET.SubElement(root, "TypeDefinitions"), "EnumerationType", name="Start"))
-    _add_experiment(root, model)
-    listed = ET.SubElement(root, "ModelVariables")
-    for variable in variables:
-        if variable.kind == "choice":
-            start = str(int(variable.start or 0))
-            attributes = {**_variable_attributes(variable), "declaredType": "Start", "start": start}
-            ET.SubElement(listed, "Enumeration", attributes)
-            continue
-        element = ET.SubElement(listed, "Float64", {**_variable_attributes(variable), **_real_attributes(variable)})
-        if variable.derivative_of is not None:
-            element.set("derivative", str(variable.derivative_of))
-    structure = ET.SubElement(root, "ModelStructure")
-    names = ("Output", "ContinuousStateDerivative", "InitialUnknown")
-    for name, unknowns in zip(names, _model_structure(variables), strict=True):
-        for variable in unknowns:
-            ET.SubElement(structure, name, valueReference=str(variable.reference))
+            if is_3:
+                ET.SubElement(element, single, valueReference=str(variable.reference))
+            else:
+                ET.SubElement(element, "Unknown", index=str(number[variable.reference]))
     return _xml_text(root)
 
 
@@ -122,27 +116,6 @@ def build_description(model: ModelAttributes) -> str:
     return _xml_text(root)
 
 
-def _root_element(model: ModelAttributes, version: str, more: dict[str, str]) -> ET.Element:
-    """Root element fmiModelDescription for a version of FMI, with the further attributes `more`."""
-    return ET.Element(
-        "fmiModelDescription",
-        {
-            "fmiVersion": version,
-            "modelName": model.title,
-            "description": "Reduced model in modal coordinates",
-            "generationTool": f"pmr {__version__}",
-            "variableNamingConvention": "flat",
-            **more,
-        },
-    )
-
-
-def _interfaces(model: ModelAttributes, of_steps: dict[str, str]) -> list[tuple[str, dict[str, str]]]:
-    """Pairs (name of element, attributes) of interfaces: ModelExchange if supported, CoSimulation with `of_steps`."""
-    interfaces: list[tuple[str, dict[str, str]]] = [("CoSimulation", of_steps)]
-    return [("ModelExchange", {}), *interfaces] if model.model_exchange else interfaces
-
-
 def _add_units(root: ET.Element, variables: Sequence[Variable]) -> None:
     """Add the units of the variables to the root element; for a unit outside SI only its name is added."""
     units = ET.SubElement(root, "UnitDefinitions")
@@ -150,21 +123,6 @@ def _add_units(root: ET.Element, variables: Sequence[Variable]) -> None:
         unit = ET.SubElement(units, "Unit", name=name)
         if name in UNITS:
             ET.SubElement(unit, "BaseUnit", {base: str(power) for base, power in UNITS[name].items()})
-
-
-def _add_start_kinds(choice: ET.Element) -> None:
-    """Add an element Item to `choice` for each kind of start."""
-    for name, value in STARTS.items():
-        ET.SubElement(choice, "Item", name=name, value=str(value))
-
-
-def _add_experiment(root: ET.Element, model: ModelAttributes) -> None:
-    """Add log categories and the default experiment to the root element."""
-    categories = ET.SubElement(root, "LogCategories")
-    for name in ("logStatusWarning", "logStatusError"):
-        ET.SubElement(categories, "Category", name=name)
-    times = {"startTime": "0.0", "stopTime": repr(model.end), "tolerance": "1e-8", "stepSize": repr(model.step)}
-    ET.SubElement(root, "DefaultExperiment", times)
 
 
 def _variable_attributes(variable: Variable) -> dict[str, str]:

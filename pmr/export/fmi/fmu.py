@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 import pmr.kernel
 from pmr.errors import BEYOND_ENDS, InputError, environment
-from pmr.export.fmi.description import ModelAttributes, build_description, description_2, description_3
+from pmr.export.fmi.description import ModelAttributes, build_description, model_description
 from pmr.export.fmi.observer import UnitObserver
 from pmr.export.fmi.reference import inputs_csv, outputs_csv, reference
 from pmr.export.fmi.variables import Drivers, output_kinds, variables
@@ -185,7 +185,7 @@ def fmu_contents(
         end=run.stepping.end,
         step=run.stepping.step,
     )
-    texts = {"modelDescription.xml": (description_2 if version == "2" else description_3)(described, listed)}
+    texts = {"modelDescription.xml": model_description(described, listed, version)}
     texts |= {f"sources/{name}": text for name, text in files.items()}
     if version == "3" and sources:
         texts["sources/buildDescription.xml"] = build_description(described)
