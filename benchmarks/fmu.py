@@ -13,11 +13,10 @@ import numpy as np
 
 from benchmarks import beams
 from benchmarks.timing import Times, side_by_side
-from pmr.export.fmi.fmu import PLATFORMS, write
+from pmr.export.fmi.fmu import PLATFORMS, write_fmu
 from pmr.export.fmi.variables import ORDERS
 from pmr.pipeline import reduce
 from pmr.scene import load_any
-from pmr.simulation.moving import read_scene
 from pmr.system.body import force_outputs
 from pmr.system.system import System
 
@@ -39,7 +38,7 @@ def measure(repeats: int, steps: int = STEPS, cases: dict[str, str] = CASES) -> 
         for name, file in cases.items():
             (folder := Path(made, name)).mkdir()
             system = reduce(load_any(beams.WORKFLOWS / file)).system
-            written = write(system, read_scene(system, file), folder / "body.fmu", "2", PLATFORMS[:1])
+            written = write_fmu(system.save(folder / "system.npz"), folder / "body.fmu", "2", PLATFORMS[:1])
             timed, size = Timed(system, written, folder), sum(body.size for body in system.reduced.values())
             ways[f"{name}, {size} coordinates"] = lambda timed=timed: timed.seconds(steps)
         found: dict[str, Times] = side_by_side(ways, repeats)

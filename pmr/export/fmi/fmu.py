@@ -95,32 +95,14 @@ def write_fmu(
     sources: bool = False,
     observer: UnitObserver | None = None,
 ) -> Path:
-    """Write a saved system or reduced model, with the scene stored in its file, as an FMU; return `target`.
-
-    Arguments and errors as `write`; an InputError is also raised if the file holds neither a system nor a model.
-    """
-    npz_path = Path(npz_path)
-    system = System.load(npz_path)
-    return write(system, read_scene(system, npz_path.name, free=True), target, version, platforms, sources, observer)
-
-
-def write(
-    system: System,
-    scene: StoredScene,
-    target: str | Path,
-    version: str = "3",
-    platforms: Sequence[Platform] = PLATFORMS,
-    sources: bool = False,
-    observer: UnitObserver | None = None,
-) -> Path:
-    """Write a system as an FMU for Co-Simulation, and for Model Exchange if it is an ordinary differential equation.
+    """Write a saved system or reduced model as an FMU for Co-Simulation, and for Model Exchange if it is an ODE.
 
     Parameters
     ----------
-    system : System
-        Its paths and loads become inputs of the FMU; outputs of its bodies and forces of its contacts become outputs.
-    scene : StoredScene
-        Initial state, and the excitation of the reference trajectory.
+    npz_path : str or Path
+        File of the system, with the scene stored in it.  Its paths and loads become inputs of the FMU; outputs of its
+        bodies and forces of its contacts become outputs.  The scene has the initial state, and the excitation of the
+        reference trajectory.
     target : str or Path
         Archive to be written, which is returned; the binaries take its name.
     version : {"2", "3"}
@@ -136,12 +118,13 @@ def write(
     Raises
     ------
     InputError
-        If a rigid contact only pushes, or a binary is missing; also as `pmr.simulation.SystemSimulator` and
-        `UnitObserver.arrays`.
+        If the file holds neither a system nor a model, a rigid contact only pushes, or a binary is missing; also as
+        `pmr.simulation.SystemSimulator` and `UnitObserver.arrays`.
     """
     if version not in VERSIONS:
         raise InputError("command line", "--fmi", version, "2 or 3 is allowed")
-    target = Path(target)
+    system, target = System.load(Path(npz_path)), Path(target)
+    scene = read_scene(system, Path(npz_path).name, free=True)
     unit = fmu_contents(system, scene, target.stem, version, sources, observer)
     files: dict[str, str | bytes] = {**unit.texts, "resources/system.pmr": unit.system}
     for platform in platforms:
@@ -162,7 +145,7 @@ def fmu_contents(
     sources: bool = False,
     observer: UnitObserver | None = None,
 ) -> Contents:
-    """Description, system and reference trajectory of an FMU with binaries of the name `name`; otherwise as `write`."""
+    """Description, system and reference trajectory of an FMU whose binaries are called `name`; else as `write_fmu`."""
     # with an observer contacts are combined as those of its own model, to the last bit
     drivers = Drivers.of(system, reactions=observer is None)
     run = reference(drivers, scene)

@@ -178,7 +178,7 @@ def test_each_has_its_place_in_the_archive(tmp_path: Path, monkeypatch, version:
     monkeypatch.setattr(fmu, "library_bytes", lambda platform: platform.target.encode())
     model = provided(flexible(rich_body(), 6), PATH, LOADS)
     system = System.of(model)
-    file = fmu.write(system, read_scene(system, "model.npz"), tmp_path / "boom.fmu", version)
+    file = fmu.write_fmu(system.save(tmp_path / "system.npz"), tmp_path / "boom.fmu", version)
     places = {one.folder_2 if version == "2" else one.folder_3: one for one in PLATFORMS}
     with zipfile.ZipFile(file) as archive:
         binaries = [name for name in archive.namelist() if name.startswith("binaries/")]
@@ -202,9 +202,8 @@ def test_without_binary_or_compiler_it_says_what_to_install(monkeypatch) -> None
 def test_sources_that_come_along_compile_to_the_unit(tmp_path: Path, version: str) -> None:
     """As an importer compiles them: the files that are listed, with no option but that for a shared library."""
     system = System.of(provided(flexible(rich_body(), 6), PATH, LOADS))
-    file = fmu.write(
-        system, read_scene(system, "model.npz"), tmp_path / "body.fmu", version, PLATFORMS[:1], sources=True
-    )
+    saved = system.save(tmp_path / "system.npz")
+    file = fmu.write_fmu(saved, tmp_path / "body.fmu", version, PLATFORMS[:1], sources=True)
     with zipfile.ZipFile(file) as archive:
         archive.extractall(tmp_path / "unit")
     described = tmp_path / "unit" / ("modelDescription.xml" if version == "2" else "sources/buildDescription.xml")
