@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.kernel.further import ANGLES, AXES
+from pmr.kernel.further import ANGLES, AXES, Quantity
 from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.moving import GRAVITY, OF_BASE, MovingFrame
 
@@ -14,13 +16,14 @@ Array = NDArray[np.float64]
 
 def find(frame: MovingFrame, drivers: Array) -> tuple[Array, Array]:
     """Amplitudes of the inputs (i,) and of the terms (K,) from the drivers (3, n): values, rates and second rates."""
-    products = frame.factors * _quantities(frame, drivers)[frame.numbers].prod(axis=1)
-    values = np.add.reduceat(products, frame.first[:-1])
+    value = _quantity_values(frame, drivers)
+    of_products = [[p.factor * np.prod([value(of) for of in p.of]) for p in products] for products in frame.products]
+    values = np.array([sum(products) for products in of_products])
     return values[: len(frame.inputs)], values[len(frame.inputs) :]
 
 
-def _quantities(frame: MovingFrame, drivers: Array) -> Array:
-    """Values (q,) of the frame's quantities, in its order, from the drivers (3, n)."""
+def _quantity_values(frame: MovingFrame, drivers: Array) -> Callable[[Quantity], float]:
+    """Function that returns the value of a quantity of the frame, from the drivers (3, n)."""
     at, none = dict(zip(frame.drivers, drivers.T, strict=True)), np.zeros(3)
     angles = [tuple(at.get(name, none)[:, None]) for name in ANGLES]
     turning = FrameRotation.from_angles(angles[0], angles[1], angles[2:] if OF_BASE[0] in frame.angles else ())
@@ -32,16 +35,15 @@ def _quantities(frame: MovingFrame, drivers: Array) -> Array:
         "shaken": np.array([at.get(axis, none)[0] for axis in AXES]),
     }
     reach = np.cumsum([none, *(at[path] for path in frame.paths)], axis=0)
-    values = np.empty(len(frame.quantities))
-    for k, (kind, *of) in enumerate(frame.quantities):
-        if kind == "one":
-            values[k] = 1.0
-        elif kind == "gravity":
-            values[k] = at.get(GRAVITY, none)[0]
-        elif kind == "load":
-            values[k] = at[str(of[0])][0]
-        elif kind == "over":
-            values[k] = 1.0 / at[frame.paths[int(of[0]) - 1]][0]
-        else:
-            values[k] = reach[tuple(of)] if kind == "reach" else tables[str(kind)][tuple(of)]
-    return values
+
+    def value(quantity: Quantity) -> float:
+        kind, *of = quantity
+        if kind == "gravity":
+            return float(at.get(GRAVITY, none)[0])
+        if kind == "load":
+            return float(at[str(of[0])][0])
+        if kind == "over":
+            return float(1.0 / at[frame.paths[int(of[0]) - 1]][0])
+        return float(reach[tuple(of)] if kind == "reach" else tables[str(kind)][tuple(of)])
+
+    return value

@@ -254,6 +254,34 @@ def numbers_of_forces(system: System, reactions: Sequence[str]) -> dict[str, int
     return {name: k for k, name in reversed([*enumerate(named)])}
 
 
+#: A quantity as a tuple, in which the axes x, y, z have the numbers 0, 1, 2:
+#:
+#: - ``("turned", i, j)``: R_ij of the rotation from axes of the boom into those of the ground,
+#: - ``("velocity", k)`` in rad/s, ``("turning", k)`` in rad/s^2: angular velocity, acceleration in the frame's axes,
+#: - ``("gradient", j, k)`` in 1/s^2: A_jk of the acceleration field,
+#: - ``("shaken", i)`` in m/s^2: acceleration of the pivot along an axis of the ground,
+#: - ``("gravity",)`` in m/s^2,
+#: - ``("reach", n, d)``: position of the tail of section n on the axis in m, or its derivative of order d,
+#: - ``("over", n)`` in 1/m: one over the extension of section n,
+#: - ``("load", name)``: a load, by the name of its input.
+Quantity = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Product:
+    """A number, `factor`, times the quantities `of`."""
+
+    factor: float
+    of: tuple[Quantity, ...]
+
+    def times(self, factor: float, *more: Quantity) -> Product:
+        """Product with a further factor and further quantities."""
+        return replace(self, factor=factor * self.factor, of=(*self.of, *more))
+
+
+Products = tuple[Product, ...]
+#: The quantity with the value 1, and the number of quantities of each product; missing ones are this quantity.
+ONE, FACTORS = ("one",), 3
 #: Kinds of quantities, in the order of their numbers in src/internal.h.
 KINDS = ("one", "turned", "velocity", "turning", "gradient", "motion", "reach", "over")
 ANGLES = ("luffing", "slewing", "base.rx", "base.ry", "base.rz")
@@ -271,7 +299,7 @@ class ComputedData:
 
 
 class Frame(Protocol):
-    """Loads and amplitudes of a moving frame, as sums of products of quantities (`pmr.simulation.moving`)."""
+    """Loads and amplitudes of a moving frame, as sums of products (`pmr.simulation.moving`)."""
 
     @property
     def computed(self) -> ComputedData | None:
@@ -286,20 +314,8 @@ class Frame(Protocol):
         """Names of the n motions that drive the frame; paths come first."""
 
     @property
-    def quantities(self) -> tuple[tuple[str | int, ...], ...]:
-        """Quantities (q,) that occur in the products; each has a kind, followed by its numbers or its name."""
-
-    @property
-    def factors(self) -> Array:
-        """Constant factor (p,) of each product."""
-
-    @property
-    def numbers(self) -> NDArray[np.int64]:
-        """Numbers (p, 3) of the three quantities in each product."""
-
-    @property
-    def first(self) -> NDArray[np.int64]:
-        """Number of the first product of each of i inputs and then of each of K terms, followed by p: (i + K + 1,)."""
+    def products(self) -> tuple[Products, ...]:
+        """Products of each of i inputs, then of each of K terms, then of what drives a hoist."""
 
 
 def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
@@ -314,13 +330,19 @@ def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
     numbers = {name: k for k, name in enumerate(frame.drivers)}
     if missing := [path for path in paths if path not in numbers]:
         raise InputError("system", "paths", missing[0], f"{', '.join(frame.drivers)} are allowed")
+    products = [product for of_one in frame.products for product in of_one]
+    quantities = dict.fromkeys([ONE, *(quantity for product in products for quantity in product.of)])
+    at = {quantity: k for k, quantity in enumerate(quantities)}
+    factors = [
+        [at[quantity] for quantity in (*product.of, *[ONE] * (FACTORS - len(product.of)))] for product in products
+    ]
     return {
         "frame_angles": np.array([numbers.get(name, -1) for name in ANGLES]),
         "frame_paths": np.array([numbers[path] for path in paths], np.int64),
-        "quantity_list": np.array([_quantity(quantity, numbers) for quantity in frame.quantities]),
-        "products": frame.numbers,
-        "first_product": frame.first,
-        "factors": frame.factors,
+        "quantity_list": np.array([_quantity(quantity, numbers) for quantity in quantities]),
+        "products": np.array(factors, np.int64),
+        "first_product": np.cumsum([0, *map(len, frame.products)]),
+        "factors": np.array([product.factor for product in products], float),
         "names_motions": lines(frame.drivers),
     }
 

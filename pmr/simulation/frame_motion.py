@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
 from pmr.files.arrays import Array
+from pmr.kernel.further import Product, Products, Quantity
 from pmr.scene import Scene
 from pmr.scene.frame import DIRECTIONS, BaseMotion, boom_rotation
 from pmr.scene.signals import SignalBase
@@ -177,34 +178,6 @@ def skew(vectors: Array) -> Array:
     x, y, z = np.moveaxis(vectors, -1, 0)
     none = np.zeros_like(x)
     return np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(*np.shape(x), 3, 3)
-
-
-#: A quantity as a tuple, in which the axes x, y, z have the numbers 0, 1, 2:
-#:
-#: - ``("turned", i, j)``: R_ij of the rotation from axes of the boom into those of the ground,
-#: - ``("velocity", k)`` in rad/s, ``("turning", k)`` in rad/s^2: angular velocity, acceleration in the frame's axes,
-#: - ``("gradient", j, k)`` in 1/s^2: A_jk of the acceleration field,
-#: - ``("shaken", i)`` in m/s^2: acceleration of the pivot along an axis of the ground,
-#: - ``("gravity",)`` in m/s^2,
-#: - ``("reach", n, d)``: position of the tail of section n on the axis in m, or its derivative of order d,
-#: - ``("over", n)`` in 1/m: one over the extension of section n,
-#: - ``("load", name)``: a load, by the name of its input.
-Quantity = tuple[str | int, ...]
-
-
-@dataclass(frozen=True)
-class Product:
-    """A number, `factor`, times the quantities `of`."""
-
-    factor: float
-    of: tuple[Quantity, ...]
-
-    def times(self, factor: float, *more: Quantity) -> Product:
-        """Product with a further factor and further quantities."""
-        return replace(self, factor=factor * self.factor, of=(*self.of, *more))
-
-
-Products = tuple[Product, ...]
 
 
 def evaluate(products: Products, quantity: Callable[[Quantity], Array], t: Array) -> Array:

@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 
 from pmr.errors import InputError
 from pmr.errors.text import escape_controls
-from pmr.files.arrays import Array, Indices
+from pmr.files.arrays import Array
 from pmr.kernel.further import ANGLES, AXES, ComputedData
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
@@ -34,7 +34,7 @@ from pmr.scene.members import members
 from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.simulation.excitation import SLIDER, Excitation
 from pmr.simulation.frame import base_accelerations, load_signals, products_of
-from pmr.simulation.frame_motion import Acceleration, Product, Products, Quantity
+from pmr.simulation.frame_motion import Acceleration, Product, Products
 from pmr.simulation.stepping import TimeStepping
 from pmr.simulation.wind import WindOnSection
 from pmr.system.contacts import ALONE
@@ -196,15 +196,13 @@ GRAVITY = "gravity"
 DRIVE, EXTENSION_DRIVE = "luffing drive ", "extension drive "
 #: Angles that a frame and its base may have.
 OF_FRAME, OF_BASE = ANGLES[:2], ANGLES[2:]
-#: The quantity with the value 1, and the number of factors of each product; missing factors are this quantity.
-ONE, FACTORS = ("one",), 3
 
 
 @dataclass(frozen=True)
 class MovingFrame:
     """Amplitudes of inputs and terms of a system in a frame, as sums of products of quantities.
 
-    The drivers determine the quantities.  Sizes: n drivers, i inputs, K terms, q quantities, p products.
+    The drivers determine the quantities.  Sizes: n drivers, i inputs, K terms.
     """
 
     scene: Scene
@@ -262,30 +260,6 @@ class MovingFrame:
     def products(self) -> tuple[Products, ...]:
         """Products of the inputs, then of the terms, then of what drives a hoist."""
         return (*self.inputs, *self.terms, *self.hoist)
-
-    @cached_property
-    def quantities(self) -> tuple[Quantity, ...]:
-        """All q quantities of the products, each once; the first is `ONE`."""
-        of = (quantity for products in self.products for product in products for quantity in product.of)
-        return tuple(dict.fromkeys([ONE, *of]))
-
-    @cached_property
-    def factors(self) -> Array:
-        """Factors (p,) of all products, those of the inputs first."""
-        return np.array([product.factor for products in self.products for product in products])
-
-    @cached_property
-    def numbers(self) -> Indices:
-        """Indices (p, 3) of the three quantities in each product, in `quantities`; missing ones are `ONE`."""
-        number, rows = {quantity: k for k, quantity in enumerate(self.quantities)}, list[list[int]]()
-        for products in self.products:
-            rows += [[number[k] for k in (*product.of, *[ONE] * (FACTORS - len(product.of)))] for product in products]
-        return np.array(rows, np.int64).reshape(-1, FACTORS)
-
-    @cached_property
-    def first(self) -> Indices:
-        """Indices of the first product of each of i inputs, K terms and drivers of a hoist, and then the number p."""
-        return np.cumsum([0, *map(len, self.products)])
 
     @property
     def load_numbers(self) -> slice:
