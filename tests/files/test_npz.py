@@ -24,8 +24,7 @@ from pmr.cli.info import describe_model
 from pmr.files.foreign import ForeignFiles, read_foreign
 from pmr.files.npz import DamagedError, read, record_arrays, record_from_arrays
 from pmr.results import Fields
-from pmr.simulation.petsc import Checkpoint
-from pmr.simulation.petsc.simulator import load
+from pmr.simulation.petsc.simulator import read_checkpoint
 from pmr.studies.study import Store
 
 ARRAYS = {
@@ -253,7 +252,7 @@ def test_fields_and_results_of_version_1_are_read_and_checkpoints_refused() -> N
     assert fields.grid.region(0) == "left" and fields.kind == "line" and fields.displacement.dtype == np.float32
     assert np.array_equal(fields.von_mises["top"], [[1.0], [2.0]]) and fields.displacement[1, 1, 2] == 11.0
     with pytest.raises(InputError, match="checkpoint.npz: a checkpoint is allowed, this is none"):
-        load(Checkpoint(EARLIER / "checkpoint.npz"), {"n": 2, "norms": [1.0, 2.0]})
+        read_checkpoint(EARLIER / "checkpoint.npz", {"n": 2, "norms": [1.0, 2.0]})
     stored = Store(EARLIER).read("abc")
     assert stored.warnings == ("a note",)
     assert stored.record == {"error": 0.5, "name": "a"}

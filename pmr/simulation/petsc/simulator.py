@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError, SimulationError, call_on_first_rank
 from pmr.fem.factor import factor_of, product
 from pmr.files import npz
-from pmr.files.arrays import Array, Indices
+from pmr.files.arrays import Indices
 from pmr.files.whole import NotWrittenError
 from pmr.fullmodel.model import FullSystem
 from pmr.scene.choice import REFERENCE, refuse_unsupported
@@ -210,61 +210,6 @@ class Checkpoint:
     seconds: float = 60.0
 
 
-@dataclass(frozen=True)
-class StoredSimulation:
-    """A simulation after `step` steps, which took `seconds`: arrays of all ranks by name, and its identity."""
-
-    step: int
-    seconds: float
-    identity: Mapping[str, object]
-    arrays: Mapping[str, Array]
-
-
-def save(checkpoint: Checkpoint, saved: StoredSimulation) -> None:
-    """Write a checkpoint; it replaces the checkpoint before in one operation.
-
-    If the disk is full, a warning is logged, and the checkpoint before is kept.
-    """
-    header = {
-        "format": FORMAT,
-        "version": FORMAT_VERSION,
-        "step": saved.step,
-        "seconds": saved.seconds,
-        "identity": dict(saved.identity),
-    }
-    checkpoint.file.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        npz.write(checkpoint.file, saved.arrays, header)
-    except NotWrittenError as error:
-        _log.warning("no checkpoint: %s", error)
-
-
-def load(checkpoint: Checkpoint, identity: Mapping[str, object]) -> StoredSimulation | None:
-    """Stored simulation of the checkpoint with this identity; None if there is no file.
-
-    Raises
-    ------
-    InputError
-        If the file is damaged or belongs to another simulation.
-    """
-    name = str(checkpoint.file)
-    if not checkpoint.file.exists():
-        return None
-    try:
-        arrays = npz.read(checkpoint.file)
-        header = npz.pop_header(arrays)
-        if (header["format"], header["version"]) != (FORMAT, FORMAT_VERSION):
-            raise ValueError("another format")
-        saved = StoredSimulation(int(header["step"]), float(header["seconds"]), dict(header["identity"]), arrays)
-    except _DAMAGE as error:
-        allowed = f"a checkpoint is allowed, this is none ({error}); delete it to start from t = 0"
-        raise InputError(name, "", None, allowed) from None
-    if different := _differences(saved.identity, identity):
-        allowed = f"another simulation's checkpoint: {different} differs; delete it or name another file"
-        raise InputError(name, "", None, allowed)
-    return saved
-
-
 def _differences(stored: Mapping[str, object], expected: Mapping[str, object]) -> str:
     """Text with the names of the entries in which the stored identity differs from the expected one."""
     names = [key for key, value in expected.items() if not _entries_agree(stored.get(key), value)]
@@ -278,7 +223,9 @@ def _entries_agree(a: object, b: object) -> bool:
     return bool(a == b)
 
 
+#: Arrays of a state of which each rank has a part, and those of a recorder that are the same on every rank.
 _SPREAD = tuple(field.name for field in fields(State) if field.name not in ("multipliers", "share", "grip"))
+_RECORDED = ("multipliers", "peaks", "friction")
 
 
 def identity(
@@ -350,17 +297,24 @@ class CheckpointFile:
         return self._comm.rank == 0 and time.monotonic() - self._last >= self._checkpoint.seconds
 
     def save(self, reached: ReachedState, recorder: Recorder) -> None:
-        """Write a checkpoint after a step."""
-        gathered, state = self._system.gather_vectors, reached.state
+        """Write a checkpoint after a step; it replaces the checkpoint before in one operation.
+
+        If the disk is full, a warning is logged, and the checkpoint before is kept.
+        """
+        gathered, state, file = self._system.gather_vectors, reached.state, self._checkpoint.file
         arrays = {name: gathered(getattr(state, name)[None])[0] for name in _SPREAD}
         arrays |= {"states.q": gathered(recorder.q), "states.v": gathered(recorder.v)}
         arrays["sums"] = self._comm.reduce(recorder.sums)
         if self._comm.rank == 0:
             arrays |= {"multipliers": state.multipliers, "share": state.share, "parts": reached.parts}
-            arrays |= {"recorded.multipliers": recorder.multipliers, "recorded.peaks": recorder.peaks}
-            arrays |= {"recorded.friction": recorder.friction}
+            arrays |= {f"recorded.{name}": getattr(recorder, name) for name in _RECORDED}
             arrays |= {f"grip.{name}": array for name, array in vars(state.grip).items()}
-            save(self._checkpoint, StoredSimulation(reached.step, reached.seconds, self._identity, arrays))
+            header = {"format": FORMAT, "version": FORMAT_VERSION, "identity": dict(self._identity)}
+            file.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                npz.write(file, arrays, header | {"step": reached.step, "seconds": reached.seconds})
+            except NotWrittenError as error:
+                _log.warning("no checkpoint: %s", error)
         self._last = time.monotonic()
 
     def load(self, recorder: Recorder) -> ReachedState | None:
@@ -371,18 +325,44 @@ class CheckpointFile:
         InputError
             If the file is damaged or belongs to another simulation.
         """
-        checkpoint = self._comm.bcast(call_on_first_rank(self._comm, lambda: load(self._checkpoint, self._identity)))
-        if checkpoint is None:
+        file, identity = self._checkpoint.file, self._identity
+        stored = self._comm.bcast(call_on_first_rank(self._comm, lambda: read_checkpoint(file, identity)))
+        if stored is None:
             return None
-        arrays, mine = checkpoint.arrays, self._system.local_part
+        (step, seconds), arrays = stored
+        mine = self._system.local_part
         recorder.q[:], recorder.v[:] = mine(arrays["states.q"]), mine(arrays["states.v"])
-        recorder.multipliers[:], recorder.peaks[:] = arrays["recorded.multipliers"], arrays["recorded.peaks"]
-        recorder.friction[:] = arrays["recorded.friction"]
+        for name in _RECORDED:
+            getattr(recorder, name)[:] = arrays[f"recorded.{name}"]
         grip = Grip(**{field.name: arrays[f"grip.{field.name}"] for field in fields(Grip)})
         recorder.sums[:] = arrays["sums"] if self._comm.rank == 0 else 0.0
         spread = {name: mine(arrays[name]) for name in _SPREAD}
         state = State(**spread, multipliers=arrays["multipliers"], share=arrays["share"], grip=grip)
-        return ReachedState(checkpoint.step, checkpoint.seconds, state, arrays["parts"])
+        return ReachedState(step, seconds, state, arrays["parts"])
+
+
+def read_checkpoint(
+    file: Path, identity: Mapping[str, object]
+) -> tuple[tuple[int, float], dict[str, NDArray[Any]]] | None:
+    """Step, wall time in s and arrays of the checkpoint of a simulation with this identity; None if there is no file.
+
+    Raises InputError if the file is damaged or belongs to another simulation.
+    """
+    if not file.exists():
+        return None
+    try:
+        arrays = npz.read(file)
+        header = npz.pop_header(arrays)
+        if (header["format"], header["version"]) != (FORMAT, FORMAT_VERSION):
+            raise ValueError("another format")
+        reached, stored = (int(header["step"]), float(header["seconds"])), dict(header["identity"])
+    except _DAMAGE as error:
+        allowed = f"a checkpoint is allowed, this is none ({error}); delete it to start from t = 0"
+        raise InputError(str(file), "", None, allowed) from None
+    if different := _differences(stored, identity):
+        allowed = f"another simulation's checkpoint: {different} differs; delete it or name another file"
+        raise InputError(str(file), "", None, allowed)
+    return reached, arrays
 
 
 def _friction_arrays(system: FullSystem) -> list[NDArray[np.generic]]:

@@ -26,7 +26,6 @@ from pmr.fullmodel.model import FullModel
 from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulation import TimeStepping
 from pmr.simulation.petsc import Checkpoint, Recording
-from pmr.simulation.petsc.simulator import StoredSimulation, load, save
 
 SCRIPT = Path(__file__).with_name("interrupted.py")
 PATH = Sine(amplitude=0.7, frequency=4.0, offset=2.0)
@@ -133,25 +132,18 @@ def test_another_simulation_does_not_go_on_from_it(model: FullModel, tmp_path: P
 
 
 @pytest.mark.parametrize("damage", [lambda data: data[: len(data) // 2], lambda data: b"", lambda data: b"x" * 100])
-def test_a_damaged_file_is_refused(tmp_path: Path, damage) -> None:
+def test_a_damaged_file_is_refused(model: FullModel, tmp_path: Path, damage) -> None:
     checkpoint = Checkpoint(tmp_path / "c.npz")
-    save(checkpoint, StoredSimulation(3, 1.5, {"path": "a", "matrices": [1.0, 2.0]}, {"q": np.arange(5.0)}))
-    found = load(checkpoint, {"path": "a", "matrices": [1.0 + 1e-12, 2.0]})
-    assert found is not None and (found.step, found.seconds) == (3, 1.5)
-    np.testing.assert_array_equal(found.arrays["q"], np.arange(5.0))
+    observe(model, driven(PATH, LOADS, STEPPING), checkpoint=checkpoint)
     checkpoint.file.write_bytes(damage(checkpoint.file.read_bytes()))
     with pytest.raises(InputError, match="this is none"):
-        load(checkpoint, {"path": "a"})
+        observe(model, driven(PATH, LOADS, STEPPING), checkpoint=checkpoint)
 
 
-def test_another_format_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_format_is_refused(model: FullModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     checkpoint = Checkpoint(tmp_path / "c.npz")
     monkeypatch.setattr("pmr.simulation.petsc.simulator.FORMAT_VERSION", 0)
-    save(checkpoint, StoredSimulation(3, 1.5, {}, {}))
+    observe(model, driven(PATH, LOADS, STEPPING), checkpoint=checkpoint)
     monkeypatch.undo()
     with pytest.raises(InputError, match="another format"):
-        load(checkpoint, {})
-
-
-def test_no_file_is_a_start_from_the_beginning(tmp_path: Path) -> None:
-    assert load(Checkpoint(tmp_path / "missing.npz"), {}) is None
+        observe(model, driven(PATH, LOADS, STEPPING), checkpoint=checkpoint)
