@@ -16,7 +16,7 @@ from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.model_part import FREQUENCIES, evenly_spaced_steps, frequency_error
 from pmr.compare.outputs import OUTPUT_KINDS, fits_in_memory, has_impulsive_force, run_from_start, tip_columns
 from pmr.compare.responses import Simulations
-from pmr.compare.step_error import STEP_LIMIT, StepError, step_error, with_band
+from pmr.compare.step_error import STEP_LIMIT, StepError, step_error
 from pmr.compare.trust import (
     AWAY_FROM_PROBES,
     FAR,
@@ -246,8 +246,6 @@ def step_part(
     try:
         run = simulated.run if step_estimate is None and fits_in_memory(system, excitation.stepping) else None
         step_estimate = step_estimate or step_error(system, excitation, run, complete=complete)
-        if step_estimate.band is None:
-            step_estimate = with_band(step_estimate, system, excitation)
     except (SimulationError, InputError) as error:
         messages = [f"the error of the time step is not known: {error}"]
         return SummaryPart({"step": step_summary(None, str(error))}, messages)
@@ -298,8 +296,7 @@ def step_warnings(
     parts += [
         _load_clause(name, signal, stepping) for name, signal in signals if signal.highest_frequency(0.0, stepping.end)
     ]
-    if error.band is not None:
-        parts.append(_motion_clause(error.band, h, natural))
+    parts.append(_motion_clause(error.band, h, natural))
     if not error.settled:
         parts.append(f"even steps of {error.finest:.2g} s don't settle it")
     elif error.enough is not None:

@@ -74,7 +74,6 @@ def closed_form_frequencies(scene: Scene, s: Array, count: int) -> Array:
 
 
 _STEP = np.pi / 400.0  # step in beta L; neighbouring roots are further apart
-_AT_ONCE = 1000  # number of steps in beta L that are evaluated together
 
 
 def bending_frequencies(s: float, length: float, bending_stiffness: float, mass_per_length: float, count: int) -> Array:
@@ -85,16 +84,14 @@ def bending_frequencies(s: float, length: float, bending_stiffness: float, mass_
     """
     if not 0.0 < s <= length:
         raise ValueError(f"s = {s:g} m: allowed are 0 < s <= {length:g} m")
-    share, first = s / length, 1
-    roots: list[float] = []
-    while len(roots) < count:
-        x = _STEP * np.arange(first, first + _AT_ONCE + 1)
-        values = _characteristic(x, share)
-        sign_changes = np.flatnonzero((values[:-1] == 0.0) | (values[:-1] * values[1:] < 0.0))
-        for i in sign_changes[: count - len(roots)]:
-            root = x[i] if values[i] == 0.0 else brentq(_characteristic, x[i], x[i + 1], args=(share,), xtol=1e-14)
-            roots.append(float(root))
-        first += _AT_ONCE
+    # without the support, root k + 1 is (k + 1/4) pi; with it, each root is at most the next one of these
+    share, x = s / length, _STEP * np.arange(1, (count + 1) * np.pi / _STEP)
+    values = _characteristic(x, share)
+    sign_changes = np.flatnonzero((values[:-1] == 0.0) | (values[:-1] * values[1:] < 0.0))[:count]
+    roots = [
+        x[i] if values[i] == 0.0 else brentq(_characteristic, x[i], x[i + 1], args=(share,), xtol=1e-14)
+        for i in sign_changes
+    ]
     beta = np.array(roots) / length
     return beta**2 * np.sqrt(bending_stiffness / mass_per_length)
 

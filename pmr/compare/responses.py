@@ -8,12 +8,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pmr.compare.errors import ResponseFunction, observed_quantities
+from pmr.compare.evaluation import Evaluation, append_machine, evaluate_motion
 from pmr.compare.outputs import boom_quantities, fits_in_memory
 from pmr.errors import GrowthError, InputError, environment
 from pmr.errors.environment import Clock, import_package
@@ -34,10 +33,6 @@ from pmr.system.body import Body, kinds_of, names_of, units_of
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import BodyStates, SystemTrajectory, states_of
 from pmr.system.system import System
-
-if TYPE_CHECKING:
-    from pmr.simulation.exudyn import ancf
-from pmr.compare.evaluation import Evaluation, append_machine, evaluate_motion
 
 #: A full model with more coordinates than this is simulated by PETSc, because diagonalising it would take longer.
 #: Exudyn factorises in every step: 453 coordinates take it twice as long as PETSc, and from some 900 on Newton's method
@@ -69,20 +64,13 @@ class Simulations:
     seconds: Mapping[str, float]  # solver time by simulator, in the order of the scene
     agreement: Mapping[str, float]  # m: largest difference of displacements between two simulators, by pair
     time_grid: TimeStepping  # with the first simulation's parts of each step if contacts only push
-    repeat: Callable[[], Mapping[str, float]]  # repeats simulations; least seconds of each
     contact_frequency: float  # rad/s: largest one of contacts that only push (`pmr.simulation.contact_step`)
-
-    def with_least_seconds(self) -> Simulations:
-        """Repeat short simulations; return the same results with the shortest solver time of each simulator."""
-        least = self.repeat()
-        response = replace(self.first.response, seconds=next(iter(least.values())))
-        return replace(self, first=replace(self.first, response=response), seconds=least)
 
 
 def simulate(
     scene: Scene, system: System, excitation: Excitation, clock: Clock | None = None, steps: Sequence[int] = ()
 ) -> Simulations:
-    """Simulate a reduced system once by every simulator that the scene names, and record states at the `steps`.
+    """Simulate a reduced system by each simulator of the scene, as `simulate_by` does; record states at the `steps`.
 
     The response and states are those of the first simulator; for the others, the solver times and the differences in
     displacements are returned.  If contacts only push, and the compiled simulator ran first, Exudyn divides each step
@@ -92,25 +80,16 @@ def simulate(
     """
     clock, names = clock or Clock(), scene.simulation.simulators
     omega, stepping = contact_step.contact_frequency(system, excitation), excitation.stepping
-    results, prepared = dict[str, Simulation](), dict[str, PreparedSimulation]()
+    results = dict[str, Simulation]()
     for name in names:
         with clock.stage("reduced" if len(names) == 1 else f"reduced, {name}") as done, refuse_growth(scene):
-            scheduled = excitation.with_stepping(stepping)
-            prepared[name] = _prepare_simulation(system, scheduled, name, np.asarray(steps, np.int64))
-            result = prepared[name].run(done)
-            response = append_machine(scene, with_forces_on_machine(scene, result.own_response))
-            results[name] = replace(result, response=response)
+            result = simulate_by(scene, system, excitation.with_stepping(stepping), name, steps, done)
+            results[name] = replace(result, response=append_machine(scene, result.response))
         if names[0] == "march" or name == names[-1]:
             stepping = contact_step.with_schedule(excitation.stepping, results[names[0]].parts, omega)
     responses = {name: simulation.response for name, simulation in results.items()}
     seconds = {name: response.seconds for name, response in responses.items()}
-
-    def repeat_all() -> dict[str, float]:
-        """Repeat short simulations and return the least seconds of each simulator."""
-        repeats = scene.simulation.repeats
-        return {name: simulation.least_seconds(seconds[name], repeats) for name, simulation in prepared.items()}
-
-    return Simulations(results[names[0]], seconds, agreement(responses), stepping, repeat_all, omega)
+    return Simulations(results[names[0]], seconds, agreement(responses), stepping, omega)
 
 
 def simulate_by(
@@ -127,7 +106,8 @@ def simulate_by(
     """
     prepared = _prepare_simulation(system, excitation, simulator, np.asarray(steps, np.int64))
     result = prepared.run(done)
-    seconds = prepared.least_seconds(result.own_response.seconds, scene.simulation.repeats)
+    first = result.own_response.seconds
+    seconds = min([first, *(prepared.seconds(scene.simulation.repeats - 1) if first <= SHORT else [])])
     return replace(result, response=replace(with_forces_on_machine(scene, result.own_response), seconds=seconds))
 
 
@@ -195,13 +175,6 @@ class PreparedSimulation:
 
     run: Callable[[Progress | None], Simulation]
     seconds: Callable[[int], list[float]]  # repeats the solver alone this many times; seconds of each
-
-    def least_seconds(self, first: float, repeats: int) -> float:
-        """Shortest solver time in s of `repeats` runs, of which the first took `first` seconds.
-
-        Runs are repeated only if the first one took no more than `SHORT`.
-        """
-        return min([first, *(self.seconds(repeats - 1) if first <= SHORT else [])])
 
 
 def _prepare_simulation(system: System, excitation: Excitation, simulator: str, steps: Indices) -> PreparedSimulation:
@@ -323,50 +296,33 @@ def check_memory(scene: Scene, size: int, outputs: int, free: int | None, tell: 
             _log.warning("%s", message)
 
 
-def ancf_cable(scene: Scene) -> ancf.Cable:
-    """The scene's beam as an ANCF cable; raises InputError if Exudyn is not installed."""
+def cable_response(scene: Scene, body: Body, done: Progress | None = None) -> Response:
+    """Response of the ANCF cable, which serves as a reference, with the outputs of the `body` that it stands for.
+
+    The joint of the cable holds a point in space, so it has no rows: their residuals are NaN.  Raises InputError if
+    Exudyn is not installed, and whenever `pmr.simulation.exudyn.ancf.simulate` does; SimulationError if a step fails or
+    a result is not finite.
+    """
     import_package("exudyn")
     from pmr.simulation.exudyn import ancf
 
     profile = scene.body.profile
     assert profile is not None and profile.axial_stiffness is not None  # the scene's check
-    return ancf.Cable(
+    cable = ancf.Cable(
         length=profile.length,
         axial_stiffness=profile.axial_stiffness,
         bending_stiffness=profile.bending_stiffness,
         mass_per_length=profile.mass_per_length,
         elements=scene.compare.ancf_elements,
     )
-
-
-def simulate_cable(
-    scene: Scene, x: ArrayLike, excitation: Excitation, done: Progress | None = None
-) -> ancf.CableMotion:
-    """Motion of the scene's beam as an ANCF cable, at the material points x (o,) in m.
-
-    Raises InputError if Exudyn is not installed, and whenever `pmr.simulation.exudyn.ancf.simulate` does;
-    SimulationError if a step fails or a result is not finite.
-    """
-    cable = ancf_cable(scene)
-    from pmr.simulation.exudyn import ancf
-
-    return ancf.simulate(cable, scene.only_section.load_positions, excitation, np.asarray(x, dtype=float), done)
-
-
-def cable_response(scene: Scene, body: Body, done: Progress | None = None) -> Response:
-    """Response of the ANCF cable, which serves as a reference, with the outputs of the `body` that it stands for.
-
-    The joint of the cable holds a point in space, so it has no rows: their residuals are NaN.
-    """
-    motion = simulate_cable(scene, body.output_positions, Excitation.from_scene(scene), done)
-    from pmr.simulation.exudyn import ancf
-
+    loaded, excitation = scene.only_section.load_positions, Excitation.from_scene(scene)
+    motion = ancf.simulate(cable, loaded, excitation, body.output_positions, done)
     unknown = np.full(len(motion.t), np.nan)
     return Response(
         t=motion.t,
         x=motion.x,
         displacement=motion.displacement,
-        energy=ancf.energy(ancf_cable(scene), motion),
+        energy=ancf.energy(cable, motion),
         slider_force=motion.slider_force[:, None],
         residual_position=unknown,
         residual_velocity=unknown,

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Generic, TypeVar
 
@@ -148,7 +148,7 @@ class StepError:
     settled: bool  # whether the runs approach each other; if not, the error is at least of this size
     by: str  # ``motion``; or ``mean`` for RMS values, if contacts only push: motions diverge after an impact
     enough: float | None  # s: largest step of a run with an error below `STEP_LIMIT`; None if there is none
-    band: float | None  # Hz: 1 % of the tip's motion lies above it, in the finest run; None until `with_band`
+    band: float  # Hz: 1 % of the tip's motion lies above it, in the finest run
     seconds: float  # wall time of all runs
     unsettled: tuple[str, ...] = ()  # kinds but displacements in which the runs do not approach each other
 
@@ -163,7 +163,6 @@ def step_error(
     run: SystemTrajectory | None = None,
     kinds: Sequence[str] = (),
     complete: Callable[[Response], Response] | None = None,
-    band: bool = True,
 ) -> StepError:
     """Error of the time step in a simulation of the system from the start of the excitation.
 
@@ -182,8 +181,6 @@ def step_error(
         Function that adds to a response the forces that follow from other forces.  Then errors of all kinds of forces
         (`force_errors`) are returned, with the margin `MARGIN_OF_FORCES` and without steps near kinks; this takes no
         further runs.
-    band : bool
-        Whether to find the band of the motion, in Hz.
 
     Raises
     ------
@@ -234,20 +231,13 @@ def step_error(
         settled=motion.is_settled and runs.is_resolved,
         by="mean" if in_the_mean else "motion",
         enough=None if halvings is None else stepped.given.step / 2**halvings,
-        band=runs.band() if band else None,
+        band=runs.band(),
         seconds=time.perf_counter() - begin,
         unsettled=(
             *(kind for kind, series in of_forces.items() if not series.is_decreasing),
             *(kind for kind, series in of_kinds.items() if not series.is_settled),
         ),
     )
-
-
-def with_band(error: StepError, system: System, excitation: Excitation) -> StepError:
-    """Return this error with the band of the motion; for that, the run with the finest step is simulated again."""
-    runs = Runs(SteppedSystem(system, excitation))
-    runs.halved = round(np.log2(excitation.stepping.step / error.finest))
-    return replace(error, band=runs.band())
 
 
 def _motion(in_the_mean: bool, sample: Sample) -> Array:

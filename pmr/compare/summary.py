@@ -306,7 +306,7 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
     scene = with_models_of(scene, system)
     system = with_terms_of(scene, system)
     clock, excitation, models = Clock(), excitation_of_scene(scene, system), system.reduced
-    results = simulate(scene, system, excitation, clock).with_least_seconds()
+    results = simulate(scene, system, excitation, clock)
     responses, response = {"reduced": results.first.response}, results.first.response
     natural = frequencies_on_way(scene, system, excitation, way_points(scene, excitation, 0))
     motion = SimulatedSystem.from_simulations(system, excitation, results)

@@ -278,7 +278,7 @@ class Trials:
             system, excitation = self.system(sizes), self.with_steps(steps)
             try:
                 run = self._run(sizes, steps) if fits_in_memory(system, excitation.stepping) else None
-                self._step_errors[sizes, steps] = step_error(system, excitation, run, self.wanted, band=False)
+                self._step_errors[sizes, steps] = step_error(system, excitation, run, self.wanted)
             except FAILURES:
                 self._step_errors[sizes, steps] = None
         run_error = self._step_errors[sizes, steps]

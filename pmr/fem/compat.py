@@ -118,7 +118,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "HAS_PETSC", "MPI", "PETSc", "SLEPc", "assemble", "cell_dofs", "cell_topology", "cellwise",
-    "check_fenicsx", "comm_of", "compiled_form", "constant", "create_mesh", "has_compiled_code", "hermite_space",
+    "check_fenicsx", "comm_of", "compiled_form", "constant", "create_mesh", "hermite_space",
     "lagrange_rule", "lagrange_space", "original_cells", "rule_points", "shell_space", "tabulate", "tabulation_space",
     "unrolled_cell_dofs", "versions",
 ]  # fmt: skip
@@ -465,11 +465,6 @@ def _compiler() -> tuple[Path, dict[str, object], tuple[object, ...]]:
     if options[flags] == ["-O2", "-g0"]:  # dolfinx' own
         options[flags] = ["-O1", "-g0"]
     return place, options, (ffcx.codegeneration.get_signature(), repr(of_forms), built_for)
-
-
-def has_compiled_code() -> bool:
-    """Whether forms were compiled before, by this installation or another one."""
-    return _compiler()[0].is_dir()
 
 
 def _is_whole(folder: Path) -> bool:

@@ -30,8 +30,9 @@ from pmr.compare.trust import reduction_warnings, rigid_contacts
 from pmr.errors import ConvergenceError, InputError, call_on_first_rank
 from pmr.errors.environment import Clock
 from pmr.files.arrays import Array
-from pmr.fullmodel.build import AssembledBody, build_bodies, models_of
+from pmr.fullmodel.build import AssembledBody, models_of
 from pmr.pipeline.full_order import FullOrder, References
+from pmr.pipeline.model_errors import ComparedScene
 from pmr.reduction.bodies import cached_body, join_bodies, reduce_bodies, with_stress_flags
 from pmr.reduction.cache import Cache
 from pmr.reduction.from_scene import summary as describe_basis
@@ -158,7 +159,6 @@ class Bodies:
             simulated = SimulatedSystem.from_simulations(self.system, self.excitation, simulations)
         error = call_on_first_rank(self._comm, lambda: None if simulated is None else self._estimate_error(simulated))
         looked = self._look_at_bodies(simulations)
-        simulations = call_on_first_rank(self._comm, lambda: simulations and simulations.with_least_seconds())
         return Motions(simulations, simulated, error, looked, references)
 
     def _look_at_bodies(self, simulations: Simulations | None) -> Mapping[str, ReducedFields]:
@@ -228,7 +228,7 @@ class Bodies:
             with self.clock.stage("other mesh"):
                 try:
                     other = scene_on_other_mesh(scene, trial)
-                    on_other = self._reduce_other_mesh(other.scene)
+                    on_other = ComparedScene(other.scene, self._comm, self.caches.get(ALONE)).system.modal
                     call_on_first_rank(self._comm, lambda: search and search.compare_meshes(other, on_other))
                     why = None
                 except (InputError, ConvergenceError) as error:  # mesh too coarse to be reduced: the run goes on
@@ -236,16 +236,6 @@ class Bodies:
         with self.clock.stage("search"):
             choice: Choice = self._comm.bcast(call_on_first_rank(self._comm, lambda: search and search.choose(why)))
         return choice
-
-    def _reduce_other_mesh(self, scene: Scene) -> dict[str, Any]:
-        """Return the reduced models, by body, of a scene that differs in its mesh; a single body's model is cached."""
-
-        def make() -> dict[str, Any]:
-            """Build and reduce the bodies of the scene."""
-            return {name: body.modal for name, body in reduce_bodies(scene, build_bodies(scene, self._comm)).items()}
-
-        cache = self.caches.get(ALONE)
-        return make() if cache is None else {ALONE: cache.model_of(scene, lambda: make()[ALONE])}
 
     def _other_model(self) -> Any:
         """Return another reduced model from which a single body's error is estimated, or None.

@@ -19,7 +19,7 @@ from pmr.compare.moving_frame import decide_second_order as with_order
 from pmr.compare.simulated import simulate_with_states
 from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, call_on_first_rank
 from pmr.errors.environment import Clock
-from pmr.fem.compat import MPI, has_compiled_code
+from pmr.fem.compat import MPI
 from pmr.files.arrays import Array
 from pmr.fullmodel.build import build_bodies, log_warnings
 from pmr.reduction.bodies import Reduction, reduce_bodies, with_stress_flags
@@ -201,22 +201,6 @@ class ComparedScene:
         sides = [side.name for side in box.sides]
         side = sides.index(peak.region) if peak.region in sides else -1
         return np.array([number, side, peak.value, peak.t, *peak.position])
-
-
-def start_compiling(scene: Scene, helper: Executor) -> None:
-    """Let another process compile the forms of beams while this one compiles those of the shell of their walls.
-
-    Nothing is done if forms were compiled before, or if no walls give way.
-    """
-    if any(part.body.walls == "give" for part in scene.sections) and not has_compiled_code():
-        with suppress(InputError, BrokenExecutor, OSError):  # no such scene, or no process can be started
-            helper.submit(_assemble, scene.vary_sections(lambda _: {"body": {"walls": "rigid"}}))
-
-
-def _assemble(scene: Scene) -> None:
-    """Assemble a scene's bodies, whose forms are then compiled; errors are those of the run."""
-    with suppress(*UNNEEDED):
-        build_bodies(scene, MPI.COMM_WORLD)
 
 
 def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] | None:

@@ -35,7 +35,6 @@ from pmr.pipeline.model_errors import (
     measure_mesh,
     measure_model,
     reduce_scene,
-    start_compiling,
     start_richer,
 )
 from pmr.reduction.bodies import Reduction
@@ -109,7 +108,7 @@ def run(
     of mesh and structural model, even if the scene does not ask for them; the folder keeps what takes longest.  They
     are measured last; before, `keep` is called on rank 0 with the outcome without these errors.  `shared` are results
     of a single body's full model that other runs have computed.  `helper` has another process, which meanwhile reduces
-    the richer model for this measurement and, before that, compiles forms.
+    the richer model for this measurement.
 
     Raises
     ------
@@ -124,8 +123,6 @@ def run(
         check_installed(scene)
         chosen = decide_models(scene, comm, clock, cache)
         scene = chosen.scene
-        if helper is not None:
-            start_compiling(scene, helper)
         with clock.stage("assemble"):
             built = build_bodies(scene, comm)
             free_motions = free_motion_warnings(scene, built) if scene.free_motions == "allowed" else []

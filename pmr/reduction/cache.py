@@ -225,20 +225,6 @@ class Cache(SystemCache):
         self._write(file, arrays, body.modal)
         return body
 
-    def model_of(self, scene: Scene, make: Callable[[], ReducedModel]) -> ReducedModel:
-        """Return the reduced model of `scene`, the structure of the cache's full model on another mesh; collective.
-
-        If it is not stored, `make` is called on every rank, and the result of rank 0 is stored.  The result is the same
-        on every rank.
-        """
-        file = self._file("mesh", {"scene": structure_text(scene), "path": scene.travel})
-        stored_arrays = self._read(file)
-        model = None if stored_arrays is None else self._load(ReducedModel.load, file)
-        if model is None:
-            model = self.model.comm.bcast(make())
-            self._write(file, {}, model)
-        return model
-
     def _load_body(self, file: Path, arrays: Mapping[str, NDArray[Any]]) -> ReducedBody | None:
         """Body from its model's file and stored `arrays` (S, V, omega, ...); None if the model's file can't be used.
 

@@ -46,11 +46,9 @@ def vectors_from_file(model: FullModel, file: Path) -> Snapshots:
         V = np.asarray(npz.read(file)["V"], dtype=float)
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(str(file), "V", None, f"an npz file with an array V is allowed ({error})") from None
-    if V.ndim != 2 or V.shape[0] != model.size or V.shape[1] == 0:
-        allowed = f"a row for each of the model's {model.size} coordinates, and at least one column, are allowed"
+    if not _are_vectors(model, V, model.size):
+        allowed = f"finite vectors as columns, with a row for each of the model's {model.size} coordinates, are allowed"
         raise InputError(str(file), "V", list(V.shape), allowed)
-    if not np.isfinite(V).all():
-        raise InputError(str(file), "V", None, "finite entries are allowed")
     return _snapshots(model, V[model.share], f"vectors from {file.name}")
 
 
@@ -64,16 +62,13 @@ def vectors_from_array(model: FullModel, basis: Vectors) -> Snapshots:
     InputError
         If the array has another number of rows, no column, or entries that are not finite.
     """
-    share = model.share
-    if callable(basis):
-        local, rows = np.asarray(basis(model), dtype=float), share.stop - share.start
-    else:
-        local, rows = np.asarray(basis, dtype=float), model.size
-    fits = local.ndim == 2 and local.shape[0] == rows and local.shape[1] > 0 and bool(np.isfinite(local).all())
-    if not all(model.comm.allgather(fits)):
+    share, is_local = model.share, callable(basis)
+    V = np.asarray(basis(model) if callable(basis) else basis, dtype=float)
+    rows = share.stop - share.start if is_local else model.size
+    if not _are_vectors(model, V, rows):
         allowed = f"finite vectors as columns, with {rows} rows, one for each coordinate of the full model, are allowed"
-        raise InputError("pmr.reduce", "basis", list(local.shape), allowed)
-    return _snapshots(model, local if callable(basis) else local[share], "vectors given as an array")
+        raise InputError("pmr.reduce", "basis", list(V.shape), allowed)
+    return _snapshots(model, V if is_local else V[share], "vectors given as an array")
 
 
 def vectors_from_package(model: FullModel, choice: Reduction) -> Snapshots:
@@ -85,19 +80,23 @@ def vectors_from_package(model: FullModel, choice: Reduction) -> Snapshots:
     make = environment.plugin_object("pmr.bases", choice.basis, frozenset(get_args(OwnBasis)))
     if not callable(make):
         raise environment.plugin_error("pmr.bases", choice.basis)
-    first, last = model.M.getOwnershipRange()
-    V, failed = np.empty((0, 0)), ""
+    V, failed, rows = np.empty((0, 0)), "", model.share.stop - model.share.start
     try:
         returned = np.asarray(make(model, choice))
         if returned.dtype.kind in "biuf":
             V = returned.astype(float)
     except Exception as error:  # any error of the package: all ranks have to learn of it
         failed = f"it failed: {error!r}"
-    fits = V.ndim == 2 and V.shape[0] == last - first and V.shape[1] > 0 and bool(np.isfinite(V).all())
-    if not all(model.comm.allgather(fits)):
-        allowed = f"finite vectors (n, k) of real numbers with {last - first} rows here are allowed"
+    if not _are_vectors(model, V, rows):
+        allowed = f"finite vectors (n, k) of real numbers with {rows} rows here are allowed"
         raise environment.plugin_error("pmr.bases", choice.basis, failed or allowed)
     return _snapshots(model, V, f"vectors of {choice.basis}")
+
+
+def _are_vectors(model: FullModel, V: Array, rows: int) -> bool:
+    """Whether V is an array of finite columns with this number of `rows`, and at least one column, on every rank."""
+    fits = V.ndim == 2 and V.shape[0] == rows and V.shape[1] > 0 and bool(np.isfinite(V).all())
+    return all(model.comm.allgather(fits))
 
 
 def _snapshots(model: FullModel, local: Array, source: str) -> Snapshots:

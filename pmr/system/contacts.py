@@ -114,22 +114,24 @@ class Contact:
                 raise contact_error(
                     self.name, "place", (place.at, place.rate), "finite at and rate, rate not 0, are allowed"
                 )
-        if self.direction not in (1.0, -1.0):
-            raise contact_error(self.name, "direction", self.direction, "1 or -1 is allowed")
-        if not 0.0 <= self.compliance < np.inf:
-            raise contact_error(self.name, "compliance", self.compliance, "0 or more, in m/N, is allowed")
-        if not np.isfinite(self.lengthening) or (self.lengthening and self.path is None):
-            raise contact_error(self.name, "lengthening", self.lengthening, "a finite number, with a path, is allowed")
-        if self.clearance is not None and not 0.0 <= self.clearance < np.inf:
-            raise contact_error(self.name, "clearance", self.clearance, "a length from 0 on is allowed")
-        if not 0.0 < self.shear_stiffness < np.inf:
-            raise contact_error(self.name, "shear_stiffness", self.shear_stiffness, "more than 0 N/m is allowed")
-        if self.static_friction and not self.friction <= self.static_friction < np.inf:
-            raise contact_error(
-                self.name, "static_friction", self.static_friction, f"{self.friction} or more is allowed"
-            )
-        if not 0.0 < self.stribeck_speed < np.inf:
-            raise contact_error(self.name, "stribeck_speed", self.stribeck_speed, "more than 0 m/s is allowed")
+        allowed = {
+            "direction": (self.direction in (1.0, -1.0), "1 or -1 is allowed"),
+            "compliance": (0.0 <= self.compliance < np.inf, "0 or more, in m/N, is allowed"),
+            "lengthening": (
+                np.isfinite(self.lengthening) and (not self.lengthening or self.path is not None),
+                "a finite number, with a path, is allowed",
+            ),
+            "clearance": (self.clearance is None or 0.0 <= self.clearance < np.inf, "a length from 0 on is allowed"),
+            "shear_stiffness": (0.0 < self.shear_stiffness < np.inf, "more than 0 N/m is allowed"),
+            "static_friction": (
+                not self.static_friction or self.friction <= self.static_friction < np.inf,
+                f"{self.friction} or more is allowed",
+            ),
+            "stribeck_speed": (0.0 < self.stribeck_speed < np.inf, "more than 0 m/s is allowed"),
+        }
+        for key, (is_allowed, values) in allowed.items():
+            if not is_allowed:
+                raise contact_error(self.name, key, getattr(self, key), values)
         if self.outer is not None and self.outer.body == self.inner.body:
             raise contact_error(
                 self.name, "outer", self.outer.body, "another body than the inner one, or none, is allowed"

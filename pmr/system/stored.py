@@ -9,7 +9,7 @@ by row, as ``name.triangle``; for an antisymmetric matrix, as ``name.antitriangl
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,16 +25,8 @@ TRIANGLES, LEAST = "carriers.", 8
 _SIGNS = {"triangle": 1.0, "antitriangle": -1.0}
 
 
-class HasCarriers(Protocol):
-    """Interface of a dataclass that may have rows on carriers (`pmr.system.reduced_model.ReducedModel`)."""
-
-    @property
-    def carriers(self) -> CarrierRows | None:
-        """Rows on carriers, None if there are none."""
-
-
-def pack(model: HasCarriers, prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Arrays to be stored for a model, with `prefix` before their names."""
+def pack(model: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
+    """Arrays to be stored for a `pmr.system.reduced_model.ReducedModel`, with `prefix` before their names."""
     content = npz.record_arrays(model)
     sound = model.carriers is not None and not _describe_fault(model.carriers)
     for name, table in (_path_tables(model.carriers, content) if model.carriers and sound else {}).items():

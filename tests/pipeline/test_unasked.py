@@ -63,20 +63,6 @@ def test_a_run_measures_its_model_and_mesh_last_and_the_next_one_finds_both(tmp_
     assert helper.models == ["shell"]
 
 
-@pytest.mark.parametrize(
-    ("changes", "compiled", "walls"),
-    [(["body.walls='give'"], False, ["rigid"]), (["body.walls='give'"], True, []), ([], False, [])],
-)
-def test_another_process_compiles_forms_of_beams_where_walls_take_those_of_shells(
-    changes: list[str], compiled: bool, walls: list[str], monkeypatch
-) -> None:
-    helper, built = AtOnce(), []
-    monkeypatch.setattr(pipeline, "has_compiled_code", lambda: compiled)
-    monkeypatch.setattr(pipeline, "build_bodies", lambda one, _: built.append(one.only_section.body.walls))
-    pipeline.start_compiling(scene(*changes), helper)
-    assert built == walls and helper.models == ["beam3d"] * len(walls)
-
-
 @pytest.mark.slow
 def test_the_motion_of_the_runs_full_model_is_compared_as_that_of_a_reduction_of_its_own() -> None:
     """Both tell the same of the model: a reduction to 20 modes is off by less than a thousandth of the motion."""
