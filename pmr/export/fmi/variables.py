@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -174,6 +174,9 @@ class Role(NamedTuple):
     initial: str = "calculated"  #: Empty if the causality determines it
 
 
+INPUT, PARAMETER = Role("input", initial=""), Role("parameter", "fixed", "exact")
+
+
 @dataclass(frozen=True)
 class Variable:
     """One variable of an FMU: its value reference and its attributes in the model description."""
@@ -191,19 +194,16 @@ class Variable:
     kind: Literal["quantity", "choice", "rate"] = "quantity"
 
 
-class FurtherVariables(Protocol):
-    """Maker of variables behind those of a system."""
-
-    def variables(self, names: Identifiers, first: int) -> Iterator[Variable]:
-        """Yield variables, in ascending order of their value references, which begin with `first`."""
-
-
 def variables(
-    drivers: Drivers, start: Array, nominal: Array, further: FurtherVariables | None = None
+    drivers: Drivers,
+    start: Array,
+    nominal: Array,
+    further: Callable[[Identifiers, int], Iterator[Variable]] | None = None,
 ) -> list[Variable]:
     """All variables of a system, with start and nominal values as described for `pmr.export.fmi.fmu.system_file`.
 
-    They are in ascending order of their value references, those of `further` last.
+    They are in ascending order of their value references.  The last ones are those that `further` yields, whose value
+    references begin with its second argument.
     """
     names = Identifiers()
     listed = list(_inputs_and_parameters(drivers, names, start))
@@ -228,7 +228,7 @@ def variables(
     listed += _output_variables(drivers, names, first + 4 * modes)
     if further is not None:
         count, forces = len(list(output_kinds(drivers))), len(drivers.system.contacts)
-        listed += further.variables(names, first + 4 * modes + 2 * count + forces)
+        listed += further(names, first + 4 * modes + 2 * count + forces)
     return listed
 
 
@@ -246,74 +246,54 @@ def rate_unit(unit: str, order: int) -> str:
     return f"{what}/s{power if power > 1 else ''}"
 
 
-@dataclass(frozen=True)
-class _Driver:
-    """A driver as an input: name, index among all drivers, description, unit, and (smallest, largest) value or None.
+def _drivers(drivers: Drivers) -> Iterator[Variable]:
+    """Yield all drivers that are inputs, with names that may not differ yet, as variables without a start value.
 
-    If `only_starts`, its value and its rate at the start are parameters.
-    """
-
-    name: str
-    number: int
-    what: str
-    unit: str
-    within: tuple[float, float] | None = None
-    only_starts: bool = False
-
-
-def _drivers(drivers: Drivers) -> Iterator[_Driver]:
-    """Yield all drivers that are inputs: path coordinates, then loads, then motions of the frame.
-
-    The loads by which the rope of a hoist pulls are no inputs and are left out.
+    First come path coordinates, then loads, then motions of the frame.  Of a driver whose value and rate at the start
+    alone are given, these are parameters.  The loads by which the rope of a hoist pulls are left out.
     """
     paths, ranges = drivers.shown_paths, drivers.data.rows.ranges
-    for k, (name, path, (low, high)) in enumerate(zip(path_names(paths), paths, ranges, strict=False)):
-        what = "of the sliders" if path == SLIDER else path
+    for k, (name, path, (low, high)) in enumerate(zip(path_names(paths), paths, ranges, strict=False), 1):
+        what = f"path coordinate {'of the sliders' if path == SLIDER else path}"
         if path in drivers.started:
-            what = f"path coordinate {what} at the start"
-            yield _Driver(f"{name} start", k, what, "m", (low, high), only_starts=True)
+            yield Variable(f"{name} start", k, f"{what} at the start", PARAMETER, "m", within=(low, high))
         elif path not in drivers.moved_paths:
-            what = f"path coordinate {what}; up to {BEYOND_ENDS * (high - low):.3g} m beyond an end it is taken there"
-            yield _Driver(name, k, what, "m", (low, high))
-    for k, (name, unit) in enumerate(zip(drivers.loads, drivers.load_units, strict=True)):
+            what += f"; up to {BEYOND_ENDS * (high - low):.3g} m beyond an end it is taken there"
+            yield Variable(name, k, what, INPUT, "m", within=(low, high))
+    for k, (name, unit) in enumerate(zip(drivers.loads, drivers.load_units, strict=True), 1):
         if name not in drivers.system.hoist.inputs:
-            yield _Driver(name, drivers.first_load_number + k, f"load {name}", unit)
-    for k, name in enumerate(drivers.motions):
-        what, unit = (f"angle {name}", "rad") if name not in AXES else (f"acceleration of the pivot, {name}", "m/s2")
-        only_starts = name in drivers.started
-        shown, what = (f"{name} start", f"{what} at the start") if only_starts else (name, what)
-        shown += " acceleration" * (name in AXES)
-        yield _Driver(shown, drivers.first_motion_number + k, what, unit, only_starts=only_starts)
+            yield Variable(name, drivers.first_load_number + k, f"load {name}", INPUT, unit)
+    for k, name in enumerate(drivers.motions, 1 + drivers.first_motion_number):
+        if name in AXES:
+            yield Variable(f"{name} acceleration", k, f"acceleration of the pivot, {name}", INPUT, "m/s2")
+        elif name in drivers.started:
+            yield Variable(f"{name} start", k, f"angle {name} at the start", PARAMETER, "rad")
+        else:
+            yield Variable(name, k, f"angle {name}", INPUT, "rad")
 
 
 def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -> Iterator[Variable]:
     """Yield time, the inputs with their rates of order one to three, and the parameters, as variables."""
     fixed = [names(name) for name in ("internal_step", "rho_inf", "start")]  # before those of loads
     yield Variable(names("time"), 0, "time", Role("independent", initial=""), "s")
-    orders = list[tuple[_Driver, int, str]]()
+    orders = list[tuple[int, Variable]]()
     for driver in _drivers(drivers):
-        suffixes = ("", "_rate", "_rate_2", "_rate_3")[: 2 if driver.only_starts else ORDERS]
-        orders += [(driver, k, names(driver.name + suffix)) for k, suffix in enumerate(suffixes)]
-    for driver, order, name in sorted(orders, key=lambda each: (each[1], each[0].number)):
+        suffixes = ("", "_rate", "_rate_2", "_rate_3")[: 2 if driver.role is PARAMETER else ORDERS]
+        orders += [(k, replace(driver, name=names(driver.name + suffix))) for k, suffix in enumerate(suffixes)]
+    for order, driver in sorted(orders, key=lambda each: (each[0], each[1].reference)):
         at, what = (
-            1 + order * drivers.count + driver.number,
+            order * drivers.count + driver.reference,
             ("", "rate of ", "second rate of ", "third rate of ")[order],
         )
         unit, within = rate_unit(driver.unit, order), None if order else driver.within
-        role = Role("parameter", "fixed", "exact") if driver.only_starts else Role("input", initial="")
-        yield Variable(name, at, what + driver.what, role, unit, float(start[at]), within=within)
+        what += driver.description
+        yield replace(driver, reference=at, description=what, unit=unit, start=float(start[at]), within=within)
     first = 1 + ORDERS * drivers.count
     how = "undeformed and at rest, in equilibrium with the loads, or as the start values of the modes say"
-    parameters = (
-        ("longest internal step in Co-Simulation", "s"),
-        ("spectral radius of generalized-alpha at infinite frequency", ""),
-        (how, ""),
-    )
-    for k, (what, unit) in enumerate(parameters):
-        parameter = Variable(
-            fixed[k], first + k, what, Role("parameter", "fixed", "exact"), unit, float(start[first + k])
-        )
-        yield replace(parameter, kind="choice") if what is how else parameter
+    yield Variable(fixed[0], first, "longest internal step in Co-Simulation", PARAMETER, "s", float(start[first]))
+    what = "spectral radius of generalized-alpha at infinite frequency"
+    yield Variable(fixed[1], first + 1, what, PARAMETER, start=float(start[first + 1]))
+    yield Variable(fixed[2], first + 2, how, PARAMETER, start=float(start[first + 2]), kind="choice")
 
 
 def output_kinds(drivers: Drivers) -> Iterator[tuple[str, str, bool]]:
