@@ -81,14 +81,6 @@ if __name__ == "__main__":
 '''
 
 
-def write_matlab(npz_path: Path, target: Path, options: Options) -> Path:
-    """Write A, B, C, D as arrays (., ., S) over S grid points s, as MATLAB's ``ss`` takes them; return `target`.
-
-    The file also has all names.  Raises InputError as `pmr.export.state_space.saved_state_space`.
-    """
-    return _write_matrices(npz_path, options, target)
-
-
 def write_python_control(npz_path: Path, target: Path, options: Options) -> Path:
     """Write a script for python-control, and next to it the .mat file that it reads; return the script's path.
 
@@ -102,7 +94,7 @@ def write_python_control(npz_path: Path, target: Path, options: Options) -> Path
         raise InputError(
             "command line", "--out", str(target), f"another name is allowed: {data.name} is input of the same run"
         )
-    _write_matrices(npz_path, options, data)
+    write_matlab(npz_path, data, options)
     write_text(target, _SCRIPT.format(module=target.stem, data=data.name))
     return target
 
@@ -129,11 +121,12 @@ def write_frequency_response(npz_path: Path, target: Path, options: Options) -> 
     return target
 
 
-def _write_matrices(npz_path: Path, options: Options, target: Path) -> Path:
-    """Write matrices on a grid, names and the two errors of interpolation (`interpolation_error`) as a .mat file.
+def write_matlab(npz_path: Path, target: Path, options: Options) -> Path:
+    """Write A, B, C, D as arrays (., ., S) over S grid points s, as MATLAB's ``ss`` takes them; return `target`.
 
-    Unless the options give the grid, it is refined by factors of two, from `PLACES` points to `MOST_PLACES` at most,
-    until the errors are at most `CLOSE`.  Larger errors of the interpolation are logged as a warning.  Raises errors as
+    The file also has all names, and the two errors of interpolation (`interpolation_error`).  Unless the options give
+    the grid, it is refined by factors of two, from `PLACES` points to `MOST_PLACES` at most, until the errors are at
+    most `CLOSE`.  Larger errors of the interpolation are logged as a warning.  Raises errors as
     `pmr.export.state_space.saved_state_space`.
     """
     system = saved_system(npz_path, options)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
@@ -59,25 +59,18 @@ def write_series(folder: Path, name: str, bodies: Mapping[str, MovingFields], pa
     Points have ``displacement`` in m (ParaView: Warp By Vector).  Cells have ``von_mises_<face>`` in Pa and, where they
     are stored, signed stresses ``stress_<face>_<component>`` in Pa, and ``region_<name>``: 1 in the region, 0
     elsewhere.  `bodies` maps names to bodies, all at the same times.  The `pads`, if any, are a data set of their own,
-    with the values of the pads.
+    with the values of the pads.  Old .vtu files are deleted.
     """
-    times = next(iter(bodies.values())).fields.t
     drawn = {f"{body_name}-" if body_name else "": body.file for body_name, body in bodies.items()}
-    return _write_files(folder, name, times, drawn | ({PADS: lambda k: _pads_vtu(pads, k)} if pads is not None else {}))
-
-
-def _write_files(folder: Path, name: str, times: Array, drawn: Mapping[str, Callable[[int], str]]) -> Path:
-    """Write a file for each time and data set, and the .pvd file, whose path is returned; old .vtu files are deleted.
-
-    `drawn` maps the beginning of a data set's file names to a function that returns the text of the k-th time from k.
-    """
+    if pads is not None:
+        drawn[PADS] = lambda k: _pads_vtu(pads, k)
     steps = folder / name
     steps.mkdir(parents=True, exist_ok=True)
     for old in steps.glob("*.vtu"):
         old.unlink()
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1", byte_order="LittleEndian")
     collection = ElementTree.SubElement(root, "Collection")
-    for k, t in enumerate(times):
+    for k, t in enumerate(next(iter(bodies.values())).fields.t):
         for number, (called, content) in enumerate(drawn.items()):
             file = f"{name}/{called}{k:05}.vtu"
             (folder / file).write_text(content(k), encoding="utf-8")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pmr.errors import InputError
 from pmr.errors.text import missing_file_reason
-from pmr.export.fmi.observer import ALLOWED, UnitObserver
+from pmr.export.fmi.observer import UnitObserver
 from pmr.files.arrays import Array, Summary
 from pmr.files.whole import replacement_file, write_text
 from pmr.observe.budget import output_errors
@@ -246,13 +246,10 @@ def read_unit_observer(file: Path, model: Path) -> UnitObserver:
         raise InputError(model.name, "provenance.scene", None, "a file that contains its scene is allowed")
     scene = stored_scene(system.provenance["scene"], "provenance.scene", RECORDED)
     if scene.frame is not None or system.hoist:
-        raise InputError("command line", "--observer", None, ALLOWED)
+        allowed = "a system without a moving frame and without a hoist is allowed"
+        raise InputError("command line", "--observer", None, allowed)
     summary: Any = json.loads(budget.read_text(encoding="utf-8")) if budget.is_file() else {}
-    return unit_observer(description.observer(scene, system, summary), scene, system)
-
-
-def unit_observer(observer: Observer, scene: Scene, system: System) -> UnitObserver:
-    """Observer of a system for an FMU; `scene` is the one that its model was linearised along."""
+    observer = description.observer(scene, system, summary)
     chosen = select_outputs(scene, system, observer.model.outputs)
     return UnitObserver(
         data=observer.filter_data(),

@@ -44,7 +44,7 @@ from pmr.reduction.from_scene import (
 from pmr.reduction.recovery import Recovery
 from pmr.reduction.residual import section_model
 from pmr.reduction.residual_tables import ResidualFlexibility
-from pmr.reduction.snapshots import Snapshots, free_modes
+from pmr.reduction.snapshots import free_modes
 from pmr.scene import Reduction as Choice
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
@@ -243,18 +243,7 @@ def reduce_body(
     with clock.stage("snapshots"):
         body = FreeBody(model, scene.reduction.solver)
         snapshots = take_snapshots(scene, model, body, vectors)
-    return reduce_with(scene, model, snapshots, clock, body)
-
-
-def reduce_with(
-    scene: Scene, model: FullModel, snapshots: Snapshots, clock: Clock | None = None, body: FreeBody | None = None
-) -> ReducedBody:
-    """Reduce a model as the scene asks, on a basis made from `snapshots`; collective.
-
-    If the snapshots were made with the factorised `body`, its factor is used again, and its memory is then freed.
-    """
-    with (clock or Clock()).stage("pod"):
-        body = body or FreeBody(model, scene.reduction.solver)
+    with clock.stage("pod"):
         basis, motions = build_basis(scene, model, snapshots), support_motions(body)
         if scene.reduction.ports:
             basis = with_ports(body, basis)

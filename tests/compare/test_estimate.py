@@ -29,8 +29,7 @@ from pmr.compare.outputs import OUTPUT_KINDS, Outputs, RoundOffBounds, differenc
 from pmr.compare.trust import reduction_warnings
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
-from pmr.reduction.bodies import reduce_with
-from pmr.reduction.from_scene import take_snapshots
+from pmr.reduction.bodies import reduce_body
 from pmr.scene import Scene
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
@@ -229,7 +228,7 @@ SMALLEST = 1e-6
 def ratios(scene: Scene) -> Iterator[tuple[str, float, float]]:
     """Kind, estimate over error and error, of all kinds that have an estimate."""
     model = build(scene, MPI.COMM_SELF).model
-    reduced = reduce_with(scene, model, take_snapshots(scene, model)).model
+    reduced = reduce_body(scene, model).model
     excitation = Excitation.from_scene(scene)
     own, system = outputs(reduced, excitation), System.of(reduced)
     full = outputs(model.gather(), divide_steps(system, excitation))  # which follows its parts of a step

@@ -18,8 +18,7 @@ from pmr import simulate
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 from pmr.pipeline.full_order import FullOrder
-from pmr.reduction.bodies import reduce_with
-from pmr.reduction.from_scene import take_snapshots
+from pmr.reduction.bodies import reduce_body
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 
@@ -48,7 +47,7 @@ class Case:
 def case(seed: int) -> Case:
     scene = random_scene(seed)
     model = build(scene, MPI.COMM_SELF).model
-    reduced = reduce_with(scene, model, take_snapshots(scene, model)).model
+    reduced = reduce_body(scene, model).model
     reference = FullOrder.join(scene, {ALONE: model}).reference("full")
     assert reference is not None
     own, full = simulate(scene, reduced).displacement, reference.displacement

@@ -8,13 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
 from pmr.export.fmi.variables import Drivers, Identifiers, Role, Variable
 from pmr.files.arrays import Array
 from pmr.kernel.filter import FilterData
 
-#: Systems for which an observer can be part of an FMU.
-ALLOWED = "a system without a moving frame and without a hoist is allowed"
 #: Sizes and numbers of a filter in the order in which source/estimator.c reads them.
 SIZES = ("states", "outputs", "sensors", "inputs", "loads", "parameters", "biased", "scaled", "off", "payload")
 NUMBERS = ("gravity", "gate", "refused", "alarm", "share", "following")
@@ -44,14 +41,7 @@ class UnitObserver:
         return tuple(name for name in self.units if name not in self.outputs)
 
     def arrays(self, drivers: Drivers) -> dict[str, NDArray[np.int32] | Array]:
-        """Arrays for resources/system.pmr by name.
-
-        Raises InputError for an observer with parameters, and for a system in a frame that moves or with a hoist.
-        """
-        if drivers.frame is not None or drivers.system.hoist:
-            raise InputError("command line", "--observer", None, ALLOWED)
-        if self.data.sizes["parameters"]:
-            raise InputError("command line", "--observer", None, "an observer without parameters is allowed")
+        """Arrays for resources/system.pmr by name."""
         numbers, data = drivers.system.input_names, self.data
         sizes = [*(data.sizes[name] for name in SIZES), data.sizes["acceleration"], len(self.unknowns)]
         arrays: dict[str, NDArray[np.int32] | Array] = {

@@ -18,7 +18,6 @@ from pmr import InputError, System
 from pmr.compare.simulated import excitation_of_scene
 from pmr.export.fmi import fmu
 from pmr.export.fmi.fmu import fmu_contents, write_fmu
-from pmr.export.fmi.variables import Drivers
 from pmr.observe.measured import ObserverFile, read_unit_observer
 from pmr.observe.observer import Estimates
 from pmr.simulation.moving import read_scene
@@ -135,13 +134,6 @@ def test_a_moving_frame_is_refused(case: Case, tmp_path: Path) -> None:
     file = replace(system, provenance={**system.provenance, "scene": luffing}).save(tmp_path / "system.npz")
     with pytest.raises(InputError, match="--observer: a system without a moving frame and without a hoist is allowed"):
         read_unit_observer(case.sensors, file)
-
-
-def test_an_observer_with_parameters_is_refused(case: Case) -> None:
-    observer = read_unit_observer(case.sensors, case.model)
-    sizes = {**observer.data.sizes, "parameters": 1}
-    with pytest.raises(InputError, match="--observer: an observer without parameters is allowed"):
-        replace(observer, data=replace(observer.data, sizes=sizes)).arrays(Drivers.of(System.load(case.model)))
 
 
 def test_the_command_writes_it_and_other_formats_refuse_an_observer(
