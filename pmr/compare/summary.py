@@ -12,7 +12,7 @@ import numpy as np
 
 from pmr.compare.drives import energy_part, extension_part, hoist_part, luffing_part
 from pmr.compare.dynamic_factors import dynamic_factors_part
-from pmr.compare.error_parts import SimulatedSystem, reduction_error, step_part
+from pmr.compare.error_parts import ReductionError, SimulatedSystem, reduction_error, step_part
 from pmr.compare.errors import (
     ResponseFunction,
     absolute_error,
@@ -288,6 +288,10 @@ def sections_part(
     return SummaryPart({"sections": rows, "max_von_mises": most, "stress_peak": highest})
 
 
+#: Reason why there is no estimate for a boom from a file of version 1 or 2.
+EARLIER = "the file is of an earlier version, without the modes that the estimate needs"
+
+
 def simulate_saved(system: System, scene: Scene) -> RunResult:
     """Simulate a system under another scene's paths, loads and time stepping, by the simulators that it names.
 
@@ -311,7 +315,7 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
     natural = frequencies_on_way(scene, system, excitation, way_points(scene, excitation, 0))
     motion = SimulatedSystem.from_simulations(system, excitation, results)
     by_frequency = response_on_way(scene, system, excitation)
-    error = reduction_error(scene, motion, clock)
+    error = _error(scene, motion, clock)
     with clock.stage("step"):
         step = step_part(scene, motion, natural.models["reduced"])
     sizes = {name: {"reduced": model.size} for name, model in models.items()}
@@ -347,3 +351,12 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
         by_frequency,
         error.band,
     )
+
+
+def _error(scene: Scene, simulated: SimulatedSystem, clock: Clock) -> ReductionError:
+    """Estimated error of the reduction; it has no values if the file is of an earlier version (reason: `EARLIER`)."""
+    error = reduction_error(scene, simulated, clock)
+    bodies, estimated = simulated.system.reduced.items(), all(part.reduction.estimate for part in scene.sections)
+    if estimated and any(model.cylinder_modes and name not in simulated.system.on_modes for name, model in bodies):
+        return ReductionError(SummaryPart({"estimate": error.part.figures["estimate"] | {"reason": EARLIER}}))
+    return error

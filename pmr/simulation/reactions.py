@@ -56,7 +56,7 @@ from pmr.scene.signals import Constant
 from pmr.simulation.frame import base_accelerations
 from pmr.simulation.modal import forces_without_rows, inertia_share, support_forces
 from pmr.system.body import (
-    Body,
+    BodyWithOutputs,
     FullBody,
     SlidingBody,
     Trajectory,
@@ -313,7 +313,7 @@ class ColumnNames:
     kinds: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]
 
 
-def column_names(body: Body) -> ColumnNames:
+def column_names(body: BodyWithOutputs) -> ColumnNames:
     """Names of all outputs of a body, displacements and forces among them, with units and kinds of the others."""
     kinds, names, units = (np.array(of(body), dtype=object) for of in (kinds_of, names_of, units_of))
     lengths, forces, other = length_outputs(body), force_outputs(body), other_outputs(body)

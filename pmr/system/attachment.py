@@ -121,7 +121,7 @@ def _extend_frame_matrices(
     matrices = {name: X.T @ A @ X for name, A in carriers.matrices.items()}
     ports = {name: row @ X for name, row in carriers.ports.items()}
     reactions = extended_model.reactions
-    if reactions is not None:
+    if reactions is not None:  # reactions in files of earlier versions are not known on these vectors
         worked = {name: A @ X[: A.shape[1]] for name, A in reactions.matrices.items()}
         reactions = replace(reactions, matrices=worked, damping=worked.get(DAMPING, reactions.damping))
     return replace(

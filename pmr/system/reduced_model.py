@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
 from pmr.errors import InputError
@@ -46,6 +46,12 @@ FORMAT = "pmr-reduced-model"
 FORMAT_VERSION = 6
 #: Errors that NumPy and this module raise for files with wrong content.
 READING = (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError)
+_NAMES = ("input_names", "row_names", "left_out", "output_names", "output_units")
+_OLD_NAMES = {
+    **{"rows_": "rows.", "inertia.": "flexibility.inertia."},
+    **{f"companions.{part}": f"enrichment.rows.{part}" for part in ("breaks", "coefficients")},
+    "companions.": "enrichment.",
+}
 
 
 @dataclass(frozen=True)
@@ -75,7 +81,8 @@ class ReducedModel:
     output_positions : (o,) array, m
     output_names, output_units, output_kinds : tuples of str
         Name of each output, its unit, and its kind and direction, such as ``"tip z"`` (`pmr.results.response`).
-        Without kinds, all outputs are displacements (`pmr.system.body.kinds_of`).
+        Without names and units, all outputs are displacements.  Models of earlier versions have no kinds
+        (`pmr.system.body.kinds_of`).
     left_out : tuple of str
         Rows that all vectors of the basis satisfy.  They are left out, because they would make the system singular.
     provenance : dict
@@ -301,8 +308,8 @@ class ReducedModel:
         Raises
         ------
         InputError
-            If the file is missing, is no sound reduced model, has less content than its header says, or has another
-            version of the format.
+            If the file is missing, is no sound reduced model, has less content than its header says, or has a later
+            format.
         """
         path = Path(path)
         if not isfile(path):
@@ -312,7 +319,12 @@ class ReducedModel:
             header = npz.pop_header(data)
             if header["format"] != FORMAT:
                 raise InputError(str(path), "format", header["format"], f"{FORMAT!r} is allowed")
-            check_version(str(path), header["version"], FORMAT_VERSION)
+            if int(header["version"]) > FORMAT_VERSION:
+                raise InputError(str(path), "version", header["version"], f"at most {FORMAT_VERSION} can be read")
+            data = data if int(header["version"]) > 4 else _upgrade_version_4(header, data)
+            if data.get("flexibility.inertia.kept", False):
+                allowed = "a model without residual inertia is allowed: more coordinates have the same effect"
+                raise InputError(str(path), "flexibility.inertia", None, allowed)
             model = npz.record_from_arrays(cls, stored.unpack(data))
             wrong = model.contradiction()
         except READING as error:
@@ -365,11 +377,23 @@ class ReducedModel:
         return None if self.carriers is None else self.carriers.contradiction(m)
 
 
-def check_version(path: str, version: Any, present: int) -> None:
-    """Raise an InputError if the file `path` of a model has another `version` of its format than the `present` one."""
-    if int(version) != present:
-        allowed = f"{present} is allowed, as pmr run, pmr.reduce and save of this version of pmr write it"
-        raise InputError(path, "version", version, allowed)
+def _upgrade_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> dict[str, NDArray[Any]]:
+    """Arrays of a file of version 4 or earlier, under the names of the current version.
+
+    The header of such a file has the names of inputs, rows and outputs, the provenance and Rayleigh's factors; they
+    become arrays.  Raises TypeError if a list of names has anything else.
+    """
+    arrays = npz.rename_keys(data, _OLD_NAMES)
+    for name in _NAMES:
+        names = header.get(name, ())
+        if not isinstance(names, list | tuple) or not all(isinstance(each, str) for each in names):
+            raise TypeError(f"a list of names is allowed, not {names!r:.60}")
+        arrays[name] = np.array(names, dtype=np.str_)
+    arrays["provenance"] = np.array(npz.json_text(header["provenance"]))
+    if header.get("rayleigh") is not None:
+        alpha, beta = header["rayleigh"]
+        arrays |= {"rayleigh.alpha": np.array(alpha), "rayleigh.beta": np.array(beta)}
+    return arrays
 
 
 def satisfied_rows(C: PPoly, tolerance: float = 1e-10, least: float = 0.0) -> list[int]:

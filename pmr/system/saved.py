@@ -12,7 +12,7 @@ the file is pickled.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from os.path import isfile
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from pmr.files import npz
 from pmr.system import stored
 from pmr.system.contacts import ALONE, Contact
 from pmr.system.reduced_model import FORMAT as ONE_BODY
-from pmr.system.reduced_model import READING, ReducedModel, check_version
+from pmr.system.reduced_model import READING, ReducedModel
 from pmr.system.soundness import describe_names
 from pmr.system.terms import Term
 
@@ -58,14 +58,19 @@ class _TermHeader:
 
 @dataclass(frozen=True)
 class _Header:
-    """Header of a file, without its format and version."""
+    """Header of version 6.
+
+    Version 5 stores all arrays of bodies.  Version 4 has no contacts that bear the forces of others and no lengthening
+    ropes.  Version 3 stores all arrays of the models in ``on_modes``.  Version 2 has no such models, and version 1 has
+    no terms either.
+    """
 
     bodies: tuple[str, ...]
     contacts: tuple[Contact, ...]
     provenance: dict[str, Any]
-    terms: tuple[_TermHeader, ...]
-    on_modes: tuple[str, ...]
-    same: Mapping[str, str]  # name of an array that is not stored: name of an equal one
+    terms: tuple[_TermHeader, ...] = ()
+    on_modes: tuple[str, ...] = ()
+    same: Mapping[str, str] = field(default_factory=dict)  # name of an array that is not stored: name of an equal one
 
 
 _HEADER = TypeAdapter(_Header)
@@ -111,12 +116,13 @@ def read(path: Path) -> StoredSystem | ReducedModel:
         allowed = f"{missing_file_reason(path)}; `pmr run` writes system.npz, or reduced.npz of one body"
         raise InputError(str(path), "", None, allowed)
     try:
-        header = npz.pop_header(npz.read(path, *ROOM, only={npz.HEADER}))
+        header = npz.pop_header(npz.read(path, *ROOM, only={npz.HEADER, npz.OLD_HEADER}))
         if header["format"] == ONE_BODY:
             return ReducedModel.load(path)
         if header["format"] != FORMAT:
             raise InputError(str(path), "format", header["format"], f"{FORMAT!r} or {ONE_BODY!r} is allowed")
-        check_version(str(path), header["version"], FORMAT_VERSION)
+        if int(header["version"]) > FORMAT_VERSION:
+            raise InputError(str(path), "version", header["version"], f"at most {FORMAT_VERSION} can be read")
         file_header = _HEADER.validate_python(
             {field.name: header[field.name] for field in fields(_Header) if field.name in header}
         )

@@ -4,6 +4,8 @@ The arrays are those of `pmr.files.npz`, with two exceptions.  If a table over t
 carriers, as :math:`C = b\, (U V)` and :math:`G = b\, R\, b^T` do (`pmr.system.rows`), only its breaks are stored, not
 its coefficients.  For a symmetric matrix between carriers, or between vectors, only the lower triangle is stored, row
 by row, as ``name.triangle``; for an antisymmetric matrix, as ``name.antitriangle``.
+
+Files of earlier versions store all arrays in full, and are read as they are.
 """
 
 from __future__ import annotations

@@ -13,9 +13,9 @@ import pytest
 from processes import FENICSX, PETSC, called, without
 
 import pmr
-from pmr import InputError, ReducedModel, System
+from pmr import InputError, System
 from pmr.compare.simulated import check_scene_fits
-from pmr.compare.summary import simulate_saved
+from pmr.compare.summary import EARLIER, simulate_saved
 from pmr.system.assembly import Assembly
 
 pytestmark = pytest.mark.slow  # a boom is run
@@ -89,6 +89,18 @@ def test_errors_with_second_order_are_estimated_too() -> None:
     same_estimates(found.summary, outcome.result.summary)
 
 
+def test_of_a_file_of_an_earlier_version_errors_are_not_estimated(folder: Path, tmp_path: Path) -> None:
+    with np.load(folder / "system.npz") as data:
+        arrays = {name: array for name, array in data.items() if not name.startswith("on_modes.")}
+    header = json.loads(str(arrays["header"]))
+    del header["on_modes"]
+    arrays["header"] = np.array(json.dumps(header | {"version": 2}))
+    np.savez(tmp_path / "system.npz", **arrays)
+    scene = pmr.load_scene("boom_two", SHORT)
+    found = simulate_saved(System.load(tmp_path / "system.npz"), scene).summary["estimate"]
+    assert found["beam"] is None and found["reason"] == EARLIER
+
+
 def test_under_another_scene_it_is_the_run_of_that_scene(system: System) -> None:
     """The run makes sections of its own, on another stretch."""
     scene = pmr.load_scene("boom_two", [*SHORT, *OTHER])
@@ -136,13 +148,14 @@ def test_a_system_without_second_order_is_refused_to_a_scene_that_asks_for_it() 
     assert refused.value.allowed == "false is allowed: the system was reduced so"
 
 
-def test_another_boom_or_a_body_alone_is_refused(system: System, reduced: ReducedModel) -> None:
+def test_another_boom_or_a_body_alone_is_refused(system: System, folder: Path) -> None:
     with pytest.raises(InputError, match=r"sections = \['base', 'middle', 'fly'\]: the sections of the system "):
         pmr.simulate(pmr.load_scene("boom_three"), system)
     with pytest.raises(InputError, match=r"sections = \[\]: the sections of the system are allowed: base, fly"):
         pmr.simulate(pmr.load_scene("boom_beam"), system)
+    alone = System.load(Path(__file__).parents[1] / "files" / "earlier" / "reduced.npz")
     with pytest.raises(InputError, match="a scene of one body is allowed"):
-        pmr.simulate(pmr.load_scene("boom_two"), System.of(reduced))
+        pmr.simulate(pmr.load_scene("boom_two"), alone)
 
 
 def test_an_extension_beyond_the_systems_rows_is_refused(folder: Path, tmp_path: Path, monkeypatch, capsys) -> None:

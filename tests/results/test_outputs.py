@@ -73,7 +73,7 @@ def test_units_places_and_directions_stand_beside_kinds(response: Response) -> N
 
 
 class Model:
-    """What has outputs, without kinds."""
+    """What has outputs, of an earlier version."""
 
     output_positions = np.arange(5.0)
     output_names = ("z at 1 m", "tip z", "force of pad", "tip ry", "weld stress along")
@@ -82,7 +82,9 @@ class Model:
 
 
 def test_kinds_decide_what_a_model_s_outputs_are() -> None:
-    bare, new = Model(), Model()
+    old, new, bare = Model(), Model(), Model()
+    assert kinds_of(old) == ("beam z", "tip z", "pad", "probe", "probe")
+    bare.output_names = bare.output_units = ()
     assert kinds_of(bare) == ("beam z",) * 4 + ("tip z",)
     new.output_kinds = ("probe z", "tip z", "support", "probe ry", "probe")  # a probe may be in m
     assert length_outputs(new).tolist() == [False, True, False, False, False]

@@ -160,6 +160,10 @@ def test_a_model_that_no_structure_has_is_refused(model: ReducedModel, tmp_path:
         {"version": "four"},
         {"version": 1e400},
         {"version": 4},
+        {"version": 4, "row_names": "ab", "provenance": {}},
+        {"version": 4, "row_names": [1, 2], "provenance": {}},
+        {"version": 4, "input_names": None, "provenance": {}},
+        {"version": 4, "provenance": []},
     ],
     ids=repr,
 )

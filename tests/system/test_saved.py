@@ -32,6 +32,8 @@ from pmr.scene.structures import Plate, ShellBody
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact, Place
 
+EARLIER = Path(__file__).parents[1] / "files" / "earlier" / "reduced.npz"
+
 
 @pytest.fixture(scope="module")
 def system() -> System:
@@ -63,10 +65,9 @@ def test_what_two_models_of_a_body_have_in_common_stands_in_the_file_once(system
         assert [name for name in data if name.startswith("on_modes")] == ["on_modes.0.M"]
 
 
-def test_the_file_of_one_body_is_that_of_a_body_alone(reduced: ReducedModel, tmp_path: Path) -> None:
-    """Saved as a system it is the same."""
-    file = reduced.save(tmp_path / "reduced.npz")
-    model, system = ReducedModel.load(file), System.load(file)
+def test_the_file_of_one_body_is_that_of_a_body_alone(tmp_path: Path) -> None:
+    """Of an earlier version, too, and saved as a system it is the same."""
+    model, system = ReducedModel.load(EARLIER), System.load(EARLIER)
     s = np.linspace(*model.domain, 5)
     assert list(system.bodies) == [""] and system.input_names == model.input_names and system.paths == ("slider",)
     again = System.load(system.save(tmp_path / "system.npz"))
@@ -99,7 +100,6 @@ FORGED: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "no header": (lambda arrays: arrays.pop("header"), "no header"),
     "another format": (changed(lambda header: header | {"format": "abc"}), "format = 'abc'"),
     "later": (changed(lambda header: header | {"version": 99}), "version = 99"),
-    "earlier": (changed(lambda header: header | {"version": 5}), "version = 5: 6 is allowed"),
     "a header that is a list": (changed(lambda header: [header]), "not a system"),
     "no contacts": (changed(lambda header: header.pop("contacts") and None), "contacts"),
     "contacts that are none": (changed(lambda header: header | {"contacts": [1]}), "contacts.0"),

@@ -1,7 +1,8 @@
-"""A model's file: nothing stands twice in it, what is read is what was written, and damage is refused in one line."""
+"""A model's file: nothing stands twice in it, what is read is what was written, and files of version 5 are read."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,6 +63,22 @@ def test_tables_that_are_no_products_are_kept(model: ReducedModel, tmp_path: Pat
     with np.load(other.save(tmp_path / "m.npz")) as data:
         assert "flexibility.rows.coefficients" in data and "flexibility.inputs.coefficients" not in data
     same(ReducedModel.load(tmp_path / "m.npz"), other)
+
+
+def test_a_file_of_version_5_is_read(model: ReducedModel, tmp_path: Path) -> None:
+    """It has all arrays, and may have more carriers than coordinates: here twice as many."""
+    carriers = model.carriers
+    assert carriers is not None and carriers.flexibility is not None
+    known, S = carriers.flexibility, np.kron(np.eye(len(carriers.values)), [[1.0], [0.5]])
+    twice = replace(known, rows=S @ known.rows @ S.T, inputs=S @ known.inputs, outputs=known.outputs @ S.T)
+    touched = {k: 2 * numbers for k, numbers in carriers.touched.items()}
+    values, modes = S @ carriers.values, S @ carriers.enrichment
+    old = replace(carriers, values=values, touched=touched, enrichment=modes, flexibility=twice, inertia=None)
+    header = {"format": "pmr-reduced-model", "version": 5, "units": "SI"}
+    arrays = npz.record_arrays(replace(model, carriers=old))
+    np.savez(tmp_path / "old.npz", header=np.array(json.dumps(header)), **arrays)
+    same(found := ReducedModel.load(tmp_path / "old.npz"), replace(model, carriers=old))
+    same(ReducedModel.load(found.save(tmp_path / "new.npz")), found)
 
 
 @pytest.mark.parametrize(("kind", "sign"), [("triangle", 1.0), ("antitriangle", -1.0)])

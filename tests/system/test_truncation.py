@@ -123,6 +123,21 @@ def test_a_file_without_them_has_neither(tmp_path: Path) -> None:
     assert loaded.flexibility and loaded.carriers is None and loaded.enrichment is None
 
 
+@pytest.mark.parametrize("kept", [True, False])
+def test_a_file_with_residual_inertia_is_refused_and_one_with_its_tables_alone_is_read(
+    tmp_path: Path, kept: bool
+) -> None:
+    path = enriched(FULL, 5, enrichment=3).save(tmp_path / "m.npz")
+    with np.load(path) as data:
+        old = {name: data[name] for name in data} | {"flexibility.inertia.kept": np.asarray(kept)}
+    np.savez(path, **old, **{"flexibility.inertia.A0.breaks": np.zeros(2)})
+    if not kept:
+        assert ReducedModel.load(path).size == 5
+        return
+    with pytest.raises(InputError, match=r"m\.npz: flexibility\.inertia: .*more coordinates have the same effect"):
+        ReducedModel.load(path)
+
+
 def test_tables_and_enrichment_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     model = enriched(FULL, 5, enrichment=3)
     assert model.flexibility and model.enrichment
