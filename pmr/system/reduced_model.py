@@ -47,11 +47,7 @@ FORMAT_VERSION = 6
 #: Errors that NumPy and this module raise for files with wrong content.
 READING = (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError)
 _NAMES = ("input_names", "row_names", "left_out", "output_names", "output_units")
-_OLD_NAMES = {
-    **{"rows_": "rows.", "inertia.": "flexibility.inertia."},
-    **{f"companions.{part}": f"enrichment.rows.{part}" for part in ("breaks", "coefficients")},
-    "companions.": "enrichment.",
-}
+_OLD_NAMES = {"rows_": "rows.", "inertia.": "flexibility.inertia.", "companions.": "enrichment."}
 
 
 @dataclass(frozen=True)
@@ -326,6 +322,8 @@ class ReducedModel:
                 allowed = "a model without residual inertia is allowed: more coordinates have the same effect"
                 raise InputError(str(path), "flexibility.inertia", None, allowed)
             model = npz.record_from_arrays(cls, stored.unpack(data))
+            if model.carriers is None:  # of an earlier version: its modes for the estimate need carriers
+                model = replace(model, enrichment=None)
             wrong = model.contradiction()
         except READING as error:
             if isinstance(error, InputError):

@@ -251,20 +251,14 @@ def test_a_reduced_model_of_version_4_is_read(tmp_path: Path) -> None:
     assert model.provenance == {"scene_hash": "abc"} and np.array_equal(model.K, np.diag([1.0, 4.0]))
     assert model.pads == [1e-6] and model.clearance == [2e-3] and model.rayleigh and model.rayleigh.alpha == 0.1
     assert np.array_equal(model.rows.c, np.arange(8.0).reshape(2, 2, 1, 2)) and model.domain == (0.0, 2.5)
-    assert model.flexibility and model.enrichment
+    assert model.flexibility and model.enrichment is None  # its modes would need carriers
     assert np.array_equal(model.flexibility.inputs.c[:, :, 0, 0], [[3.0, 4.0], [5.0, 6.0]])
-    assert np.array_equal(model.enrichment.rows.c[:, :, 0, 0], [[7.0, 8.0], [9.0, 10.0]])
-    assert model.enrichment.stiffness == [9.0] and np.array_equal(model.enrichment.outputs, [[1.0], [2.0]])
 
 
-def test_fields_and_results_of_version_1_are_read_and_checkpoints_refused() -> None:
+def test_fields_of_version_1_are_read_and_checkpoints_refused() -> None:
     fields = Fields.load(EARLIER / "fields.npz")
     assert fields.grid.region(0) == "left" and fields.kind == "line" and fields.displacement.dtype == np.float32
     assert np.array_equal(fields.von_mises["top"], [[1.0], [2.0]]) and fields.displacement[1, 1, 2] == 11.0
     with pytest.raises(InputError, match="checkpoint.npz: a checkpoint is allowed, this is none"):
         read_checkpoint(EARLIER / "checkpoint.npz", {"n": 2, "norms": [1.0, 2.0]})
-    stored = Store(EARLIER).read("abc")
-    assert stored.warnings == ("a note",)
-    assert stored.record == {"error": 0.5, "name": "a"}
-    assert np.array_equal(stored.arrays["t"], np.arange(3.0)) and stored.seconds == {"march": 0.1}
-    assert Store(EARLIER).is_sound("abc") and not Store(EARLIER).is_sound("reduced")
+    assert not Store(EARLIER).is_sound("abc")  # results of tasks are computed anew by another version
