@@ -118,7 +118,8 @@ class Fields:
     @classmethod
     def load(cls, file: Path) -> Fields:
         """Return the fields from a file that `save` wrote."""
-        return npz.record_from_arrays(cls, npz.read(file, MOST_EXPANSION, ROOM))
+        data = npz.rename_keys(npz.read(file, MOST_EXPANSION, ROOM), {"region.": "grid.regions."})  # an earlier name
+        return npz.record_from_arrays(cls, data)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pmr.errors import InputError
 from pmr.errors.text import non_finite_remarks, overview
 from pmr.files import npz
 from pmr.files.arrays import Array
@@ -335,11 +336,17 @@ class RunResult:
 
     @classmethod
     def load(cls, folder: Path) -> RunResult:
-        """Return the result from a folder that `save` of this version or of an earlier one wrote."""
+        """Return the result from a folder that `save` of this version or of an earlier one wrote.
+
+        Raises an InputError if the columns of its histories have no kinds, as in results of early checkouts.
+        """
         finish_swap(folder)
         file = folder / "scene.json"
         scene = stored_scene(json.loads(file.read_text(encoding="utf-8")), str(file))
         data = npz.read(folder / "trajectories.npz")
+        if not any(name.endswith(".kinds") for name in data):
+            allowed = "histories whose columns have kinds are allowed: pmr run writes these results anew"
+            raise InputError(str(folder / "trajectories.npz"), "kinds", None, allowed)
         columns = json.loads(str(data["columns"])) if "columns" in data else {}
         simulators = sorted({key.split(".")[0] for key in data if key.endswith(".displacement")})
         response = (

@@ -217,7 +217,7 @@ def duty_lines(chart: LoadChart) -> Figure:
         end = int(np.argmax(radius))
         ends.append((f"{np.linalg.norm(chart.place[e, 0]):.3g} m", float(radius[end]), float(shown[end])))
     ax.set_ylim(bottom=0.0)
-    _label_ends(ax, ends)
+    label_ends(ax, ends)
     entries = [
         Line2D([], [], color=of, linewidth=2.0, label=name)
         for of, name in zip(chart.colours.values(), names, strict=False)
@@ -228,7 +228,7 @@ def duty_lines(chart: LoadChart) -> Figure:
     return figure
 
 
-def _label_ends(ax: Axes, ends: Sequence[tuple[str, float, float]]) -> None:
+def label_ends(ax: Axes, ends: Sequence[tuple[str, float, float]]) -> None:
     """Write labels above the ends of lines, each as low as no label before it is covered, with a thin line to its end.
 
     Each of `ends` is a label with the radius in m and the load in kg at which its line ends.
@@ -237,8 +237,9 @@ def _label_ends(ax: Axes, ends: Sequence[tuple[str, float, float]]) -> None:
     for text, radius, load in ends:
         x, low = ax.transData.transform((radius, load)) * 72.0 / ax.figure.dpi
         y = low + LABEL_DISTANCE
-        while near := [up for at, up in taken if abs(at - x) < LABEL_WIDTH and abs(up - y) < LABEL_HEIGHT]:
-            y = max(near) + LABEL_HEIGHT
+        for up in sorted(up for at, up in taken if abs(at - x) < LABEL_WIDTH):
+            if abs(up - y) < LABEL_HEIGHT:
+                y = up + LABEL_HEIGHT
         taken.append((x, y))
         ax.annotate(
             text,

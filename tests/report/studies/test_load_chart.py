@@ -8,9 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from pmr.report.figures.canvas import style
-from pmr.report.figures.load_chart import NOT_PERMITTED, BentBoom, LoadChart, bent_boom, duty_lines, load_chart
+from pmr.report.figures.load_chart import (
+    NOT_PERMITTED,
+    BentBoom,
+    LoadChart,
+    bent_boom,
+    duty_lines,
+    label_ends,
+    load_chart,
+)
 from pmr.report.studies.chart import _duty_grids, build_chapter
 from pmr.report.studies.chart_words import (
     NO_WALLS,
@@ -173,3 +182,15 @@ def test_lines_of_duty_have_length_and_letter_and_end_where_the_tip_does() -> No
     assert np.allclose(beyond, [[place[0, 2, 0], 2000.0]])
     more = "more than 2000 kg (search ends there)"
     assert [text.get_text() for text in ax.figure.legends[0].get_texts()] == ["A tip", "B pads", more]
+
+
+def test_labels_above_ends_of_lines_keep_their_distance() -> None:
+    """Also where rounding makes a label that was moved a little too near to the one below: it moved on for ever."""
+    axes = Figure(figsize=(6.0, 3.0)).add_subplot()
+    axes.set(xlim=(0.0, 15.0), ylim=(0.0, 1e4))
+    loads = np.random.default_rng(5).uniform(0.0, 1e4, 200)
+    label_ends(axes, [("15 m", 10.0, load) for load in loads.tolist()])
+    figure = axes.figure
+    assert isinstance(figure, Figure)
+    up = np.sort([axes.transData.transform(of.xy)[1] * 72.0 / figure.dpi + of.xyann[1] for of in axes.texts])
+    assert np.diff(up).min() > 9.999
