@@ -53,9 +53,9 @@ from pmr.errors import GrowthError, SimulationError
 from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.results.quantities import with_unit
-from pmr.scene.keys import ALONE, qualified_name
+from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
-from pmr.simulation.reactions import column_names
+from pmr.simulation.reactions import outputs_of
 from pmr.system.attachment import LEFT_OUT, with_attachment_modes
 from pmr.system.body import Trajectory, length_outputs
 from pmr.system.polynomials import evaluate, select_columns
@@ -299,8 +299,7 @@ def _errors_by_section(system: System, displacement: Array, better: Array) -> di
 
 def _probes(system: System) -> list[str]:
     """Names of the probes of all bodies, in the order of the probes in `Outputs`."""
-    bodies = system.bodies.items()
-    return [qualified_name(name, probe) for name, body in bodies for probe in column_names(body).other_outputs]
+    return [output.name for output in outputs_of(system) if not (output.is_displacement or output.is_force)]
 
 
 def estimate_by_other_model(system: System, reference: ReducedModel, excitation: Excitation) -> Estimate:

@@ -17,14 +17,14 @@ from pmr.results.response import LUFFING_ANGLE, Output
 from pmr.scene import Scene
 from pmr.scene.built import force_name, friction_name, reaction_name
 from pmr.scene.hoist import KINDS, OUTPUTS
-from pmr.scene.keys import ALONE, LUFFING_CYLINDER, qualified_name
+from pmr.scene.keys import ALONE, LUFFING_CYLINDER
 from pmr.simulation.balance import load_potential, row_blocks
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
 from pmr.simulation.native import systems
 from pmr.simulation.native.extension import ACCELERATION, CYLINDER_UNITS, STOP, column_name
-from pmr.simulation.reactions import column_names, with_row_multipliers, with_support_reactions
+from pmr.simulation.reactions import outputs_of, with_row_multipliers, with_support_reactions
 from pmr.simulation.stepping import SimulationEnd
-from pmr.system.body import SlidingBody, Trajectory, clear_rates_without_inertia, force_outputs, length_outputs
+from pmr.system.body import SlidingBody, Trajectory, clear_rates_without_inertia
 from pmr.system.contacts import Contact, Friction
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import BodySystem, System
@@ -172,46 +172,36 @@ def hoist_outputs(system: BodySystem[Any]) -> list[Output]:
 
 def response_to_motion(system: BodySystem[Any], t: Array, motion: MotionOutputs) -> Response:
     """Response to any simulator's motion at the times t (T,) in s; its solver time and residuals are set to NaN."""
-    displacements, springs, other_outputs = list[Array](), list[Array](), list[Array]()
-    other_names, other_units = list[str](), list[str]()
-    x, names, force_names = list[Array](), list[str](), list[str]()
-    kinds: tuple[list[str], list[str], list[str]] = ([], [], [])  # of displacements, of forces, and of other outputs
-    of_bodies: tuple[list[str], list[str], list[str]] = ([], [], [])
-    for name, body in system.bodies.items():
-        of, y = column_names(body), motion.outputs[name]
-        displacements.append(y[:, length_outputs(body)])
-        springs.append(y[:, force_outputs(body)])
-        other_outputs.append(y[:, ~(length_outputs(body) | force_outputs(body))])
-        other_names += [qualified_name(name, output) for output in of.other_outputs]
-        other_units += of.other_units
-        x.append(body.output_positions[length_outputs(body)])
-        names += [qualified_name(name, output) for output in of.displacements]
-        force_names += [qualified_name(name, output) for output in of.forces]
-        for columns, bodies, output_kinds in zip(kinds, of_bodies, of.kinds, strict=True):
-            columns += output_kinds
-            bodies += [name] * len(output_kinds)
-    contacts = output_contacts(system)
-    kinds[1].extend(system.contacts[k].kind for k in contacts)
-    of_bodies[1].extend(system.contacts[k].inner.body for k in contacts)
+    outputs, contacts = outputs_of(system), output_contacts(system)
+    y = np.hstack([motion.outputs[name] for name in system.bodies])
+    x = np.concatenate([body.output_positions for body in system.bodies.values()])
+    lengths = [k for k, output in enumerate(outputs) if output.is_displacement]
+    springs = [k for k, output in enumerate(outputs) if output.is_force]
+    others = [k for k, output in enumerate(outputs) if not (output.is_displacement or output.is_force)]
+    joined = [system.contacts[k] for k in contacts]
+    shown = [outputs[k] for k in [*lengths, *springs]]
+    shown += [Output(force_name(contact.name), contact.kind, contact.inner.body, unit="N") for contact in joined]
+    shown += [outputs[k] for k in others]
+    names, forces = tuple(output.name for output in shown), len(lengths) + len(springs) + len(contacts)
     not_known = np.full(len(t), np.nan)
     return Response(
         t=t,
-        x=np.concatenate(x),
-        displacement=np.hstack(displacements),
+        x=x[lengths],
+        displacement=y[:, lengths],
         energy=motion.energy,
-        slider_force=np.hstack([*springs, motion.forces[:, contacts]]),
+        slider_force=np.hstack([y[:, springs], motion.forces[:, contacts]]),
         residual_position=not_known,
         residual_velocity=not_known,
         seconds=np.nan,
-        output_names=tuple(names),
-        output_units=("m",) * len(names),
-        force_names=(*force_names, *(force_name(system.contact_names[k]) for k in contacts)),
-        force_peaks=None if motion.peaks is None else np.hstack([*springs, motion.peaks[:, contacts]]),
-        others=np.hstack(other_outputs) if other_names else None,
-        other_names=tuple(other_names),
-        other_units=tuple(other_units),
-        kinds=tuple(kind for group in kinds for kind in group),
-        bodies=tuple(body for group in of_bodies for body in group),
+        output_names=names[: len(lengths)],
+        output_units=("m",) * len(lengths),
+        force_names=names[len(lengths) : forces],
+        force_peaks=None if motion.peaks is None else np.hstack([y[:, springs], motion.peaks[:, contacts]]),
+        others=y[:, others] if others else None,
+        other_names=names[forces:],
+        other_units=tuple(output.unit for output in shown[forces:]),
+        kinds=tuple(output.text for output in shown),
+        bodies=tuple(output.body for output in shown),
     )
 
 

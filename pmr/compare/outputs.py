@@ -27,7 +27,7 @@ from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.contact_step import contact_frequency, with_schedule
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.reactions import column_names, is_reaction
+from pmr.simulation.reactions import is_reaction, outputs_of
 from pmr.system.body import force_outputs, length_outputs, other_outputs
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
@@ -256,7 +256,7 @@ def force_kinds_of_system(system: System) -> tuple[str, ...]:
 
     For a single body all kinds are ``pad_force``.
     """
-    springs = [kind for body in system.bodies.values() for kind in column_names(body).kinds[1]]
+    springs = [output.text for output in outputs_of(system) if output.is_force]
     kinds = [*springs, *(system.contacts[k].kind for k in output_contacts(system))]
     return tuple("pad_force" if ALONE in system.bodies else f"{kind}_force" for kind in kinds)
 
@@ -264,8 +264,8 @@ def force_kinds_of_system(system: System) -> tuple[str, ...]:
 def tip_columns(system: System) -> list[int]:
     """Numbers of the displacements, among those of all bodies, that belong to the tip of the last body."""
     last = list(system.bodies)[-1]
-    kinds = [(name, kind) for name, body in system.bodies.items() for kind in column_names(body).kinds[0]]
-    return [k for k, (name, kind) in enumerate(kinds) if name == last and kind.split(" ")[0] == "tip"]
+    displacements = [output for output in outputs_of(system) if output.is_displacement]
+    return [k for k, output in enumerate(displacements) if output.body == last and output.kind == "tip"]
 
 
 def tip_names(boom: Scene) -> set[str]:

@@ -32,9 +32,8 @@ from pmr.scene.keys import ALONE, qualified_name
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.reactions import column_names
 from pmr.simulation.stepping import describe_lost_features
-from pmr.system.body import length_outputs, other_outputs
+from pmr.system.body import length_outputs, names_of, other_outputs
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
 from pmr.system.system import System
@@ -144,8 +143,9 @@ class Trials:
         """Name of each displacement output and its position along its body in m."""
         positions = list[tuple[str, float]]()
         for name, body in self._wholes.items():
-            names = [qualified_name(name, output) for output in column_names(body).displacements]
-            positions += zip(names, body.output_positions[length_outputs(body)].tolist(), strict=True)
+            names = [qualified_name(name, output) for output in names_of(body)]
+            places = zip(names, body.output_positions.tolist(), length_outputs(body), strict=True)
+            positions += [(output, x) for output, x, is_length in places if is_length]
         return positions
 
     def fewest_steps(self, every: float | None = None) -> int:

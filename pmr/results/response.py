@@ -46,6 +46,16 @@ class Output:
         """Whether the column is the force of a contact or of an elastic support."""
         return self.kind in FORCES
 
+    @property
+    def is_displacement(self) -> bool:
+        """Whether the column is a displacement of the beam or of its tip."""
+        return self.kind in ("beam", "tip")
+
+    @property
+    def text(self) -> str:
+        """The kind and, after a space, the direction, if there is one: what `from_text` takes."""
+        return f"{self.kind} {self.direction}".rstrip()
+
     @classmethod
     def from_text(cls, name: str, kind: str, body: str, place: float | None, unit: str) -> Output:
         """Return an output from texts; `kind` holds the kind and, after a space, the direction, such as ``"tip z"``."""

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from pmr.files.arrays import Array
 from pmr.results import Energy, Response
-from pmr.results.response import FORCES, Output
+from pmr.results.response import Output
 from pmr.scene import Scene
 from pmr.scene.built import force_name
 from pmr.scene.frame import BaseMotion
@@ -26,13 +26,11 @@ from pmr.scene.keys import SLIDER
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.frame import term_signals
-from pmr.simulation.reactions import is_reaction, with_forces_at_pivot, with_support_reactions
+from pmr.simulation.reactions import is_reaction, outputs_of, with_forces_at_pivot, with_support_reactions
 from pmr.system.assembly import Assembly
-from pmr.system.body import Trajectory, kinds_of, names_of, units_of
+from pmr.system.body import Trajectory
 from pmr.system.contact_rows import ContactRows
-from pmr.system.contacts import qualified_name
 from pmr.system.states import SystemTrajectory
-from pmr.system.system import System
 
 #: Number of angles among which the steepest angle is searched.
 ANGLES = 1001
@@ -235,7 +233,7 @@ def _response_at_rest(
         t, bodies, forces, forces, loads, none, none, 0.0, np.nan, amplitudes=c if system.terms else None
     )
     outputs = outputs_of(system)
-    springs = [k for k, output in enumerate(outputs) if output.kind in FORCES]
+    springs = [k for k, output in enumerate(outputs) if output.is_force]
     held = [k for k, contact in enumerate(system.contacts) if not is_reaction(contact)]
     shown = [outputs[k] for k in springs]
     shown += [Output(force_name(c.name), c.kind, c.inner.body, unit="N") for c in (system.contacts[k] for k in held)]
@@ -254,12 +252,3 @@ def _response_at_rest(
         bodies=tuple(force.body for force in shown),
     )
     return with_forces_at_pivot(scene, with_support_reactions(response, system, trajectory))
-
-
-def outputs_of(system: System) -> list[Output]:
-    """Outputs of all bodies of a system, one body after the other, each with the first word of its kind."""
-    return [
-        Output(qualified_name(name, label), kind.partition(" ")[0], name, unit=unit)
-        for name, body in system.bodies.items()
-        for label, kind, unit in zip(names_of(body), kinds_of(body), units_of(body), strict=True)
-    ]

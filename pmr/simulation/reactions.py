@@ -28,7 +28,8 @@ against tipping that follow from force and moment (src/ground.c).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -56,21 +57,17 @@ from pmr.scene.signals import Constant
 from pmr.simulation.frame import base_accelerations
 from pmr.simulation.modal import forces_without_rows, inertia_share, support_forces
 from pmr.system.body import (
-    BodyWithOutputs,
     FullBody,
     SlidingBody,
     Trajectory,
-    force_outputs,
     kinds_of,
-    length_outputs,
     names_of,
-    other_outputs,
     units_of,
 )
 from pmr.system.contacts import Contact, qualified_name
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import SystemTrajectory
-from pmr.system.system import System
+from pmr.system.system import BodySystem, System
 
 Supports = Sequence[tuple[str, str]]  # names and units of rigid supports
 
@@ -300,27 +297,10 @@ def with_ground_forces(scene: Scene, response: Response) -> Response:
     return response.with_others(Stand.of_ground(scene.frame.ground).columns(total), outputs_of_ground(scene))
 
 
-@dataclass(frozen=True)
-class ColumnNames:
-    """Names, units and kinds of the columns of a response: outputs in m, outputs in N, all other outputs."""
-
-    displacements: tuple[str, ...]  # names of the outputs in m
-    forces: tuple[str, ...]  # names of the outputs in N
-    # names of all other outputs, and their units
-    other_outputs: tuple[str, ...]
-    other_units: tuple[str, ...]
-    # kind and direction of each output, as in `Response.kinds`: of `displacements`, of `forces`, of `other_outputs`
-    kinds: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]
-
-
-def column_names(body: BodyWithOutputs) -> ColumnNames:
-    """Names of all outputs of a body, displacements and forces among them, with units and kinds of the others."""
-    kinds, names, units = (np.array(of(body), dtype=object) for of in (kinds_of, names_of, units_of))
-    lengths, forces, other = length_outputs(body), force_outputs(body), other_outputs(body)
-    return ColumnNames(
-        displacements=tuple(names[lengths]),
-        forces=tuple(names[forces]),
-        other_outputs=tuple(names[other]),
-        other_units=tuple(units[other]),
-        kinds=(tuple(kinds[lengths]), tuple(kinds[forces]), tuple(kinds[other])),
-    )
+def outputs_of(system: BodySystem[Any]) -> list[Output]:
+    """Outputs of all bodies of a system, one body after the other."""
+    return [
+        Output.from_text(qualified_name(name, label), kind, name, None, unit)
+        for name, body in system.bodies.items()
+        for label, kind, unit in zip(names_of(body), kinds_of(body), units_of(body), strict=True)
+    ]

@@ -26,13 +26,12 @@ from pmr.simulation.at_rest import (
     RestRows,
     accelerate_angle,
     constant_inclination,
-    outputs_of,
     rest_rows,
     scene_at_rest,
 )
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.frame_motion import FrameRotation
-from pmr.simulation.reactions import machine_wrench, outputs_of_ground
+from pmr.simulation.reactions import machine_wrench, outputs_of, outputs_of_ground
 from pmr.simulation.statics.loaded import Equations
 from pmr.system.assembly import Assembly
 from pmr.system.body import kinds_of
