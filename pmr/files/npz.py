@@ -77,11 +77,6 @@ LONGEST_HEADER = 10_000  # largest size of the header of one array in bytes
 WORTH, SAMPLE = 0.2, 8192
 #: Largest size of a model's arrays as a multiple of the size of its file, and size in bytes that is always allowed.
 MOST_EXPANSION, ROOM = 100.0, 2**24
-#: Functions that read the header of an array, by the version of the header.
-_READ_HEADER: Mapping[tuple[int, int], Any] = {
-    (1, 0): np.lib.format.read_array_header_1_0,
-    (2, 0): np.lib.format.read_array_header_2_0,
-}
 _KINDS = "biufU"  # kinds of arrays that are read: numbers and text, neither objects (pickles) nor records
 _DAMAGE = (
     *(OSError, EOFError, KeyError, TypeError, ValueError, OverflowError, RecursionError, MemoryError),
@@ -209,22 +204,13 @@ def _read_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]
     """
     if info.filename == OLD_HEADER:
         return np.array(archive.read(info).decode())
-    member: Any = archive.open(info)
-    with member as stream:
-        version = np.lib.format.read_magic(stream)
-        if version not in _READ_HEADER:
-            raise DamagedError(f"arrays of version {version} are not known")
-        shape, fortran, dtype = _READ_HEADER[version](stream, max_header_size=LONGEST_HEADER)
-        count = math.prod(shape)
-        if dtype.kind not in _KINDS or dtype.itemsize == 0:
-            raise DamagedError(f"{info.filename} holds {dtype}, numbers and text are allowed")
-        if count * dtype.itemsize != info.file_size - stream.tell():
-            raise DamagedError(f"{info.filename} claims the shape {shape}, which is not what it holds")
-        flat = np.empty(count, dtype)
-        room = memoryview(flat.view(np.uint8).data)
-        if stream.readinto(room) < len(room) or stream.read(1):  # at its end the checksum is compared
-            raise DamagedError(f"{info.filename} is shorter or longer than it claims to be")
-    return flat.reshape(shape, order="F" if fortran else "C")
+    with archive.open(info) as stream:
+        array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False, max_header_size=LONGEST_HEADER)
+        if array.dtype.kind not in _KINDS or array.dtype.itemsize == 0:
+            raise DamagedError(f"{info.filename} holds {array.dtype}, numbers and text are allowed")
+        if stream.read(1):  # at its end the checksum is compared
+            raise DamagedError(f"{info.filename} is longer than it claims to be")
+    return array
 
 
 def record_arrays(record: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
