@@ -27,6 +27,7 @@ A field that is not in a file gets its default value, so files of earlier versio
 
 from __future__ import annotations
 
+import hashlib
 import json
 import logging
 import math
@@ -35,6 +36,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from pathlib import Path
@@ -46,7 +48,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
 from pmr.files import npz
-from pmr.files.whole import replacement_file
+from pmr.files.whole import NotWrittenError, replacement_file, user_cache_folder
 
 T = TypeVar("T")
 _log = logging.getLogger(__name__)
@@ -158,6 +160,25 @@ def store(file: Path, arrays: Mapping[str, ArrayLike]) -> None:
     write(file, arrays, STORED)
 
 
+def stored_or_computed(
+    kind: str, request: str, compute: Callable[[], Mapping[str, NDArray[Any]]]
+) -> Mapping[str, NDArray[Any]]:
+    """Return the arrays by name that `compute` returns, which later runs read from a file in the user's cache folder.
+
+    The file's name begins with `kind`.  The text `request` decides what is computed: all inputs and the code.
+    """
+    folder = user_cache_folder()
+    if folder is None:
+        return compute()
+    file = folder / f"{kind}-{hashlib.blake2b(request.encode(), digest_size=12).hexdigest()}.npz"
+    arrays: Mapping[str, NDArray[Any]] | None = read_stored(file)
+    if arrays is None:
+        arrays = compute()
+        with suppress(NotWrittenError):  # a disk without room stores nothing
+            store(file, arrays)
+    return arrays
+
+
 def _is_worth_compressing(array: NDArray[Any]) -> bool:
     """Whether compression of the first `SAMPLE` entries of an array saves at least the share `WORTH` of their bytes."""
     sample = array.ravel()[:SAMPLE].tobytes()
@@ -205,7 +226,8 @@ def _read_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]
     if info.filename == OLD_HEADER:
         return np.array(archive.read(info).decode())
     with archive.open(info) as stream:
-        array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False, max_header_size=LONGEST_HEADER)
+        read_array: Any = np.lib.format.read_array  # NumPy 1.24 does not declare the size that it takes
+        array: NDArray[Any] = read_array(stream, allow_pickle=False, max_header_size=LONGEST_HEADER)
         if array.dtype.kind not in _KINDS or array.dtype.itemsize == 0:
             raise DamagedError(f"{info.filename} holds {array.dtype}, numbers and text are allowed")
         if stream.read(1):  # at its end the checksum is compared

@@ -90,16 +90,6 @@ class Pad:
     clearance: float = 0.0  # m: gap between a unilateral pad and the undeformed body
     travel: tuple[float, float] | None = None  # m: smallest and largest s of this moving pad; None: of `Pads`
 
-    def __post_init__(self) -> None:
-        for key in ("length", "width", "stiffness"):
-            if not getattr(self, key) > 0.0:
-                raise InputError("scene", f"pads.{self.name}.{key}", getattr(self, key), "more than 0 is allowed")
-        if not 0.0 <= self.clearance < np.inf:
-            raise InputError("scene", f"pads.{self.name}.clearance", self.clearance, "a length from 0 on is allowed")
-        if self.clearance > 0.0 and not self.unilateral:
-            allowed = "only a pad with unilateral = true may have one: a pad that holds both ways is always in contact"
-            raise InputError("scene", f"pads.{self.name}.clearance", self.clearance, allowed)
-
     @property
     def gap(self) -> float | None:
         """Clearance in m of a pad that only pushes; None for a pad that holds both ways."""
@@ -147,16 +137,6 @@ class Pads:
         """Compliance in m/N of the wall under a pad, for its own force at the path coordinate s (m); 0 if rigid."""
         centre = next((moving.at for moving in self.moving if moving.name == pad), 0.0)
         return self.walls.compliance_under(pad, s + centre)
-
-    def __post_init__(self) -> None:
-        low, high = self.travel
-        if not low < high:
-            raise InputError("scene", "pads.travel", self.travel, "two places in m are allowed, the smaller one first")
-        pads = [pad.name for pad in (*self.fixed, *self.moving)]
-        names = [*pads, *(support.name for support in self.supports), *(slider.name for slider in self.sliders)]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise InputError("scene", "pads", twice[0], "names that differ are allowed")
 
 
 @dataclass(frozen=True)

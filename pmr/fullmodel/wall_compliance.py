@@ -12,11 +12,8 @@ It is computed for pads of one ring and of several, and for the mean motion of a
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -30,7 +27,6 @@ from pmr.fem.distributed import free_objects, gather
 from pmr.fem.factor import BLOCK, factor_for_columns
 from pmr.files import npz
 from pmr.files.arrays import Array
-from pmr.files.whole import NotWrittenError, user_cache_folder
 from pmr.fullmodel.pads import Pad, under_pad
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Clamp, Structure, couple
@@ -85,7 +81,6 @@ class SlidingCompliance:
     standing: Array  # (p, k, m) m/N: between sliding pads and fixed pads and ends
 
 
-@lru_cache(maxsize=8)
 def wall_compliance(
     body: PlateBody, standing: tuple[Pad, ...], ends: tuple[tuple[str, str], ...], rings: tuple[Ring, ...]
 ) -> tuple[Array, list[SlidingCompliance]]:
@@ -96,20 +91,18 @@ def wall_compliance(
 
     Raises an `InputError` if a pad leaves its face.
     """
-    request = repr((body, standing, ends, rings, environment.computing_digest()))
-    folder, name = user_cache_folder(), hashlib.blake2b(request.encode(), digest_size=12).hexdigest()
-    file = None if folder is None else folder / f"walls-{name}.npz"
-    if file is not None and (stored := npz.read_stored(file)) is not None:
-        numbers = range(len(rings))
-        return stored["standing"], [npz.record_from_arrays(SlidingCompliance, stored, f"{i}.") for i in numbers]
-    C, sliding = _compute_compliance(body, standing, ends, rings)
-    if file is not None:
+
+    def compute() -> dict[str, Array]:
+        C, sliding = _compute_compliance(body, standing, ends, rings)
         by_name = {"standing": C}
         for i, ring in enumerate(sliding):
             by_name |= npz.record_arrays(ring, f"{i}.")
-        with suppress(NotWrittenError):  # a disk without room stores nothing
-            npz.store(file, by_name)
-    return C, sliding
+        return by_name
+
+    request = repr((body, standing, ends, rings, environment.computing_digest()))
+    stored = npz.stored_or_computed("walls", request, compute)
+    numbers = range(len(rings))
+    return stored["standing"], [npz.record_from_arrays(SlidingCompliance, stored, f"{i}.") for i in numbers]
 
 
 def _compute_compliance(

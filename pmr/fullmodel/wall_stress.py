@@ -5,9 +5,7 @@ A pad presses on its area evenly, so the stress at its edge is finite.  Cells as
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +13,6 @@ import numpy as np
 from pmr.errors import InputError, environment
 from pmr.files import npz
 from pmr.files.arrays import Array
-from pmr.files.whole import NotWrittenError, user_cache_folder
 from pmr.fullmodel.pads import Pad
 from pmr.fullmodel.wall_compliance import MOST_PLACES, HeldModel, PlateBody, shell_of
 from pmr.models.shell import draw_box
@@ -52,16 +49,8 @@ def pad_stress(part: BoomSection, pads: Sequence[Pad]) -> Array:
     placed = [replace(pad, name="pad", at=float(x), stiffness=1.0) for pad, x in zip(pads, at.round(9), strict=True)]
     distinct = tuple(dict.fromkeys(placed))
     request = repr((body, distinct, environment.computing_digest()))
-    folder, name = user_cache_folder(), hashlib.blake2b(request.encode(), digest_size=12).hexdigest()
-    file = None if folder is None else folder / f"wall-stress-{name}.npz"
-    if file is not None and (stored := npz.read_stored(file)) is not None:
-        stress = stored["stress"]
-    else:
-        stress = _largest_stress(body, distinct)
-        if file is not None:
-            with suppress(NotWrittenError):  # a disk without room stores nothing
-                npz.store(file, {"stress": stress})
-    return np.asarray(stress[[distinct.index(pad) for pad in placed]])
+    stored = npz.stored_or_computed("wall-stress", request, lambda: {"stress": _largest_stress(body, distinct)})
+    return np.asarray(stored["stress"][[distinct.index(pad) for pad in placed]])
 
 
 def has_even_walls(part: BoomSection) -> bool:

@@ -16,10 +16,11 @@ from pmr.files.arrays import Array, Indices
 from pmr.files.rigid import DIRECTIONS, rigid_motions
 from pmr.models.trace import Strip, Window
 from pmr.results.field_series import Grid
-from pmr.results.field_stress import ForceRows, StressRows
+from pmr.results.field_stress import StressRows
 
 if TYPE_CHECKING:
     from pmr.fem.compat import Expr, Form, Function, FunctionSpace, Mesh
+    from pmr.models.beam import Beam
 
 
 __all__ = ["DIRECTIONS", "rigid_motions"]
@@ -164,46 +165,6 @@ class FiniteElementModel(StructuralModel, Protocol):
         """The beam cut into `parts` pieces per element; None for a body that is no beam."""
 
 
-class Line(FiniteElementModel, Protocol):
-    """A beam model."""
-
-    @property
-    def node_stations(self) -> Array:
-        """Coordinates (N,) in m of the beam's N nodes along its axis."""
-
-    def station(self, place: str | float) -> float:
-        """Distance of a place from the beam's first end in m; raises an `InputError` if it is not on the beam."""
-
-    def section_forces(self) -> ForceRows:
-        """Section forces at both ends of each element, from the strains there: exact if no load acts between nodes."""
-
-    def end_forces(self) -> sp.csr_matrix:
-        """Rows (P, n) that turn forces on the coordinates at elements' ends into section forces.
-
-        The P rows are in the order of `section_forces`.  Section forces act on the face that looks along x: at the
-        second end of an element they are the forces on its coordinates, at the first end the negative forces.
-        """
-
-    def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        """Stresses in the profile's corners from the section forces at P places; None if there is no profile.
-
-        `element` (P,) is the number of the element of each place.  The rows of the result act on the same coordinates
-        as the rows of `forces`.
-        """
-
-    def line_load(self, direction: str, degree: int) -> sp.csr_matrix:
-        """Row (1, n) of a force per length on the centroids along `direction`: a Legendre polynomial of the length.
-
-        `degree` is that of the polynomial.
-        """
-
-    def bending_load(self, direction: str, gradient: float) -> sp.csr_matrix:
-        """Row (1, n) of the load by an initial strain whose gradient along `direction` is `gradient` in 1/m.
-
-        The strain is zero at the centroid.
-        """
-
-
 @dataclass(frozen=True)
 class Cut:
     """A beam that is cut into p pieces, at its nodes and at equal distances between them.
@@ -211,7 +172,7 @@ class Cut:
     Each piece has coordinates of its own at both ends, c coordinates in all.  `beam` has two nodes at each inner cut.
     """
 
-    beam: Line
+    beam: Beam
     coordinates: sp.csr_matrix  # (c, n): gives the coordinates of the pieces from those of the whole beam
     joined: sp.csr_matrix  # (c, m): gives them from the m coordinates at the cuts between nodes
     element: Indices  # (2 p,): number of the whole beam's element at both ends of each piece
@@ -227,6 +188,6 @@ def is_assembled(model: StructuralModel) -> TypeGuard[FiniteElementModel]:
     return hasattr(model, "forms")
 
 
-def is_beam(model: StructuralModel) -> TypeGuard[Line]:
+def is_beam(model: StructuralModel) -> TypeGuard[Beam]:
     """Whether a model is a beam, with section forces along its axis."""
     return hasattr(model, "section_forces")

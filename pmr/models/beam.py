@@ -24,7 +24,7 @@ import ufl
 from pmr.errors import InputError
 from pmr.fem.compat import MPI, cellwise, create_mesh
 from pmr.files.arrays import Array, Indices
-from pmr.models import DIRECTIONS, Cut, Line, UnitState, rigid_motions
+from pmr.models import DIRECTIONS, Cut, FiniteElementModel, UnitState, rigid_motions
 from pmr.models.meshed import CellValues, cell_values
 from pmr.models.sections_along import SectionsAlong
 from pmr.models.trace import Extent, Plane, Strip, Window, line_points
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 ENDS = {"tail": 0.0, "tip": 1.0}
 
 
-class Beam(Line, ABC):
+class Beam(FiniteElementModel, ABC):
     """A beam model; coordinates are ordered node by node, and on each node by the model's directions.
 
     In shapes, N is the number of nodes, E of elements, K of sections, d of directions, and n = N d that of coordinates
@@ -50,6 +50,19 @@ class Beam(Line, ABC):
     """
 
     body: Profile | Beam3DBody
+
+    @property
+    @abstractmethod
+    def node_stations(self) -> Array:
+        """Coordinates (N,) in m of the beam's N nodes along its axis."""
+
+    @abstractmethod
+    def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
+        """Stresses in the profile's corners from the section forces at P places; None if there is no profile.
+
+        `element` (P,) is the number of the element of each place.  The rows of the result act on the same coordinates
+        as the rows of `forces`.
+        """
 
     @property
     @abstractmethod
@@ -94,7 +107,7 @@ class Beam(Line, ABC):
         """For each section force, by its name, the force (E, v) per unit of each of v `strains` in E elements."""
 
     @abstractmethod
-    def on_nodes(self, stations: Array) -> Line:
+    def on_nodes(self, stations: Array) -> Beam:
         """Copy of this beam with nodes at `stations` (N,) m, cut where two nodes are at the same point."""
 
     @abstractmethod
@@ -230,7 +243,7 @@ class Beam(Line, ABC):
         )
 
     def section_forces(self) -> ForceRows:
-        """Section forces at both ends of each element, as rows on the model's coordinates."""
+        """Section forces at both ends of elements, as rows on the coordinates; exact without loads between nodes."""
         values, ends = self._strains, self.node_stations[self.grid.cells]
         size = self.transformation.shape[0]
         forces = force_rows(ends, values.entries, self.section_stiffness, values.coordinates, size)
@@ -272,7 +285,11 @@ class Beam(Line, ABC):
         return Cut(beam, self.coordinates_at(beam.node_stations), joined, np.repeat(np.arange(pieces), 2) // parts)
 
     def end_forces(self) -> sp.csr_matrix:
-        """Rows that turn forces on the coordinates at elements' ends into section forces; see `Line.end_forces`."""
+        """Rows (P, n) that turn forces on the coordinates at elements' ends into section forces.
+
+        The P rows are in the order of `section_forces`.  Section forces act on the face that looks along x: at the
+        second end of an element they are the forces on its coordinates, at the first end the negative forces.
+        """
         cells, (_, k, d) = self.grid.cells, self.resultants.shape
         signed = self.resultants[:, None] * np.array([-1.0, 1.0])[:, None, None]  # (E, 2, k, d)
         columns = np.broadcast_to(d * cells[:, :, None, None] + np.arange(d), signed.shape)

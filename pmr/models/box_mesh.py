@@ -27,29 +27,11 @@ import numpy as np
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Mask
 from pmr.models.mesh_drawing import Drawing, Entity
+from pmr.scene.box import Stretch
 from pmr.scene.profile import Pair, Side
 
 #: Suffix of the group names of walls that are not parallel to the axis.
 TAPERED = " tapered"
-
-
-@dataclass(frozen=True)
-class BoxStretch:
-    """A stretch of the box from x = `start` to `end` in m; its sides change linearly from `first` to `last`.
-
-    A layer of cells ends at `end`.
-    """
-
-    start: float
-    end: float
-    first: tuple[Side, ...]
-    last: tuple[Side, ...]
-
-    @property
-    def is_tapered(self) -> bool:
-        """Whether the mid-surface is not parallel to the axis."""
-        pairs = zip(self.first, self.last, strict=True)
-        return any((a.start, a.end, a.centre) != (b.start, b.end, b.centre) for a, b in pairs)
 
 
 class Ends(NamedTuple):
@@ -89,7 +71,7 @@ SLACK = 1e-6
 THIN = 1e-6
 
 
-def taper_points(points: Array, sides: Sequence[Side], parts: Sequence[BoxStretch], depth: float) -> Array:
+def taper_points(points: Array, sides: Sequence[Side], parts: Sequence[Stretch], depth: float) -> Array:
     """New positions (N, 3) in m of points of a tapered box that were drawn with the profile `sides` all along.
 
     `points` (N, 3) m are the drawn points, and `parts` are the stretches of the box.  `depth` in m is the depth of the
@@ -107,7 +89,8 @@ def taper_points(points: Array, sides: Sequence[Side], parts: Sequence[BoxStretc
                     share = (points[rows, 0] - part.start)[:, None] / (part.end - part.start)
                     at = _side_points if place is _in_side else _triangle_points
                     first, last = (
-                        at(first_share[rows], second_share[rows], each, k, depth) for each in (part.first, part.last)
+                        at(first_share[rows], second_share[rows], each, k, depth)
+                        for each in (part.first.sides, part.last.sides)
                     )
                     tapered_points[rows, 1:] = (1.0 - share) * first + share * last
     return tapered_points
@@ -196,7 +179,7 @@ class BoxBoom:
     tail_layer: float = 0.0
     frames: tuple[float, ...] = ()  # coordinates x at which a transverse plate stiffens a shell all around
     frame_depth: float = 0.0  # depth of these plates inwards from the walls; infinite: they close the section
-    parts: tuple[BoxStretch, ...] = ()  # stretches along x; by default a single one with these sides
+    parts: tuple[Stretch, ...] = ()  # stretches along x; by default a single one with these sides
 
     def __post_init__(self) -> None:
         thinnest, around = THINNEST * self.layer, sum(side.length for side in self.sides)

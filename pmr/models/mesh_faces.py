@@ -20,7 +20,7 @@ from pmr.scene.built import FaceNormal
 
 @dataclass(frozen=True)
 class Skin:
-    """The f facets of a solid's surface: cell (f,) and vertices (f, k) of each, and outward unit normals (f, 3)."""
+    """Facets at the surface of a solid or the rim of a shell: f cells and vertices (f, k), outward normals (f, 3)."""
 
     cell: Indices
     vertices: Indices
@@ -28,20 +28,21 @@ class Skin:
 
 
 def skin(mesh: NamedMesh) -> Skin:
-    """Facets that belong to only one cell of a solid's mesh, with this cell and their outward normals."""
-    facets = np.array(cell_topology(mesh.cell)[2])
-    vertices = mesh.cells[:, facets]
-    flat = vertices.reshape(-1, vertices.shape[2])
-    code = codes(np.sort(flat, axis=1), len(mesh.points))
+    """Facets that belong to only one cell of a mesh, with this cell and their outward unit normals.
+
+    A normal is square to the facet, and on a shell in the plane of its triangle.
+    """
+    facets = np.array(cell_topology(mesh.cell)[-2])
+    vertices = mesh.cells[:, facets].reshape(-1, facets.shape[1])
+    code = codes(np.sort(vertices, axis=1), len(mesh.points))
     _, inverse, count = np.unique(code, return_inverse=True, return_counts=True)
     shown = np.flatnonzero(count[inverse.reshape(-1)] == 1)
-    cell = shown // len(facets)
-    a, b, c = (mesh.points[flat[shown, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
-    out = mesh.points[flat[shown]].mean(axis=1) - mesh.points[mesh.cells[cell]].mean(axis=1)
-    normals *= np.sign(np.sum(normals * out, axis=1))[:, None]
-    return Skin(cell, flat[shown], normals)
+    cell, corners = shown // len(facets), mesh.points[vertices[shown]]
+    out = corners.mean(axis=1) - mesh.points[mesh.cells[cell]].mean(axis=1)
+    along = corners[:, 1 : 2 if mesh.cell == "triangle" else 3] - corners[:, :1]
+    shares = np.linalg.solve(along @ along.transpose(0, 2, 1), along @ out[:, :, None])
+    normals = out - (along.transpose(0, 2, 1) @ shares)[:, :, 0]
+    return Skin(cell, vertices[shown], normals / np.linalg.norm(normals, axis=1)[:, None])
 
 
 def add_faces(mesh: NamedMesh, faces: Mapping[str, FaceNormal]) -> NamedMesh:
@@ -55,7 +56,7 @@ def add_faces(mesh: NamedMesh, faces: Mapping[str, FaceNormal]) -> NamedMesh:
         return mesh
     groups, regions = dict(mesh.groups), dict(mesh.regions)
     is_shell = mesh.cell == "triangle"
-    candidates = [_both_sides(mesh), _rim(mesh)] if is_shell else [skin(mesh)]
+    candidates = [_both_sides(mesh), skin(mesh)] if is_shell else [skin(mesh)]
     for name, face in faces.items():
         key = f"mesh.faces.{name}"
         if name in groups:
@@ -98,17 +99,3 @@ def _both_sides(mesh: NamedMesh) -> Skin:
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     number = np.arange(len(mesh.cells))
     return Skin(np.tile(number, 2), np.tile(mesh.cells, (2, 1)), np.concatenate([normals, -normals]))
-
-
-def _rim(mesh: NamedMesh) -> Skin:
-    """Edges that belong to only one triangle of a shell, with normals in the triangle's plane, away from it."""
-    at = np.array(cell_topology(mesh.cell)[1])
-    edges = mesh.cells[:, at].reshape(-1, 2)
-    _, inverse, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
-    shown = np.flatnonzero(count[inverse.reshape(-1)] == 1)
-    cell = shown // len(at)
-    a, b = (mesh.points[edges[shown, i]] for i in range(2))
-    along = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
-    normals = a - mesh.points[mesh.cells[cell]].mean(axis=1)
-    normals -= np.sum(normals * along, axis=1)[:, None] * along
-    return Skin(cell, edges[shown], normals / np.linalg.norm(normals, axis=1)[:, None])

@@ -49,7 +49,7 @@ from pmr.errors import InputError
 from pmr.fem.compat import cellwise, constant, rule_points, shell_space
 from pmr.files.arrays import Array
 from pmr.models import Forms, UnitState
-from pmr.models.box_mesh import TAPERED, BoxBoom, BoxStretch
+from pmr.models.box_mesh import TAPERED, BoxBoom
 from pmr.models.meshed import (
     FACES,
     CellProperties,
@@ -281,14 +281,9 @@ def draw_box(box: Box, size: float, along: float, tail_layer: float = 0.0) -> Bo
     depth = np.inf if box.frame_depth == "full" else box.frame_depth
     if not box.varying_keys:
         return BoxBoom(box.sides, box.length, size, along, tail_layer, box.frames, depth)
-    stretches = box.stretches
-    parts = tuple(
-        BoxStretch(stretch.start, stretch.end, stretch.first.sides, stretch.last.sides) for stretch in stretches
-    )
+    parts = tuple(box.stretches)
     # if bottom and top corners differ in thickness on any stretch, they differ in name on all
-    names = max(
-        ([side.name for side in part.first] for part in parts), key=lambda names_of_part: len(set(names_of_part))
-    )
+    names = max(([side.name for side in part.first.sides] for part in parts), key=lambda names: len(set(names)))
     sides = tuple(replace(side, name=name) for side, name in zip(box.sides, names, strict=True))
     return BoxBoom(sides, box.length, size, along, tail_layer, box.frames, depth, parts)
 
@@ -306,7 +301,8 @@ def walls_along(box: Box, mesh: NamedMesh) -> Array:
             cells = mesh.regions[side.name + part.is_tapered * TAPERED]
             cells_of_part = cells[(part.start < middle[cells]) & (middle[cells] < part.end)]
             share = (middle[cells_of_part] - part.start) / (part.end - part.start)
-            thickness[cells_of_part] = (1.0 - share) * part.first[k].thickness + share * part.last[k].thickness
+            first, last = part.first.sides[k], part.last.sides[k]
+            thickness[cells_of_part] = (1.0 - share) * first.thickness + share * last.thickness
     return thickness
 
 

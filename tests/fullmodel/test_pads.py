@@ -155,24 +155,9 @@ def test_pads_at_the_ends_fit_exactly(model: StructuralModel) -> None:
     assert fixed_pad(Pad("p", "top", at=0.15), model, free(model), TRAVEL).name == "p"
 
 
-def test_wrong_pads_are_refused() -> None:
-    with pytest.raises(InputError, match=r"pads\.p\.length = -0\.3: more than 0"):
-        Pad("p", "top", length=-0.3)
-    with pytest.raises(InputError, match="names that differ"):
-        Pads(fixed=(Pad("p", "top"),), moving=(Pad("p", "bottom"),))
-    with pytest.raises(InputError, match=r"pads\.travel"):
-        Pads(travel=(1.0, 1.0))
+def test_a_pad_on_a_face_that_a_beam_lacks_is_refused() -> None:
     with pytest.raises(InputError, match="this beam has the faces bottom, left, top, right"):
         moving_pad(Pad("p", "floor"), beam(), free(beam()), TRAVEL)
-
-
-@pytest.mark.parametrize(
-    ("clearance", "unilateral", "says"),
-    [(-1e-3, True, "a length from 0 on"), (np.nan, True, "a length from 0 on"), (1e-3, False, "unilateral = true")],
-)
-def test_a_clearance_that_means_nothing_is_refused(clearance: float, unilateral: bool, says: str) -> None:
-    with pytest.raises(InputError, match=rf"scene: pads\.p\.clearance = .*: .*{says}"):
-        Pad("p", "top", unilateral=unilateral, clearance=clearance)
 
 
 def test_a_pad_that_only_pushes_is_a_row_wherever_it_sits(model: StructuralModel) -> None:

@@ -220,7 +220,6 @@ def test_a_later_run_reads_the_compliance_that_an_earlier_one_has_computed(tmp_p
 
     def compute() -> tuple:
         """Compute as a new process does, which has nothing in its memory."""
-        wall_compliance.cache_clear()
         C, (sliding,) = found(0.0085, PRESSED[:2], (ring,))
         return C, sliding.u, sliding.sliding, sliding.standing
 
