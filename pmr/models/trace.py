@@ -333,7 +333,7 @@ def face_strip(face: FlatFace, nodes: Nodes, window: Window) -> Strip:
         nothing = np.empty(0)
         return Strip(nothing, nothing, nothing, sp.csr_matrix((0, nodes.size)), face.extent)
     sizes = (face.most[inside] - face.least[inside]).max(axis=0)
-    parts = int(np.ceil(np.max(sizes / window.spacing)))
+    parts = int(np.ceil(np.max(sizes / window.spacing) - 1e-9))  # mirrored pads get as many
     if parts**2 * len(inside) > MOST_PIECES:
         allowed = f"cells of this face are up to {parts} times as large as a pad resolves; finer cells or larger pads"
         raise InputError("scene", "pads.on", name, f"{allowed} are allowed")

@@ -209,7 +209,7 @@ def test_the_shells_compliance_is_symmetric_definite_and_a_mirror_image_of_itsel
     assert C == pytest.approx(C.T, rel=1e-9)
     assert np.all(np.linalg.eigvalsh(C) > 0.0)
     mirrored = C[[1, 0, 2, 4, 3]][:, [1, 0, 2, 4, 3]]
-    assert C == pytest.approx(mirrored, rel=1e-6, abs=1e-6 * C.max())
+    assert C == pytest.approx(mirrored, rel=1e-9, abs=1e-9 * C.max())
 
 
 @pytest.mark.slow
