@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.results import Energy
 from pmr.simulation import Excitation, InitialState, petsc
-from pmr.simulation.petsc import Recording, States
+from pmr.simulation.petsc import States
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ class Alone:
     states: States
     residual_position: Array
     residual_velocity: Array
-    energy: Energy | None
+    energy: Energy
     surplus: float
     seconds: float
 
@@ -36,14 +37,14 @@ class Alone:
 def observe(
     model: FullModel,
     excitation: Excitation,
-    recording: Recording | None = None,
+    states: Sequence[float] = (),
     initial: InitialState | None = None,
     *more: Any,
     **named: Any,
 ) -> Alone:
     """Simulate as `pmr.simulation.petsc.simulator` does."""
     system = FullSystem.of(model)
-    found = petsc.observe(system, excitation, recording, {} if initial is None else {"": initial}, *more, **named)
+    found = petsc.observe(system, excitation, states, {} if initial is None else {"": initial}, *more, **named)
     names = [contact.name for contact in system.with_supports().contacts]
     rows = [names.index(name) for name in model.row_names]
     forces, peaks = (np.hstack([one, found.supports])[:, rows] for one in (found.forces, found.peaks))

@@ -30,7 +30,7 @@ from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import frame_terms
 from pmr.simulation import Excitation, Progress, TimeStepping
 from pmr.simulation.excitation import side_positions
-from pmr.simulation.petsc import Checkpoint, History, Recording, observe, static_start
+from pmr.simulation.petsc import Checkpoint, History, observe, static_start
 from pmr.simulation.petsc.rows import contact_rows
 from pmr.simulation.reactions import Supports, with_forces_on_machine, with_reactions
 from pmr.simulation.start import needs_of
@@ -175,10 +175,9 @@ class FullOrder:
         `steps` are the numbers of the steps whose states are returned.
         """
         system = self._with_terms()
-        recording = Recording(energies=True, states=[excitation.stepping.step * step for step in steps])
+        times = [excitation.stepping.step * step for step in steps]
         start = static_start(system, excitation) if excitation.start == "equilibrium" else {}
-        history = observe(system, excitation, recording, start, done, checkpoint)
-        assert history.energy is not None
+        history = observe(system, excitation, times, start, done, checkpoint)
         outputs = MotionOutputs(history.y, history.forces, history.peaks, history.energy)
         response = response_to_motion(system, history.t, outputs)
         response = with_reactions(response, *_support_reactions(system, history))

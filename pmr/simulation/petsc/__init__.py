@@ -11,8 +11,8 @@ and of Exudyn, so the motions agree.  Models are distributed over the ranks of t
 is collective, that is, all ranks have to call it.
 """
 
-from pmr.simulation.petsc.recorder import History, Recording, States
+from pmr.simulation.petsc.recorder import History, States
 from pmr.simulation.petsc.simulator import Checkpoint, observe
 from pmr.simulation.petsc.start import static_start
 
-__all__ = ["Checkpoint", "History", "Recording", "States", "observe", "static_start"]
+__all__ = ["Checkpoint", "History", "States", "observe", "static_start"]

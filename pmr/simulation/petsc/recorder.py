@@ -1,4 +1,4 @@
-"""Records of a full-order simulation: selected outputs at every so many steps, and whole states at a few times.
+"""Records of a full-order simulation: outputs, forces and energies at all steps, and whole states at a few times.
 
 Each rank stores its contributions.
 """
@@ -25,28 +25,6 @@ from pmr.system.contacts import Friction
 
 
 @dataclass(frozen=True)
-class Recording:
-    """Selection of quantities to record; memory is that of the records and of a few vectors.
-
-    Attributes
-    ----------
-    outputs : sequence of int, optional
-        Indices of the outputs among the outputs of all bodies, one body after the other; all outputs by default.
-    every : int
-        Record each `every`-th step, the first one included.
-    energies : bool
-        Whether energies are recorded, which costs two products with a matrix at each recorded step.
-    states : sequence of float, s
-        Times at which whole states are recorded, at the nearest step.
-    """
-
-    outputs: Sequence[int] | None = None
-    every: int = 1
-    energies: bool = False
-    states: Sequence[float] = ()
-
-
-@dataclass(frozen=True)
 class States:
     """Whole states of a body at t (S,) in s: this rank's rows of q and v (S, n_local), path coordinates s (S, P)."""
 
@@ -66,7 +44,7 @@ class History:
     s : (T, P) array, m
         Path coordinates, in the order of the excitation.
     y : mapping of str to (T, o) array
-        Selected outputs of each body.
+        Outputs of each body.
     forces, peaks : (T, m) arrays, N
         Contact forces, positive where they push.  `forces` are those at t; `peaks` are, for contacts that only push,
         the largest within the step that ends at t.
@@ -76,8 +54,8 @@ class History:
         Largest violation of a row, max |C q - lambda / k|; for a row that only pushes, beyond its clearance.
     residual_velocity : (T,) array, m/s
         Largest violation of a rigid row's time derivative, max |C v + s' C' q|; NaN if any row gives way.
-    energy : Energy or None
-        Energies, with the pads' strain energy; None if they are not recorded.
+    energy : Energy
+        Energies, with the pads' strain energy.
     states : mapping of str to States
         Whole states of each body.
     seconds : float
@@ -85,8 +63,7 @@ class History:
     preparation : float, s
         Wall time of the factorisation and the compliance of the path.
     surplus : float
-        Share of the largest energy that neither loads nor moving rows put in (`pmr.simulation.balance`); NaN unless
-        energies are recorded at every step.
+        Share of the largest energy that neither loads nor moving rows put in (`pmr.simulation.balance`).
     friction : (T, n) array, N, or None
         Friction of the pads that rub, along the boom (`pmr.system.contacts`); None without any.
     """
@@ -99,52 +76,45 @@ class History:
     supports: Array
     residual_position: Array
     residual_velocity: Array
-    energy: Energy | None
+    energy: Energy
     states: Mapping[str, States]
     seconds: float
     preparation: float
-    surplus: float = np.nan
+    surplus: float
     friction: Array | None = None
 
 
 class Recorder:
     """Records a full-order simulation: this rank's contributions to sums over coordinates, added up at the end.
 
-    This rank's contribution to the work is added up at every step, or at every part of a step.
+    This rank's contribution to the work is added up at every step, or at every part of a step.  Whole states are
+    recorded at the steps nearest to the times `states` in s.
 
     Raises
     ------
     InputError
-        If an output or a time does not exist.
+        If a time does not exist.
     """
 
-    def __init__(self, system: FullSystem, stepping: TimeStepping, recording: Recording) -> None:
-        count = system.output_slices[-1].stop
-        self.chosen = np.arange(count) if recording.outputs is None else np.asarray(recording.outputs, np.int64)
-        if np.any((self.chosen < 0) | (self.chosen >= count)):
-            raise InputError("recording", "outputs", list(self.chosen), f"0 to {count - 1} are allowed")
-        if not 1 <= recording.every <= stepping.steps:
-            raise InputError("recording", "every", recording.every, f"1 to {stepping.steps} are allowed")
-        times = np.asarray(recording.states, float).reshape(-1)
+    def __init__(self, system: FullSystem, stepping: TimeStepping, states: Sequence[float]) -> None:
+        times = np.asarray(states, float).reshape(-1)
         if np.any(~((times >= 0.0) & (times <= stepping.end * (1.0 + 1e-12)))):
             raise InputError("recording", "states", list(times), f"0 to {stepping.end:g} s are allowed")
-        self.recording, self._system = recording, system
+        self._system = system
         self.state_steps = np.unique(np.rint(times / stepping.step).astype(np.int64))
-        outputs = sp.block_diag([local_csr(model.outputs).T for model in system.models], format="csr")
-        self._outputs: sp.csr_matrix = outputs[self.chosen]
-        inputs = [local_csr(model.inputs).T for model in system.models]
+        outputs, inputs = ([local_csr(getattr(model, of)).T for model in system.models] for of in ("outputs", "inputs"))
+        self._outputs: sp.csr_matrix = sp.block_diag(outputs, format="csr")
         self._inputs: sp.csr_matrix = sp.block_diag(inputs, format="csr")
         self._M = [model.M for model in system.models]
         self._K = [without_zeros(model.K.copy()) for model in system.models]  # of the plane walls of a shell half
         self._vectors = [model.K.createVecs() for model in system.models]
-        T, m = stepping.steps // recording.every + 1, len(system.contacts)
+        T, m = stepping.steps + 1, len(system.contacts)
         self.multipliers, self.peaks = np.zeros((T, m)), np.zeros((T, m))
         friction = Friction.from_contacts(system.contacts)
         self.friction, self._friction = np.zeros((T, 0 if friction is None else len(friction.pads))), friction
         self._pushes, self._peak = bool(np.any(~np.isnan(system.clearance))), np.full(m, -np.inf)
-        self._ends = np.cumsum([len(self.chosen), m, m])
+        self._ends = np.cumsum([system.output_slices[-1].stop, m, m])
         self.sums = np.zeros((T, self._ends[-1] + 4))
-        self._balanced = recording.energies and recording.every == 1
         self._now: _StepWork | None = None
         self._work, self._terms = 0.0, Terms(system)
         n = system.local_slices[-1].stop
@@ -157,8 +127,6 @@ class Recorder:
         """
         if self._pushes:
             self._peak = np.maximum(self._peak, state.multipliers)
-        if not self._balanced:
-            return
         pressed = state.multipliers[rows.course.contact]
         now = _StepWork(f, self._inputs @ state.q, pressed, rows.slopes(state.q), x)
         if self._terms:
@@ -174,7 +142,7 @@ class Recorder:
         self._peak, self._work = np.full_like(self._peak, -np.inf), 0.0
 
     def record(self, step: int, state: State, rows: PathRows, at: SampledExcitation) -> None:
-        """Record the state after step number `step`, if this step is selected; `at` has paths and loads at steps.
+        """Record the state after step number `step`, of which `follow` has told; `at` has paths and loads at steps.
 
         Peak forces and work are those within this step alone.
         """
@@ -184,17 +152,14 @@ class Recorder:
         k = np.searchsorted(self.state_steps, step)
         if k < len(self.state_steps) and self.state_steps[k] == step:
             self.q[k], self.v[k] = state.q, state.v
-        if step % self.recording.every:
-            return
-        row = step // self.recording.every
-        self.multipliers[row], self.peaks[row], self.friction[row] = state.multipliers, peak, state.grip.forces
-        slopes = rows.slopes(state.q) if self._now is None else self._now.slope
-        drift = rows.apply(state.v) + rows.of_contacts(at.rates[step] * slopes)
-        energy = self._energy(state, at.f[step]) if self.recording.energies else [0.0, 0.0, 0.0]
-        self.sums[row] = np.concatenate([self._outputs @ state.q, rows.apply(state.q), drift, [*energy, work]])
+        assert self._now is not None
+        self.multipliers[step], self.peaks[step], self.friction[step] = state.multipliers, peak, state.grip.forces
+        drift = rows.apply(state.v) + rows.of_contacts(at.rates[step] * self._now.slope)
+        energy = self._energy(state, -float(at.f[step] @ self._now.motion))
+        self.sums[step] = np.concatenate([self._outputs @ state.q, rows.apply(state.q), drift, [*energy, work]])
 
-    def _energy(self, state: State, f: Array) -> list[float]:
-        """This rank's contributions to kinetic energy, strain energy and potential of the loads f (i,), in J."""
+    def _energy(self, state: State, potential: float) -> list[float]:
+        """This rank's contributions to kinetic energy, strain energy and `potential` of the loads, in J."""
 
         def half_form(matrices: Sequence[PETSc.Mat], x: Array) -> float:
             """This rank's contribution to x^T A x / 2, for a matrix of each body."""
@@ -205,20 +170,18 @@ class Recorder:
                 energy += float(x[at] @ product.getArray()) / 2.0
             return energy
 
-        motion = self._inputs @ state.q if self._now is None else self._now.motion
-        return [half_form(self._M, state.v), half_form(self._K, state.q), -float(f @ motion)]
+        return [half_form(self._M, state.v), half_form(self._K, state.q), potential]
 
     def history(self, at: SampledExcitation, seconds: float, preparation: float) -> History:
         """History of all records, in a run under the excitation `at`; collective.
 
         `seconds` and `preparation` are the wall times in s of the steps and of what came before them.  The residual
-        velocity is NaN if a contact gives way, the energy None if it is not recorded, and the surplus NaN if it is not
-        balanced.
+        velocity is NaN if a contact gives way.
         """
-        system, every = self._system, slice(None, None, self.recording.every)
+        system = self._system
         sums = system.comm.allreduce(self.sums)
         y, motion, drift, energies_of_steps = np.split(sums, self._ends, axis=1)
-        ropes, pushes = system.rope_coordinates(at.x[every]), ~np.isnan(system.clearance)
+        ropes, pushes = system.rope_coordinates(at.x), ~np.isnan(system.clearance)
         forces, of_cylinders = self.multipliers, np.zeros(len(sums))
         if (pads := self._friction) is not None:
             forces = forces + pads.cylinder_forces(self.friction)
@@ -229,28 +192,23 @@ class Recorder:
         violation = np.where(open_now, np.maximum(violation, 0.0), violation)
         if not system.compliance.rigid.all():
             drift = np.full_like(drift, np.nan)
-        energies, surplus = None, np.nan
-        if self.recording.energies:
-            strain = energies_of_steps[:, 1] + balance.row_products(forces, deflections) / 2.0
-            energies = Energy(energies_of_steps[:, 0], strain, energies_of_steps[:, 2])
-            if self._balanced:
-                least = balance.round_off(self._mobility(), at.f, float(at.t[1]))
-                work = np.cumsum(energies_of_steps[:, 3]) + of_cylinders
-                work[1:] += np.cumsum(system.compliance.drum_work(forces, ropes))
-                surplus = balance.energy_surplus(
-                    energies_of_steps[:, 0] + strain, work, least, since_start=bool(pushes.any())
-                )
+        kinetic, stored, potential, work = energies_of_steps.T
+        strain = stored + balance.row_products(forces, deflections) / 2.0
+        least = balance.round_off(self._mobility(), at.f, float(at.t[1]))
+        done = np.cumsum(work) + of_cylinders
+        done[1:] += np.cumsum(system.compliance.drum_work(forces, ropes))
+        surplus = balance.energy_surplus(kinetic + strain, done, least, since_start=bool(pushes.any()))
         return History(
-            t=at.t[every],
-            s=at.s[every],
-            y=self._of_bodies(y),
+            t=at.t,
+            s=at.s,
+            y={name: y[:, of] for name, of in zip(system.bodies, system.output_slices, strict=True)},
             forces=forces,
             peaks=np.where(pushes, self.peaks, forces),
             friction=None if self._friction is None else self.friction,
             supports=np.zeros((len(sums), 0)),
             residual_position=np.abs(violation).max(axis=1, initial=0.0),
             residual_velocity=np.abs(drift).max(axis=1, initial=0.0),
-            energy=energies,
+            energy=Energy(kinetic, strain, potential),
             states={
                 name: States(at.t[self.state_steps], at.s[self.state_steps], self.q[:, rows], self.v[:, rows])
                 for name, rows in zip(system.bodies, system.local_slices, strict=True)
@@ -259,11 +217,6 @@ class Recorder:
             preparation=preparation,
             surplus=surplus,
         )
-
-    def _of_bodies(self, y: Array) -> dict[str, Array]:
-        """Selected outputs (T, o) of each body, from those y of all bodies."""
-        columns = zip(self._system.bodies, self._system.output_slices, strict=True)
-        return {name: y[:, (self.chosen >= at.start) & (self.chosen < at.stop)] for name, at in columns}
 
     def _mobility(self) -> Array:
         """Matrix B^T diag(M)^-1 B (i, i) in 1/kg; collective."""

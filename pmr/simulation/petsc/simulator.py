@@ -9,8 +9,8 @@ from __future__ import annotations
 import hashlib
 import logging
 import time
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ from pmr.simulation.contact_step import StepParts
 from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.petsc.constraint import ContactState
 from pmr.simulation.petsc.integrate import DividedSteps, Stepped, contact_frequency
-from pmr.simulation.petsc.recorder import History, Recorder, Recording
+from pmr.simulation.petsc.recorder import History, Recorder
 from pmr.simulation.petsc.rows import BlockFactor
 from pmr.simulation.petsc.start import SampledExcitation, State, stacked_start, starting_state, starts_moving
 from pmr.simulation.start import Grip, InitialState, needs_of
@@ -43,12 +43,12 @@ REPORTS = 1000
 def observe(
     system: FullSystem,
     excitation: Excitation,
-    recording: Recording | None = None,
+    states: Sequence[float] = (),
     initial: Mapping[str, InitialState] | None = None,
     progress: Progress | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> History:
-    """Simulate full models and return the history of recorded quantities; collective.
+    """Simulate full models and return the history of their outputs, forces and energies; collective.
 
     Parameters
     ----------
@@ -56,8 +56,8 @@ def observe(
         System with a positive definite M; `FullSystem.of` makes one of a single model.
     excitation : Excitation
         The system's paths, by name, a load for each ``body.input``, and an amplitude for each term.
-    recording : Recording, optional
-        By default all outputs at all steps.
+    states : sequence of float, s
+        Times at which whole states are recorded, at the nearest step.
     initial : mapping of str to InitialState, optional
         Initial state of each body, with all its n coordinates, on every rank; bodies that are missing start at rest,
         undeformed.  `pmr.simulation.petsc.start.static_start` returns states in equilibrium.
@@ -74,10 +74,10 @@ def observe(
         If a path leaves the range of a row, a load is missing, the initial position violates a row, rigid rows move
         with rho_inf = 1, a rigid row only pushes, or the checkpoint belongs to another simulation.
     SimulationError
-        If a step fails; with step, time, path coordinates and, where rows depend on each other, their names.  Where
-        energies are recorded at every step, also if the motion grows without bound.
+        If a step fails; with step, time, path coordinates and, where rows depend on each other, their names.  Also if
+        the motion grows without bound.
     """
-    run = _Run(system, excitation, recording or Recording(), initial or {})
+    run = _Run(system, excitation, states, initial or {})
     return run.history(progress, checkpoint)
 
 
@@ -85,14 +85,14 @@ class _Run:
     """One simulation: its excitation on the time grid, the parts of its steps, and its start."""
 
     def __init__(
-        self, system: FullSystem, excitation: Excitation, recording: Recording, initial: Mapping[str, InitialState]
+        self, system: FullSystem, excitation: Excitation, states: Sequence[float], initial: Mapping[str, InitialState]
     ) -> None:
         self._begin, self._contacts = time.perf_counter(), len(system.contacts)
         self._system, self._initial, self._excitation = system.with_supports(), initial, excitation
         self._at = sample_excitation(self._system, excitation)
         self._needs = needs_of(self._system, self._system.compliance.rigid, self._at.x, excitation.stepping.rho_inf)
         refuse_unsupported("petsc", self._needs, REFERENCE)
-        self._recorder = Recorder(self._system, excitation.stepping, recording)
+        self._recorder = Recorder(self._system, excitation.stepping, states)
         self._mass, omega = None, 0.0
         if self._needs.pushing_rows or starts_moving(self._system, self._at, initial):
             self._mass = BlockFactor(self._system, lambda model: factor_of(model.M, "M"))
@@ -250,10 +250,6 @@ def identity(
         for side, row in zip(system.sides, system.side_rows, strict=True)
         for value in (np.abs(row.coefficients).sum(), abs(row.carriers).sum(), side.sign)
     ]
-    recording = asdict(recorder.recording) | {
-        "outputs": recorder.chosen.tolist(),
-        "states": recorder.state_steps.tolist(),
-    }
     start, compliance = stacked_start(system, initial), system.compliance
     varying = [term.value(between) for term in excitation.terms.values()]
     of_terms = {"terms": _digest(repr(system.term_names).encode(), at.c, *varying)} if at.c.size else {}
@@ -262,7 +258,7 @@ def identity(
         "path": _digest(at.x, *(path.value(between) for path in excitation.paths.values())),
         "loads": _digest(at.f, *(load.value(between) for load in excitation.loads.values())),
         "time grid": [stepping.end, stepping.step, stepping.rho_inf],
-        "recording": _digest(repr(sorted(recording.items())).encode()),
+        "states": recorder.state_steps.tolist(),
         "initial state": _digest(start.q, start.v),
         "rows": [float(value) for value in rows],
         "contacts": _digest(compliance.constant, compliance.slopes, system.clearance, *_friction_arrays(system)),

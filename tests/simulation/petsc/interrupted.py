@@ -22,12 +22,12 @@ from petsc_alone import observe
 from pmr.fem.compat import MPI
 from pmr.scene.signals import Chirp, Sine, Step
 from pmr.simulation import TimeStepping
-from pmr.simulation.petsc import Checkpoint, Recording
+from pmr.simulation.petsc import Checkpoint
 
 PATH = Sine(amplitude=0.7, frequency=4.0, offset=2.0)
 LOADS = (Chirp(amplitude=300.0, times=(0.0, 0.2), frequencies=(3.0, 20.0)), Step(time=0.02, before=50.0, after=-400.0))
 STEPPING = TimeStepping(end=0.08, step=1e-3, rho_inf=0.8)
-WATCH = Recording(every=2, energies=True, states=(0.01, 0.07))
+STATES = (0.01, 0.07)
 
 
 def main(checkpoint: str, result: str, last: str) -> None:
@@ -41,7 +41,9 @@ def main(checkpoint: str, result: str, last: str) -> None:
         while float(last) <= share < 1.0:
             signal.pause()
 
-    found = observe(distributed(rich_body()), driven(PATH, LOADS, STEPPING), WATCH, progress=progress, checkpoint=asked)
+    found = observe(
+        distributed(rich_body()), driven(PATH, LOADS, STEPPING), STATES, progress=progress, checkpoint=asked
+    )
     states = {name: np.concatenate(MPI.COMM_WORLD.allgather(getattr(found.states, name)), axis=1) for name in "qv"}
     if MPI.COMM_WORLD.rank == 0:
         np.savez(

@@ -25,7 +25,7 @@ from pmr.fem.compat import MPI
 from pmr.fullmodel.model import FullModel
 from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulation import TimeStepping
-from pmr.simulation.petsc import Checkpoint, Recording
+from pmr.simulation.petsc import Checkpoint
 
 SCRIPT = Path(__file__).with_name("interrupted.py")
 PATH = Sine(amplitude=0.7, frequency=4.0, offset=2.0)
@@ -80,20 +80,18 @@ def _header(file: Path) -> dict[str, Any]:
 def test_as_many_ranks_as_one_likes_go_on(tmp_path: Path, ranks: tuple[MPI.Comm, MPI.Comm]) -> None:
     world = MPI.COMM_WORLD
     cut_off, resumed = (distributed(rich_body(), comm) for comm in ranks)
-    recording = Recording(energies=True, states=[0.002, 0.009])
+    states = [0.002, 0.009]
     file = Path(world.bcast(str(tmp_path / "checkpoint.npz")))
     own = Checkpoint(file if world.rank == 0 or cut_off.comm.size > 1 else tmp_path / "unused.npz", seconds=0.0)
     with pytest.raises(InterruptionError):
-        observe(cut_off, driven(PATH, LOADS, STEPPING), recording, None, interrupt_at(0.5), own)
+        observe(cut_off, driven(PATH, LOADS, STEPPING), states, None, interrupt_at(0.5), own)
     world.barrier()
     if resumed.comm.size < world.size:  # each goes on by itself: from a copy, or one finds what another has finished
         file = Path(shutil.copy(file, tmp_path / f"{world.rank}.npz"))
         world.barrier()
     steps: list[float] = []
-    found = observe(
-        resumed, driven(PATH, LOADS, STEPPING), recording, None, steps.append, Checkpoint(file, seconds=60.0)
-    )
-    expected = observe(resumed, driven(PATH, LOADS, STEPPING), recording)
+    found = observe(resumed, driven(PATH, LOADS, STEPPING), states, None, steps.append, Checkpoint(file, seconds=60.0))
+    expected = observe(resumed, driven(PATH, LOADS, STEPPING), states)
     assert len(steps) == 5
     parts = [(found.y, expected.y), (found.multipliers, expected.multipliers), (found.states.q, expected.states.q),
              (found.states.v, expected.states.v), (found.energy.total, expected.energy.total)]  # fmt: skip
@@ -125,7 +123,7 @@ def test_another_simulation_does_not_go_on_from_it(model: FullModel, tmp_path: P
         ((model, driven(PATH, LOADS[::-1], STEPPING)), "loads"),
         ((model, driven(PATH, (between, LOADS[1]), STEPPING)), "loads"),
         ((model, driven(PATH, LOADS, longer)), "path, loads, time grid"),
-        ((model, driven(PATH, LOADS, STEPPING), Recording(every=2)), "recording"),
+        ((model, driven(PATH, LOADS, STEPPING), [0.005]), "states"),
     ]:
         with pytest.raises(InputError, match=f"c.npz: another simulation's checkpoint: {what} differ"):
             observe(*arguments, checkpoint=checkpoint)

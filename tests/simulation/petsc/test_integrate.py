@@ -21,7 +21,7 @@ from pmr.fem.compat import MPI
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulation import InitialState, TimeStepping, contact_step
 from pmr.simulation.contact_step import contact_frequency
-from pmr.simulation.petsc import Recording, constraint
+from pmr.simulation.petsc import constraint
 from pmr.system.body import FullBody
 from pmr.system.body_matrices import Rayleigh
 from pmr.system.rows import Rows
@@ -33,7 +33,6 @@ LOADS = (
     Step(time=0.02, before=50.0, after=-400.0),
 )
 STEPPING = TimeStepping(end=0.06, step=1e-3, rho_inf=0.8)
-EVERYTHING = Recording(energies=True)
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +70,7 @@ def test_same_as_an_integrator_written_for_the_test(
     """Two sliders, two inputs that act from the start, Rayleigh damping, a velocity that must be corrected."""
     monkeypatch.setattr(constraint, "STORED_BYTES", memory)
     body = with_pads(rich, *PADS[pads])
-    found = observe(distributed(body), driven(PATH, LOADS, STEPPING), EVERYTHING, some_state(body))
+    found = observe(distributed(body), driven(PATH, LOADS, STEPPING), (), some_state(body))
     t = STEPPING.times
     start = started(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), some_state(body))
     q, _, multipliers = generalized_alpha(body, PATH.value(t), loads_at(LOADS, t), STEPPING, start)
@@ -88,7 +87,7 @@ def test_any_damping(rich: FullBody, kind: str) -> None:
     D = {"none": 0.0 * rich.M, "stiffness": 3e-4 * rich.K, "mass": 0.7 * rich.M, "damper": rich.D + damper}[kind]
     body, t = replace(rich, D=D.tocsr()), STEPPING.times
     start = started(body, float(PATH.value(0.0)), float(PATH.rate(0.0)), some_state(body))
-    found = observe(distributed(body), driven(PATH, LOADS, STEPPING), None, start)
+    found = observe(distributed(body), driven(PATH, LOADS, STEPPING), (), start)
     q, _, multipliers = generalized_alpha(body, PATH.value(t), loads_at(LOADS, t), STEPPING, start)
     assert_close(found.y, q @ body.outputs.T, 1e-11)
     assert_close(found.multipliers, multipliers, 1e-10)
@@ -103,8 +102,7 @@ def test_damping_that_is_known_as_rayleighs_is_the_same_without_its_matrix(
     plain = distributed(body)
     excitation, start = driven(PATH, LOADS, STEPPING), some_state(body)
     known, unknown = (
-        observe(model, excitation, EVERYTHING, start)
-        for model in (replace(plain, damping=Rayleigh(alpha, beta)), plain)
+        observe(model, excitation, (), start) for model in (replace(plain, damping=Rayleigh(alpha, beta)), plain)
     )
     assert_close(known.y, unknown.y, 1e-9)
     assert_close(known.multipliers, unknown.multipliers, 1e-8)
@@ -116,7 +114,7 @@ def test_the_response_is_that_of_the_whole_trajectory(rich: FullBody, pads: str)
     """Energies and residuals too, which march makes of all coordinates."""
     body, t = with_pads(rich, *PADS[pads]), STEPPING.times
     model = distributed(body)
-    found = observe(model, driven(PATH, LOADS, STEPPING), EVERYTHING, some_state(body))
+    found = observe(model, driven(PATH, LOADS, STEPPING), (), some_state(body))
     trajectory = one_body.simulate(body, driven(PATH, LOADS, STEPPING), some_state(body))
     expected = responded(body, trajectory, PATH.rate(t), loads_at(LOADS, t))
     for name in ("kinetic", "strain", "external"):
@@ -136,7 +134,7 @@ def test_ranks_agree_with_one(rich: FullBody, memory: int, monkeypatch: pytest.M
         observe(
             distributed(rich, comm),
             driven(PATH, LOADS, STEPPING),
-            Recording(energies=True, states=[0.03]),
+            [0.03],
             some_state(rich),
         )
         for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)
@@ -158,7 +156,7 @@ def test_steps_of_a_body_alone_in_the_parts_that_march_took(rich: FullBody) -> N
     expected = one_body.simulate(body, excitation)
     assert expected.parts is not None and len(set(expected.parts[1:])) > 2
     stepping = replace(excitation.stepping, schedule=tuple(expected.parts[1:].tolist()))
-    found = observe(distributed(body), excitation.with_stepping(stepping), EVERYTHING)
+    found = observe(distributed(body), excitation.with_stepping(stepping))
     assert_close(found.y, expected.q @ body.outputs.T, 1e-7)
     assert_close(found.multipliers[:, 2:], expected.multipliers[:, 2:], 1e-6)
 
@@ -176,7 +174,7 @@ def test_rows_that_only_push_as_march_has_them(rich: FullBody, parts: int) -> No
     )
     omega = contact_frequency(System.of(body), excitation)
     same = replace(excitation.stepping, parts=contact_step.count_parts(omega, excitation.stepping))
-    found = observe(distributed(body), excitation, EVERYTHING)
+    found = observe(distributed(body), excitation)
     expected = one_body.simulate(body, excitation.with_stepping(same))
     assert_close(found.y, expected.q @ body.outputs.T, 1e-9)
     forces = expected.multipliers[:, 2:]
@@ -199,20 +197,16 @@ def test_the_papers_evolved_case_as_march_has_it() -> None:
     assert_close(found.multipliers, expected.multipliers, 1e-6)
 
 
-def test_only_what_is_watched_is_kept(rich: FullBody) -> None:
+def test_whole_states_are_kept_at_the_steps_next_to_the_times(rich: FullBody) -> None:
     model = distributed(rich, MPI.COMM_SELF)
-    everything = observe(model, driven(PATH, LOADS, STEPPING))
-    few = observe(model, driven(PATH, LOADS, STEPPING), Recording(outputs=[6, 3], every=7, states=[0.0123, 0.0]))
-    np.testing.assert_array_equal(few.t, STEPPING.times[::7])
-    np.testing.assert_array_equal(few.y, everything.y[::7, [6, 3]])
-    np.testing.assert_array_equal(few.multipliers, everything.multipliers[::7])
-    np.testing.assert_array_equal(few.s, PATH.value(few.t))
-    assert few.energy is None and few.states.q.shape == few.states.v.shape == (2, rich.size)
-    np.testing.assert_allclose(few.states.t, [0.0, 0.012])
-    np.testing.assert_array_equal(few.states.s[:, 0], PATH.value(few.states.t))
-    assert_close(rich.outputs @ few.states.q[1], everything.y[12], 1e-14)
+    found = observe(model, driven(PATH, LOADS, STEPPING), [0.0123, 0.0])
+    np.testing.assert_array_equal(found.s, PATH.value(found.t))
+    assert found.states.q.shape == found.states.v.shape == (2, rich.size)
+    np.testing.assert_allclose(found.states.t, [0.0, 0.012])
+    np.testing.assert_array_equal(found.states.s[:, 0], PATH.value(found.states.t))
+    assert_close(rich.outputs @ found.states.q[1], found.y[12], 1e-14)
     trajectory = one_body.simulate(rich, driven(PATH, LOADS, STEPPING))
-    assert_close(few.states.v, trajectory.v[[0, 12]], 1e-10)
+    assert_close(found.states.v, trajectory.v[[0, 12]], 1e-10)
 
 
 @pytest.mark.slow
@@ -239,9 +233,7 @@ def test_no_damping_no_loads_no_rows(rich: FullBody) -> None:
     rigid[1::3] = 1.0
     mass = rigid @ (body.M @ rigid)
     loads = [Constant(amount=7.0), Constant(amount=0.0)]
-    found = observe(
-        distributed(body, MPI.COMM_SELF), driven(Constant(amount=0.0), loads, STEPPING), Recording(states=[0.06])
-    )
+    found = observe(distributed(body, MPI.COMM_SELF), driven(Constant(amount=0.0), loads, STEPPING), [0.06])
     assert rigid @ (body.M @ found.states.q[-1]) / mass == pytest.approx(7.0 / mass * 0.06**2 / 2.0, rel=1e-9)
     assert found.multipliers.shape == (61, 0) and np.all(found.residual_position == 0.0)
 
@@ -279,11 +271,9 @@ def test_what_cannot_be_is_refused(rich: FullBody) -> None:
         ((driven(Constant(amount=9.0), LOADS, STEPPING),), "contacts.slider 0.place"),
         ((driven(PATH, LOADS[:1], STEPPING),), "loads"),
         ((driven(PATH, LOADS, TimeStepping(0.06, 1e-3, 1.0)),), "time.rho_inf"),
-        ((driven(PATH, LOADS, STEPPING), Recording(outputs=[7])), "outputs"),
-        ((driven(PATH, LOADS, STEPPING), Recording(every=0)), "every"),
-        ((driven(PATH, LOADS, STEPPING), Recording(states=[0.07])), "states"),
-        ((driven(PATH, LOADS, STEPPING), None, InitialState(np.ones(rich.size), np.ones(rich.size))), "q"),
-        ((driven(PATH, LOADS, STEPPING), None, InitialState(np.ones(3), np.ones(3))), "q"),
+        ((driven(PATH, LOADS, STEPPING), [0.07]), "states"),
+        ((driven(PATH, LOADS, STEPPING), (), InitialState(np.ones(rich.size), np.ones(rich.size))), "q"),
+        ((driven(PATH, LOADS, STEPPING), (), InitialState(np.ones(3), np.ones(3))), "q"),
     ]:
         with pytest.raises(InputError) as caught:
             observe(model, *arguments)
@@ -305,7 +295,6 @@ def test_memory_does_not_grow_with_the_steps() -> None:
         observe(
             model,
             driven(Constant(amount=2.0), LOADS[:1], TimeStepping(end=1.0, step=1e-3)),
-            Recording((0,), energies=True),
         )
         grown.append(resident() - before)
     assert grown[1] < 16.0  # MiB; the first run also loads what all need

@@ -20,11 +20,10 @@ from pmr.scene.signals import Chirp, Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping, contact_step
 from pmr.simulation.contact_step import contact_frequency
 from pmr.simulation.native import systems
-from pmr.simulation.petsc import Checkpoint, History, Recording, constraint, observe, static_start
+from pmr.simulation.petsc import Checkpoint, History, constraint, observe, static_start
 from pmr.simulation.petsc.rows import BlockFactor
 
 Array = NDArray[np.float64]
-EVERYTHING = Recording(energies=True)
 #: Rigid pads hold both ways; soft ones too, or only push.
 BOOMS = {
     "yielding": Nested(3, elements=8),
@@ -55,7 +54,7 @@ def assert_close(found: Array, expected: Array, tolerance: float) -> None:
 
 def simulated(system: System, excitation: Excitation, comm: MPI.Comm = MPI.COMM_WORLD) -> History:
     spread = of(system, comm)
-    return observe(spread, excitation, EVERYTHING, static_start(spread, excitation))
+    return observe(spread, excitation, (), static_start(spread, excitation))
 
 
 @pytest.mark.slow
@@ -162,8 +161,7 @@ def test_newtons_law_of_every_section_at_every_step() -> None:
     """Change of momentum over a step against pads, support, weight and tip force, by the trapezoidal rule."""
     system = full(BOOMS["yielding"])
     excitation, spread = driven(system, rho_inf=1.0), of(system)
-    every = Recording(states=excitation.times.tolist())
-    found = observe(spread, excitation, every, static_start(spread, excitation))
+    found = observe(spread, excitation, excitation.times.tolist(), static_start(spread, excitation))
     loads = dict(zip(system.input_names, excitation.forces(system.input_names).T, strict=True))
     supports = {"0": -found.supports[:, 0]}  # the clamp's deflection
     for name, body in system.bodies.items():
@@ -230,13 +228,13 @@ def test_cut_off_it_goes_on_to_the_same_digits(pads: str, tmp_path: Path) -> Non
         rough = [replace(one, friction=0.2, arm=0.18, shear_stiffness=1e7) for one in system.contacts]
         system = replace(system, contacts=tuple(rough))
     spread, excitation = of(system, MPI.COMM_SELF), scheduled(driven(system, end=0.04), [1, 6, 3, 3] * 10)
-    start, recording = static_start(spread, excitation), Recording(energies=True, states=[0.01, 0.03])
+    start, states = static_start(spread, excitation), [0.01, 0.03]
     checkpoint = Checkpoint(tmp_path / "checkpoint", seconds=0.0)
     with pytest.raises(InterruptionError):
-        observe(spread, excitation, recording, start, half_way, checkpoint)
+        observe(spread, excitation, states, start, half_way, checkpoint)
     other = scheduled(excitation, [1, 6, 3, 2] * 10)  # a reduced model made again: the parts begun with stay
-    resumed = observe(spread, other, recording, start, checkpoint=checkpoint)
-    whole = observe(spread, excitation, recording, start)
+    resumed = observe(spread, other, states, start, checkpoint=checkpoint)
+    whole = observe(spread, excitation, states, start)
     for name in system.bodies:
         np.testing.assert_array_equal(resumed.y[name], whole.y[name])
         np.testing.assert_array_equal(resumed.states[name].v, whole.states[name].v)
@@ -248,7 +246,7 @@ def test_cut_off_it_goes_on_to_the_same_digits(pads: str, tmp_path: Path) -> Non
         assert np.abs(whole.friction).max() > 0.0
     stiffer = replace(spread, contacts=tuple(replace(one, compliance=2e-6) for one in spread.contacts))
     with pytest.raises(InputError, match="contacts differs"):
-        observe(stiffer, excitation, recording, start, checkpoint=checkpoint)
+        observe(stiffer, excitation, states, start, checkpoint=checkpoint)
 
 
 @pytest.mark.mpi

@@ -17,11 +17,10 @@ from pmr.fullmodel.model import FullSystem
 from pmr.scene.signals import Constant, Sine
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.native import systems
-from pmr.simulation.petsc import Checkpoint, Recording, observe, static_start
+from pmr.simulation.petsc import Checkpoint, observe, static_start
 from pmr.system.terms import Term
 
 Array = NDArray[np.float64]
-EVERYTHING = Recording(energies=True)
 
 
 def varying(boom: Nested) -> tuple[System, FullSystem]:
@@ -57,10 +56,9 @@ def test_full_order_follows_terms_as_march_does() -> None:
     """From equilibrium; coordinates, forces and the energy balance."""
     system, spread = varying(Nested(2, elements=6))
     given = driven(system)
-    history = observe(spread, given, replace(EVERYTHING, states=(0.05,)), static_start(spread, given))
+    history = observe(spread, given, (0.05,), static_start(spread, given))
     expected = systems.simulate(system, given, systems.static_start(system, given))
     np.testing.assert_allclose(history.forces, expected.forces, atol=1e-8 * np.abs(expected.forces).max())
-    assert history.energy is not None
     stored = history.energy.kinetic + history.energy.strain
     np.testing.assert_allclose(stored, expected.energy, atol=1e-8 * expected.energy.max())
     assert history.surplus == pytest.approx(expected.surplus, abs=1e-8)
@@ -73,15 +71,15 @@ def test_a_simulation_that_was_cut_off_goes_on_with_its_terms(tmp_path: object) 
     system, spread = varying(Nested(2, elements=4))
     given = driven(system).with_stepping(TimeStepping(0.03, 1e-3, 0.9))
     file = Checkpoint(tmp_path / "checkpoint.npz", seconds=0.0)  # type: ignore[operator]
-    whole = observe(spread, given, EVERYTHING)
+    whole = observe(spread, given)
 
     def stop(done: float) -> None:
         if done >= 0.5:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        observe(spread, given, EVERYTHING, progress=stop, checkpoint=file)
-    again = observe(spread, given, EVERYTHING, checkpoint=file)
+        observe(spread, given, progress=stop, checkpoint=file)
+    again = observe(spread, given, checkpoint=file)
     np.testing.assert_array_equal(again.forces, whole.forces)
 
 
@@ -91,7 +89,7 @@ def test_tensions_far_above_the_stiffness_of_a_step_are_followed_as_march_does()
     system, spread = varying(Nested(2, elements=4))
     given = driven(system).with_stepping(TimeStepping(0.02, 2e-3, 0.9))
     given = replace(given, terms={name: Constant(amount=100.0) for name in system.term_names})
-    history = observe(spread, given, EVERYTHING)
+    history = observe(spread, given)
     expected = systems.simulate(system, given)
     np.testing.assert_allclose(history.forces, expected.forces, atol=1e-7 * np.abs(expected.forces).max())
 
@@ -101,4 +99,4 @@ def test_terms_beyond_buckling_do_not_converge_in_silence() -> None:
     terms = {name: Constant(amount=-1e4) for name in system.term_names}
     given = replace(driven(system), terms=terms)
     with pytest.raises(SimulationError, match="forces of .* do not converge|not finite|grows"):
-        observe(spread, given, EVERYTHING)
+        observe(spread, given)
