@@ -15,7 +15,6 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from pmr.files import npz
-from pmr.results import Response
 from pmr.scene import Compare, Damping, Reduction, Scene, Simulation, TimeChoice
 from pmr.scene.keys import ALONE
 from pmr.studies.tasks import Arguments, Needs, Task, TaskFunction, TaskResult
@@ -104,11 +103,6 @@ def reference_task(scene: Scene, name: str) -> Task:
 def frequencies_task(scene: Scene) -> Task:
     """Return the task that computes the full model's lowest frequencies over the path."""
     return _scene_task(compute_frequencies, "frequencies", "frequencies", _without_loads(scene))
-
-
-def response_from(result: TaskResult) -> Response:
-    """Return the response from the result of a `reference_task`."""
-    return npz.record_from_arrays(Response, result.arrays)
 
 
 def simulate_reference(arguments: Arguments, needs: Needs) -> TaskResult:

@@ -8,13 +8,14 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from pmr import scene as scenes
 from pmr.errors import InputError
+from pmr.files import npz
 from pmr.files.arrays import Array, Summary
 from pmr.results import Frequencies, Response
 from pmr.results.fatigue import rainflow_cycles
@@ -27,9 +28,6 @@ from pmr.scene.tomlfiles import Change
 from pmr.studies import shared
 from pmr.studies.study import StudyBase
 from pmr.studies.tasks import KEY, Arguments, Needs, Plan, Scalar, Task, TaskResult, task_key
-
-if TYPE_CHECKING:
-    from pmr.pipeline.bodies import Precomputed
 
 #: Beginning of the names of the columns of section forces, by the unit of the force.
 BEAM_FORCE_COLUMNS = {"N": "beam_forces", "N m": "beam_moments"}
@@ -161,18 +159,6 @@ def _varied_scene(file: Path, point: ScenePoint, key: str) -> Scene:
         raise InputError(source, of, error.value, f"{error.allowed} (run {key})") from None
 
 
-def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
-    """Task: run a scene by `run_scene`; a single body's references and frequencies come from `needs`."""
-    from pmr.pipeline.bodies import Precomputed
-
-    scene = shared.scene_of(arguments)
-    if not needs:
-        return run_scene(scene)
-    references: dict[str, Response] = {name: shared.response_from(needs[name]) for name in scene.compare.against}
-    frequencies = needs["frequencies"].arrays["omega"] / (2.0 * np.pi)
-    return run_scene(scene, Precomputed(references, frequencies))
-
-
 def motion_figures(scene: Scene, response: Response, s: Array, frequencies: Array) -> dict[str, Scalar]:
     """Return columns of the table about a simulated model, from its response and frequencies.
 
@@ -252,10 +238,10 @@ def body_figures(summary: Summary) -> dict[str, Scalar]:
     return record
 
 
-def run_scene(scene: Scene, precomputed: Precomputed | None = None) -> TaskResult:
-    """Run a scene with its first simulator and return the results as a row of the table, with arrays and warnings.
+def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
+    """Task: run a scene with its first simulator; the results are a row of the table, with arrays and warnings.
 
-    `precomputed` are references and frequencies of a single body that need not be computed again.  Record:
+    A single body's references and frequencies come from `needs`.  Record:
     ``errors.<model>_vs_<reference>.<output>`` (e_NRMS), ``coordinates.full`` and ``.reduced``, ``max_displacement`` and
     ``max_error`` (m), ``cylinders.<name>.{min,max}`` and ``ropes.<name>.{min,max}`` (N), and the columns of
     `motion_figures` and `body_figures`.  For a boom, ``largest_force`` is the largest force of its pads.  For a single
@@ -265,7 +251,12 @@ def run_scene(scene: Scene, precomputed: Precomputed | None = None) -> TaskResul
     """
     from pmr.files.whole import user_cache_folder
     from pmr.pipeline import run
+    from pmr.pipeline.bodies import Precomputed
 
+    scene, precomputed = shared.scene_of(arguments), None
+    if needs:
+        responses = {name: npz.record_from_arrays(Response, needs[name].arrays) for name in scene.compare.against}
+        precomputed = Precomputed(responses, needs["frequencies"].arrays["omega"] / (2.0 * np.pi))
     once = scene.with_keys(simulation={"simulators": scene.simulation.simulators[:1]})
     outcome = run(once, measures=user_cache_folder(), shared=precomputed)
     assert outcome is not None  # a task runs on one rank
