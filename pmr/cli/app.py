@@ -16,16 +16,8 @@ from typing import Annotated, Any
 import typer
 from typer import Argument, Option
 
-from pmr.cli.console import (
-    VisibleText,
-    err,
-    exit_with_message,
-    out,
-    output_failure,
-    prepare_folder,
-    prepare_streams,
-    rank_count,
-)
+from pmr.cli import console
+from pmr.cli.console import err, out
 from pmr.cli.export import export, flexible, matrices, simulate
 from pmr.cli.info import info
 from pmr.cli.observe import identify, observe
@@ -124,7 +116,7 @@ def new(
         )
     if lexists(name):
         raise InputError("command line", "NAME", str(name), "the name of a folder that is not there yet is allowed")
-    prepare_folder(name)
+    console.prepare_folder(name)
     title = escape_controls(name.name).replace("\\", "").replace('"', "")
     scene = (TEMPLATES / f"{kind}.toml").read_text(encoding="utf-8").replace('title = "NAME"', f'title = "{title}"')
     (name / "scene.toml").write_text(f"#:schema {SCHEMA}\n{scene}", encoding="utf-8")
@@ -197,40 +189,40 @@ def main() -> None:
 
     The process exits with code 2 for wrong input, and with code 1 if a solver fails.
     """
-    prepare_streams()
+    console.prepare_streams()
     warnings.filterwarnings("ignore", "A NumPy version")  # SciPy warns of it; errors due to it are reported below
     handler = logging.StreamHandler()
-    handler.setFormatter(VisibleText("%(levelname)s %(message)s"))
+    handler.setFormatter(console.VisibleText("%(levelname)s %(message)s"))
     logging.basicConfig(level=logging.WARNING, handlers=[handler])
     try:
         sys.exit(app(standalone_mode=False))
     except SystemExit:
-        if (failure := output_failure()) is not None:
-            exit_with_message(f"standard output: {failure.strerror}; results that go to files are there", 1)
+        if (failure := console.output_failure()) is not None:
+            console.exit_with_message(f"standard output: {failure.strerror}; results that go to files are there", 1)
         raise
     except _UsageError as error:
         if not sys.argv[1:]:
             error.show()  # type: ignore[attr-defined]  # the help
             sys.exit(2)
-        exit_with_message(f"command line: {_usage_message(error)}", 2)
+        console.exit_with_message(f"command line: {_usage_message(error)}", 2)
     except InputError as error:
-        exit_with_message(str(error), 2)
+        console.exit_with_message(str(error), 2)
     except (ConvergenceError, SimulationError, NotWrittenError) as error:
-        exit_with_message(str(error), 1)
+        console.exit_with_message(str(error), 1)
     except Exception as error:
         if isinstance(error, OSError) and error.errno in FULL:
-            output_failure()
+            console.output_failure()
             places = "standard output, compiled code (XDG_CACHE_HOME) and temporary files (TMPDIR)"
-            exit_with_message(f"{error.strerror}: free space is needed for {places}", 1)
+            console.exit_with_message(f"{error.strerror}: free space is needed for {places}", 1)
         if any(kind.__name__ == "VerificationError" for kind in type(error).__mro__):  # CFFI's
-            exit_with_message(
+            console.exit_with_message(
                 "a finite-element form was not compiled: a C compiler is needed, and free "
                 "space in the folder of compiled code (XDG_CACHE_HOME)",
                 1,
             )
         if isinstance(error, ImportError) or "numpy.dtype size changed" in str(error):
-            exit_with_message(environment.import_failure_message(error), 2)
-        if rank_count() > 1:  # the other ranks would wait for this one for ever
+            console.exit_with_message(environment.import_failure_message(error), 2)
+        if console.rank_count() > 1:  # the other ranks would wait for this one for ever
             err.print_exception()
-            exit_with_message("a rank failed", 1)
+            console.exit_with_message("a rank failed", 1)
         raise

@@ -9,18 +9,8 @@ from rich.table import Table
 from rich.text import Text
 from typer import Argument, Option
 
-from pmr.cli.console import (
-    Folder,
-    Model,
-    MotionScene,
-    Overrides,
-    SceneFile,
-    check_output_file,
-    err,
-    out,
-    prepare_folder,
-    scene_file,
-)
+from pmr.cli import console
+from pmr.cli.console import Folder, Model, MotionScene, Overrides, SceneFile, err, out
 from pmr.errors import InputError, TooManyModesError
 from pmr.errors.text import escape_controls
 from pmr.export.formats import BODY_FORMATS, FORMATS, ONE_BODY, Options, write
@@ -69,7 +59,7 @@ def export(
 
         pmr export reports/boom_three/system.npz --to fmu --observer sensors.toml
     """
-    check_output_file(out_file, model) if out_file else prepare_folder(model.parent)
+    console.check_output_file(out_file, model) if out_file else console.prepare_folder(model.parent)
     finish_swap(model.parent)
     with err.status(Text(f"writing {escape_controls(to)}")):  # shown on a terminal only
         estimator = None
@@ -114,11 +104,11 @@ def flexible(
         raise InputError("command line", "--modes", modes, "1 or more is allowed")
     chosen = BODY_FORMATS[to]
     target = out_file or Path(chosen.file_name)
-    file = scene_file(scene)
+    file = console.scene_file(scene)
     loaded = scenes.load_any(file, overrides or ())
     if len(loaded.sections) > 1:
         raise InputError(str(file), "sections", list(loaded.names), ONE_BODY)
-    check_output_file(target, file, *filter(None, (loaded.mesh.file,)))
+    console.check_output_file(target, file, *filter(None, (loaded.mesh.file,)))
     try:
         body = (framed_body if chosen.by == "frame" else held_body)(loaded, at, modes)
     except InputError as error:
@@ -170,7 +160,7 @@ def matrices(
     if target.suffix != ".npz":
         raise InputError("command line", "--out", str(target), "the name of an .npz file is allowed")
     files = foreign_files(stiffness, mass, dofs, nodes, stiffness_name, mass_name, damping, damping_name)
-    check_output_file(target, *(file for file in vars(files).values() if isinstance(file, Path)))
+    console.check_output_file(target, *(file for file in vars(files).values() if isinstance(file, Path)))
     body = read_foreign(files)
     amplitudes = f", {body.modal.sum()} of them modal amplitudes" if body.modal.any() else ""
     coordinates = f"{body.size} coordinates of {len(body.points)} nodes{amplitudes}"
@@ -216,11 +206,11 @@ def simulate(model: Model, scene: MotionScene, out_dir: Folder = None, overrides
     from pmr.system.system import System
 
     finish_swap(model.parent)
-    system, file = System.load(model), scene_file(scene)
+    system, file = System.load(model), console.scene_file(scene)
     loaded, folder = scenes.load_any(file, overrides or ()), out_dir or Path("reports", scene.stem)
     if folder.resolve() == model.parent.resolve():
         raise InputError("command line", "--out", str(folder), "a folder other than the model's is allowed")
-    prepare_folder(folder, RESULT_FILES)
+    console.prepare_folder(folder, RESULT_FILES)
     try:
         result: Any = simulate_saved(system, loaded)
     except InputError as error:

@@ -17,20 +17,8 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 from rich.table import Table
 from typer import Argument, Option
 
-from pmr.cli.console import (
-    NAMES,
-    QUIET,
-    Folder,
-    Overrides,
-    err,
-    exit_with_message,
-    out,
-    prepare_folder,
-    rank_number,
-    report_failure_message,
-    scene_file,
-    wrap_at_spaces,
-)
+from pmr.cli import console
+from pmr.cli.console import NAMES, QUIET, Folder, Overrides, err, out
 from pmr.errors import ConvergenceError, InputError, SimulationError, environment
 from pmr.errors.text import duration_text, escape_controls
 from pmr.files.whole import remove_matching, replacement_folder
@@ -104,13 +92,10 @@ def run(
     if simulators is not None:
         changes.append(f"simulation.simulators={json.dumps([name.strip() for name in simulators.split(',')])}")
     names = [file.resolve().name if isdir(file) else file.stem for file in scene_files]
-    files = [scene_file(file) for file in scene_files]
+    files = [console.scene_file(file) for file in scene_files]
+    by_tolerance = {} if tolerance is None else {file: _tolerance_overrides(tolerance, file) for file in files}
     loaded = [
-        (
-            name,
-            file,
-            scenes.load_any(file, [*([] if tolerance is None else _tolerance_overrides(tolerance, file)), *changes]),
-        )
+        (name, file, scenes.load_any(file, [*by_tolerance.get(file, ()), *changes]))
         for name, file in zip(names, files, strict=True)
     ]
     if len(set(names)) != len(names):
@@ -123,7 +108,7 @@ def run(
     from pmr.results import RESULT_FILES
 
     for where in {folder, *(folder / name for name in names if len(names) > 1)}:
-        prepare_folder(where, RESULT_FILES)
+        console.prepare_folder(where, RESULT_FILES)
     outcomes = []
     with BackgroundReport() as report, helper_process() as helper:
         import numpy as np
@@ -132,28 +117,24 @@ def run(
         from pmr.files.whole import user_cache_folder
         from pmr.pipeline import run as run_scene
 
-        first = rank_number() == 0
+        first = console.rank_number() == 0
         for name, file, scene in loaded:
             where = folder if len(loaded) == 1 else folder / name
             checkpoint = where / f"full-{scene.hash}.checkpoint"
             with _progress(name, shown=first) as progress:
                 try:
-                    clock, measures = Clock(progress), cache or user_cache_folder()
                     outcome = run_scene(
                         scene,
-                        clock=clock,
+                        clock=Clock(progress),
                         checkpoint=checkpoint,
                         cache=cache,
-                        measures=measures,
+                        measures=cache or user_cache_folder(),
                         keep=partial(_save_results, where, folder, report),
                         helper=helper,
                     )
-                except InputError as error:
+                except (InputError, SimulationError, ConvergenceError) as error:
                     _print_hints(scene)
-                    raise error.with_source(str(file)) from None
-                except (SimulationError, ConvergenceError):
-                    _print_hints(scene)
-                    raise
+                    raise error.with_source(str(file)) if isinstance(error, InputError) else error from None
                 except (np.linalg.LinAlgError, ArithmeticError) as error:
                     allowed = f"sizes, stiffnesses and masses that double precision can carry are allowed ({error})"
                     raise InputError(str(file), "", None, allowed) from None
@@ -170,7 +151,7 @@ def run(
                 try:
                     written = report.write([outcome.result for outcome in outcomes], folder)
                 except Exception as error:  # any error of the report; the computed results are stored
-                    exit_with_message(report_failure_message(error, folder), 1)
+                    console.exit_with_message(console.report_failure_message(error, folder), 1)
             out.text(f"report  {written.html}")
             out.text(f"        {written.pdf}")
 
@@ -179,7 +160,7 @@ def _print_hints(scene: Scene) -> None:
     """Print a warning for each unusual number in a scene whose run failed, as this number may be the reason."""
     from pmr.scene.hints import hints
 
-    for hint in hints(scene) if rank_number() == 0 else ():
+    for hint in hints(scene) if console.rank_number() == 0 else ():
         err.sentences(f"warning: {hint}")
 
 
@@ -265,7 +246,7 @@ def _print_errors(error_rows: Sequence[Row]) -> None:
             table.add_row(escape_controls(row.comparison))
         above = row.comparison
         mark = f"{row.mark.symbol} {row.mark.text}" if row.mark else ""
-        called = wrap_at_spaces(f"  {row.place}" if row.place else row.comparison, NAMES + 12, "    ")
+        called = console.wrap_at_spaces(f"  {row.place}" if row.place else row.comparison, NAMES + 12, "    ")
         table.add_row(called, escape_controls(row.value), *([row.published or "", mark] if published else []))
     out.print(table)
 

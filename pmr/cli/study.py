@@ -15,19 +15,8 @@ from rich.progress import Progress as Bars
 from rich.table import Table
 from typer import Argument, Option
 
-from pmr.cli.console import (
-    QUIET,
-    Folder,
-    Jobs,
-    Overrides,
-    SceneFile,
-    err,
-    out,
-    prepare_folder,
-    report_failure_message,
-    scene_file,
-)
-from pmr.cli.console import study_file as found_file
+from pmr.cli import console
+from pmr.cli.console import QUIET, Folder, Jobs, Overrides, SceneFile, err, out
 from pmr.errors import InputError, environment
 from pmr.errors.text import escape_controls
 
@@ -80,7 +69,7 @@ def study(
     from pmr.studies.call import compute_results, save
     from pmr.studies.study import TABLES
 
-    file = found_file(study_file)
+    file = console.study_file(study_file)
     if file in experiments().values():
         _run_experiment(file, out_dir, jobs, overrides or [], only or [], listed)
     if listed:
@@ -96,8 +85,8 @@ def study(
             project = call.load(file, overrides or ())
             chosen = project.select_runs(only) if only else project
             for part in chosen.parts:
-                prepare_folder(folder / part.name, TABLES)
-            prepare_folder(folder / "tasks", ("*.npz",))
+                console.prepare_folder(folder / part.name, TABLES)
+            console.prepare_folder(folder / "tasks", ("*.npz",))
             with _show_progress() as watch:
                 outcome = compute_results(chosen, folder, pool, watch)
     except KeyboardInterrupt:
@@ -114,7 +103,7 @@ def study(
             out.text(f"report {report.html}")
             out.text(f"report {report.pdf}")
         except Exception as error:  # any error of the report; the tables are stored
-            err.text(f"pmr: {report_failure_message(error, folder)}")
+            err.text(f"pmr: {console.report_failure_message(error, folder)}")
             raise typer.Exit(1) from None
     out.text(f"{outcome.done} of {len(chosen.runs)} runs are there; {outcome.computed} tasks were computed now")
     if not only:
@@ -254,13 +243,13 @@ def chart(
     from pmr.scene.members import members
     from pmr.studies.chart_draft import chart_study_text, usual_load, words_of_usual_load
 
-    file = scene_file(scene)
+    file = console.scene_file(scene)
     folder = out_dir or Path("reports", f"chart_{scene.resolve().name if scene.is_dir() else file.stem}")
     written = folder / STUDY
     loaded = None if written.exists() else load_any(file)
     if loaded is not None and any(traits_of(member).needs_fenicsx for member in members(loaded)):
         environment.check_installed("dolfinx")
-    prepare_folder(folder, (STUDY, "tasks/*.npz"))
+    console.prepare_folder(folder, (STUDY, "tasks/*.npz"))
     if loaded is not None:
         largest = usual_load(loaded) if up_to is None else up_to
         written.write_text(chart_study_text(file, loaded, largest), encoding="utf-8")
