@@ -154,21 +154,18 @@ def _tables(system: System, x: Array) -> Arrays:
     (body,) = system.reduced.values()
     numbers = [body.row_names.index(side.place.row) for side in system.sides]
     m, i, o = len(numbers), len(body.input_names), len(body.output_positions)
-    arrays, compliance, residual = dict[str, Array](), system.contact_compliance(x), body.flexibility
-    arrays["C"], arrays["C.breaks"] = body.rows.c[:, :, numbers], body.rows.x
-    shapes = {"F": (m, m), "H": (m, i), "X": (o, m)}
-    for name, shape in shapes.items():
-        arrays[name], arrays[f"{name}.breaks"] = np.zeros((1, 1, *shape)), np.array(body.domain)
-    if residual is not None:
-        tables: dict[str, tuple[PPoly, Any]] = {
-            "F": (residual.rows, np.ix_(numbers, numbers)),
-            "H": (residual.inputs, np.ix_(numbers)),
-            "X": (residual.outputs, np.ix_(range(o), numbers)),
-        }
-        for name, (table, chosen) in tables.items():
-            arrays[name], arrays[f"{name}.breaks"] = np.array(table.c[(slice(None), slice(None), *chosen)]), table.x
-    arrays["F"] = arrays["F"].copy()
-    arrays["F"][-1] += compliance
+    residual = body.flexibility
+    arrays: Arrays = {"C": body.rows.c[:, :, numbers], "C.breaks": body.rows.x}
+    for name, part, shape, chosen in (
+        ("F", "rows", (m, m), np.ix_(numbers, numbers)),
+        ("H", "inputs", (m, i), np.ix_(numbers)),
+        ("X", "outputs", (o, m), np.ix_(range(o), numbers)),
+    ):
+        arrays |= {name: np.zeros((1, 1, *shape)), f"{name}.breaks": np.array(body.domain)}
+        if residual is not None:
+            table: PPoly = getattr(residual, part)
+            arrays |= {name: table.c[(slice(None), slice(None), *chosen)], f"{name}.breaks": table.x}
+    arrays["F"][-1] += system.contact_compliance(x)
     return arrays
 
 

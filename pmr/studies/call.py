@@ -126,7 +126,8 @@ def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch)
                 running[pool.submit(order)] = node
         finished, _ = wait(running, timeout=WATCH_EVERY, return_when=FIRST_COMPLETED)
         for future in [future for future in running if future in finished]:
-            node, failure = running.pop(future), _failure_of_future(future)
+            node, error = running.pop(future), future.exception()  # the machine could not even start a process, say
+            failure = future.result() if error is None else Failure.from_error(error)
             if failure is None:
                 done.add(node.digest)
             else:
@@ -134,17 +135,6 @@ def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch)
         tasks = [node.task for node in running.values()][: pool.slots]
         watch(_progress(nodes, done, failures, time.monotonic() - begin, tasks))
     return failures
-
-
-def _failure_of_future(future: Future[Failure | None]) -> Failure | None:
-    """Return the failure of a submitted task, or None if the task is done.
-
-    An error of the worker itself is returned as a failure of the task, too.
-    """
-    try:
-        return future.result()
-    except Exception as error:  # the machine could not even start a process, say
-        return Failure.from_error(error)
 
 
 def _progress(
