@@ -26,6 +26,8 @@ from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
 logger = logging.getLogger(__name__)
+#: Files that are written with names and numbers of a model in them.
+TEMPLATES = Path(__file__).with_name("templates")
 #: Relative error allowed for interpolated gains and frequencies, and most grid points used to reach it.
 CLOSE, MOST_PLACES = 0.01, 161
 #: Number of frequencies of a response.
@@ -35,50 +37,6 @@ FLOOR = 1e-12
 
 #: Share of the largest natural frequency below which a frequency is that of a free motion.
 FREE = 1e-6
-
-_SCRIPT = '''\
-"""A reduced model with its sliders held at places, as state spaces of python-control.
-
-    from {module} import PATHS, S, nearest, system
-
-S (m) are the places, on each of several PATHS; `system(k)` is the state space at S[k], `nearest(s)` that next to s.
-INTERPOLATION is by which share matrices that are interpolated halfway between two places are off, at most.
-Needs numpy, scipy and control, and the file {data} in this folder.
-"""
-
-from pathlib import Path
-
-import control
-import numpy as np
-from scipy.io import loadmat
-
-_DATA = loadmat(Path(__file__).with_name({data!r}))
-S = _DATA["s"] if _DATA["paths"].size > 1 else _DATA["s"].ravel()
-PATHS = [str(cell[0]) for cell in _DATA["paths"].ravel()]
-INTERPOLATION = {{key: float(_DATA["interpolation"][key][0, 0].item()) for key in ("static_gain", "frequency")}}
-
-
-def _names(key):
-    return [str(cell[0]).replace(".", "_") for cell in _DATA[key].ravel()]  # control allows no dots
-
-
-def system(k):
-    """x' = A x + B f, y = C x + D f at S[k] m."""
-    parts = [_DATA[name][:, :, k] for name in "ABCD"]
-    return control.ss(*parts, inputs=_names("inputs"), outputs=_names("outputs"), states=_names("states"))
-
-
-def nearest(s):
-    """The state space at the place next to s (m)."""
-    return system(int(np.argmin(np.linalg.norm(np.reshape(S, (len(S), -1)) - np.reshape(s, (1, -1)), axis=1))))
-
-
-if __name__ == "__main__":
-    for k, s in enumerate(S):
-        poles = system(k).poles()
-        hertz = np.sort(np.abs(poles[poles.imag > 0.0])) / (2.0 * np.pi)
-        print(f"s = {{s}} m: {{', '.join(f'{{f:.4g}}' for f in hertz[:4])}} Hz")
-'''
 
 
 def write_python_control(npz_path: Path, target: Path, options: Options) -> Path:
@@ -95,7 +53,7 @@ def write_python_control(npz_path: Path, target: Path, options: Options) -> Path
             "command line", "--out", str(target), f"another name is allowed: {data.name} is input of the same run"
         )
     write_matlab(npz_path, data, options)
-    write_text(target, _SCRIPT.format(module=target.stem, data=data.name))
+    write_text(target, (TEMPLATES / "state_space.py").read_text(encoding="utf-8").replace("state_space", target.stem))
     return target
 
 
@@ -256,15 +214,18 @@ def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
     equations = [f"  f[{k}] = {variable};" for k, variable in enumerate(variables[:i], 1)]
     equations += [f"  {variable} = y[{k}];" for k, variable in enumerate(variables[i:], 1)]
     S, n = space.A.shape[:2]
-    block = Path(__file__).with_name("templates") / "state_space.mo"
-    text = block.read_text(encoding="utf-8").format(
-        name=name,
-        **{"S": S, "P": max(1, space.s.shape[1]), "n": n, "i": i, "q": len(space.outputs)},
-        **{key: _braces(getattr(space, key)) for key in "ABCD"},
-        s=_braces(space.s if space.paths else np.zeros((S, 1))),
-        paths=_escape(", ".join(space.paths) or "nothing travels"),
-        variables="\n".join(lines),
-        equations="\n".join(equations),
+    text = (
+        (TEMPLATES / "state_space.mo")
+        .read_text(encoding="utf-8")
+        .format(
+            name=name,
+            **{"S": S, "P": max(1, space.s.shape[1]), "n": n, "i": i, "q": len(space.outputs)},
+            **{key: _braces(getattr(space, key)) for key in "ABCD"},
+            s=_braces(space.s if space.paths else np.zeros((S, 1))),
+            paths=_escape(", ".join(space.paths) or "nothing travels"),
+            variables="\n".join(lines),
+            equations="\n".join(equations),
+        )
     )
     write_text(target, text)
     return target

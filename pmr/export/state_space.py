@@ -18,6 +18,7 @@ Nastran: DMIG entries, or OUTPUT4.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -239,35 +240,25 @@ def path_positions(system: System, text: str | None) -> Mapping[str, Array]:
         return {path: np.linspace(low, high, count) for path, (low, high) in ends.items()}
     if not ranges:
         raise InputError("command line", "--at", text, "none is allowed: nothing travels")
-    allowed = f"places from {', '.join(f'{low:g} to {high:g} m' for low, high in ranges.values())}"
-    allowed += ", separated by commas, are allowed"
-    if len(ranges) > 1:
-        of_each = ",".join(f"{path}={low:g}" for path, (low, _) in ranges.items())
-        allowed_ranges = ", ".join(f"{path} from {low:g} to {high:g} m" for path, (low, high) in ranges.items())
-        allowed = f"each path by its name, places separated by ;, is allowed, such as {of_each!r}: {allowed_ranges}"
-    try:
-        points = (
-            _parse_points(text, list(ranges))
-            if "=" in text or len(ranges) > 1
-            else {next(iter(ranges)): np.array(sorted({float(part) for part in text.split(",")}))}
-        )
-    except ValueError:
-        raise InputError("command line", "--at", text, allowed) from None
-    for path, (low, high) in ranges.items():
-        if not np.all((points[path] >= low) & (points[path] <= high)):  # false for NaN, too
-            raise InputError("command line", "--at", text, allowed)
-    return points
-
-
-def _parse_points(text: str, paths: list[str]) -> Mapping[str, Array]:
-    """Coordinates on several paths in the order of the text; a ValueError is raised unless each point has all paths."""
-    places_by_path = [
-        {name.strip(): float(value) for name, value in (part.split("=") for part in place.split(","))}
-        for place in text.split(";")
+    limits = ", ".join(f"{path} from {low:g} to {high:g} m" for path, (low, high) in ranges.items())
+    of_each = ",".join(f"{path}={low:g}" for path, (low, _) in ranges.items())
+    allowed = f"each path by its name, places separated by ;, is allowed, such as {of_each!r}: {limits}"
+    alone, points = next(iter(ranges)) if len(ranges) == 1 and "=" not in text else "", list[dict[str, float]]()
+    if alone:
+        allowed = f"places {limits.removeprefix(alone).strip()}, separated by commas, are allowed"
+    with suppress(ValueError):
+        if alone:
+            points = [{alone: at} for at in sorted({float(part) for part in text.split(",")})]
+        else:
+            pairs = ([part.split("=") for part in place.split(",")] for place in text.split(";"))
+            points = [{name.strip(): float(value) for name, value in of_place} for of_place in pairs]
+    is_on_path = [
+        set(point) == set(ranges) and all(low <= point[path] <= high for path, (low, high) in ranges.items())
+        for point in points
     ]
-    if any(set(place) != set(paths) for place in places_by_path):
-        raise ValueError(text)
-    return {path: np.array([place[path] for place in places_by_path]) for path in paths}
+    if not points or not all(is_on_path):
+        raise InputError("command line", "--at", text, allowed)
+    return {path: np.array([point[path] for point in points]) for path in ranges}
 
 
 #: Number of characters of a wide field, which holds 10 to 12 digits.
