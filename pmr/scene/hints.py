@@ -20,9 +20,11 @@ from typing import Any
 from pydantic import BaseModel
 
 from pmr.scene.built import GRAVITY
+from pmr.scene.choice import traits_of
 from pmr.scene.joints import BoomSection
 from pmr.scene.keys import Hinted, Schema, Usual, quantity_of, usual_ranges
 from pmr.scene.left_out import hung_force_remark
+from pmr.scene.members import members
 from pmr.scene.scene import BodyFile, Scene
 from pmr.scene.signals import SignalBase
 
@@ -49,6 +51,9 @@ OTHER_UNITS: Mapping[str, Mapping[str, float]] = {
     "degrees": {"rad": 180.0 / math.pi},
     "1": {"%": 0.01},
 }
+
+#: Share of a section's length up to which a probe is at the place of a force.
+AT_JUMP = 1e-6
 
 
 @dataclass(frozen=True)
@@ -86,7 +91,31 @@ def hints(scene: Scene) -> list[str]:
     for number, part in enumerate(scene.sections):
         key = f"sections[{number}]." if scene.sections[0].name else ""
         numbers += _unusual_in_table(part, key, boom_scales(scene) | _section_scales(part))
-    return [*_sentences(numbers), *filter(None, [hung_force_remark(scene)])]
+    return [*_sentences(numbers), *filter(None, [hung_force_remark(scene)]), *_probe_remarks(scene)]
+
+
+def _probe_remarks(scene: Scene) -> Iterator[str]:
+    """Yield a sentence for each probe of a beam's stress at a place where section forces jump.
+
+    Such places are supports, masses and loads at points, and the lug of the luffing cylinder.
+    """
+    frame = scene.frame
+    for number, member in enumerate(members(scene)):
+        part = member.part
+        jumps = {float(of.on): f"the support {of.name}" for of in part.supports if not isinstance(of.on, str)}
+        jumps |= {of.at[0]: f"the mass {of.name}" for of in part.masses if of.at is not None}
+        jumps |= {of.point[0]: f"the load {of.name}" for of in part.loads if of.point is not None}
+        if frame is not None and frame.cylinder is not None and not number:
+            jumps[frame.cylinder.lug[0] - frame.tail_position[0]] = "the luffing cylinder"
+        for probe in part.probes if traits_of(member).is_beam else ():
+            if probe.at is None or not {"stress", "strain"} & set(probe.measures):
+                continue
+            for acting in (name for x, name in jumps.items() if abs(x - probe.at[0]) <= AT_JUMP * part.length):
+                yield (
+                    f"probe {probe.name} of {part.name or 'the body'} is where {acting} acts, at {probe.at[0]:.6g} m: "
+                    "section forces jump there, and the probe has the stress on the side of the tail alone; a probe "
+                    "beside this place on each side has both"
+                )
 
 
 def table_hints(table: BaseModel, scene: Scene) -> list[str]:

@@ -295,3 +295,20 @@ def test_models_in_other_units_pass(scale: float) -> None:
     changes += ["pads=[" + ",".join(f"{{{pad}}}" for pad in pads) + "]", f"slider.path={2.0 * scale}"]
     changes += [f"observe.start={0.2 * scale}", f"observe.end={5.8 * scale}"]
     assert scenes.load(WORKFLOWS / "boom_beam.toml", changes).title
+
+
+@pytest.mark.parametrize("x, acting", [(2.0, "the luffing cylinder"), (2.02, "")])
+def test_a_probe_where_section_forces_jump_is_named(x: float, acting: str) -> None:
+    template = scenes.load_any(
+        ROOT / "pmr" / "cli" / "templates" / "crane.toml", [f"sections.base.probes.lug.at=[{x}, -0.18, -0.24]"]
+    )
+    assert isinstance(template, Scene)
+    remarks = [hint for hint in hints(template) if "section forces jump" in hint]
+    assert len(remarks) == bool(acting)
+    assert all(f"probe lug of base is where {acting} acts, at 2 m" in remark for remark in remarks)
+
+
+def test_a_probe_beside_a_support_or_a_mass_of_a_body_is_named() -> None:
+    probe = "probes=[{name='gauge', at=[6.0, 0.05, 0.1], measures=['stress', 'displacement']}]"
+    (remark,) = hints(scenes.load_any("boom_beam", [probe, "masses.payload.at=[6.0,0.0,-0.4]"]))
+    assert "probe gauge of the body is where the mass payload acts, at 6 m" in remark
