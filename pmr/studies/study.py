@@ -237,8 +237,9 @@ class CountedWarning:
             return self.text
         if len(self.runs) == 1:
             return f"in {self.runs[0]}: {self.text}"
-        which = "first" if self.worst == self.runs[0] else "worst"
-        return f"in {len(self.runs)} of {count} runs, {which} in {self.worst}: {self.text}"
+        in_all, is_first = len(self.runs) == count, self.worst == self.runs[0]
+        where = "" if in_all and is_first else f", {'first' if is_first else 'worst'} in {self.worst}"
+        return f"in {'all' if in_all else f'{len(self.runs)} of'} {count} runs{where}: {self.text}"
 
 
 @dataclass(frozen=True)
