@@ -10,7 +10,6 @@ import scipy.sparse as sp
 from pmr.errors import InputError
 from pmr.files.arrays import Array
 from pmr.system.attachment import with_attachment_modes
-from pmr.system.body import Trajectory
 from pmr.system.carriers import CarrierRows
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Row
@@ -61,24 +60,13 @@ def carried_loads(system: System, run: SystemTrajectory) -> dict[str, sp.csr_mat
 
     S is the number of steps, at most `ANSWERED_STEPS`, evenly spaced; the body has K carriers and i inputs.
     """
-    forces, first = {}, 0
+    forces, steps = {}, np.linspace(0, len(run.t) - 1, min(len(run.t), ANSWERED_STEPS)).astype(int)
     for name, body in system.reduced.items():
-        rows = [system.row(side.place) for side in system.sides if side.place.body == name]
-        last = first + len(body.input_names)
         assert body.carriers is not None
-        forces[name] = carrier_forces_of_run(body.carriers, rows, run.bodies[name], run.loads[:, first:last])
-        first = last
+        rows = [system.row(side.place) for side in system.sides if side.place.body == name]
+        motion, loads = run.bodies[name], run.loads[steps, system.load_columns[name]]
+        forces[name] = carrier_forces(body.carriers, rows, motion.s[steps], motion.multipliers[steps], loads)
     return forces
-
-
-def carrier_forces_of_run(carriers: CarrierRows, rows: Sequence[Row], run: Trajectory, loads: Array) -> sp.csr_matrix:
-    """Forces of rows on K carriers in a run of one body, and its loads: (S, K + i) in N.
-
-    The S steps, at most `ANSWERED_STEPS`, are evenly spaced among the T steps of the run and of the `loads` (T, i).
-    `run.s` must have the path coordinate of each row, (T, m) in m.
-    """
-    steps = np.linspace(0, len(run.t) - 1, min(len(run.t), ANSWERED_STEPS)).astype(int)
-    return carrier_forces(carriers, rows, run.s[steps], run.multipliers[steps], loads[steps])
 
 
 def carrier_forces(
@@ -131,16 +119,15 @@ def system_with_attachment_modes(system: System, x: Array, forces: Sequence[Arra
     if why := reason_without_estimate(models):
         allowed = f"models with an estimate of their error are allowed: {why}"
         raise InputError("scene", "reduction.estimate", None, allowed)
-    bodies, first = {}, 0
+    bodies = {}
     for name, model in models.items():
-        last, carriers = first + len(model.input_names), model.carriers
+        columns, carriers = system.load_columns[name], model.carriers
         assert carriers is not None  # `reason_without_estimate` has checked this
         on = system.sides_of(name)
         rows = [system.row(system.sides[number].place) for number in on]
         pressing = [
-            carrier_forces(carriers, rows, x[:, on], system.side_multipliers(name, of), acting[:, first:last])
+            carrier_forces(carriers, rows, x[:, on], system.side_multipliers(name, of), acting[:, columns])
             for of, acting in zip(forces, loads, strict=True)
         ]
         bodies[name] = with_attachment_modes(extend(model), sp.vstack(pressing, "csr"), LEFT_OUT_AT_REST, at_rest=True)
-        first = last
     return system.with_bodies(bodies)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -110,7 +110,7 @@ def _evaluate(system: System, part: SystemTrajectory) -> Response:
         energy = Energy(kinetic, part.energy - kinetic, external)
     refuse_infinite(*outputs.values(), part.forces, energy.kinetic, energy.strain, energy.external)
     peaks = part.peaks if ALONE not in system.bodies or not np.isnan(system.clearance).all() else None
-    response = response_to_motion(system, part.t, MotionOutputs(outputs, part.forces, peaks, energy))
+    response = response_to_motion(system, part.t, outputs, part.forces, peaks, energy)
     position, velocity = np.abs(residuals).max(axis=2, initial=0.0)
     response = replace(response, residual_position=position, residual_velocity=velocity)
     response = append_friction(with_support_reactions(response, system, part), system.contacts, part.friction)
@@ -139,19 +139,6 @@ def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) ->
     return np.array([violation, body.apply_rows(s, v) + path_rate * body.apply_rows(s, q, derivative=1)])
 
 
-@dataclass(frozen=True)
-class MotionOutputs:
-    """Simulated outputs (T, o) of each body by name, forces and peaks (T, m) in N of all contacts, and energies.
-
-    The numbers are T of times, o of outputs of the body, and m of contacts.  `peaks` is None if no step has parts.
-    """
-
-    outputs: Mapping[str, Array]
-    forces: Array
-    peaks: Array | None
-    energy: Energy
-
-
 def append_friction(response: Response, contacts: Sequence[Contact], friction: Array | None) -> Response:
     """Append the total friction force in N of each joint to the other outputs of a response.
 
@@ -170,10 +157,21 @@ def hoist_outputs(system: BodySystem[Any]) -> list[Output]:
     return [Output(name, KINDS[name], section, unit=unit) for name, unit in OUTPUTS.items()]
 
 
-def response_to_motion(system: BodySystem[Any], t: Array, motion: MotionOutputs) -> Response:
-    """Response to any simulator's motion at the times t (T,) in s; its solver time and residuals are set to NaN."""
+def response_to_motion(
+    system: BodySystem[Any],
+    t: Array,
+    simulated: Mapping[str, Array],
+    forces: Array,
+    peaks: Array | None,
+    energy: Energy,
+) -> Response:
+    """Response to any simulator's motion at the times t (T,) in s; its solver time and residuals are set to NaN.
+
+    `simulated` are the outputs (T, o) of each body by name, `forces` and `peaks` (T, m) in N those of all contacts.
+    `peaks` is None if no step has parts.
+    """
     outputs, contacts = outputs_of(system), output_contacts(system)
-    y = np.hstack([motion.outputs[name] for name in system.bodies])
+    y = np.hstack([simulated[name] for name in system.bodies])
     x = np.concatenate([body.output_positions for body in system.bodies.values()])
     lengths = [k for k, output in enumerate(outputs) if output.is_displacement]
     springs = [k for k, output in enumerate(outputs) if output.is_force]
@@ -182,24 +180,24 @@ def response_to_motion(system: BodySystem[Any], t: Array, motion: MotionOutputs)
     shown = [outputs[k] for k in [*lengths, *springs]]
     shown += [Output(force_name(contact.name), contact.kind, contact.inner.body, unit="N") for contact in joined]
     shown += [outputs[k] for k in others]
-    names, forces = tuple(output.name for output in shown), len(lengths) + len(springs) + len(contacts)
+    names, last = tuple(output.name for output in shown), len(lengths) + len(springs) + len(contacts)
     not_known = np.full(len(t), np.nan)
     return Response(
         t=t,
         x=x[lengths],
         displacement=y[:, lengths],
-        energy=motion.energy,
-        slider_force=np.hstack([y[:, springs], motion.forces[:, contacts]]),
+        energy=energy,
+        slider_force=np.hstack([y[:, springs], forces[:, contacts]]),
         residual_position=not_known,
         residual_velocity=not_known,
         seconds=np.nan,
         output_names=names[: len(lengths)],
         output_units=("m",) * len(lengths),
-        force_names=names[len(lengths) : forces],
-        force_peaks=None if motion.peaks is None else np.hstack([y[:, springs], motion.peaks[:, contacts]]),
+        force_names=names[len(lengths) : last],
+        force_peaks=None if peaks is None else np.hstack([y[:, springs], peaks[:, contacts]]),
         others=y[:, others] if others else None,
-        other_names=names[forces:],
-        other_units=tuple(output.unit for output in shown[forces:]),
+        other_names=names[last:],
+        other_units=tuple(output.unit for output in shown[last:]),
         kinds=tuple(output.text for output in shown),
         bodies=tuple(output.body for output in shown),
     )

@@ -29,7 +29,7 @@ from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.march import March
 from pmr.simulation.reactions import with_forces_on_machine
 from pmr.simulation.stepping import Recorder
-from pmr.system.body import BodyWithOutputs, kinds_of, names_of, units_of
+from pmr.system.body import Body, kinds_of, names_of, units_of
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.states import BodyStates, SystemTrajectory, states_of
 from pmr.system.system import System
@@ -296,7 +296,7 @@ def check_memory(scene: Scene, size: int, outputs: int, free: int | None, tell: 
             _log.warning("%s", message)
 
 
-def cable_response(scene: Scene, body: BodyWithOutputs, done: Progress | None = None) -> Response:
+def cable_response(scene: Scene, body: Body, done: Progress | None = None) -> Response:
     """Response of the ANCF cable, which serves as a reference, with the outputs of the `body` that it stands for.
 
     The joint of the cable holds a point in space, so it has no rows: their residuals are NaN.  Raises InputError if

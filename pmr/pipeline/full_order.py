@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from pmr.compare.evaluation import MotionOutputs, append_friction, response_to_motion
+from pmr.compare.evaluation import append_friction, response_to_motion
 from pmr.compare.outputs import output_contacts
 from pmr.compare.responses import Simulation, cable_response, full_simulator, simulate_by
 from pmr.compare.trust import reason_for_distrust, rigid_contacts
@@ -178,8 +178,7 @@ class FullOrder:
         times = [excitation.stepping.step * step for step in steps]
         start = static_start(system, excitation) if excitation.start == "equilibrium" else {}
         history = observe(system, excitation, times, start, done, checkpoint)
-        outputs = MotionOutputs(history.y, history.forces, history.peaks, history.energy)
-        response = response_to_motion(system, history.t, outputs)
+        response = response_to_motion(system, history.t, history.y, history.forces, history.peaks, history.energy)
         response = with_reactions(response, *_support_reactions(system, history))
         response = replace(
             append_friction(response, system.contacts, history.friction),
@@ -209,19 +208,18 @@ def _states_of_bodies(
 
     `x` (T, sides) in m are the positions of the contacts' sides over time, `f` (T, i) in N the loads on the inputs.
     """
-    states_of_bodies, first = dict[str, BodyStates](), 0
+    states_of_bodies = dict[str, BodyStates]()
     forces, rubbing = history.forces[steps], Friction.from_contacts(system.contacts)
     friction = None if history.friction is None else history.friction[steps]
     reaching = forces if rubbing is None or friction is None else forces - rubbing.cylinder_forces(friction)
-    for name, model in system.bodies.items():
-        side_numbers, last, states = system.sides_of(name), first + len(model.input_names), history.states[name]
+    for name, columns in system.load_columns.items():
+        side_numbers, states = system.sides_of(name), history.states[name]
         rows = tuple(system.sides[number].place.row for number in side_numbers)
-        loads, pressed = f[steps, first:last], system.side_multipliers(name, reaching)
+        loads, pressed = f[steps, columns], system.side_multipliers(name, reaching)
         rubbed = friction_on_body(system, name, forces, friction)
         states_of_bodies[name] = BodyStates(
             states.t, x[steps][:, side_numbers], states.q, states.v, pressed, loads, rows, **rubbed
         )
-        first = last
     return states_of_bodies
 
 

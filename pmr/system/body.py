@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -30,70 +30,11 @@ from pmr.system.reduced_model import ReducedModel
 from pmr.system.rows import Rows, SharedCarriers
 from pmr.system.soundness import symmetric_part
 
-
-class BodyWithOutputs(Protocol):
-    """Body with o outputs at `output_positions` (o,) in m, which have names, units and kinds (`pmr.results.response`).
-
-    Names, units and kinds are empty in models of versions that did not store them.
-    """
-
-    @property
-    def output_positions(self) -> Array: ...
-    @property
-    def output_names(self) -> tuple[str, ...]: ...
-    @property
-    def output_units(self) -> tuple[str, ...]: ...
-    @property
-    def output_kinds(self) -> tuple[str, ...]: ...
-
-
 #: Rows on common carriers, of a reduced body or of a distributed one.
 RowsOnCarriers: TypeAlias = CarrierRows | SharedCarriers
 
 
-class Body(Protocol):
-    """Interface of a system's bodies, whether one process stores their matrices or several do.
-
-    Attributes
-    ----------
-    input_names, row_names : tuples of str
-    row_compliance : (m,) array, m/N
-        Compliance 1/k of each row's pad; 0 for a rigid row.
-    row_clearance : (m,) array, m
-        Clearance of each row that only pushes; NaN for rows that hold both ways.
-    moving : list of int
-        Numbers of the rows that depend on s.
-    held : dict of int to int
-        By the number of each row that is a support on a single coordinate: the number of the coordinate held at zero.
-    lasting : tuple of str
-        Names of the rows that are rigid, hold both ways, don't depend on s, and combine several coordinates.
-    domain : (float, float), m
-        Lowest and highest path coordinate for which the rows are defined.
-    carriers : OnCarriers or None
-        The rows on carriers; None for a body that has tables over its path instead.
-    """
-
-    @property
-    def input_names(self) -> tuple[str, ...]: ...
-    @property
-    def row_names(self) -> tuple[str, ...]: ...
-    @property
-    def row_compliance(self) -> Array: ...
-    @property
-    def row_clearance(self) -> Array: ...
-    @property
-    def moving(self) -> list[int]: ...
-    @property
-    def held(self) -> dict[int, int]: ...
-    @property
-    def lasting(self) -> tuple[str, ...]: ...
-    @property
-    def domain(self) -> Interval: ...
-    @property
-    def carriers(self) -> RowsOnCarriers | None: ...
-
-
-def kinds_of(body: BodyWithOutputs) -> tuple[str, ...]:
+def kinds_of(body: Body) -> tuple[str, ...]:
     """Kind and direction of each output, such as ``"tip z"`` (`pmr.results.response`).
 
     If the body does not have them, as in models of earlier versions, they are derived from names and units.  Without
@@ -108,12 +49,12 @@ def kinds_of(body: BodyWithOutputs) -> tuple[str, ...]:
     return tuple(_kind_of_earlier_version(name, unit) for name, unit in named)
 
 
-def names_of(body: BodyWithOutputs) -> tuple[str, ...]:
+def names_of(body: Body) -> tuple[str, ...]:
     """Name of each output; ``output k`` if the body has no names."""
     return body.output_names or tuple(f"output {k}" for k in range(len(body.output_positions)))
 
 
-def units_of(body: BodyWithOutputs) -> tuple[str, ...]:
+def units_of(body: Body) -> tuple[str, ...]:
     """Unit of each output; m for all if the body has no units."""
     return body.output_units or ("m",) * len(body.output_positions)
 
@@ -130,22 +71,22 @@ def _kind_of_earlier_version(name: str, unit: str) -> str:
     return f"beam {start}" if at else f"tip {name.rpartition(' ')[2]}".strip()
 
 
-def _has_kind(body: BodyWithOutputs, *kinds: str) -> Mask:
+def _has_kind(body: Body, *kinds: str) -> Mask:
     """Which of the outputs (o,) are of one of these kinds."""
     return np.array([kind.split(" ")[0] in kinds for kind in kinds_of(body)], dtype=bool)
 
 
-def force_outputs(body: BodyWithOutputs) -> Mask:
+def force_outputs(body: Body) -> Mask:
     """Which of the outputs (o,) are forces of pads and of supports with a stiffness."""
     return _has_kind(body, *FORCES)
 
 
-def length_outputs(body: BodyWithOutputs) -> Mask:
+def length_outputs(body: Body) -> Mask:
     """Which of the outputs (o,) are displacements of the beam or of its tip."""
     return _has_kind(body, "beam", "tip")
 
 
-def other_outputs(body: BodyWithOutputs) -> Mask:
+def other_outputs(body: Body) -> Mask:
     """Which of the outputs (o,) are rotations or probes: neither forces nor displacements of the beam or its tip."""
     return np.asarray(~(length_outputs(body) | force_outputs(body)))
 
@@ -182,6 +123,11 @@ class FullOrderBody:
     # rows (1, n) that measure motions where something may be attached, by place and direction
     ports: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
     node_stations: Array | None = None  # (N,) m: coordinates of a beam's nodes along its axis; None: no beam
+
+    @property
+    def carriers(self) -> RowsOnCarriers | None:
+        """Rows on carriers, which each kind of full model makes in its own way."""
+        raise NotImplementedError
 
     @property
     def flexibility(self) -> None:
@@ -228,6 +174,10 @@ class FullOrderBody:
     def lasting(self) -> tuple[str, ...]:
         """Names of the fixed rows that combine several coordinates."""
         return self.rows.fixed_combinations
+
+
+#: Body of a system, whether one process stores its matrices or several do.
+Body: TypeAlias = ReducedModel | FullOrderBody
 
 
 @dataclass(frozen=True)

@@ -154,12 +154,11 @@ def friction_on_body(system: BodySystem[Body], name: str, forces: Array, frictio
 
 def states_of(system: System, trajectory: SystemTrajectory, steps: Indices) -> dict[str, BodyStates]:
     """States of the bodies at the steps of a trajectory with the numbers `steps`, by the bodies' names."""
-    states, first, at_steps = {}, 0, trajectory.select(steps)
-    for name, body in system.bodies.items():
-        motion, last = at_steps.bodies[name], first + len(body.input_names)
+    states, at_steps = {}, trajectory.select(steps)
+    for name, columns in system.load_columns.items():
+        motion = at_steps.bodies[name]
         rows = tuple(system.sides[number].place.row for number in system.sides_of(name))
         rubbed = friction_on_body(system, name, at_steps.forces, at_steps.friction)
-        part = motion.s, motion.q, motion.v, motion.multipliers, at_steps.loads[:, first:last]
+        part = motion.s, motion.q, motion.v, motion.multipliers, at_steps.loads[:, columns]
         states[name] = BodyStates(at_steps.t, *part, rows, **rubbed)
-        first = last
     return states

@@ -16,14 +16,14 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.errors.text import overview
-from pmr.files.arrays import Array, Indices
+from pmr.files.arrays import Array
 from pmr.scene.signals.base import Interval
 from pmr.system import saved
 from pmr.system.body import Body, SlidingBody, names_of, units_of
@@ -51,16 +51,6 @@ class Side:
     contact: int
     place: Place
     sign: float
-
-
-class PlacesOnPaths(NamedTuple):
-    """Places of all sides on their bodies: x = at + rate s in m, in the range that their rows have, low to high."""
-
-    path: Indices  # (sides,): number of the path s among `BodySystem.paths`, or their count if the place stays
-    at: Array  # (sides,) m
-    rate: Array  # (sides,)
-    low: Array  # (sides,) m
-    high: Array  # (sides,) m
 
 
 AnyBody = TypeVar("AnyBody", bound=Body, covariant=True)
@@ -175,6 +165,12 @@ class BodySystem(Generic[AnyBody]):
         )
 
     @property
+    def load_columns(self) -> dict[str, slice]:
+        """Columns of each body's inputs among `input_names`, by the bodies' names."""
+        counts = [len(body.input_names) for body in self.bodies.values()]
+        return dict(zip(self.bodies, consecutive(counts), strict=True))
+
+    @property
     def load_names(self) -> tuple[str, ...]:
         """Names of all that a user loads without a frame: inputs that no rope pulls, and what drives a hoist."""
         return (*(name for name in self.input_names if name not in self.hoist.inputs), *self.hoist.drivers)
@@ -264,36 +260,16 @@ class BodySystem(Generic[AnyBody]):
             if side.place.path is not None and side.place.path not in s:
                 allowed = f"a path for it is needed; given: {', '.join(s) or 'none'}"
                 raise contact_error(self.contacts[side.contact].name, "path", side.place.path, allowed)
-        travel, shape = self._travel, np.broadcast_shapes(*(np.shape(values) for values in s.values()))
-        paths = np.zeros((len(self.paths) + 1, *shape))  # the last one is for places that do not travel
-        for k, path in enumerate(self.paths):
-            paths[k] = s[path]
-        x = np.empty((len(self.sides), *shape))
-        np.multiply(paths[travel.path].T, travel.rate, out=x.T)
-        np.add(x.T, travel.at, out=x.T)
-        if not x.size:
-            return np.moveaxis(x, 0, -1)
-        along = tuple(range(1, x.ndim))
-        least, most, slack = x.min(axis=along), x.max(axis=along), BEYOND_ENDS * (travel.high - travel.low)
-        within = (least >= travel.low - slack) & (most <= travel.high + slack)  # not so if a path is not finite
-        if not within.all():
-            k = int(np.argmin(within))
-            low, high, side = travel.low[k], travel.high[k], self.sides[k]
-            outside = ~((x[k] >= low - slack[k]) & (x[k] <= high + slack[k]))
-            allowed = f"{low:g} to {high:g} m are allowed on {side.place.body}"
-            raise contact_error(self.contacts[side.contact].name, "place", float(x[k][outside][0]), allowed)
-        if (least < travel.low).any() or (most > travel.high).any():
-            np.clip(x.T, travel.low, travel.high, out=x.T)
+        x = np.empty((len(self.sides), *np.broadcast_shapes(*(np.shape(values) for values in s.values()))))
+        for k, side in enumerate(self.sides):
+            at, (low, high) = side.place.coordinate(s), self.range_of(side.place)
+            slack = BEYOND_ENDS * (high - low)
+            outside = ~((at >= low - slack) & (at <= high + slack))  # so is a path that is not finite
+            if outside.any():
+                allowed = f"{low:g} to {high:g} m are allowed on {side.place.body}"
+                raise contact_error(self.contacts[side.contact].name, "place", float(at[outside][0]), allowed)
+            x[k] = np.minimum(np.maximum(at, low), high)
         return np.moveaxis(x, 0, -1)
-
-    @cached_property
-    def _travel(self) -> PlacesOnPaths:
-        """Positions of the places of all sides on their bodies, and the paths by which they travel."""
-        places, paths = [side.place for side in self.sides], self.paths
-        low, high = np.array([self.range_of(place) for place in places]).reshape(-1, 2).T
-        numbers = [len(paths) if place.path is None else paths.index(place.path) for place in places]
-        at, rate = np.array([(place.at, place.rate) for place in places]).reshape(-1, 2).T
-        return PlacesOnPaths(np.array(numbers, np.int64), at, rate, low, high)
 
 
 @dataclass(frozen=True)
