@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from terms import axial
 
 from pmr import System
-from pmr.kernel.blocks import round_up
-from pmr.kernel.kernel import Kernel
+from pmr.kernel._native import ffi, lib
+from pmr.kernel.blocks import _ARRAY, _HEAD, _KINDS, LINE, round_up
+from pmr.kernel.kernel import Kernel, pointer
+from pmr.kernel.state import State
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.system.assembly import Assembly
 from pmr.system.terms import Term
@@ -62,3 +65,54 @@ def rubbing(system: System, stiffness: float, at_rest: float = 0.0) -> System:
     how = {"friction": 0.3, "arm": 0.18, "shear_stiffness": stiffness, "static_friction": at_rest}
     rough = [replace(one, **how, stribeck_speed=0.3) for one in system.contacts]
     return replace(system, contacts=tuple(rough))
+
+
+class Jacobian(NamedTuple):
+    """Derivatives of a step (`pmr_jacobian` in src/pmr_kernel.h)."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    L: Array
+    K: Array
+    E: Array
+    G: Array
+
+
+def linearize(state: State, u: Array) -> Jacobian:
+    """Derivatives of the next step, to drivers u."""
+    kernel, u = state.kernel, np.ascontiguousarray(u)
+    r, N, o, m = 3 * kernel.modes, kernel.drivers, kernel.outputs, kernel.contacts
+    shapes = ((r, r), (r, N), (o, r), (o, N), (m, r), (m, N), (r, r), (r, N))
+    found = Jacobian(*map(np.zeros, shapes))
+    out = ffi.new("pmr_jacobian *", {name: pointer(array) for name, array in found._asdict().items()})
+    state.raise_unless_done(lib.pmr_linearize(state.pointer, pointer(u), out), "a step")
+    return found
+
+
+def evaluate(state: State, motions: Array, seed: Sequence[Array] = ()) -> dict[str, Array]:
+    """What pmr_evaluate finds under motions of a frame, or its derivatives along changes of motions, z and v."""
+    kernel, arrays = state.kernel, [np.ascontiguousarray(array) for array in (motions, *seed)]
+    sizes = {"accelerations": kernel.modes, "outputs": kernel.outputs, "further": kernel.further}
+    found = {name: np.zeros(size) for name, size in (sizes | {"forces": kernel.contacts}).items()}
+    out = ffi.new("pmr_values *", {name: pointer(array) for name, array in found.items()})
+    law = lib.pmr_evaluate_along if seed else lib.pmr_evaluate
+    state.raise_unless_done(law(state.pointer, *map(pointer, arrays), 0, out), "an evaluation")
+    return found
+
+
+def unpack(block: bytes) -> dict[str, NDArray[Any] | str]:
+    """Arrays and texts of a block by name, as `pmr.kernel.blocks.pack` took them, but without shapes."""
+    _, _, count, _, _ = _HEAD.unpack_from(block)
+    arrays = dict[str, NDArray[Any] | str]()
+    for k in range(count):
+        name, kind, _, size, at = _ARRAY.unpack_from(block, LINE * (1 + k))
+        key = name.rstrip(b"\0").decode()
+        text = kind == _KINDS["u"]
+        arrays[key] = (
+            bytes(block[at : at + size]).decode()
+            if text
+            else np.frombuffer(block, (np.int32, np.float64)[kind], size, at)
+        )
+    return arrays

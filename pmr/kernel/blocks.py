@@ -285,8 +285,7 @@ def _zeros(breaks: Array, shape: tuple[int, ...]) -> PPoly:
 MAGIC = b"PMRSYS2\n"
 #: Alignment of arrays in bytes, and size of the block's header and of each array's header.
 LINE = 64
-_INTEGERS, _NUMBERS, _BYTES = range(3)
-_KINDS = {"i": _INTEGERS, "f": _NUMBERS, "u": _BYTES}
+_KINDS = {"i": 0, "f": 1, "u": 2}  # numbers of the kinds of arrays
 _HEAD, _ARRAY = struct.Struct("=8siiqQ32x"), struct.Struct("=40siiqq")
 
 
@@ -323,20 +322,3 @@ def _encode(array: NDArray[Any] | str) -> NDArray[Any]:
     if isinstance(array, str):
         return np.frombuffer(array.encode(), np.uint8)
     return np.asarray(array, np.int32 if array.dtype.kind in "iub" else np.float64)
-
-
-def unpack(block: bytes) -> dict[str, NDArray[Any] | str]:
-    """Arrays and texts of a block by name, as `pack` took them, but without shapes; the block is not checked.
-
-    Integers are int32, real numbers float64.
-    """
-    _, _, count, _, _ = _HEAD.unpack_from(block)
-    arrays = dict[str, NDArray[Any] | str]()
-    for k in range(count):
-        name, kind, _, size, at = _ARRAY.unpack_from(block, LINE * (1 + k))
-        key = name.rstrip(b"\0").decode()
-        if kind == _BYTES:
-            arrays[key] = bytes(block[at : at + size]).decode()
-        else:
-            arrays[key] = np.frombuffer(block, (np.int32, np.float64)[kind], size, at)
-    return arrays

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -89,15 +88,6 @@ class Kernel:
         block = pack(data.arrays)
         seal(block, checksum(block[LINE:]))
         return cls(block)
-
-    @classmethod
-    def read(cls, path: Path) -> Kernel:
-        """Kernel from a file that `write` wrote; an InputError is raised if it is another kind of file, or damaged."""
-        return cls(path.read_bytes())
-
-    def write(self, path: Path) -> None:
-        """Write the block of the system to a file."""
-        path.write_bytes(self.block)
 
     @property
     def block(self) -> bytes:

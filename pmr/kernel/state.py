@@ -313,47 +313,6 @@ class State:
         self.raise_unless_done(failed, f"the outputs of step {self.step_number}")
         return further
 
-    def evaluate(self, at: ArrayLike, seed: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None) -> dict[str, Array]:
-        """Accelerations, outputs, further outputs and contact forces of the state, in continuous time, as a dict.
-
-        Its keys are ``accelerations`` (modes,), ``outputs`` (o,), ``further`` (further,) and ``forces`` (forces,).
-        They belong to the present z and v of the state, under drivers (N,) or motions (3, n) of a frame, which are
-        `at`.  Rigid contacts and friction have the forces of the last step.  The state is not changed.
-
-        With a `seed`, which consists of changes of drivers or motions, of z and of v (modes,), the results are the
-        directional derivatives of these quantities along the seed; closed contacts stay closed.
-        """
-        kernel = self.kernel
-        sizes = {"accelerations": kernel.modes, "outputs": kernel.outputs}
-        values = {
-            n: np.zeros(size) for n, size in (sizes | {"further": kernel.further, "forces": kernel.contacts}).items()
-        }
-        out = ffi.new("pmr_values *", {name: pointer(array) for name, array in values.items()})
-        width = 3 * kernel.motions or kernel.drivers
-        drivers = self._check_array("drivers", np.ravel(at), width)
-        if seed is None:
-            failed = lib.pmr_evaluate(self._state, pointer(drivers), 0, out)
-        else:
-            sizes_of_seed = (width, kernel.modes, kernel.modes)
-            along = [self._check_array("seed", np.ravel(x), n) for x, n in zip(seed, sizes_of_seed, strict=True)]
-            failed = lib.pmr_evaluate_along(self._state, pointer(drivers), *map(pointer, along), 0, out)
-        self.raise_unless_done(failed, "an evaluation")
-        return values
-
-    def linearize(self, u: ArrayLike) -> Jacobian:
-        """Derivatives of the next step, to drivers u (N,); contacts stay open or closed, pads keep sticking or sliding.
-
-        The state is not changed.  A StepError is raised for a system with a hoist, or if the step fails.
-        """
-        r, N, o, m = self.kernel.modes, self.kernel.drivers, self.kernel.outputs, self.kernel.contacts
-        shapes = {"A": (3 * r, 3 * r), "B": (3 * r, N), "C": (o, 3 * r), "D": (o, N), "L": (m, 3 * r), "K": (m, N)}
-        shapes |= {"E": (3 * r, 3 * r), "G": (3 * r, N)}
-        arrays = {name: np.zeros(shape) for name, shape in shapes.items()}
-        out = ffi.new("pmr_jacobian *", {name: pointer(array) for name, array in arrays.items()})
-        failed = lib.pmr_linearize(self._state, pointer(self._check_array("u", u, N)), out)
-        self.raise_unless_done(failed, f"step {self.step_number + 1}")
-        return Jacobian(**arrays)
-
     def save(self) -> bytes:
         """Bytes of the state, from which `restore` continues."""
         content = ffi.new("char[]", lib.pmr_state_bytes(self._state))
@@ -421,24 +380,6 @@ class State:
         }
         message = f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}"
         raise StepError(message, Failure(failed), trouble)
-
-
-@dataclass(frozen=True)
-class Jacobian:
-    """Derivatives of a step by the prediction x = (z*, v*, a*) (3 modes,) and by the drivers u (N,) at the step's end.
-
-    They are dx_next = A dx + B du for the next prediction, dy = C dx + D du for the outputs y, dlambda = L dx + K du
-    for the multipliers, and dw = E dx + G du for w = (z, v, z'') (3 modes,) at the step's end.
-    """
-
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    L: Array
-    K: Array
-    E: Array
-    G: Array
 
 
 def _check_room(record: Record, first: int, rows: int, parts: int) -> None:

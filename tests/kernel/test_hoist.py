@@ -8,11 +8,12 @@ import hoists
 import numpy as np
 import pytest
 from hoists import REACH, SECOND_MOMENT, G, cantilever, simulate
+from kernels import unpack
 from scipy.special import ellipk
 
 import pmr
 from pmr import InputError, SimulationError, Stepper, System
-from pmr.kernel.blocks import LINE, pack, seal, unpack
+from pmr.kernel.blocks import LINE, pack, seal
 from pmr.kernel.kernel import Kernel, checksum
 from pmr.kernel.state import Record, State
 from pmr.scene.hoist import ROPE, ROPE_FORCE

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from kernels import coupled, kernel_of, rubbing, varying
+from kernels import coupled, kernel_of, linearize, rubbing, varying
 from nested import Nested, reduced
 from numpy.typing import NDArray
 
@@ -53,7 +53,7 @@ def test_derivatives_are_those_of_differences(make: Callable[[], System]) -> Non
     start = state.save()
     u, before = drivers(state, 7e-3), drivers(state, 6e-3)
     state.step(before)
-    jacobian, at = state.linearize(u), state.save()
+    jacobian, at = linearize(state, u), state.save()
     first = state_before(state, start, before)
 
     def ended(changed: Array, last: Array) -> tuple[Array, Array]:
@@ -94,7 +94,7 @@ def state_before(state: State, start: bytes, u: Array):  # type: ignore[no-untyp
     """Derivatives of the step before; the state is left where it stood."""
     here = state.save()
     state.restore(start)
-    jacobian = state.linearize(u)
+    jacobian = linearize(state, u)
     assert state.save() == start
     state.restore(here)
     return jacobian
@@ -108,7 +108,7 @@ def test_chosen_matrices_are_those_of_all(make: Callable[[], System]) -> None:
     state.start("equilibrium", drivers(state, 0.0))
     for n in range(1, 6):
         state.step(drivers(state, 1e-3 * n))
-    u, jacobian = drivers(state, 7e-3), state.linearize(drivers(state, 7e-3))
+    u, jacobian = drivers(state, 7e-3), linearize(state, drivers(state, 7e-3))
     used = np.flatnonzero(np.abs(jacobian.A[: kernel.modes]).max(axis=1) > 0.0)  # the others are padding
     columns = np.array([0, kernel.outputs - 1, kernel.outputs])  # the last one is a force
     loads = np.arange(kernel.paths, kernel.paths + kernel.inputs)
@@ -135,7 +135,7 @@ def test_two_steps_are_the_product_of_one_after_the_other() -> None:
     state = State(kernel, Settings(1e-3, 0.8))
     u = np.array([2.0, *np.zeros(kernel.inputs)])
     state.start("equilibrium", u)
-    jacobian = state.linearize(u)
+    jacobian = linearize(state, u)
     push = np.zeros(kernel.drivers)
     push[-1] = 100.0
     state.step(u + push)

@@ -37,7 +37,7 @@ def test_a_program_steps_alike_on_other_systems(target: str, tmp_path: Path) -> 
     if not (emulator := shutil.which(EMULATORS[target])):
         pytest.skip(f"{EMULATORS[target]} is needed")
     kernel, _ = kernel_of(reduced(Nested(3, elements=8, clearance=2e-4, compliance=1e-7), 3))
-    kernel.write(tmp_path / "system.bin")
+    (tmp_path / "system.bin").write_bytes(kernel.block)
     outputs = []
     for system, run in (("x86_64-linux", ()), (target, (emulator,))):
         program = tmp_path / f"{system}.exe"

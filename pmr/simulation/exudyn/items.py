@@ -67,7 +67,6 @@ class SystemItems:
     # ObjectConnectorCoordinateVector of the `contacts`; its output variable Force is their force in N; None without
     # such contacts
     oContacts: exu.ObjectIndex | None = None
-    oTerms: exu.ObjectIndex | None = None  # ObjectGenericODE2 of the terms that vary in time; None where there are none
     oBase: exu.ObjectIndex | None = (
         None  # ObjectGenericODE2 that couples the boom with a rigid body; None for a boom on the ground
     )
@@ -120,16 +119,6 @@ class SystemItems:
         """Marker of the body of a system of one body."""
         (marker,) = self.mBodies.values()
         return marker
-
-    @property
-    def oBody(self) -> exu.ObjectIndex:  # noqa: N802
-        """Another name of `oSystem`, for a system of one body."""
-        return self.oSystem
-
-    @property
-    def oSlider(self) -> exu.ObjectIndex | None:  # noqa: N802
-        """Connector of the rigid contacts of a system of one body; None without rigid contacts."""
-        return self.oContacts
 
 
 def add_pre_step_function(mbs: exu.MainSystem, function: PreStep) -> None:
@@ -293,7 +282,7 @@ def with_terms(mbs: exu.MainSystem, items: SystemItems, equations: Equations, in
                 mbs.SetObjectParameter(oTerms, key, value)
         return True
 
-    return replace(items.updated_by(mbs, vary), oTerms=oTerms)
+    return items.updated_by(mbs, vary)
 
 
 def with_quasi_static(mbs: exu.MainSystem, items: SystemItems, equations: Equations) -> SystemItems:

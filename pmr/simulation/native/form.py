@@ -205,16 +205,9 @@ def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, I
     return states
 
 
-def start_of(
-    system: System, excitation: Excitation, initial: Mapping[str, InitialState] | None = None
-) -> Mapping[str, InitialState]:
-    """States of bodies at t = 0: `initial` if given, else as ``excitation.start`` says.
-
-    For a start at rest this is an empty mapping, for a start in equilibrium the result of `static_start`.
-    """
-    if initial is not None or excitation.start == "rest":
-        return initial or {}
-    return static_start(system, excitation)
+def start_of(system: System, excitation: Excitation) -> dict[str, InitialState]:
+    """States of bodies at t = 0 as the excitation says: those of `static_start`, or none for a start at rest."""
+    return {} if excitation.start == "rest" else static_start(system, excitation)
 
 
 def step_failure(where: str, form: SystemForm, error: StepError, x: Array) -> SimulationError:

@@ -108,10 +108,10 @@ def test_a_free_body_without_constraint_has_no_connector(rich: FullBody) -> None
     container = exu.SystemContainer()
     mbs = container.AddSystem()
     items = simulator.add_sliding_body(mbs, flexible(rich, 8), PATH, named(LOADS))
-    assert items.oSlider is None and items.contacts == ()
+    assert items.oContacts is None and items.contacts == ()
     assert mbs.systemData.NumberOfObjects() == 1
     kept = simulator.add_sliding_body(mbs, flexible(rich, 8), PATH, named(LOADS), formulation="multipliers")
-    assert kept.contacts == (0, 1) and mbs.GetObject(kept.oSlider)["objectType"] == "ConnectorCoordinateVector"
+    assert kept.contacts == (0, 1) and mbs.GetObject(kept.oContacts)["objectType"] == "ConnectorCoordinateVector"
 
 
 @pytest.mark.parametrize("formulation", ["springs", "multipliers"])
