@@ -53,7 +53,7 @@ def simulate(
 ) -> Motion:
     """Simulate a body alone by a simulator of systems, from an initial state or from rest."""
     system, excitation = System.of(body), excitation.on_slider
-    start = systems.start_of(system, excitation, None if initial is None else {ALONE: initial})
+    start = systems.start_of(system, excitation) if initial is None else {ALONE: initial}
     return motion(body, by(system, excitation, start, progress, **more), excitation)
 
 
