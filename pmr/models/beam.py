@@ -443,6 +443,5 @@ def measure(mesh: Mesh) -> ufl.Measure:
 def beam_body(member: Member) -> Beam3DBody:
     """Data of the beam of a body of a scene: box or section, material and number of elements."""
     body, box = member.part.body, member.box
-    by = {"section": body.section} if body.section else {"profile": box}
-    data = {"length": box.length, "material": body.material, "shear": body.shear}
-    return Beam3DBody(**data, **by, elements=member.part.mesh.elements)
+    profile, elements = None if body.section else box, member.part.mesh.elements
+    return Beam3DBody(box.length, body.section, profile, body.material, body.shear, elements)

@@ -13,11 +13,12 @@ from dataclasses import replace
 from pmr.scene.choice import REFERENCE, SimulatorNeeds, fewest_rows, is_pinned_beam, refuse_unsupported
 from pmr.scene.extension_checks import check_free_extension
 from pmr.scene.frame_checks import check_exclusions, check_frame, check_hoist
-from pmr.scene.joint_checks import check_joints
+from pmr.scene.joint_checks import check_joints, check_section
+from pmr.scene.joints import JointPads
 from pmr.scene.keys import check_bounds
 from pmr.scene.members import member_at
 from pmr.scene.scene import Scene
-from pmr.scene.structure_checks import check_loads, check_proportions, check_structure, describe_jump, scene_error
+from pmr.scene.structure_checks import describe_jump, scene_error
 from pmr.scene.structures import Damping
 
 MOST_STEPS = 1_000_000
@@ -28,10 +29,13 @@ def check_scene(scene: Scene) -> None:
     check_bounds(scene)  # first, so that other checks compute with finite numbers
     check_time(scene)
     _check_outputs(scene)
+    _check_accuracy(scene)
     if len(scene.sections) > 1:
         check_joints(scene)
     else:
         _check_single_body(scene)
+    _check_frequency_response(scene)
+    _check_comparison(scene)
     check_exclusions(scene)
     check_frame(scene)
     check_hoist(scene)
@@ -59,15 +63,10 @@ def _check_single_body(scene: Scene) -> None:
         )
     if part.slider is None and any(ring.moving for ring in part.pads):
         raise scene_error("slider", None, "a table slider with a path is needed: along it moving pads slide")
-    check_proportions(part)
-    check_loads(part, scene.time.end)
     _check_reduction(scene)
-    _check_accuracy(scene)
     if jump := describe_jump(scene.slider.path, 1e-9 * max(map(abs, scene.path_bounds))):
         raise scene_error("slider.path", None, f"the slider {jump}")
-    check_structure(member_at(scene))
-    _check_frequency_response(scene)
-    _check_comparison(scene)
+    check_section(scene, 0)
     _check_simulators(scene)
 
 
@@ -120,9 +119,6 @@ def _check_reduction(scene: Scene) -> None:
     if choice.ports and (choice.basis != "free_modes" or not choice.flexibility):
         allowed = "free modes with flexibility are allowed to have ports"
         raise scene_error("reduction.ports", list(choice.ports), allowed)
-    if choice.ports and scene.goal is not None:
-        allowed = "a number of coordinates is allowed with them, no tolerance"
-        raise scene_error("reduction.ports", list(choice.ports), allowed)
     if choice.uses_pod:
         if scene.only_section.slider is None:
             allowed = "'free_modes' is allowed for a body that does not slide, as this basis is made along a path"
@@ -155,30 +151,42 @@ def _check_pod(scene: Scene) -> None:
 
 
 def _check_frequency_response(scene: Scene) -> None:
-    """Refuse a frequency response unless all contacts hold both ways and no rigid row constrains the coordinates."""
-    choice = scene.reduction
-    rigid = bool(scene.points) or any(ring.stiffness == "rigid" for ring in scene.pads)
-    rigid = rigid or any(support.stiffness == "rigid" and support.points == "mean" for support in scene.supports)
-    if not scene.observe.frequency_response:
-        return
-    if (rigid and not choice.flexibility) or any(ring.unilateral for ring in scene.pads):
-        allowed = "true is allowed with reduction.flexibility and pads that hold both ways"
-        raise scene_error("observe.frequency_response", True, allowed)
+    """Refuse a frequency response of another section than the last, or beside contacts that are not linear."""
+    rings = [ring for part in scene.sections for ring in part.rings]
+    for number, part in enumerate(scene.sections):
+        if not part.observe.frequency_response:
+            continue
+        key = scene.section_key(number, "observe.frequency_response")
+        if number < len(scene.sections) - 1:
+            raise scene_error(key, True, f"false is allowed: the tip is that of {scene.names[-1]}")
+        if any(ring.unilateral for ring in rings):
+            raise scene_error(key, True, "true is allowed with pads that hold both ways: some only push")
+        if any(ring.friction for ring in rings if isinstance(ring, JointPads)):
+            raise scene_error(key, True, "true is allowed without friction of pads, which is not linear")
+        if len(scene.sections) == 1 and not part.reduction.flexibility and _has_rigid_rows(scene):
+            raise scene_error(key, True, "true is allowed with reduction.flexibility beside rigid supports and pads")
+
+
+def _has_rigid_rows(scene: Scene) -> bool:
+    """Whether sliding points, rigid pads or rigid supports of mean motions hold the only body of a scene."""
+    supports = [support.stiffness for support in scene.supports if support.points == "mean"]
+    return bool(scene.points) or "rigid" in (*supports, *(ring.stiffness for ring in scene.pads))
 
 
 def _check_comparison(scene: Scene) -> None:
     """Refuse the ANCF reference of a scene that it can't represent."""
-    profile = scene.body.profile
-    is_cable = is_pinned_beam(member_at(scene)) and profile is not None and profile.axial_stiffness is not None
-    is_plain = scene.start == "rest" and scene.gravity is None and scene.damping == Damping()
-    if "ancf" in scene.compare.against and not (
-        is_cable and is_plain and all(load.direction == "z" for load in scene.loads)
-    ):
+    if "ancf" not in scene.compare.against:
+        return
+    profile = None if len(scene.sections) > 1 else scene.body.profile
+    is_cable = profile is not None and profile.axial_stiffness is not None and is_pinned_beam(member_at(scene))
+    is_plain = scene.start == "rest" and scene.gravity is None and scene.frame is None and scene.damping == Damping()
+    loads = [load for part in scene.sections for load in part.loads]
+    if not (is_cable and is_plain and all((load.acts, load.direction) == ("force", "z") for load in loads)):
         allowed = (
-            "the ANCF reference needs body.profile with axial_stiffness, one slider without offset, no damping, one "
-            "pinned support at x = 0, loads along z and start = 'rest'"
+            "the ANCF reference needs body.profile with axial_stiffness, one slider without offset, no damping, no "
+            "frame, one pinned support at x = 0, forces along z and start = 'rest'"
         )
-        raise scene_error("compare.against", list(scene.compare.against), allowed)
+        raise scene_error("compare.against", list(scene.compare.against), f"['full'] or [] is allowed: {allowed}")
 
 
 def _check_simulators(scene: Scene) -> None:
@@ -210,10 +218,10 @@ def _check_outputs(scene: Scene) -> None:
 
 
 def _check_accuracy(scene: Scene) -> None:
-    """Refuse accuracy or budget unless the reduction has free modes with flexibility and an estimate."""
-    choice, key = scene.reduction, "accuracy" if scene.accuracy is not None else "budget"
-    if scene.goal is None:
-        return
-    if choice.basis != "free_modes" or not (choice.flexibility and choice.estimate):
-        allowed = "free modes with flexibility and estimate = true are allowed: they hold all smaller models"
-        raise scene_error(key, None, allowed)
+    """Refuse accuracy or budget unless each section has free modes with flexibility and an estimate."""
+    for number, part in enumerate(scene.sections):
+        if scene.goal is not None and not part.reduction.estimable:
+            allowed = (
+                "free modes with flexibility and an estimate, without ports, are allowed: they hold all smaller models"
+            )
+            raise scene_error(scene.section_key(number, "reduction"), None, allowed)

@@ -185,8 +185,6 @@ def check_frame(scene: Scene) -> None:
             if load.on != "tip" and "x" in input_directions(member, load).values():
                 allowed = "the tip is allowed with frame.second_order as the place of a load along the boom"
                 raise scene_error(scene.section_key(member.number, "loads"), load.on, allowed)
-    if "ancf" in scene.compare.against:
-        raise scene_error("compare.against", list(scene.compare.against), "['full'] or [] is allowed with a frame")
 
 
 def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None:

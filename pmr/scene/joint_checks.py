@@ -125,7 +125,7 @@ def check_joints(scene: Scene) -> None:
     for number in range(len(scene.sections)):
         _check_ground_supports(scene, number)
         _check_pads(scene, number)
-        _check_section(scene, number)
+        check_section(scene, number)
     for number in range(1, len(scene.sections)) if scene.start == "equilibrium" else ():
         _check_equilibrium_start(scene, number)
     planar = [is_planar(member) for member in members(scene)]
@@ -135,8 +135,6 @@ def check_joints(scene: Scene) -> None:
         raise scene_error("sections", None, allowed)
     _check_overlaps_and_friction(scene)
     _check_simulators(scene)
-    _check_accuracy(scene)
-    _check_frequency_response(scene)
 
 
 def _check_section_names(scene: Scene) -> None:
@@ -351,28 +349,22 @@ def _check_pads(scene: Scene, number: int) -> None:
             raise scene_error(f"sections[{seat.joint}].joint.{seat.key}.at", seat.ring.at, allowed)
 
 
-def _check_section(scene: Scene, number: int) -> None:
-    """Check section `number` as a body of its own.
-
-    Errors name the key of the section, or of the joint of a ring of pads.
-    """
+def check_section(scene: Scene, number: int) -> None:
+    """Check section `number` as a body of its own; keys in errors are those of the scene."""
     part, member = scene.sections[number], member_at(scene, number)
     try:
         check_proportions(part)
         check_loads(part, scene.time.end)
         check_structure(member)
-        check_reserved("loads", (load.name for load in part.loads), (EXTENSION,))
+        if member.has_joint:
+            check_reserved("loads", (load.name for load in part.loads), (EXTENSION,))
     except InputError as error:
-        if error.key.split(".")[0] in ("gravity", "recovery"):
-            raise
-        ring = re.match(r"pads\[(\d+)\]", error.key)
-        if ring and int(ring[1]) >= len(part.pads):
+        key, ring = scene.section_key(number, error.key), re.match(r"pads\[(\d+)\]", error.key)
+        if ring and int(ring[1]) >= len(part.pads):  # a ring of a joint
             name = member.pads[int(ring[1])].name
-            seat_of_ring = next(seat for seat in seats(scene, number) if footprint(scene, seat.ring) == name)
-            key_in_ring = error.key[ring.end() :]
-            key = f"sections[{seat_of_ring.joint}].joint.{seat_of_ring.key}{key_in_ring}"
-            raise scene_error(key, error.value, error.allowed) from None
-        raise scene_error(f"sections[{number}].{error.key}", error.value, error.allowed) from None
+            seat = next(seat for seat in seats(scene, number) if footprint(scene, seat.ring) == name)
+            key = f"sections[{seat.joint}].joint.{seat.key}{error.key[ring.end() :]}"
+        raise scene_error(key, error.value, error.allowed) from None
 
 
 def _check_overlaps_and_friction(scene: Scene) -> None:
@@ -387,32 +379,8 @@ def _check_overlaps_and_friction(scene: Scene) -> None:
                 raise scene_error(f"sections[{number}].joint.{seat.key}.friction", seat.ring.friction, allowed)
 
 
-def _check_frequency_response(scene: Scene) -> None:
-    """Refuse a frequency response of other sections than the last, or together with pads that only push or rub."""
-    for number, part in enumerate(scene.sections):
-        if not part.observe.frequency_response:
-            continue
-        key = f"sections[{number}].observe.frequency_response"
-        if number < len(scene.sections) - 1:
-            raise scene_error(key, True, f"false is allowed: the tip is that of {scene.names[-1]}")
-        if any(ring.unilateral for section in scene.sections for ring in section.rings):
-            raise scene_error(key, True, "true is allowed with pads that hold both ways: some only push")
-        if any(ring.friction for section in scene.sections for ring in section.rings if isinstance(ring, JointPads)):
-            raise scene_error(key, True, "true is allowed without friction of pads, which is not linear")
-
-
-def _check_accuracy(scene: Scene) -> None:
-    """Refuse accuracy or budget unless the reduction of every section has flexibility and an estimate."""
-    for number, part in enumerate(scene.sections):
-        if scene.goal is not None and not part.reduction.estimable:
-            allowed = "flexibility and estimate = true are allowed: such models hold all smaller ones"
-            raise scene_error(f"sections[{number}].reduction", None, allowed)
-
-
 def _check_simulators(scene: Scene) -> None:
-    """Refuse the ANCF reference, and simulators that do not support the scene's rows."""
-    if "ancf" in scene.compare.against:
-        raise scene_error("compare.against", list(scene.compare.against), "['full'] or [] is allowed for sections")
+    """Refuse simulators that do not support the scene's rows."""
     pushing = [(part.name, ring.name) for part in scene.sections for ring in part.rings if ring.unilateral]
     flexible = tuple(part.name for part in scene.sections if part.reduction.flexibility)
     needs = SimulatorNeeds(tuple(" ".join(filter(None, names)) for names in pushing), flexible_rows=flexible)

@@ -104,10 +104,6 @@ def _check_points_wind_and_temperatures(member: Member) -> None:
                     "displacement is allowed beside a temperature: [recovery] has stresses of beams without its strain"
                 )
                 raise scene_error(f"probes[{k}].measures", list(probe.measures), allowed)
-        if "ancf" in member.scene.compare.against:
-            raise scene_error(
-                "compare.against", list(member.scene.compare.against), "'full' is allowed beside a temperature or wind"
-            )
 
 
 def _check_places(member: Member) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
 from pmr.scene.keys import (
     Area,
-    Count,
     Density,
     Frequency,
     Inertia,
@@ -132,11 +132,12 @@ class Damping(ShorthandTable):
         return data | {"mass": mass, "stiffness": 2.0 * ratio / (first_omega + second_omega)}
 
 
-class Plate(SceneTable):
-    """Material and thickness of a region of a shell."""
+@dataclass(frozen=True)
+class Plate:
+    """Material and thickness (m) of a region of a shell."""
 
-    material: Material = Field(default=Material.model_construct(), description="Of the plate")
-    thickness: Length = Field(description="Of the plate")
+    thickness: float
+    material: Material = Material.model_construct()
 
 
 class PointMass(SceneTable):
@@ -266,23 +267,21 @@ class Profile(SceneTable):
         return self
 
 
-class ShellBody(SceneTable):
-    """A shell: its plate, and other plates in named regions of the mesh."""
+@dataclass(frozen=True)
+class ShellBody:
+    """A shell: its plate, other plates in named regions of the mesh, and the shear correction factor kappa."""
 
-    plate: Plate = Field(description="Of all that no region says otherwise of")
-    regions: dict[Name, Plate] = Field(default={}, description="Named regions of the mesh that differ")
-    shear_correction: Annotated[float, Field(gt=0.0, strict=True), Quantity("1", 1e-3, 1e6)] = Field(
-        default=5.0 / 6.0, description="kappa; large: rigid in transverse shear"
-    )
+    plate: Plate
+    regions: Mapping[str, Plate] = field(default_factory=dict)
+    shear_correction: float = 5.0 / 6.0  # large: rigid in transverse shear
 
 
-class SolidBody(SceneTable):
+@dataclass(frozen=True)
+class SolidBody:
     """A solid: its material, and other materials in named regions of the mesh."""
 
-    material: Material = Field(
-        default=Material.model_construct(), description="Of all that no region says otherwise of"
-    )
-    regions: dict[Name, Material] = Field(default={}, description="Named regions of the mesh that differ")
+    material: Material = Material.model_construct()
+    regions: Mapping[str, Material] = field(default_factory=dict)
 
 
 class BeamSection(SceneTable):
@@ -313,21 +312,13 @@ class BeamSection(SceneTable):
         return self.second_moment_y + self.second_moment_z
 
 
-class Beam3DBody(SceneTable):
-    """A straight beam in space, along x; `shear` adds shear deformation and rotary inertia."""
+@dataclass(frozen=True)
+class Beam3DBody:
+    """A straight beam in space, along x, of a `section` or a `profile`."""
 
-    length: Length = Field(description="Length along x")
-    section: BeamSection | None = Field(default=None, description="By its properties")
-    profile: BoxProfile | None = Field(default=None, description="By its dimensions")
-    material: Material = Field(default=Material.model_construct(), description="Of the beam")
-    shear: Switch = Field(default=False, description="Shear deformation and rotary inertia")
-    elements: Count = Field(default=60, description="Over the whole length")
-
-    @model_validator(mode="after")
-    def _check_description(self) -> Beam3DBody:
-        """Refuse a beam unless it has either a section or a profile, and shear areas if shear deforms it."""
-        if (self.section is None) == (self.profile is None):
-            raise ValueError("give section or profile, one of them")
-        if self.shear and self.section is not None and None in (self.section.shear_area_y, self.section.shear_area_z):
-            raise ValueError("shear = true needs section.shear_area_y and section.shear_area_z in m^2")
-        return self
+    length: float  # m
+    section: BeamSection | None = None
+    profile: BoxProfile | None = None
+    material: Material = Material.model_construct()
+    shear: bool = False  # whether it has shear deformation and rotary inertia
+    elements: int = 60  # over the whole length

@@ -144,7 +144,7 @@ def test_ports_are_stored(load_scene: Load, tmp_path: Path) -> None:
     [
         ("boom_beam", ['reduction.basis="eigenmodes"'], "free modes with flexibility"),
         ("boom_beam", ["reduction.flexibility=false"], "free modes with flexibility"),
-        ("boom_beam", ["accuracy.tolerance=0.01"], "no tolerance"),
+        ("boom_beam", ["accuracy.tolerance=0.01"], "without ports"),
     ],
 )
 def test_models_that_have_no_ports(load_scene: Load, name: str, changes: list[str], says: str) -> None:
