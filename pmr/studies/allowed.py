@@ -168,10 +168,9 @@ class Place:
         `guess` is a load in kg near which the result is expected, or NaN.
         """
         loaded = self.equilibria
-        if loaded.holds_both_ways:
-            direct = limit.eigenvalue_load(loaded.state(0.0).form, guess, top)
-            if direct is not None:
-                return direct if direct <= top else np.nan
+        if loaded.holds_both_ways and (directly := limit.kind.eigenvalue_load) is not None:
+            direct = directly(loaded.state(0.0).form, limit.allowed_amount, guess, top)
+            return direct if direct <= top else np.nan
         used, at_once = _used_shares(loaded, self.share(limit)), loaded.holds_both_ways
         return first_load(used, top, grows=limit.kind.grows, guess=guess, at_once=at_once)
 

@@ -86,7 +86,7 @@ class Kind:
     eigenvalue_load : callable, optional
         Only for eigenvalues.  Called with a form, the allowed amount, a load in kg near which the result is expected
         (NaN without a guess) and the largest load in kg; returns the load in kg at which the eigenvalue reaches the
-        amount.
+        amount while no contact opens or closes.  It is infinite, or may be, if that is above the largest load.
     grows : bool
         Whether the share can only grow with the load, so that the share at the largest load tells whether any load
         reaches the limit.
@@ -335,16 +335,6 @@ class Limit(SceneTable):
             if measure is not None:
                 sizes[member] = float(measure(values[None])[0])
         return max(sizes, key=lambda member: sizes[member], default="")
-
-    def eigenvalue_load(self, form: Form, near: float, up_to: float) -> float | None:
-        """Return the load in kg at which the eigenvalue of `form` reaches the limit while no contact opens or closes.
-
-        The result is None if the limit is not on an eigenvalue, and infinite if no load reaches the limit.  `near` is a
-        load in kg near which the result is expected, NaN without a guess.  A load above `up_to` in kg may be returned
-        as infinite.
-        """
-        directly = self.kind.eigenvalue_load
-        return None if directly is None else directly(form, self.allowed_amount, near, up_to)
 
     def tipping_moments(self, at: PostureMatrices, k: int, amounts: Sequence[float]) -> TippingMoments:
         """Return the moments about the edges of the support polygon at the k-th posture of `at`.

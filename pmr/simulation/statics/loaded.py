@@ -350,17 +350,8 @@ class LoadedStructure:
         return self._states[load]
 
     def states(self, loads: Sequence[float]) -> LoadedStates:
-        """Equilibria under several loads; they are computed all together if no contact can open."""
-        if not self.holds_both_ways:
-            return LoadedStates.from_states([self.state(load) for load in loads])
-        o, m, form, load = len(self.equations.outputs), len(self.equations.pushes), self._all_closed, np.array(loads)
-        responses = form.responses(load)
-        return LoadedStates(load, responses[:, :o], responses[:, o : o + m], form.is_stable(load), (form,) * len(loads))
-
-    @cached_property
-    def _all_closed(self) -> Form:
-        """Form with every contact closed; it serves all loads if no contact can open."""
-        return self._form(self._last)
+        """Equilibria under several loads."""
+        return LoadedStates.from_states([self.state(load) for load in loads])
 
     def _form(self, closed: Mask) -> Form:
         """Form of a mask (m,) of closed contacts, computed once."""
