@@ -145,18 +145,8 @@ class Place:
         return LoadedStructure(self.postures.equations(self.k, named, named[HOOK]))
 
     def share(self, limit: Limit) -> Share:
-        """Return the function from states to the used shares (p,) of `limit` at this place.
-
-        The function is made at the first call for a limit and stored.
-        """
-        if limit not in self._shares:
-            self._shares[limit] = limit.share(self.postures, self.k, self.amounts)
-        return self._shares[limit]
-
-    @cached_property
-    def _shares(self) -> dict[Limit, Share]:
-        """Share functions that `share` has made so far, by limit."""
-        return {}
+        """Return the function from states to the used shares (p,) of `limit` at this place."""
+        return limit.share(self.postures, self.k, self.amounts)
 
     def used_share(self, limit: Limit, state: LoadedState) -> float:
         """Return the share of `limit` that the boom uses in one equilibrium state."""

@@ -10,7 +10,6 @@ import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
@@ -157,7 +156,6 @@ def plugin_function(limit: str, name: str | None) -> LimitFunction:
     return cast(LimitFunction, function)
 
 
-@lru_cache(256)  # all places of a chart use the same expression
 def expression_function(text: str) -> LimitFunction:
     """Compile `text`, an expression in ``load``, ``luffing``, ``slewing``, ``output["name"]`` and ``force["name"]``.
 
@@ -326,7 +324,6 @@ def pivot_rows(at: PostureMatrices) -> Array:
     return rows
 
 
-@lru_cache(64)
 def _tip_rows(names: tuple[str, ...], kinds: tuple[str, ...]) -> Array:
     """Return the rows (3, o) that select the tip's displacement along the boom's x, y and z from o outputs.
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from operator import eq
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -343,7 +343,7 @@ class Limit(SceneTable):
         """
         of_components = np.asarray(amounts)
         if self.polygon:
-            edges, resting = _edges(self.polygon, self.height), weight_of_masses(self.machine, at, k, of_components)
+            edges, resting = edge_rows(self.polygon, self.height), weight_of_masses(self.machine, at, k, of_components)
         else:
             at_rest = self.stand_in(at)
             edges = edge_rows(at_rest.stand.polygon, at_rest.stand.height)
@@ -406,9 +406,6 @@ class Limit(SceneTable):
 def _forms_and_loads(states: LoadedStates) -> Iterator[tuple[Form, float]]:
     """Iterate over the states' forms and loads in kg."""
     return zip(states.forms, states.load.tolist(), strict=True)
-
-
-_edges = lru_cache(64)(edge_rows)  # all places of a chart have the same polygon
 
 
 def _ratio(part: float, total: float) -> float:
