@@ -249,7 +249,7 @@ class FullSystem(BodySystem[FullModel]):
         held = [
             Contact(input_name(name, row), Place(name, row, model.rows.rows[number].breaks[0]))
             for name, model in self.bodies.items()
-            for number, row in ((number, model.row_names[number]) for number in model.rows.held_coordinates)
+            for number, row in ((number, model.row_names[number]) for number in model.held)
             if (name, row) not in used
         ]
         return replace(self, contacts=(*self.contacts, *held))

@@ -36,7 +36,7 @@ from pmr.pipeline.model_errors import ComparedScene
 from pmr.reduction.bodies import cached_body, join_bodies, reduce_bodies, with_stress_flags
 from pmr.reduction.cache import Cache
 from pmr.reduction.from_scene import summary as describe_basis
-from pmr.reduction.recovery import RecoveredBody, ReducedFields, recover_full, recover_reduced, recovered_steps
+from pmr.reduction.recovery import RecoveredBody, recover, recovered_steps
 from pmr.results import BodyResult, Frequencies, Response, Shapes
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
@@ -53,8 +53,8 @@ class Motions:
     reduced: Simulations | None
     simulated: SimulatedSystem | None  # the reduced system with its motion
     error: ReductionError | None  # estimated error of the reduction
-    body_views: Mapping[str, ReducedFields]  # fields of the reduced bodies, if the scene has a recovery
     references: References
+    recovered: Mapping[str, RecoveredBody]  # fields of the scene's recovery by body; empty without one
 
     @property
     def responses(self) -> dict[str, Response]:
@@ -158,25 +158,14 @@ class Bodies:
         if simulations is not None:
             simulated = SimulatedSystem.from_simulations(self.system, self.excitation, simulations)
         error = call_on_first_rank(self._comm, lambda: None if simulated is None else self._estimate_error(simulated))
-        looked = self._look_at_bodies(simulations)
-        return Motions(simulations, simulated, error, looked, references)
+        recovered: Mapping[str, RecoveredBody] = {}
+        if self.scene.recovery is not None:
+            with self.clock.stage("recover"):
+                states = self._comm.bcast(None if simulations is None else simulations.first.states)
+                recovered = recover(self.scene, self.built, self.bodies, states, references.states)
+        return Motions(simulations, simulated, error, references, recovered)
 
-    def _look_at_bodies(self, simulations: Simulations | None) -> Mapping[str, ReducedFields]:
-        """Return by body the fields of the reduced model that the scene's recovery needs; empty without a recovery."""
-        if self.scene.recovery is None:
-            return {}
-        with self.clock.stage("recover"):
-            states = self._comm.bcast(None if simulations is None else simulations.first.states)
-            return recover_reduced(self.scene, self.built, self.bodies, states)
-
-    def recover(self, motions: Motions) -> Mapping[str, RecoveredBody]:
-        """Return by body the fields of the scene's recovery, also of the full model if that was simulated."""
-        with self.clock.stage("recover"):
-            return recover_full(motions.body_views, motions.references.states)
-
-    def summary_parts(
-        self, motions: Motions, natural: Frequencies, recovered: Mapping[str, RecoveredBody]
-    ) -> list[SummaryPart]:
+    def summary_parts(self, motions: Motions, natural: Frequencies) -> list[SummaryPart]:
         """Return the contributions to summary.json; on rank 0 alone."""
         scene, system, responses = self.scene, self.system, motions.responses
         simulated, error = motions.simulated, motions.error
@@ -184,7 +173,7 @@ class Bodies:
         step_error = None if self.choice is None else self.choice.trial.step_error
         with self.clock.stage("step"):
             step = step_part(scene, simulated, natural.models["reduced"], step_error)
-        stresses = {name: body.summary() for name, body in recovered.items()}
+        stresses = {name: body.summary() for name, body in motions.recovered.items()}
         more = {name: error.of_section(name) | stresses.get(name, {}) for name in scene.names}
         sizes = {name: {"full": self.built[name].model.size, "reduced": of.size} for name, of in system.reduced.items()}
         simulators = {"reduced": scene.simulation.simulators[0], "full": self.full.simulator}
@@ -205,11 +194,11 @@ class Bodies:
             *parts_of_motion(scene, simulated, motions.reduced, natural, step),
         ]
 
-    def results(self, recovered: Mapping[str, RecoveredBody]) -> dict[str, BodyResult]:
+    def results(self, motions: Motions) -> dict[str, BodyResult]:
         """Return shapes, fields, stresses and envelopes of each body; on rank 0 alone."""
         results = {}
         for name, body in self.bodies.items():
-            model, of = body.model, recovered.get(name)
+            model, of = body.model, motions.recovered.get(name)
             shapes = Shapes(body.basis.sigma, model.output_positions, model.outputs) if name == ALONE else None
             fields = () if of is None else (of.reduced.fields, of.histories(), of.envelopes())
             results[name] = BodyResult(shapes, *fields)

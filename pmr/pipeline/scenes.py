@@ -40,7 +40,6 @@ from pmr.pipeline.model_errors import (
 from pmr.reduction.bodies import Reduction
 from pmr.reduction.cache import Cache, cache_in
 from pmr.reduction.from_scene import Vectors, with_array_basis
-from pmr.reduction.recovery import RecoveredBody
 from pmr.results import Frequencies, Loads, Response, RunResult
 from pmr.results.run import SummaryPart, combine_parts, grave_warnings
 from pmr.scene import Scene
@@ -139,8 +138,7 @@ def run(
         with clock.stage("frequencies"):
             frequencies = bodies.frequencies()
         motions = bodies.simulate(None if checkpoint is None else Checkpoint(checkpoint))
-        recovered = {} if scene.recovery is None else bodies.recover(motions)
-        outcome = None if motions.reduced is None else _outcome(bodies, motions, frequencies, recovered, free_motions)
+        outcome = None if motions.reduced is None else _outcome(bodies, motions, frequencies, free_motions)
         if outcome is not None and chosen.chosen_model is not None:
             outcome.result.summary["chosen_model"] = chosen.chosen_model
         if keep is not None:
@@ -161,7 +159,6 @@ def _outcome(
     bodies: Bodies,
     motions: Motions,
     frequencies: Frequencies,
-    recovered: Mapping[str, RecoveredBody],
     free_motions: Sequence[str],
 ) -> Outcome:
     """Return the outcome of a run with its errors, warnings and models; on rank 0 alone.
@@ -193,7 +190,7 @@ def _outcome(
         theory_part(scene, responses),
         frequency_part(by_frequency),
     ]
-    parts = [*first, *bodies.summary_parts(motions, frequencies, recovered), *last]
+    parts = [*first, *bodies.summary_parts(motions, frequencies), *last]
     result = RunResult(
         bodies.written_scene,
         combine_parts(parts),
@@ -201,7 +198,7 @@ def _outcome(
         result_paths(scene, excitation),
         Loads(system.input_names, system.input_units, motions.reduced.first.loads),
         frequencies,
-        bodies.results(recovered),
+        bodies.results(motions),
         None if ALONE in built else scene.reach(excitation.times),
         by_frequency,
         None if motions.error is None else motions.error.band,

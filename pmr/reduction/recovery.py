@@ -303,10 +303,19 @@ def in_blocks(q: Array) -> Iterator[Array]:
 
 @dataclass(frozen=True)
 class RecoveredBody:
-    """Recorded results of a body's reduced model and of its full model; None for a full model without known states."""
+    """Recorded results of a body by model: ``reduced`` and, if its states are known, ``full``."""
 
-    reduced: FieldRecord
-    full: FieldRecord | None
+    records: Mapping[str, FieldRecord]
+
+    @property
+    def reduced(self) -> FieldRecord:
+        """Recorded results of the reduced model."""
+        return self.records["reduced"]
+
+    @property
+    def _stresses(self) -> dict[str, StressHistory]:
+        """Stresses by model; empty for a body without stresses."""
+        return {name: record.stress for name, record in self.records.items() if record.stress is not None}
 
     def summary(self) -> dict[str, Any]:
         """``max_von_mises`` in Pa, ``stress_peak``, ``stress_by_region`` and ``section_forces``, each a dict by model.
@@ -314,42 +323,27 @@ class RecoveredBody:
         Keys that do not apply to the body are left out: a beam without a profile has no stresses, a shell no section
         forces.
         """
-        peaks = {
-            name: model_fields.stress.peak for name, model_fields in self._records() if model_fields.stress is not None
-        }
         along = {name: envelope.extremes() for name, envelope in self.envelopes().items()}
         forces = {"section_forces": along} if along else {}
-        if not peaks:
+        if not (stresses := self._stresses):
             return forces
         regions = {
-            name: {r: p.summary() for r, p in model_fields.by_region.items()} for name, model_fields in self._records()
+            name: {region: peak.summary() for region, peak in record.by_region.items()}
+            for name, record in self.records.items()
         }
         return forces | {
             "stress_by_region": {name: by_region for name, by_region in regions.items() if by_region},
-            "max_von_mises": {name: peak.value for name, peak in peaks.items()},
-            "stress_peak": {name: peak.summary() for name, peak in peaks.items()},
+            "max_von_mises": {name: stress.peak.value for name, stress in stresses.items()},
+            "stress_peak": {name: stress.peak.summary() for name, stress in stresses.items()},
         }
 
     def histories(self) -> dict[str, Array]:
-        """Largest von Mises stress (S,) in Pa at each recovered time, by model: ``reduced`` and, if known, ``full``.
-
-        The result is empty for a body without stresses.
-        """
-        return {
-            name: model_fields.stress.largest
-            for name, model_fields in self._records()
-            if model_fields.stress is not None
-        }
+        """Largest von Mises stress (S,) in Pa at each recovered time, by model; empty for a body without stresses."""
+        return {name: stress.largest for name, stress in self._stresses.items()}
 
     def envelopes(self) -> dict[str, Envelope]:
-        """Envelopes along a beam, by model: ``reduced`` and, if known, ``full``."""
-        return {
-            name: model_fields.envelope for name, model_fields in self._records() if model_fields.envelope is not None
-        }
-
-    def _records(self) -> list[tuple[str, FieldRecord]]:
-        """Names ``reduced`` and, if the full model is known, ``full``, each with the record of the model."""
-        return [("reduced", self.reduced), *([("full", self.full)] if self.full is not None else [])]
+        """Envelopes along a beam, by model."""
+        return {name: record.envelope for name, record in self.records.items() if record.envelope is not None}
 
 
 def recovered_steps(scene: Scene) -> Indices:
@@ -359,52 +353,29 @@ def recovered_steps(scene: Scene) -> Indices:
     return np.arange(0, scene.time.steps + 1, round(scene.recovery.every / scene.time.step))
 
 
-@dataclass(frozen=True)
-class ReducedFields:
-    """Fields of a body, and the recorded results of its reduced model."""
-
-    view: BodyFields
-    reduced: FieldRecord
-
-
-def recover_reduced(
+def recover(
     scene: Scene,
     built: Mapping[str, AssembledBody],
     bodies: Mapping[str, ReducedBody],
-    states: Mapping[str, BodyStates],
-) -> dict[str, ReducedFields]:
-    """Fields and stresses of the reduced models of a scene's bodies, by name; collective.
-
-    `states` are the bodies' states at the `recovered_steps`, the same on every rank.  Pictures are recorded at as many
-    of these, evenly spread, as the scene's recovery has frames.
-    """
-    recovery_of_scene, looked = scene.recovery, {}
-    assert recovery_of_scene is not None
-    for part in scene.sections:
-        name, at = part.name, states[part.name]
-        recovery = Recovery(built[name].model, bodies[name].V, bodies[name].model, part.reduction.solver)
-        view = BodyFields(built[name], recovery_of_scene.stress)
-        frames = min(recovery_of_scene.frames, len(at.t))
-        pictures = np.unique(np.rint(np.linspace(0, len(at.t) - 1, frames)).astype(np.int64))
-        looked[name] = ReducedFields(
-            view, record_fields(view, at.t, recovery.blocks(at), pictures.tolist(), recovery_of_scene.components, at)
-        )
-    return looked
-
-
-def recover_full(
-    reduced_fields: Mapping[str, ReducedFields], full: Mapping[str, BodyStates]
+    reduced: Mapping[str, BodyStates],
+    full: Mapping[str, BodyStates],
 ) -> dict[str, RecoveredBody]:
-    """Fields and stresses of reduced and full models, by the bodies' names; collective.
+    """Fields and stresses of the reduced and the full models of a scene's bodies, by name; collective.
 
-    `full` maps names to this rank's part of the full models' states; bodies whose states are not known are missing.
+    `reduced` are the states of the reduced bodies at the `recovered_steps`, the same on every rank.  Pictures are
+    recorded at as many of these, evenly spread, as the scene's recovery has frames.  `full` are this rank's parts of
+    the states of the full models; bodies whose states are not known are missing.
     """
-    return {
-        name: RecoveredBody(
-            of_body.reduced,
-            record_fields(of_body.view, full[name].t, in_blocks(full[name].p), acting=full[name])
-            if name in full
-            else None,
-        )
-        for name, of_body in reduced_fields.items()
-    }
+    settings, recovered = scene.recovery, dict[str, RecoveredBody]()
+    assert settings is not None
+    for part in scene.sections:
+        name, at = part.name, reduced[part.name]
+        recovery = Recovery(built[name].model, bodies[name].V, bodies[name].model, part.reduction.solver)
+        view = BodyFields(built[name], settings.stress)
+        pictures = np.rint(np.linspace(0, len(at.t) - 1, min(settings.frames, len(at.t)))).astype(np.int64).tolist()
+        records = {"reduced": record_fields(view, at.t, recovery.blocks(at), pictures, settings.components, at)}
+        if name in full:
+            states = full[name]
+            records["full"] = record_fields(view, states.t, in_blocks(states.p), acting=states)
+        recovered[name] = RecoveredBody(records)
+    return recovered

@@ -163,17 +163,18 @@ class FullOrderBody:
     @property
     def moving(self) -> list[int]:
         """Numbers of the rows that depend on s: the sliders."""
-        return self.rows.moving_numbers
+        return [number for number, row in enumerate(self.rows.rows) if row.moves]
 
     @property
     def held(self) -> dict[int, int]:
         """By the number of each row that is a support on a single coordinate: the number of the coordinate it holds."""
-        return self.rows.held_coordinates
+        rows = enumerate(self.rows.rows)
+        return {number: row.held_coordinate for number, row in rows if row.held_coordinate is not None}
 
     @property
     def lasting(self) -> tuple[str, ...]:
         """Names of the fixed rows that combine several coordinates."""
-        return self.rows.fixed_combinations
+        return tuple(row.name for row in self.rows.rows if row.is_fixed and row.held_coordinate is None)
 
 
 #: Body of a system, whether one process stores its matrices or several do.

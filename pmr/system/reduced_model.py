@@ -216,12 +216,12 @@ class ReducedModel:
 
     @property
     def held(self) -> dict[int, int]:
-        """Empty: no row of a reduced model holds a single coordinate (`pmr.system.rows.Rows.held_coordinates`)."""
+        """Empty: no row of a reduced model holds a single coordinate (`pmr.system.body.FullOrderBody.held`)."""
         return {}
 
     @property
     def lasting(self) -> tuple[str, ...]:
-        """Empty: the basis satisfies fixed rows of several coordinates (`pmr.system.rows.Rows.fixed_combinations`)."""
+        """Empty: the basis satisfies fixed rows of several coordinates (`pmr.system.body.FullOrderBody.lasting`)."""
         return ()
 
     def dense_rows(self, s: Array) -> Array:

@@ -261,11 +261,6 @@ class Rows:
         return np.array([np.nan if row.clearance is None else row.clearance for row in self.rows])
 
     @property
-    def moving_numbers(self) -> list[int]:
-        """Numbers of the rows that depend on s: the sliders."""
-        return [i for i, row in enumerate(self.rows) if row.moves]
-
-    @property
     def domain(self) -> Interval:
         """Lowest and highest path coordinate in m at which every row is defined; 0 and 1 m without rows."""
         starts, ends = ([row.breaks[end] for row in self.rows] for end in (0, -1))
@@ -282,19 +277,9 @@ class Rows:
         return sp.csr_matrix(weights, (len(self.rows), U.shape[0])) @ U
 
     @property
-    def held_coordinates(self) -> dict[int, int]:
-        """By the number of each row that is a support on one coordinate: that coordinate (`Row.held_coordinate`)."""
-        return {i: row.held_coordinate for i, row in enumerate(self.rows) if row.held_coordinate is not None}
-
-    @property
     def fixed(self) -> list[int]:
         """Numbers of the rows that are rigid, hold both ways and do not depend on s: supports, and pads that stay."""
         return [i for i, row in enumerate(self.rows) if row.is_fixed]
-
-    @property
-    def fixed_combinations(self) -> tuple[str, ...]:
-        """Names of the rows that are fixed (`Row.is_fixed`) and combine several coordinates."""
-        return tuple(row.name for row in self.rows if row.is_fixed and row.held_coordinate is None)
 
     @cached_property
     def shared_carriers(self) -> SharedCarriers:
