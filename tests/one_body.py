@@ -73,7 +73,7 @@ def simulate_modal(
 ) -> Motion:
     """Simulate a body alone in modal form."""
     alone, excitation = SystemForm.of_modal_body(form), excitation.on_slider
-    start = systems.start_of(alone.system, excitation, None if initial is None else {ALONE: initial})
+    start = systems.start_of(alone.system, excitation) if initial is None else {ALONE: initial}
     return motion(form.body, systems.simulate_form(alone, excitation, start, progress), excitation)
 
 

@@ -139,9 +139,6 @@ class State:
         self.multipliers, self.impulses = (self._array(part, m) for part in (view.multipliers, view.impulses))
         self.energy, self.friction = self._array(view.energy, 2), self._array(view.friction, kernel.pads)
         self.drivers = self._array(view.drivers, kernel.drivers)
-        # drivers and motions of a step: filled in place, since getting an array's address takes longer than a step
-        self._u, self._motions = np.zeros(kernel.drivers), np.zeros((3, kernel.motions))
-        self._u_pointer, self._motions_pointer = pointer(self._u), pointer(self._motions)
 
     def _array(self, pointer: Any, count: int) -> Array:
         """Read-only view of `count` numbers of the state, which follows the simulation."""
@@ -195,12 +192,10 @@ class State:
         In substeps, drivers follow straight lines or, with their `rates` (2, N) at the beginning and the end of the
         step, cubics.  A StepError is raised as by `advance`.
         """
-        self._fill(self._u, "u", u)
-        led = (
-            ffi.NULL if rates is None else pointer(self._check_array("rates", np.ravel(rates), 2 * self.kernel.drivers))
-        )
-        if failed := lib.pmr_step(self._state, self._u_pointer, led):
-            self.raise_unless_done(failed, f"step {self.step_number + 1}")
+        at = self._check_array("u", u, self.kernel.drivers, finite=False)
+        led = None if rates is None else self._check_array("rates", np.ravel(rates), 2 * self.kernel.drivers)
+        failed = lib.pmr_step(self._state, pointer(at), pointer(led))
+        self.raise_unless_done(failed, f"step {self.step_number + 1}")
 
     def start_in_frame(
         self,
@@ -229,10 +224,10 @@ class State:
         Of motion k, only the first rows[k] of the three count; None stands for all 3.  A StepError is raised if the
         step fails.
         """
-        self._fill(self._motions, "motions", motions)
-        counted = ffi.NULL if rows is None else _rows(rows, self.kernel.motions)
-        if failed := lib.pmr_step_in_frame(self._state, self._motions_pointer, counted):
-            self.raise_unless_done(failed, f"step {self.step_number + 1}")
+        count = self.kernel.motions
+        at = self._check_array("motions", np.ravel(motions), 3 * count, finite=False)
+        failed = lib.pmr_step_in_frame(self._state, pointer(at), _rows(rows, count))
+        self.raise_unless_done(failed, f"step {self.step_number + 1}")
 
     def advance(
         self,
@@ -335,22 +330,15 @@ class State:
         """Address of the state, for the kernel's functions."""
         return self._state
 
-    def _fill(self, room: Array, name: str, values: ArrayLike) -> None:
-        """Copy `values` into the array `room`; an InputError that names `name` is raised if the shapes differ.
+    def _check_array(self, name: str, values: ArrayLike, count: int, finite: bool = True) -> Array:
+        """Contiguous array of `values`; InputError with `name` unless they are `count` numbers, (count,).
 
-        Values that are not finite are refused by the kernel itself.
+        Numbers that are not finite are refused, too, if `finite`; otherwise the kernel refuses them itself.
         """
-        array = np.asarray(values, float)
-        if array.shape != room.shape:
-            raise InputError("state", name, array.shape, f"{room.shape} is allowed")
-        room[:] = array
-
-    def _check_array(self, name: str, values: ArrayLike, count: int) -> Array:
-        """Contiguous array of `values`; InputError with `name` unless they are `count` finite numbers, (count,)."""
         array = np.ascontiguousarray(values, float)
         if array.shape != (count,):
             raise InputError("state", name, array.shape, f"{(count,)} is allowed")
-        if not np.isfinite(array).all():
+        if finite and not np.isfinite(array).all():
             raise InputError("state", name, None, "finite numbers are allowed")
         return array
 

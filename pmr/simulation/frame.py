@@ -36,11 +36,11 @@ from pmr.scene.keys import Direction, input_name
 from pmr.scene.mechanism import FrameTerm, frame_terms
 from pmr.scene.members import Member, member_at
 from pmr.scene.signals import Constant, SignalBase
-from pmr.scene.signals.base import Interval, Strand
+from pmr.scene.signals.base import Strand
 from pmr.simulation.frame_motion import (
     Acceleration,
-    Derived,
     FrameRotation,
+    FrameSignal,
     Product,
     Products,
     Quantity,
@@ -51,9 +51,6 @@ from pmr.simulation.frame_motion import (
 from pmr.simulation.wind import WindOnSection
 from pmr.system.hoist import frame_quantities
 
-#: Number of samples among which the smallest and largest amplitudes are searched.
-SAMPLES = 10_001
-
 
 @lru_cache(maxsize=2)
 def _cached_turning(
@@ -61,22 +58,6 @@ def _cached_turning(
 ) -> FrameRotation:
     """`FrameRotation.from_signals`, cached, as all fields of all sections use the same times t (bytes of an array)."""
     return FrameRotation.from_signals(luffing, slewing, np.frombuffer(t), rocking)
-
-
-class FrameSignal(Derived):
-    """A scalar signal that follows from the frame's angles and paths; its rate is a difference quotient over a step."""
-
-    def highest_frequency(self, start: float, end: float) -> float:
-        """Twice the highest frequency in Hz of angles and paths from `start` to `end` in s.
-
-        Their rates enter as squares and products.
-        """
-        return 2.0 * max(signal.highest_frequency(start, end) for signal in self.signals)
-
-    def bounds(self, start: float, end: float) -> Interval:
-        """Smallest and largest value among `SAMPLES` samples from `start` to `end`, and at the breaks in between."""
-        values = self.value(np.append(np.linspace(start, end, SAMPLES), [b for b in self.breaks if start <= b <= end]))
-        return Interval(float(values.min()), float(values.max()))
 
 
 class BaseAcceleration(FrameSignal):

@@ -16,7 +16,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -53,6 +53,25 @@ class Derived(SignalBase):
     def breaks(self) -> Floats:
         """Breaks of all signals from which this one follows."""
         return tuple(sorted({b for signal in self.signals for b in signal.breaks}))
+
+
+class FrameSignal(Derived):
+    """A signal that follows from the frame's angles and paths."""
+
+    SAMPLES: ClassVar = 10_001  #: number of samples among which the smallest and largest value are searched
+
+    def highest_frequency(self, start: float, end: float) -> float:
+        """Twice the highest frequency in Hz of angles and paths from `start` to `end` in s.
+
+        Their rates enter as squares and products.
+        """
+        return 2.0 * max(signal.highest_frequency(start, end) for signal in self.signals)
+
+    def bounds(self, start: float, end: float) -> Interval:
+        """Smallest and largest value among `SAMPLES` samples from `start` to `end`, and at the breaks in between."""
+        breaks = [b for b in self.breaks if start <= b <= end]
+        values = self.value(np.append(np.linspace(start, end, self.SAMPLES), breaks))
+        return Interval(float(values.min()), float(values.max()))
 
 
 class Acceleration(Derived):

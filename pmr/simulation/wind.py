@@ -17,7 +17,7 @@ exerts no force.  The motion of the boom itself against the air is left out.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,11 +28,10 @@ from pmr.scene import Scene
 from pmr.scene.built import POLYNOMIALS, PRESSED, Load
 from pmr.scene.members import Member
 from pmr.scene.signals import SignalBase
-from pmr.scene.signals.base import Interval
-from pmr.simulation.frame_motion import Derived, FrameRotation
+from pmr.simulation.frame_motion import FrameRotation, FrameSignal
 
-#: Points of Gauss on each side of the height up to which the pressure is constant; samples that bound a signal.
-POINTS, SAMPLES = 32, 1001
+#: Points of Gauss on each side of the height up to which the pressure is constant.
+POINTS = 32
 
 
 class ExposedSection(BaseModel):
@@ -46,8 +45,10 @@ class ExposedSection(BaseModel):
     around: float  # m: length of the section around it; 0 for the base
 
 
-class WindOnSection(Derived):
+class WindOnSection(FrameSignal):
     """Amplitude in N/m of one polynomial of the wind on one section, along one of its axes."""
+
+    SAMPLES: ClassVar = 1001
 
     pressure: SignalBase  # Pa at the reference height
     angles: tuple[SignalBase, SignalBase]  # rad: luffing and slewing
@@ -100,12 +101,6 @@ class WindOnSection(Derived):
         of_all = self.model_copy(update={"axis": "y", "degree": 0})
         amplitudes = _amplitudes(of_all, at.ravel().tobytes())
         return np.asarray(amplitudes[PRESSED.index(self.axis), self.degree].reshape(at.shape))
-
-    def bounds(self, start: float, end: float) -> Interval:
-        """Smallest and largest value among samples from `start` to `end`, and at the breaks in between."""
-        breaks = [b for b in self.breaks if start <= b <= end]
-        values = self.value(np.append(np.linspace(start, end, SAMPLES), breaks))
-        return Interval(float(values.min()), float(values.max()))
 
     def highest_frequency(self, start: float, end: float) -> float:
         """Sum of the highest frequencies in Hz of pressure, angles and extensions from `start` to `end` in s."""

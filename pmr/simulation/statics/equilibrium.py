@@ -41,14 +41,12 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from scipy.linalg.lapack import dgetrf, dgetrs
 
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Mask
 from pmr.kernel.laws import ContactSearch
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows
-from pmr.system.soundness import is_definite
 from pmr.system.terms import add_terms
 
 #: Share of the lowest omega^2 with which M holds otherwise free bodies; relative change of q that this may cause.
@@ -65,8 +63,6 @@ SPRING_OF_RIGID, SOFTER = 1e-3, 1e-6
 ROUND_OFF = 1e-9
 #: Gap of a contact that touches, over the largest one.
 TOUCH = 1e-6
-#: Equations up to which a dense factor is quicker than a sparse one.
-DENSE = 300
 #: An equilibrium with a strain energy below this share of the sum of its terms' sizes is held by round-off alone.
 ROUND_OFF_OF_K = 1e2 * float(np.finfo(float).eps)
 
@@ -230,8 +226,6 @@ class _Contacts:
 
 def _is_definite(A: sp.csr_matrix) -> bool:
     """Whether a symmetric matrix (n, n) is positive definite: all pivots of its LU factor are positive."""
-    if A.shape[0] <= DENSE:
-        return is_definite(A.toarray())
     try:
         factor = spla.splu(A.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:
@@ -259,17 +253,12 @@ def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array]
     K (n, n) is the stiffness, C (m, n) and F (m, m) are those of the contact `rows`.  The function returns z (n + m,
     ...): coordinates, then contact forces; NaN where the matrix is singular.
     """
-    n, scale = K.shape[0], rows.force_scale(K)
-    units = np.concatenate([np.ones(n), np.full(len(rows.C), scale)])
-    if 0 < len(units) <= DENSE:
-        C = scale * rows.C
-        matrix = np.block([[K.toarray(), C.T], [C, -(scale**2) * rows.F]])
-        once = _dense_factor(matrix)
-    else:
-        C, F = sp.csr_matrix(rows.C), sp.csr_matrix(rows.F)
-        matrix = sp.bmat([[K, scale * C.T], [scale * C, -(scale**2) * F]], format="csc")
-        once = _sparse_factor(matrix)
-    if once is None:
+    scale, C, F = rows.force_scale(K), sp.csr_matrix(rows.C), sp.csr_matrix(rows.F)
+    units = np.concatenate([np.ones(K.shape[0]), np.full(len(rows.C), scale)])
+    matrix = sp.bmat([[K, scale * C.T], [scale * C, -(scale**2) * F]], format="csc")
+    try:
+        once = spla.splu(matrix).solve
+    except RuntimeError:
         return lambda right: np.full(right.shape, np.nan)
 
     def solve(right: Array) -> Array:
@@ -280,20 +269,6 @@ def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array]
         return np.asarray((units * solution.T).T)
 
     return solve
-
-
-def _sparse_factor(matrix: sp.csc_matrix) -> Callable[[Array], Array] | None:
-    """Function that solves with a sparse LU factor of the matrix; None if the matrix is singular."""
-    try:
-        return spla.splu(matrix).solve
-    except RuntimeError:
-        return None
-
-
-def _dense_factor(matrix: Array) -> Callable[[Array], Array] | None:
-    """Function that solves with a dense LU factor of the matrix; None if singular.  Fast below some hundred rows."""
-    factor, pivots, singular = dgetrf(matrix)
-    return None if singular else lambda right: dgetrs(factor, pivots, right)[0]
 
 
 def _lowest_eigenvalue(assembly: Assembly, rows: ContactRows) -> float:
