@@ -18,14 +18,11 @@ import contextlib
 import hashlib
 import inspect
 import logging
-import sys
 import sysconfig
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache, lru_cache, partial
-from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 from weakref import WeakKeyDictionary
 
@@ -48,38 +45,17 @@ if HAS_PETSC:
         petsc4py.init(["pmr", "-no_signal_handler"])
 
 
-@contextlib.contextmanager
-def _versions_alone() -> Iterator[None]:
-    """While active, give UFL and FFCx 0.5 the versions that they read from `pkg_resources`, without loading it.
-
-    The package `pkg_resources` looks through all packages of the installation, which takes as long as loading UFL and
-    FFCx together.  A stand-in, which has nothing but `get_distribution`, takes its place and is removed at the end.  If
-    `pkg_resources` has already been loaded, nothing is changed.
-    """
-    name = "pkg_resources"
-    if name in sys.modules:
-        yield
-        return
-    sys.modules[name] = ModuleType(name)
-    vars(sys.modules[name])["get_distribution"] = metadata.distribution
-    try:
-        yield
-    finally:
-        del sys.modules[name]
-
-
 try:
     if not HAS_PETSC:
         raise ImportError("it needs PETSc, SLEPc and mpi4py")
-    with _versions_alone():
-        import ffcx
-        import ufl
     import basix
     import dolfinx
     import dolfinx.fem.petsc
     import dolfinx.jit
+    import ffcx
     import ffcx.codegeneration
     import ffcx.naming
+    import ufl
 except ImportError as error:  # given matrices need no FEniCSx
     _MISSING: ImportError | None = error
 else:

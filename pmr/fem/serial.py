@@ -68,10 +68,6 @@ class Vec:
     def duplicate(self) -> Vec:
         return Vec(np.zeros_like(self._values))
 
-    def max(self) -> tuple[int, float]:
-        """Number of the largest entry, and its value."""
-        return int(self._values.argmax()), float(self._values.max())
-
     def destroy(self) -> None:
         """Do nothing: Python frees the memory."""
 
@@ -136,10 +132,6 @@ class Mat:
     def getValuesCSR(self) -> tuple[NDArray[np.generic], ...]:
         return self.values.indptr.copy(), self.values.indices.copy(), self.values.data.copy()
 
-    def getRow(self, number: int) -> tuple[NDArray[np.generic], ...]:
-        row = self.values[number]
-        return row.indices, row.data
-
     def getDiagonal(self) -> Vec:
         return Vec(self.values.diagonal())
 
@@ -178,12 +170,6 @@ class Mat:
     def axpy(self, factor: float, X: Mat, structure: int | None = None) -> None:
         """Add `factor` times X to this matrix; `structure` is not used."""
         self.values = sp.csr_matrix(self.values + factor * X.values)
-
-    def zeroRowsColumns(self, numbers: Indices, diag: float) -> None:
-        """Set the rows and columns with these `numbers` to zero, and their diagonal entries to `diag`."""
-        remaining, diagonal = np.ones(self.getSize()[0]), np.zeros(self.getSize()[0])
-        remaining[numbers], diagonal[numbers] = 0.0, diag
-        self.values = sp.csr_matrix(sp.diags(remaining) @ self.values @ sp.diags(remaining) + sp.diags(diagonal))
 
     def norm(self, kind: int) -> float:
         """Largest sum of the absolute values in a row, which is PETSc's infinity norm; `kind` is not used."""
