@@ -63,7 +63,6 @@ else:
 
 import numpy as np
 import scipy
-import scipy.sparse as sp
 
 if HAS_PETSC:
     import slepc4py
@@ -82,7 +81,6 @@ from pmr.files.whole import FULL, complete_folder
 
 if TYPE_CHECKING:
     from basix import CellType
-    from dolfinx.cpp.graph import AdjacencyList_int32
     from dolfinx.fem import Constant, DofMap
     from dolfinx.fem import Form as CompiledForm
     from dolfinx.fem import Function as Function
@@ -168,26 +166,9 @@ def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: Indices) -> Mes
     else:
         vertices = basix.ufl.element("Lagrange", cell, 1, shape=(d,))
     described = (x, ufl.Mesh(vertices)) if VERSION < (0, 10) else (vertices, x)
-    mesh = dolfinx.mesh.create_mesh(comm, mine, *described, partitioner=partial(_destinations, mine))
+    mesh = dolfinx.mesh.create_mesh(comm, mine, *described)
     _comm_of[mesh] = comm
     return mesh
-
-
-def _destinations(cells: Indices, _: MPI.Comm, ranks: int, *_more: object) -> AdjacencyList_int32:
-    """For each cell that this rank passes in: the rank that will own it, then the ranks that will know it as a ghost.
-
-    Ranks own equal shares of the cells in the order of their lowest vertices.  As coordinates are numbered by vertices,
-    most rows of a matrix are then assembled on the rank that keeps them.
-    """
-    count, k = cells.shape
-    first, place = np.arange(count + 1), np.empty(count, np.int64)
-    place[np.argsort(cells.min(axis=1, initial=np.iinfo(np.int64).max), kind="stable")] = first[:-1]
-    owner = sp.csr_matrix((np.ones(count), place * ranks // max(1, count), first), (count, ranks))
-    meets = sp.csr_matrix((np.ones(cells.size), cells.ravel(), k * first), (count, cells.max(initial=0) + 1))
-    knowing = sp.coo_matrix(meets @ (meets.T @ owner) + k**2 * owner)  # the owner of a cell has the largest entry
-    order = np.lexsort((-knowing.data, knowing.row))
-    offsets = np.searchsorted(knowing.row[order], first)
-    return dolfinx.cpp.graph.AdjacencyList_int32(knowing.col[order].astype(np.int32), offsets.astype(np.int32))
 
 
 def comm_of(mesh: Mesh) -> MPI.Comm:
