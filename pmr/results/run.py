@@ -266,7 +266,7 @@ class RunResult:
         frame, response = self.scene.frame, self.responses["reduced"]
         if frame is None or frame.luffing != "free":
             return frame
-        angle = response.other(LUFFING_ANGLE) * (1.0 if frame.unit == "rad" else 180.0 / np.pi)
+        angle = response.other(LUFFING_ANGLE) * frame.radian
         table = Table(times=tuple(response.t), values=tuple(angle), interpolation="linear")
         return frame.model_copy(update={"luffing": table})
 

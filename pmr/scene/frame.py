@@ -277,6 +277,11 @@ class Frame(BoomAngles):
         return {self.unit: 1.0}
 
     @property
+    def radian(self) -> float:
+        """One radian in the frame's unit of angles."""
+        return 1.0 if self.unit == "rad" else 180.0 / float(np.pi)
+
+    @property
     def tail_position(self) -> Point:
         """Position (3,) in m of the base's tail, measured from the pivot, in the axes of the boom.
 

@@ -40,7 +40,7 @@ class ListSignal(SignalBase):
     """Signal with a list of values, at rest at each value; the times 0, 1, 2 ... are the numbers of the values."""
 
     values: tuple[float, ...]
-    acceleration: float = 0.0  # second rate at each value
+    acceleration: float = 0.0  # second rate at each value, in the unit of the values
 
     def value(self, t: ArrayLike) -> Array:
         """Values (...) with the numbers int(t) at times t (...); a number beyond the list gives its nearest value."""
@@ -75,7 +75,8 @@ def scene_at_rest(
 ) -> Scene:
     """Scene at rest in P postures; the times 0, 1 ... P - 1 are the numbers of the postures.
 
-    The weight acts in full.  The base keeps its constant inclination; its motions are removed.
+    The weight acts in full.  The base keeps its constant inclination; its motions are removed.  All angles are in the
+    unit of the scene's frame, as in the scene itself.
 
     Parameters
     ----------
@@ -101,30 +102,24 @@ def scene_at_rest(
         if slider is not None and SLIDER in extensions:
             slider = slider.model_copy(update={"path": _signal_of(extensions[SLIDER])})
         changed.append(part.model_copy(update={"loads": steady, "joint": joint, "slider": slider}))
-    still = {"luffing": _signal_of(luffing), "unit": "rad"}
-    unit, ground = np.pi / 180.0 if scene.frame.unit == "degrees" else 1.0, scene.frame.ground
-    still |= {"base": constant_inclination(scene.frame.base, unit)}
-    if ground is not None:
-        still["ground"] = ground.model_copy(update={"slope": tuple(unit * angle for angle in ground.slope)})
-    still |= {"slewing": _signal_of(slewing)} if scene.frame.slewing is not None else {}
+    still = {"luffing": _signal_of(luffing * scene.frame.radian), "base": constant_inclination(scene.frame.base)}
+    still |= {"slewing": _signal_of(slewing * scene.frame.radian)} if scene.frame.slewing is not None else {}
     frame = scene.frame.model_copy(update=still)
     gravity = scene.gravity.model_copy(update={"rise": 0.0}) if scene.gravity else None
     return scene.model_copy(update={"sections": tuple(changed), "frame": frame, "gravity": gravity})
 
 
-def constant_inclination(base: BaseMotion | None, unit: float = 1.0) -> BaseMotion | None:
-    """Base with the constant angles of `base` alone, each times `unit`; None if no angle is constant."""
+def constant_inclination(base: BaseMotion | None) -> BaseMotion | None:
+    """Base with the constant angles of `base` alone; None if no angle is constant."""
     angles = {} if base is None else {key: base.motions.get(key) for key in ("rx", "ry", "rz")}
-    constant = {
-        key: Constant(amount=unit * angle.amount) for key, angle in angles.items() if isinstance(angle, Constant)
-    }
+    constant = {key: angle for key, angle in angles.items() if isinstance(angle, Constant)}
     return BaseMotion(**constant) if constant else None
 
 
 def accelerate_angle(still: Scene, angle: str) -> Scene:
     """Scene `still` of `scene_at_rest` with an acceleration of 1 rad/s^2 of `angle`: ``luffing`` or ``slewing``."""
     assert still.frame is not None
-    turned = {angle: getattr(still.frame, angle).model_copy(update={"acceleration": 1.0})}
+    turned = {angle: getattr(still.frame, angle).model_copy(update={"acceleration": still.frame.radian})}
     return still.model_copy(update={"frame": still.frame.model_copy(update=turned)})
 
 

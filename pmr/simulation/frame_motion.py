@@ -392,7 +392,7 @@ def with_computed_motion(scene: Scene, track: MachineMotion) -> Scene:
     """Scene whose frame has a base with the computed motion `track`, in place of the base it had, and no machine."""
     frame = scene.frame
     assert frame is not None  # of a scene with a machine
-    angle, times = 1.0 if frame.unit == "rad" else 180.0 / np.pi, track.step * np.arange(track.values.shape[1])
+    angle, times = frame.radian, track.step * np.arange(track.values.shape[1])
     signals: dict[str, Any] = {
         direction: ComputedMotion(
             samples=MotionSamples(times, np.ascontiguousarray(track.values[:, :, k]), track.forces[:, k], track.inputs),

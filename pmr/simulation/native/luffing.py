@@ -78,7 +78,7 @@ class LuffingRun(MachineRun):
         hangs = begun if np.cos(begun - HANGING) < 0.0 else HANGING  # above the pivot it falls to one side
         #: luffing angle in rad at which the machine does not pitch
         self.level = hangs if frame.cylinder is None else frame.cylinder.square_angle(begun)
-        self._scene, unit = scene, 1.0 if frame.unit == "rad" else 180.0 / np.pi
+        self._scene, unit = scene, frame.radian
         level = Constant(amount=self.level * unit)
         base: dict[str, Any] = {} if frame.base is None else dict(frame.base.motions)
         machine = Machine.model_construct(
@@ -110,7 +110,7 @@ class LuffingRun(MachineRun):
         record = {} if frame.cylinder is None else self._record(frame.cylinder)
         times, still = track.step * np.arange(angle.shape[1]), np.zeros(angle.shape[1])
         samples = MotionSamples(times, np.ascontiguousarray(angle), still, track.inputs, record)
-        unit = 1.0 if frame.unit == "rad" else 180.0 / np.pi
+        unit = frame.radian
         luffing = ComputedMotion(samples=samples, unit=unit)
         computed = {"luffing": luffing, "slewing": frame.slewing or Constant(amount=0.0)}
         return self._scene.model_copy(update={"frame": frame.model_copy(update=computed)})
