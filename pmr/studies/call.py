@@ -24,7 +24,7 @@ from pmr.scene.keys import SceneTable
 from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
 from pmr.studies import kinds
 from pmr.studies.study import RunRecord, Store, StudyBase, StudyResults
-from pmr.studies.tasks import Failure, Node, Plan, Task, open_nodes
+from pmr.studies.tasks import Failure, Plan, Task, open_tasks
 from pmr.studies.workers import NOT_COMPUTING, Order, Pool, code_of_tasks
 
 #: Files that the digest of the code leaves out, so that tasks are not computed again when these change; the digest of
@@ -94,61 +94,59 @@ def compute_results(project: Project, folder: Path, pool: Pool, watch: Watch) ->
     """
     store, code = Store(folder / "tasks"), environment.code_digest(environment.source_texts(), NOT_IN_DIGEST)
     store.prepare()
-    nodes = open_nodes([part.plan for part in project.parts], code, store.is_sound)
-    failures = run_tasks(nodes, store, pool, watch)
+    tasks = open_tasks([part.plan for part in project.parts], code, store.is_sound)
+    failures = run_tasks(tasks, store, pool, watch)
     results = {
         part.name: StudyResults.collect(folder / part.name, part.plan, code, store, failures) for part in project.parts
     }
-    return Outcome(results, len(nodes) - len(failures))
+    return Outcome(results, len(tasks) - len(failures))
 
 
-def run_tasks(nodes: Mapping[str, Node], store: Store, pool: Pool, watch: Watch) -> dict[str, Failure]:
-    """Compute `nodes`, each as soon as the results that it needs are stored; return the failures by task digest.
+def run_tasks(tasks: Mapping[str, Task], store: Store, pool: Pool, watch: Watch) -> dict[str, Failure]:
+    """Compute `tasks`, each as soon as the results that it needs are stored; return the failures by task digest.
 
-    `nodes` are those that `open_nodes` returned.  Results are written into the store.  The call blocks until all tasks
+    `tasks` are those that `open_tasks` returned.  Results are written into the store.  The call blocks until all tasks
     have ended; `watch` is called with the progress whenever a task ends, and every second.
     """
-    waiting, code, begin = dict(nodes), code_of_tasks(), time.monotonic()
-    running: dict[Future[Failure | None], Node] = {}
+    waiting, code, begin = dict(tasks), code_of_tasks(), time.monotonic()
+    running: dict[Future[Failure | None], str] = {}
     done, failures = set[str](), dict[str, Failure]()
     while waiting or running:
-        for digest, node in list(waiting.items()):
-            needs = [need for need in node.needs.values() if need in nodes]
+        for digest, task in list(waiting.items()):
+            needs = [need for need in task.needs.values() if need in tasks]
             failed_need = next((need for need in needs if need in failures), None)
             if failed_need is not None:
-                failures[digest] = failures[failed_need].of_skipped(nodes[failed_need].task.key)
+                failures[digest] = failures[failed_need].of_skipped(tasks[failed_need].key)
                 del waiting[digest]
-            elif (
-                done.issuperset(needs) and len(running) < 2 * pool.slots
-            ):  # one waits behind each, so that no worker does
-                task, folder = waiting.pop(digest).task, str(store.folder)
-                order = Order(task.key, digest, task.address, task.arguments, node.needs, folder, code)
-                running[pool.submit(order)] = node
+            elif done.issuperset(needs) and len(running) < 2 * pool.slots:  # one waits behind each, so none is idle
+                del waiting[digest]
+                order = Order(task.key, digest, task.address, task.arguments, task.needs, str(store.folder), code)
+                running[pool.submit(order)] = digest
         finished, _ = wait(running, timeout=WATCH_EVERY, return_when=FIRST_COMPLETED)
         for future in [future for future in running if future in finished]:
-            node, error = running.pop(future), future.exception()  # the machine could not even start a process, say
+            digest, error = running.pop(future), future.exception()  # the machine could not even start a process, say
             failure = future.result() if error is None else Failure.from_error(error)
             if failure is None:
-                done.add(node.digest)
+                done.add(digest)
             else:
-                failures[node.digest] = failure
-        tasks = [node.task for node in running.values()][: pool.slots]
-        watch(_progress(nodes, done, failures, time.monotonic() - begin, tasks))
+                failures[digest] = failure
+        computed_now = [tasks[digest] for digest in running.values()][: pool.slots]
+        watch(_progress(tasks, done, failures, time.monotonic() - begin, computed_now))
     return failures
 
 
 def _progress(
-    nodes: Mapping[str, Node], done: set[str], failures: Mapping[str, Failure], elapsed: float, tasks: list[Task]
+    tasks: Mapping[str, Task], done: set[str], failures: Mapping[str, Failure], elapsed: float, running: list[Task]
 ) -> Progress:
-    """Return the progress after `elapsed` seconds, while these `tasks` are being computed.
+    """Return the progress after `elapsed` seconds, while the tasks `running` are being computed.
 
-    `done` holds the digests of the tasks with a result, `failures` the failures by digest.
+    `tasks` are all tasks by digest, `done` the digests of those with a result, `failures` the failures by digest.
     """
-    cost_done = sum(nodes[digest].task.cost for digest in done)
-    cost_left = sum(node.task.cost for digest, node in nodes.items() if digest not in done and digest not in failures)
+    cost_done = sum(tasks[digest].cost for digest in done)
+    cost_left = sum(task.cost for digest, task in tasks.items() if digest not in done and digest not in failures)
     remaining = elapsed * cost_left / cost_done if cost_done else None
-    stages = frozenset(task.address for task in tasks)
-    return Progress(len(done), len(failures), len(nodes), elapsed, remaining, tuple(t.key for t in tasks), stages)
+    stages = frozenset(task.address for task in running)
+    return Progress(len(done), len(failures), len(tasks), elapsed, remaining, tuple(t.key for t in running), stages)
 
 
 def save(project: Project, outcome: Outcome, folder: Path) -> list[Path]:

@@ -10,7 +10,7 @@ import sys
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -150,15 +150,6 @@ class Plan:
         return iter((*self.shared, *self.runs))
 
 
-@dataclass(frozen=True)
-class Node:
-    """A task with its digest and, by name, the digests of all results on which it depends."""
-
-    digest: str
-    task: Task
-    needs: Mapping[str, str]
-
-
 def digests(plan: Plan, code: str) -> dict[str, str]:
     """Return the digest of each task of a plan, by key; `code` is the digest of the code that tasks compute with."""
     digest = dict[str, str]()
@@ -167,20 +158,20 @@ def digests(plan: Plan, code: str) -> dict[str, str]:
     return digest
 
 
-def open_nodes(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool]) -> dict[str, Node]:
+def open_tasks(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool]) -> dict[str, Task]:
     """Return the tasks to be computed, by digest: runs that are not done, and missing results of tasks they depend on.
 
-    Each task comes after the tasks that it needs.  `is_done` returns for a digest whether its result is stored; `code`
-    is the digest of the code.
+    The needs of these tasks are digests, no keys; each task comes after the tasks that it needs.  `is_done` returns for
+    a digest whether its result is stored; `code` is the digest of the code.
     """
-    nodes = dict[str, Node]()
+    tasks = dict[str, Task]()
     for plan in plans:
-        digest, of_plan = digests(plan, code), dict[str, Node]()
+        digest, of_plan = digests(plan, code), dict[str, Task]()
         needed = {digest[run.key] for run in plan.runs}
         for task in reversed([*plan]):  # each task before the tasks that it needs
             key = digest[task.key]
             if key in needed and not is_done(key):
-                of_plan[key] = Node(key, task, {name: digest[need] for name, need in task.needs.items()})
+                of_plan[key] = replace(task, needs={name: digest[need] for name, need in task.needs.items()})
                 needed.update(of_plan[key].needs.values())
-        nodes |= dict(reversed(of_plan.items()))
-    return nodes
+        tasks |= dict(reversed(of_plan.items()))
+    return tasks

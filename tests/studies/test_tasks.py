@@ -15,7 +15,7 @@ from waiting import is_alive, wait_until
 import pmr
 from pmr.errors import environment
 from pmr.studies.study import Store
-from pmr.studies.tasks import Plan, Task, open_nodes, task_key
+from pmr.studies.tasks import Plan, Task, open_tasks, task_key
 from pmr.studies.workers import OTHER_CODE, Order, Worker, code_of_tasks
 
 
@@ -64,7 +64,7 @@ def task(key: str, *needs: str) -> Task:
 
 def order(plan: Plan) -> list[str]:
     """Keys of the open tasks of a plan, in their order."""
-    return [node.task.key for node in open_nodes([plan], "", nothing_done).values()]
+    return [task.key for task in open_tasks([plan], "", nothing_done).values()]
 
 
 def test_tasks_follow_what_they_need_in_the_order_of_the_plan() -> None:
