@@ -246,13 +246,11 @@ def error_warnings(
         worst = int(shares.argmax())
         if shares[worst] <= allowed:
             continue
-        name, beside = (
-            [*names, STABILITY_WORDS][which[rows[worst]]],
-            f" beside a {other.label}" if part == "model" else "",
+        name = [*names, STABILITY_WORDS][which[rows[worst]]]
+        beside, is_shell = (
+            (f" beside a {other.label}", other.label.endswith("shell")) if part == "model" else ("", False)
         )
-        giving = (
-            part == "model" and other.label.endswith("shell") and any(map(has_walls_that_could_give, members(scene)))
-        )
+        giving = is_shell and any(map(has_walls_that_could_give, members(scene)))
         better = '; body.walls = "give" adds the compliance of walls under pads' if giving else ""
         yield (
             f"the {part} is off by up to {two_digits(100.0 * shares[worst])} % in the load that {name} allows{beside}, "

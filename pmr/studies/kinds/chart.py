@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
+from itertools import compress
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -142,17 +143,15 @@ class Study(StudyBase):
     @model_validator(mode="after")
     def _check_names(self) -> Self:
         """Refuse equal names, hoisting classes that do not exist, and cases of which none is in service."""
-        for what, names in (
-            ("limits", [entry.name for entry in self.limits]),
-            ("cases", [case.name for case in self.cases]),
-        ):
+        named = {"limits": [limit.name for limit in self.limits], "cases": [case.name for case in self.cases]}
+        for what, names in named.items():
             if len(set(names)) < len(names) or (what == "limits" and STABILITY in names):
                 raise ValueError(f"names of {what} must differ, and {STABILITY!r} is there without being asked for")
         if not any(case.in_service for case in self.cases):
             raise ValueError("a case with a load is needed: those with load = 0 are out of service")
-        named = {f"cases[{k}]": case.hoisting_class for k, case in enumerate(self.cases)}
-        named |= {"hoist": self.hoist.hoisting_class} if self.hoist else {}
-        for key, name in named.items():
+        classes = {f"cases[{k}]": case.hoisting_class for k, case in enumerate(self.cases)}
+        classes |= {"hoist": self.hoist.hoisting_class} if self.hoist else {}
+        for key, name in classes.items():
             if name is not None and name not in self.classes:
                 raise key_error(f"{key}.hoisting_class", name, f"one of {', '.join(self.classes)} is allowed")
         return self
@@ -172,7 +171,7 @@ class Study(StudyBase):
         assert scene.frame is not None  # as `_scene` says
         for key, angles in (("luffing", self._luffing_angles), ("slewing", self.slewing)):
             scene.frame.refuse_without_unit(key, angles, "study")
-        unit = np.pi / 180.0 if scene.frame is not None and scene.frame.unit == "degrees" else 1.0
+        unit = np.pi / 180.0 if scene.frame.unit == "degrees" else 1.0
         points = [(row, a * unit, b * unit) for row, a, b in self._points]
         held = {name: float(path.value(0.0)) for name, path in scene.paths.items() if name not in scene.names}
         at = {
@@ -297,10 +296,7 @@ class Study(StudyBase):
         done = [run.status == "done" for run in results.runs]
         if not any(done):
             return {"chart.csv": "", "duty.csv": "", "duty.xlsx": ""}
-        points = [
-            point for point, is_done in zip(self._points, np.repeat(done, self._row_size), strict=True) if is_done
-        ]
-        table = self.table(results)
+        points, table = compress(self._points, np.repeat(done, self._row_size)), self.table(results)
         rows = [self._cells(table, k, *point) for k, point in enumerate(points)]
         cells = [[_cell(value) for _, value in row] for row in rows]
         done_rows = [results.arrays(run.key) for run in results.runs if run.status == "done"]
