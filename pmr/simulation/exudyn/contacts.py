@@ -24,10 +24,13 @@ from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array
 from pmr.kernel.laws import ContactError, solve_contact
 from pmr.simulation.balance import half_form, row_products, step_means
-from pmr.simulation.exudyn.equations import ENTRIES_AHEAD, Equations, Inputs
+from pmr.simulation.exudyn.equations import Equations, Inputs
 from pmr.simulation.start import Grip, slide
 from pmr.system.contact_rows import ContactRows
 from pmr.system.contacts import Friction
+
+#: Most values that are computed at once, which bounds the memory of a long simulation.
+ENTRIES = 1_000_000
 
 
 class Contacts:
@@ -133,7 +136,7 @@ def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> 
     together.
     """
     m, (n, i) = len(equations.system.contacts), equations.B.shape
-    N, block = len(motion.q), max(2, ENTRIES_AHEAD // max(1, m * (n + m + i)))
+    N, block = len(motion.q), max(2, ENTRIES // max(1, m * (n + m + i)))
     stored, work = np.zeros(N), np.zeros(N)
     for first in range(0, max(1, N - 1), block - 1):
         steps = slice(first, min(first + block, N))

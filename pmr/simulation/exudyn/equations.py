@@ -220,10 +220,7 @@ class _Path:
         return [float(self._path.value(t)), float(self._path.rate(t)), second]
 
 
-#: Most values that are computed in advance at once, which bounds the memory of a long simulation.
-ENTRIES_AHEAD = 1_000_000
-
-#: Function of side positions that a simulator needs at every step: ``evaluate(x (T, k)) -> (T, ...)``.
+#: Function of side positions that a simulator needs at every step: ``evaluate(x (1, k)) -> (1, ...)``.
 PositionFunction = Callable[[Array], Array]
 #: A path in m or a load in N: a signal with `value` and `rate`, or a function of the mbs and the time in s, which may
 #: read ``mbs.variables``.
@@ -240,7 +237,7 @@ State = tuple[int, tuple[float, ...], tuple[float, ...]]
 
 
 class Inputs(ABC):
-    """Side positions and loads at a time, and quantities that depend on the positions, computed in blocks.
+    """Side positions and loads at a time, and quantities that depend on the positions.
 
     Side positions that do not change for some time have one index.
     """
@@ -254,8 +251,8 @@ class Inputs(ABC):
         """Begin the step that ends at t s."""
 
     @abstractmethod
-    def positions_from(self, first: int, count: int) -> Array:
-        """Side positions x (T, sides) in m from index `first` on: `count` of them, or as many as are known."""
+    def positions(self, t: float) -> Array:
+        """Side positions x (1, sides) in m at t s."""
 
     def number(self, t: float) -> int:
         """Index of the side positions at t s."""
@@ -269,27 +266,16 @@ class Inputs(ABC):
         """Amplitudes at t s, one for each term."""
         return self.state(t)[2]
 
-    def positions(self, t: float) -> Array:
-        """Side positions x (1, sides) in m at t s."""
-        return self.positions_from(self.number(t), 1)
-
-    def function_of_time(self, evaluate: PositionFunction, entries: int) -> Callable[[float], Array]:
-        """Function of t in s that returns `evaluate` at the side positions of this time; computed for a block at once.
-
-        `entries` is the number of values at each position.
-        """
-        block = max(1, ENTRIES_AHEAD // max(entries, 1))
-        first, values, index = 0, np.empty(0), np.empty(0, int)
+    def function_of_time(self, evaluate: PositionFunction) -> Callable[[float], Array]:
+        """Function of t in s that returns `evaluate` at the side positions of this time; computed once for each."""
+        number, stored = -1, np.empty(0)
 
         def value(t: float) -> Array:
             """Value at t s."""
-            nonlocal first, values, index
-            k = self.number(t)
-            if not first <= k < first + len(index):
-                first = k
-                visited, index = np.unique(self.positions_from(k, block), axis=0, return_inverse=True)
-                values, index = evaluate(visited), index.ravel()
-            return np.asarray(values[index[k - first]])
+            nonlocal number, stored
+            if (k := self.number(t)) != number:
+                number, stored = k, evaluate(self.positions(t))[0]
+            return stored
 
         return value
 
@@ -341,9 +327,6 @@ class SignalInputs(Inputs):
             self.begin(t)
         return self._k, self._f, self._c
 
-    def positions_from(self, first: int, count: int) -> Array:
-        return self._x
-
     def paths(self, t: float) -> dict[str, float]:
         """Coordinate of each path at t s, in m."""
         self.number(t)
@@ -373,5 +356,5 @@ class TabulatedInputs(Inputs):
     def state(self, t: float) -> State:
         return self._states[round(t / self._step)]
 
-    def positions_from(self, first: int, count: int) -> Array:
-        return self._places[first : first + count]
+    def positions(self, t: float) -> Array:
+        return np.asarray(self._places[[self.number(t)]])

@@ -52,8 +52,8 @@ def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, 
     if springs and equations.sparse:
         return add_with_multipliers(mbs, equations, inputs, start)
     rigid = np.flatnonzero(contacts.rigid)
-    rows = inputs.function_of_time(lambda x: equations.rows(x).C[:, rigid], n * len(rigid))
-    system = inputs.function_of_time(contacts.springs, n * (n + equations.B.shape[1]))
+    rows = inputs.function_of_time(lambda x: equations.rows(x).C[:, rigid])
+    system = inputs.function_of_time(contacts.springs)
 
     def force(t: float) -> Array:
         """Force vector (n,) at t s."""
@@ -172,7 +172,7 @@ def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inpu
     if not equations.system.contacts:
         return add_with_springs(mbs, equations, inputs, start)
     n, contacts = equations.size, Contacts(equations, inputs)
-    m, i = len(equations.system.contacts), equations.B.shape[1]
+    m = len(equations.system.contacts)
     gives, rigid = np.flatnonzero(contacts.gives), np.diag(contacts.rigid.astype(float))
 
     def side_by_side(x: Array) -> Array:
@@ -180,7 +180,7 @@ def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inpu
         rows = equations.rows(x)
         return np.concatenate([rows.C, rows.F, rows.H], axis=2)
 
-    table = inputs.function_of_time(side_by_side, m * (n + m + i))
+    table = inputs.function_of_time(side_by_side)
 
     def parts(t: float) -> tuple[Array, Array, Array]:
         """C (m, n), F (m, m) and -H f (m,) at t s."""
@@ -225,7 +225,7 @@ def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inpu
 def add_with_callbacks(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
     """Add the items of a system of rigid contacts, with Python callbacks in every iteration as in Weyrer et al."""
     m = len(equations.system.contacts)
-    rows = inputs.function_of_time(lambda x: equations.rows(x).C, equations.size * m)
+    rows = inputs.function_of_time(lambda x: equations.rows(x).C)
 
     def force(mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array) -> Array:
         """User function: loads (n,) on the coordinates at t s."""
