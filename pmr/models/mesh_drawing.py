@@ -225,21 +225,16 @@ def read_nodes(file: Path, length: float) -> Array:
         raise refuse(f"cells of type {', '.join(kinds) or 'none'}")
     lines = np.concatenate([block.corners for block in read.blocks if block.kind == "line"])
     used = np.unique(lines)
-    points = read.points
-    if not np.isfinite(points[used]).all():
-        raise refuse("coordinates that are not finite")
-    if np.any(np.abs(points[used, 1:]) > 1e-9 * length):
+    if not np.all(np.abs(read.points[used, 1:]) <= 1e-9 * length):
         raise refuse("points off the x axis")
-    x = points[used, 0]
-    order = np.argsort(x)
-    nodes, rank = x[order], np.empty(len(points), int)
+    order = np.argsort(read.points[used, 0])
+    nodes, rank = read.points[used[order], 0], np.empty(len(read.points), int)
     rank[used[order]] = np.arange(len(used))
-    if np.any(np.diff(nodes) <= 1e-12 * length):
-        raise refuse("two nodes at one place")
-    chain = np.sort(rank[lines], axis=1)
-    if len(chain) != len(nodes) - 1 or set(map(tuple, chain)) != {(i, i + 1) for i in range(len(nodes) - 1)}:
+    first = np.arange(len(nodes) - 1)
+    is_chain = np.array_equal(np.unique(np.sort(rank[lines], axis=1), axis=0), np.stack([first, first + 1], axis=1))
+    if not is_chain or len(lines) != len(first) or np.any(np.diff(nodes) <= 1e-12 * length):
         raise refuse(f"{len(lines)} lines on {len(nodes)} nodes that form no single chain")
-    if abs(nodes[0]) > 1e-9 * length or abs(nodes[-1] - length) > 1e-9 * length:
+    if not np.all(np.abs(nodes[[0, -1]] - [0.0, length]) <= 1e-9 * length):
         raise refuse(f"nodes from {nodes[0]:g} to {nodes[-1]:g} m, but the beam has {length:g} m from 0")
     nodes[0], nodes[-1] = 0.0, length
     return np.asarray(nodes, float)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field, replace
@@ -31,6 +30,11 @@ logger = logging.getLogger(__name__)
 COINCIDENT = 1e-6
 #: Distance of a node from the middle of its edge up to which the edge is straight, as a share of the edge.
 STRAIGHT = 1e-3
+#: What meshio reads.
+READABLE = (
+    "a mesh with named groups is allowed, of gmsh in version 4.1 or 2.2 (Mesh.MshFileVersion) with Mesh.SaveAll = 0, "
+    "without partitions (Mesh.NbPartitions = 0) and parameters of nodes (Mesh.SaveParametric = 0)"
+)
 #: Dimension of cells, by their kind in meshio's words.
 DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
 
@@ -249,8 +253,7 @@ def _meshio_content(file: Path) -> MeshFile:
         allowed = f"{needed}; .msh of gmsh, .vtu and .inp are allowed"
         raise InputError(str(file), "", None, allowed) from None
     except (Exception, SystemExit):  # meshio raises SystemExit if no reader fits
-        reason = _unreadable_msh(file) if file.suffix.lower() == ".msh" else "a mesh with named groups is allowed"
-        raise InputError(str(file), "", None, f"meshio can't read it; {reason}") from None
+        raise InputError(str(file), "", None, f"meshio can't read it; {READABLE}") from None
     strange = sorted({block.type for block in mesh.cells} - set(DIMENSIONS))
     if strange:
         raise InputError(str(file), "", None, f"cells of type {', '.join(strange)}; linear cells are allowed")
@@ -259,22 +262,6 @@ def _meshio_content(file: Path) -> MeshFile:
         points = np.empty((0, 3))
     blocks = [Cells(block.type, np.asarray(block.data, np.int64)) for block in mesh.cells]
     return MeshFile(points, blocks, _physical_groups(mesh))
-
-
-def _unreadable_msh(file: Path) -> str:
-    """Return what gmsh has to write in place of a file that meshio can't read, as far as its head tells."""
-    if not file.is_file():
-        return "a mesh with named groups, of gmsh with Mesh.SaveAll = 0, is allowed"
-    content = file.read_bytes()
-    head = re.match(rb"\$MeshFormat\s+(\d+(?:\.\d+)?)\s", content)
-    if content[:4] == b"$NOD" or (head and head[1] not in (b"2.2", b"4.1")):
-        version = "1" if head is None else head[1].decode()
-        return f"version 4.1 or 2.2 is allowed (Mesh.MshFileVersion), this is {version}"
-    if b"$PartitionedEntities" in content:
-        return "a mesh without partitions is allowed: this one is partitioned (Mesh.NbPartitions = 0)"
-    if b"$ParametricNodes" in content or re.search(rb"\n[0-3] \d+ 1 \d+\r?\n", content.partition(b"$EndNodes")[0]):
-        return "nodes without parameters are allowed (Mesh.SaveParametric = 0)"
-    return "a mesh with named groups, of gmsh with Mesh.SaveAll = 0, is allowed"
 
 
 def _physical_groups(mesh: meshio.Mesh) -> dict[str, list[Indices]]:

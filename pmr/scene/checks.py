@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from pmr.scene.choice import REFERENCE, SimulatorNeeds, fewest_rows, is_pinned_beam, refuse_unsupported
 from pmr.scene.extension_checks import check_free_extension
-from pmr.scene.frame_checks import check_exclusions, check_frame, check_hoist
+from pmr.scene.frame_checks import check_exclusions, check_frame, check_hoist, check_wind
 from pmr.scene.joint_checks import check_joints, check_section
 from pmr.scene.joints import JointPads
 from pmr.scene.keys import check_bounds
@@ -40,6 +40,7 @@ def check_scene(scene: Scene) -> None:
     check_frame(scene)
     check_hoist(scene)
     check_free_extension(scene)
+    check_wind(scene)
     _check_computed_motions(scene)
     _check_payloads(scene)
     _check_fatigue(scene)

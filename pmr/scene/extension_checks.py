@@ -21,18 +21,6 @@ def check_free_extension(scene: Scene) -> None:
         if scene.frame.second_order is not False:
             allowed = f"false is allowed beside {free}: what a boom shortens by bending is not in its equation"
             raise scene_error("frame.second_order", scene.frame.second_order, allowed)
-        unknown, single = "the motion depends on model and step", "one motion is computed at a time"
-        refused = (
-            ("hoist", scene.hoist, "a rope's path is known for a prescribed extension alone"),
-            ("accuracy", scene.accuracy, unknown),
-            ("budget", scene.budget, unknown),
-            ("frame.machine", scene.frame.machine, single),
-        )
-        for part, table, why in refused:
-            if table is not None:
-                raise scene_error(part, None, f"none is allowed beside {free}: {why}")
-        if scene.frame.luffing == "free":
-            raise scene_error("frame.luffing", "free", f"an angle over time is allowed beside {free}: {single}")
         if scene.start != "equilibrium":
             allowed = f"'equilibrium' is allowed beside {free}, which its cylinder holds then"
             raise scene_error("start", scene.start, allowed)
@@ -55,7 +43,7 @@ def moved_sections(scene: Scene, number: int) -> dict[int, tuple[float, float]]:
 
 
 def _check_sections(scene: Scene, number: int, free: str) -> None:
-    """Refuse drives that give way, wind and frequency responses.
+    """Refuse drives that give way, and models without displacements along the boom.
 
     `free` names the free extension of section `number` in messages.
     """
@@ -69,12 +57,3 @@ def _check_sections(scene: Scene, number: int, free: str) -> None:
         if not has_driven_tail(member_at(scene, k)):
             allowed = f"a model with displacements along the boom is allowed beside {free}"
             raise scene_error(scene.section_key(k, "body.model"), None, allowed)
-    for k, part in enumerate(scene.sections):
-        if part.observe.frequency_response:
-            raise scene_error(
-                scene.section_key(k, "observe.frequency_response"), None, f"none is allowed beside {free}"
-            )
-        for n, load in enumerate(part.loads):
-            if load.acts == "wind":
-                allowed = f"'force' is allowed beside {free}: the pressure of wind follows motions that are prescribed"
-                raise scene_error(scene.section_key(k, f"loads[{n}].acts"), "wind", allowed)

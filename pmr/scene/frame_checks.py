@@ -32,7 +32,8 @@ class Exclusion(NamedTuple):
     why: str
 
 
-RESPONSE = "observe.frequency_response"
+#: A frequency response, and an extension that is computed, as parts of a scene.
+RESPONSE, FREE_EXTENSION = "observe.frequency_response", "joint.extension.kind = 'free'"
 #: Parts of a scene that exclude each other.
 EXCLUSIONS = (
     Exclusion(RESPONSE, "hoist", "a payload that swings has a part in it"),
@@ -44,10 +45,15 @@ EXCLUSIONS = (
     *(Exclusion(f"frame.base.{key}", FREE, "its motion is that on a level base") for key in ("rx", "ry", "rz")),
     *(Exclusion(f"frame.base.{key}", "frame.ground.slope", "which inclines the machine") for key in ("rx", "ry")),
     *(
-        Exclusion(key, part, why)
+        Exclusion("frame.base.acceleration", part, "it does not say where the ground is: x, y and z do")
         for part in ("frame.machine", FREE)
+    ),
+    Exclusion("hoist", FREE_EXTENSION, "a rope's path is known for a prescribed extension alone"),
+    *(Exclusion(part, FREE_EXTENSION, "one motion is computed at a time") for part in ("frame.machine", FREE)),
+    *(
+        Exclusion(key, part, why)
+        for part in ("frame.machine", FREE, FREE_EXTENSION)
         for key, why in (
-            ("frame.base.acceleration", "it does not say where the ground is: x, y and z do"),
             ("accuracy", "whose motion depends on model and step"),
             (RESPONSE, "what is computed there has a part in it"),
             ("budget", "whose motion depends on model and step"),
@@ -67,6 +73,7 @@ def check_exclusions(scene: Scene) -> None:
         "budget": scene.budget,
         "frame.machine": frame.machine,
         FREE: frame.luffing == "free",
+        FREE_EXTENSION: scene.free_extensions,
         "frame.ground": ground,
         "frame.ground.slope": ground is not None and any(ground.slope),
         "frame.cylinder.stiffness": frame.cylinder and frame.cylinder.stiffness,
@@ -75,7 +82,8 @@ def check_exclusions(scene: Scene) -> None:
     for key, other, why in EXCLUSIONS:
         if parts.get(key) and parts.get(other):
             key = scene.section_key(len(scene.sections) - 1, key) if key == RESPONSE else key
-            raise scene_error(key, None, f"none is allowed beside {other}: {why}")
+            key, value = ("frame.luffing", "free") if key == FREE else (key, None)
+            raise scene_error(key, value, f"none is allowed beside {other}: {why}")
 
 
 def check_machine(frame: Frame, machine: Machine) -> None:
@@ -95,13 +103,6 @@ def _check_computed(scene: Scene, frame: Frame, computed: str) -> None:
         if is_planar(member):
             key = scene.section_key(member.number, "body.model")
             raise scene_error(key, model_of(member), f"a model in space is allowed beside {computed}")
-        for k, load in enumerate(member.part.loads):
-            if load.acts == "wind":
-                key, allowed = (
-                    scene.section_key(member.number, f"loads[{k}].acts"),
-                    f"'force' is allowed beside {computed}",
-                )
-                raise scene_error(key, "wind", f"{allowed}: the pressure of wind follows angles that are prescribed")
     keyed = [(k, key, ring) for k, part in enumerate(scene.sections) for key, ring in part.keyed_rings.items()]
     for number, ring_key, ring in keyed:
         key = f"sections[{number}].{ring_key}"
@@ -110,6 +111,16 @@ def _check_computed(scene: Scene, frame: Frame, computed: str) -> None:
             raise scene_error(f"{key}.unilateral", True, allowed)
         if isinstance(ring, JointPads) and ring.friction:
             raise scene_error(f"{key}.friction", ring.friction, f"0 is allowed beside {computed}")
+
+
+def check_wind(scene: Scene) -> None:
+    """Refuse wind beside a motion that is computed."""
+    for member in members(scene) if scene.computed_key is not None else ():
+        for k, load in enumerate(member.part.loads):
+            if load.acts == "wind":
+                allowed = f"'force' is allowed beside {scene.computed_key}, which is computed: the pressure of wind "
+                allowed += "follows motions that are prescribed"
+                raise scene_error(scene.section_key(member.number, f"loads[{k}].acts"), "wind", allowed)
 
 
 def _check_ground(scene: Scene) -> None:

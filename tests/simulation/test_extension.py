@@ -293,7 +293,7 @@ REFUSED = {
     "compare.richer='shell'": "'auto' or 'none' is allowed beside sections[1].joint.extension, which is computed",
     "start='rest'": "'equilibrium' is allowed beside the free extension of fly",
     "section.joint.cylinder.stiffness=1e8": "'rigid' is allowed beside the free extension of fly",
-    "frame.luffing='free'": "an angle over time is allowed beside the free extension of fly",
+    "frame.luffing='free'": "none is allowed beside joint.extension.kind = 'free': one motion is computed at a time",
     "simulation.simulators=['exudyn']": "march is allowed: exudyn computes no motion that is free (extension of fly)",
     "sections.fly.joint.extension.start=1.5": "an extension within the stroke, 0.3 to 1.2 m, is allowed",
     "sections.fly.joint.extension.stroke=[1.2, 0.3]": "a smallest extension below the greatest one is allowed",
