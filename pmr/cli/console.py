@@ -163,19 +163,14 @@ def scene_file(path: Path) -> Path:
     Raises InputError if it is a study.
     """
     file = _find_file(path, "scene.toml")
-    if _has_kind(file):
+    if "kind" in _tables_or_empty(file):
         raise InputError("command line", "SCENE", str(path), f"that is a study: pmr study {path} computes it")
     return file
 
 
 def is_study(path: Path) -> bool:
     """Return whether `path` is a study file, or a workflow of that name that is a study."""
-    return not path.is_dir() and _has_kind(_find_file(path, "study.toml"))
-
-
-def _has_kind(file: Path) -> bool:
-    """Return whether a file has the key ``kind`` of studies."""
-    return "kind" in _tables_or_empty(file)
+    return not path.is_dir() and "kind" in _tables_or_empty(_find_file(path, "study.toml"))
 
 
 def study_file(path: Path) -> Path:

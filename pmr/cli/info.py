@@ -170,15 +170,12 @@ def _describe_inputs(names: Sequence[str], units: Sequence[str]) -> dict[str, st
 
 def _describe_outputs(model: ReducedModel) -> str:
     """Return number and names of outputs, by unit; for more than `LISTED` names, the first and the last one only."""
-    count = len(model.outputs)
-    units = model.output_units or ("m",) * count
+    units = model.output_units or ("m",) * len(model.outputs)
     names = model.output_names or tuple(f"at {x:g} m" for x in model.output_positions)
-    parts = []
-    for unit in dict.fromkeys(units):
-        of = [name for name, its in zip(names, units, strict=True) if its == unit]
-        listed = ", ".join(of if len(of) <= LISTED else [of[0], "...", of[-1]])
-        parts.append(f"{len(of)} in {unit} ({listed})")
-    return "; ".join(parts)
+    by_unit = dict[str, list[str]]()
+    for name, unit in zip(names, units, strict=True):
+        by_unit.setdefault(unit, []).append(name)
+    return "; ".join(f"{len(of_unit)} in {unit} ({_list_names(of_unit)})" for unit, of_unit in by_unit.items())
 
 
 _PLACES = {"tip": "at the tip", "beam": "along the beam"}

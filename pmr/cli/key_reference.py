@@ -96,12 +96,9 @@ def allowed(value: Schema) -> str:
 
 def units(value: Schema | Sequence[Schema]) -> list[str]:
     """Return the units of the numbers that a value may hold, each once; those without one have "1"."""
-    if isinstance(value, dict):
-        in_table = [value["unit"]] if isinstance(value.get("unit"), str) and value["unit"] != "1" else []
-        every = in_table + [unit for part in value.values() if isinstance(part, dict | list) for unit in units(part)]
-    else:
-        every = [unit for part in value if isinstance(part, dict | list) for unit in units(part)]
-    return list(dict.fromkeys(every))
+    parts, unit = (value.values(), value.get("unit")) if isinstance(value, dict) else (value, None)
+    of_parts = [unit for part in parts if isinstance(part, dict | list) for unit in units(part)]
+    return list(dict.fromkeys([unit, *of_parts] if isinstance(unit, str) and unit != "1" else of_parts))
 
 
 def one_line(text: str) -> str:
