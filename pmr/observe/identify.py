@@ -100,9 +100,8 @@ def identify(
     names, first = tuple(start), np.array([*start.values()], float)
     if not np.all(np.isfinite(first) & (first != 0.0)):
         raise InputError("identify", "start", dict(start), "finite numbers beside zero are allowed")
-    m, d = (max((len(row) for row in rows), default=0) for rows in (
-        [each.frequencies for each in measured], [each.damping for each in measured],
-    ))  # fmt: skip
+    m = max((len(each.frequencies) for each in measured), default=0)
+    d = max((len(each.damping) for each in measured), default=0)
     targets = np.full((len(measured), m + d), np.nan)
     for row, each in zip(targets, measured, strict=True):
         row[: len(each.frequencies)] = each.frequencies
@@ -221,18 +220,15 @@ class FrequencyTable:
             raise InputError(str(file), "columns", list(names), allowed)
         of = dict(zip(names, values.T, strict=True))
         held_out, deviation = of.get(HELD_OUT, np.zeros(len(values))), of.get(DEVIATION, np.full(len(values), np.nan))
-        places = np.column_stack([np.empty((len(values), 0)), *(of[path] for path in paths)])
+        places, f, d = (values[:, [names.index(name) for name in columns]] for columns in (paths, modes, ratios))
         if not np.all(np.isfinite(places)) or not np.all(np.isin(held_out, (0.0, 1.0))) or np.any(deviation <= 0.0):
             allowed = f"a number for each path, 0 or 1 for {HELD_OUT} and more than 0 for {DEVIATION} are allowed"
             raise InputError(str(file), "values", None, allowed)
         off = np.where(np.isnan(deviation), MeasuredFrequencies.deviation, deviation).tolist()
-        f, d = (
-            np.column_stack([np.empty((len(values), 0)), *(of[mode] for mode in columns)]).tolist()
-            for columns in (modes, ratios)
-        )
         try:
             measured = tuple(
-                MeasuredFrequencies(k, tuple(f[k]), bool(held_out[k]), off[k], tuple(d[k])) for k in range(len(values))
+                MeasuredFrequencies(k, tuple(f[k].tolist()), bool(held_out[k]), off[k], tuple(d[k].tolist()))
+                for k in range(len(values))
             )
         except InputError as error:
             raise InputError(str(file), error.key, error.value, error.allowed) from None
