@@ -25,7 +25,7 @@ from pmr.simulation.excitation import side_positions
 from pmr.simulation.native import systems
 from pmr.simulation.reactions import with_forces_on_machine
 from pmr.simulation.statics.loaded import LoadedStates
-from pmr.simulation.statics.postures import HOOK, WEIGHT, PostureMatrices, with_hook
+from pmr.simulation.statics.postures import HOOK, MACHINE_WEIGHT, WEIGHT, PostureMatrices, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place
 from pmr.studies.chart_models import compute_postures
@@ -86,7 +86,7 @@ def chart(
     own = npz.record_from_arrays(
         PostureMatrices, {n.removeprefix("reduced."): a for n, a in made.arrays.items() if n.startswith("reduced.")}
     )
-    amounts = [{WEIGHT: 1.0, HOOK: 1.0, "wind": wind}.get(part, 0.0) for part in own.loads.names]
+    amounts = [{WEIGHT: 1.0, MACHINE_WEIGHT: 1.0, HOOK: 1.0, "wind": wind}.get(part, 0.0) for part in own.loads.names]
     place = Place(own, 0, amounts, G)
     limits = list[Limit]()
     state = LoadedStates.from_states([place.equilibria.state(at_load)])

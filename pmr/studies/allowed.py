@@ -129,8 +129,8 @@ JUST_BELOW = 1e-6
 class Place:
     """A boom in the `k`-th of `postures`, in one load case.
 
-    `amounts` holds one number for each of ``postures.loads``: the factor on the weight, the factor on the load that is
-    searched for, and the scene's other loads in N or N m.
+    `amounts` holds one number for each of ``postures.loads``: the factors on the weights of boom and machine and on the
+    load that is searched for, and the scene's other loads in N or N m.
     """
 
     postures: PostureMatrices

@@ -21,7 +21,7 @@ from pmr.scene import Scene
 from pmr.scene.choice import has_walls_that_could_give
 from pmr.scene.left_out import left_out
 from pmr.scene.members import members
-from pmr.simulation.statics.postures import HOOK, WEIGHT, DeflectionOutputs, PostureMatrices
+from pmr.simulation.statics.postures import HOOK, MACHINE_WEIGHT, WEIGHT, DeflectionOutputs, PostureMatrices
 from pmr.simulation.statics.swings import Rope, lift_off
 from pmr.studies import shared
 from pmr.studies.allowed import JUST_BELOW, Place, allowed_loads, large_rotation_changes
@@ -179,11 +179,11 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
     """
     models = ChartModels.from_needs(needs)
     at, cases, gravity = models.reduced, arguments["cases"], arguments["gravity"]
-    amounts = [[_amount(case, part) for part in at.loads.names] for case in cases]
+    amounts = [[case_amount(case, part) for part in at.loads.names] for case in cases]
     chart = Chart([Limit.model_validate(limit) for limit in arguments["limits"]], amounts, arguments["up_to"], gravity)
     rope = None if arguments.get("hoist") is None else Rope(*arguments["hoist"])
     first, last = arguments["rows"]
-    idle = replace(chart, amounts=[[_amount(case, part) for part in at.loads.names] for case in arguments["left"]])
+    idle = replace(chart, amounts=[[case_amount(case, part) for part in at.loads.names] for case in arguments["left"]])
     scene = shared.scene_of(arguments)
     rows = [
         _point_arrays(chart, models, k, rope, scene) | {"passed": idle.passed_limits(at, k)} for k in range(first, last)
@@ -346,11 +346,10 @@ def _least_case(loads: Array) -> LeastCase:
     return LeastCase(case, loads[case, np.arange(loads.shape[1])])
 
 
-def _amount(case: Summary, part: str) -> float:
-    """Amount of a component `part` in a case, 0 if not named: factor on the weight or load, or a load in N or N m."""
-    if part in (WEIGHT, HOOK):
-        return float(case["weight" if part == WEIGHT else "load"])
-    return float(case["loads"].get(part, 0.0))
+def case_amount(case: Summary, part: str) -> float:
+    """Amount of a component `part` in a case, 0 if not named: factor on a weight or the load, or a load in N or N m."""
+    key = {WEIGHT: "weight", MACHINE_WEIGHT: "machine", HOOK: "load"}.get(part)
+    return float(case["loads"].get(part, 0.0) if key is None else case[key])
 
 
 def governing_limit(load: Array) -> NDArray[np.int64]:

@@ -248,7 +248,12 @@ class LoadCase(SceneTable):
 
     name: str = Field(description="What it is called")
     standard: str = Field(default="", description="Source of the factors, for the report")
-    weight: Annotated[float, Field(ge=0.0)] = Field(default=1.0, description="Factor on all weights")
+    weight: Annotated[float, Field(ge=0.0)] = Field(
+        default=1.0, description="Factor on the weight of the boom, with the masses on it"
+    )
+    machine: Annotated[float, Field(ge=0.0)] = Field(
+        default=1.0, description="Factor on the weight of the machine's masses, which hold it down"
+    )
     load: Annotated[float, Field(ge=0.0)] = Field(
         default=1.0, description="Factor on the load that is looked for; 0 out of service, without a load"
     )
@@ -303,14 +308,15 @@ class LoadCase(SceneTable):
         return hoisting_factor(classes[self.hoisting_class], self.hoisting_speed)
 
     def acting_amounts(self, classes: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
-        """Return the case as plain values under the keys ``name``, ``weight``, ``load`` and ``loads``.
+        """Return the case as plain values under the keys ``name``, ``weight``, ``machine``, ``load`` and ``loads``.
 
-        ``weight`` is the factor on all weights.  ``load`` is the factor on the load that is searched for, times the
-        hoisting factor.  ``loads`` maps the names of the scene's loads to their values in N or N m; forces of the wind
-        are added.
+        ``weight`` and ``machine`` are the factors on the weights of the boom and of the machine.  ``load`` is the
+        factor on the load that is searched for, times the hoisting factor.  ``loads`` maps the names of the scene's
+        loads to their values in N or N m; forces of the wind are added.
         """
         load, loads = self.load * self.hoisting_factor(classes), self.loads | (self.wind.forces if self.wind else {})
-        return {"name": self.name, "weight": self.weight, "load": load, "loads": loads}
+        factors = {"weight": self.weight, "machine": self.machine, "load": load}
+        return {"name": self.name, **factors, "loads": loads}
 
 
 def hoisting_factor(of_class: tuple[float, float], speed: float) -> float:

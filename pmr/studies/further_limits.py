@@ -22,7 +22,7 @@ from pmr.scene.frame import boom_rotation
 from pmr.scene.ground import MachineMass
 from pmr.scene.keys import qualified_name
 from pmr.simulation.statics.loaded import LoadedStates
-from pmr.simulation.statics.postures import HOOK, WEIGHT, PostureMatrices
+from pmr.simulation.statics.postures import HOOK, MACHINE_WEIGHT, PostureMatrices
 from pmr.system.from_scene import force_names
 
 Amounts = Mapping[str, float | Mapping[str, float]]
@@ -248,7 +248,7 @@ class TippingMoments:
         """Compute the moments at the k-th posture of `at`, about edges with the rows (e, 6) of `edge_rows`.
 
         `resting` (6,) is the weight of the machine's masses with its moment about the pivot; `amounts` (w,) are the
-        amounts by which the w components ``at.loads`` (weight, load, loads of the scene) act.  Raises InputError if a
+        amounts by which the w components ``at.loads`` (weights, load, loads of the scene) act.  Raises InputError if a
         force or moment at the pivot is not among the outputs.
         """
         turned = boom_rotation(at.place.luffing[k : k + 1], at.place.slewing[k : k + 1])[0]
@@ -286,10 +286,10 @@ class TippingMoments:
 def weight_of_masses(masses: Sequence[MachineMass], at: PostureMatrices, k: int, amounts: Array) -> Array:
     """Return the weight of `masses` of the machine and its moment about the pivot (6,) at the k-th posture of `at`.
 
-    `amounts` are the amounts of the loads of the postures, the weight's among them.
+    `amounts` are the amounts of the loads of the postures, that of the machine's weight among them.
     """
     turned = boom_rotation(at.place.luffing[k : k + 1], at.place.slewing[k : k + 1])[0]
-    weight, up = amounts[at.loads.names.index(WEIGHT)] * at.gravity, turned @ at.place.up[k]
+    weight, up = amounts[at.loads.names.index(MACHINE_WEIGHT)] * at.gravity, turned @ at.place.up[k]
     resting, (c, s) = np.zeros(6), (np.cos(at.place.slewing[k]), np.sin(at.place.slewing[k]))
     for part in masses:
         x, y, z = part.at

@@ -37,7 +37,7 @@ from pmr.scene.mechanism import rope_shares
 from pmr.scene.members import members
 from pmr.scene.structures import Probe
 from pmr.simulation.statics.loaded import Form, LoadedStates
-from pmr.simulation.statics.postures import WEIGHT, PostureMatrices, StandAtRest
+from pmr.simulation.statics.postures import MACHINE_WEIGHT, PostureMatrices, StandAtRest
 from pmr.studies import shared
 from pmr.studies.further_limits import (
     TippingMoments,
@@ -130,7 +130,7 @@ def _share_of_ground(limit: Limit, at: PostureMatrices, k: int, amounts: Sequenc
     measure = limit.measure(at_rest.columns)
     turned = boom_rotation(at.place.luffing[k : k + 1], at.place.slewing[k : k + 1])[0]
     rows = np.kron(np.eye(2), turned) @ pivot_rows(at)
-    resting = amounts[at.loads.names.index(WEIGHT)] * at_rest.weight[k]
+    resting = amounts[at.loads.names.index(MACHINE_WEIGHT)] * at_rest.weight[k]
 
     def share(states: LoadedStates) -> Array:
         """Used shares (p,) in p states."""
@@ -347,7 +347,7 @@ class Limit(SceneTable):
         else:
             at_rest = self.stand_in(at)
             edges = edge_rows(at_rest.stand.polygon, at_rest.stand.height)
-            resting = of_components[at.loads.names.index(WEIGHT)] * at_rest.weight[k]
+            resting = of_components[at.loads.names.index(MACHINE_WEIGHT)] * at_rest.weight[k]
         return TippingMoments.compute(edges, resting, at, k, of_components)
 
     def stand_in(self, at: PostureMatrices) -> StandAtRest:

@@ -20,17 +20,17 @@ from pmr.files import npz
 from pmr.reduction.bodies import join_bodies, reduce_bodies
 from pmr.results.quantities import von_mises_stress
 from pmr.scene import Load, Scene, load_any
-from pmr.scene.ground import MachineMass
+from pmr.scene.ground import Ground, MachineMass
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.structures import PointMass
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
-from pmr.simulation.statics.postures import HOOK, WEIGHT, DeflectionOutputs, PostureMatrices, with_hook
+from pmr.simulation.statics.postures import HOOK, MACHINE_WEIGHT, WEIGHT, DeflectionOutputs, PostureMatrices, with_hook
 from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, large_rotation_changes
 from pmr.studies.chart_models import ComparedModel
 from pmr.studies.chart_points import StopMotion, governing_details, largest_governed_rows
-from pmr.studies.charting import MARGIN, Chart, governing_limit, limits_in_doubt, lower_bounds
+from pmr.studies.charting import MARGIN, Chart, case_amount, governing_limit, limits_in_doubt, lower_bounds
 from pmr.studies.limits import Limit, with_fields
 from pmr.system.body import kinds_of
 from pmr.system.terms import carried_inertia
@@ -84,7 +84,7 @@ def cantilever(density: float, elements: int, coordinates: int = 6) -> Scene:
 
 def loads(limits: list[Limit], at: PostureMatrices, k: int = 0, up_to: float = 1e6, **amounts: float) -> np.ndarray:
     """Allowed loads, in kg."""
-    acting = {WEIGHT: 1.0, HOOK: 1.0} | amounts
+    acting = {WEIGHT: 1.0, MACHINE_WEIGHT: 1.0, HOOK: 1.0} | amounts
     return allowed_loads(limits, Place(at, k, [acting.get(part, 0.0) for part in at.loads.names], G), up_to)
 
 
@@ -325,6 +325,37 @@ def test_a_machine_tips_about_its_edge(raised: PostureMatrices, level: PostureMa
         held = 3000.0 * 2.5 + 500.0 * 4.0 - 7850.0 * A * L * (L / 2.0 - 2.0)
         assert loads(limits, level)[0] == pytest.approx(held / (L - 2.0) / 1.25, rel=1e-9)
         assert np.isnan(loads(limits, raised, 2)[0])
+
+
+@pytest.mark.parametrize(("boom", "machine"), [(1.3, 1.0), (1.0, 0.9), (1.1, 0.8)])
+def test_weights_of_boom_and_machine_have_factors_of_their_own(boom: float, machine: float) -> None:
+    """Moments about the edges in front and behind give the forces on four legs; the machine's weight holds it down."""
+    scene, legs = cantilever(7850.0, 20), [{"name": f"leg {k}", "at": at} for k, at in enumerate(POLYGON)]
+    ground = Ground.model_validate({"masses": [mass.model_dump() for mass in MACHINE], "outriggers": legs})
+    at = at_rest(scene.with_keys(frame=scene.frame.with_keys(ground=ground)), [0.0])
+    limits = [
+        Limit(name="own", of="overturning", factor=1.25, polygon=POLYGON, machine=MACHINE),
+        Limit(name="over", of="overturning", factor=1.25),
+        Limit(name="front", of="outrigger", most=16e3),
+        Limit(name="behind", of="lift-off", least=4e3),
+    ]
+    own, over, front, behind, _ = loads(limits, at, **{WEIGHT: boom, MACHINE_WEIGHT: machine})
+    beam, masses = boom * 7850.0 * A * L, machine * np.array([part.mass for part in MACHINE])
+    held = masses @ [2.5, 4.0] - beam * (L / 2.0 - 2.0)  # in kg m about x = 2 m
+    assert [own, over] == pytest.approx([held / (L - 2.0) / 1.25] * 2, rel=1e-6)
+    assert front == pytest.approx((2.0 * 4.0 * 16e3 / G - masses @ [1.5, 0.0] - beam * (L / 2.0 + 2.0)) / (L + 2.0))
+    assert behind == pytest.approx((held - 2.0 * 4.0 * 4e3 / G) / (L - 2.0))
+
+
+def test_a_load_of_the_scene_that_is_named_weight_is_no_weight() -> None:
+    """A force of -500 N at the tip takes away from the load that the deflection allows."""
+    scene = cantilever(1e-6, 20)
+    load = Load(name="weight", on="tip", direction="z", signal=Constant(amount=0.0))
+    at = at_rest(scene.with_keys(sections=(scene.sections[0].with_keys(loads=(load,)),)), [0.0])
+    case = {"weight": 1.3, "machine": 1.0, "load": 1.0, "loads": {"weight": -500.0}}
+    place = Place(at, 0, [case_amount(case, part) for part in at.loads.names], G)
+    allowed = allowed_loads([Limit(name="tip", of="deflection", most=0.06)], place, 1e6)[0]
+    assert allowed == pytest.approx((0.06 * 3.0 * E * I / L**3 - 500.0) / G, rel=1e-5)
 
 
 def test_the_load_at_the_deflected_tip_tips_a_machine_sooner(raised: PostureMatrices) -> None:

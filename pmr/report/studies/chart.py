@@ -291,7 +291,7 @@ def _format_share(share: float) -> str:
 
 
 def _case_grid(study: FinishedStudy) -> Grid:
-    """Build the table of load cases: factors of weight and load, wind, loads of the scene, and the verdict."""
+    """Build the table of load cases: factors of weights and load, wind, loads of the scene, and the verdict."""
     rows = []
     for content in study.study_file["cases"]:
         case = LoadCase.model_validate(content)
@@ -310,6 +310,7 @@ def _case_grid(study: FinishedStudy) -> Grid:
             (
                 case.name,
                 f"{case.weight:g}",
+                f"{case.machine:g}",
                 load if case.in_service else "0",
                 wind,
                 acting,
@@ -317,8 +318,8 @@ def _case_grid(study: FinishedStudy) -> Grid:
                 case.standard or "–",
             )
         )
-    heads = ("case", "weight", "load", "wind", "loads of the scene", "found", "factors from")
-    return Grid("What acts at once: factors of weight and load, pressure of the wind, and loads.", heads, tuple(rows))
+    heads = ("case", "boom's weight", "machine's weight", "load", "wind", "loads of the scene", "found", "factors from")
+    return Grid("What acts at once: factors of weights and load, pressure of the wind, and loads.", heads, tuple(rows))
 
 
 def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:

@@ -46,9 +46,9 @@ def ceiling(study: FinishedStudy) -> str:
 
 
 def case_sentence(asked: Summary) -> str:
-    """Sentence on the cases in service of a study file: factors of load and weight, wind, other loads and stops."""
+    """Sentence on the cases in service of a study file: factors of load and weights, wind, other loads and stops."""
     cases = [case for case in map(LoadCase.model_validate, asked["cases"]) if case.in_service]
-    plain = all(case.weight == case.load == 1.0 and case.hoisting_class is None for case in cases)
+    plain = all(case.weight == case.machine == case.load == 1.0 and case.hoisting_class is None for case in cases)
     calm = not any(case.wind or any(case.loads.values()) for case in cases)
     if plain and calm:
         swings = "motion: stops on pages of limits alone" if asked.get("stops") else "no motion"
@@ -60,7 +60,9 @@ def case_sentence(asked: Summary) -> str:
             f"{name} {force:.4g}{SPACE}N" for name, force in case.acting_amounts(asked["classes"])["loads"].items()
         ]
         loads = ", ".join(acting) or "no wind"
-        texts.append(f"{case.name} (factor of load {factor:.4g}, of weight {case.weight:.4g}, {loads})")
+        factors = f"factor of load {factor:.4g}, of the boom's weight {case.weight:.4g}"
+        factors += "" if case.machine == 1.0 else f", of the machine's {case.machine:.4g}"
+        texts.append(f"{case.name} ({factors}, {loads})")
     return f"Static, for {'; '.join(texts)}."
 
 

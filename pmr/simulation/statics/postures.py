@@ -38,8 +38,11 @@ from pmr.system.body import kinds_of
 from pmr.system.contact_rows import ContactRows
 from pmr.system.system import System
 
-#: Names of components of the loads: the load of a chart, with the unit 1 kg, and the boom's weight.
-HOOK, WEIGHT = "load of the chart", "weight"
+#: Name of the load of a chart, with the unit 1 kg.
+HOOK = "load of the chart"
+#: Names of further components of the loads: the weights of the boom, with masses on it, and of the machine's masses.
+#: Loads of a scene can't have these names, which do not begin with a letter.
+WEIGHT, MACHINE_WEIGHT = "(weight of the boom)", "(weight of the machine)"
 #: Name of a load that is always zero: without it a model would lack the modes in which a boom buckles sideways.
 SIDEWAYS = "sideways in the chart"
 
@@ -154,9 +157,9 @@ class HookInputs:
 
 @dataclass(frozen=True)
 class UnitLoads:
-    """Loads of w components, each by a unit: the weight, then every load by its name, in P postures.
+    """Loads of w components, each by a unit: `WEIGHT`, `MACHINE_WEIGHT`, then every load by its name, in P postures.
 
-    A unit is 1 N, 1 N m, or the weight of 1 kg of `HOOK`.
+    A unit is 1 N, 1 N m, or the weight of 1 kg of `HOOK`.  The weight of the machine does not act on the boom.
     """
 
     names: tuple[str, ...]  # (w,)
@@ -167,8 +170,8 @@ class UnitLoads:
     def from_scene(cls, scene: Scene, system: System, postures: PostureSet) -> UnitLoads:
         """Loads of a scene made by `with_hook` on a system in these postures.
 
-        The first load is the weight.  The values of each other load are what one unit of it adds to the weight; the
-        unit of the hook's load is 1 kg.
+        The values of each load of the scene are what one unit of it adds to the weight of the boom; the unit of the
+        hook's load is 1 kg.
         """
         assert scene.gravity is not None
         names = _load_names(scene)
@@ -178,8 +181,10 @@ class UnitLoads:
             driven = Excitation.from_scene(_still_scene(scene, postures, {acting: unit[acting]} if acting else {}))
             f.append(driven.forces(system.input_names, numbers))
             c.append(driven.amplitudes(system.term_names, numbers))
-        of_load, amplitude = (np.array([signal[0], *(each - signal[0] for each in signal[1:])]) for signal in (f, c))
-        return cls((WEIGHT, *names), of_load, amplitude)
+        of_load, amplitude = (
+            np.array([of[0], np.zeros_like(of[0]), *(each - of[0] for each in of[1:])]) for of in (f, c)
+        )
+        return cls((WEIGHT, MACHINE_WEIGHT, *names), of_load, amplitude)
 
 
 @dataclass(frozen=True)

@@ -102,7 +102,9 @@ def test_the_first_sentence_names_the_case() -> None:
     plain = "Static, factors of load and weight 1.0, no wind, no motion: not a rated capacity."
     assert case_sentence(asked) == plain
     asked["cases"][0] |= {"load": 1.25, "loads": {"gust": 400.0}}
-    assert case_sentence(asked) == "Static, for rest (factor of load 1.25, of weight 1, gust 400\u00a0N)."
+    assert case_sentence(asked) == "Static, for rest (factor of load 1.25, of the boom's weight 1, gust 400\u00a0N)."
+    asked["cases"][0] |= {"machine": 0.9}
+    assert "(factor of load 1.25, of the boom's weight 1, of the machine's 0.9, gust 400" in case_sentence(asked)
 
 
 def test_tables_of_loads_have_all_boom_lengths_and_are_not_wider_than_paper() -> None:
