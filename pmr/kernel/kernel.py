@@ -191,15 +191,6 @@ class BankRecord(NamedTuple):
     level: Array  # (T,)
 
 
-class Following(NamedTuple):
-    """Numbers by which likelihoods and the level of innovations follow, as in `PositionSettings`."""
-
-    temper: float
-    attack: float
-    decay: float
-    floor: float
-
-
 @dataclass(frozen=True)
 class Bank:
     """S places, D speeds and n states; arrays and probabilities of a step, as `pmr_bank` (src/pmr_kernel.h).
@@ -217,7 +208,8 @@ class Bank:
     down: Array  # (D,)
     rest: Array  # (D, D)
     active: Array  # (D, D)
-    following: Following
+    #: numbers by which likelihoods and the level of innovations follow: temper, attack, decay and floor
+    following: Mapping[str, float]
 
 
 def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array, delay: int = 0) -> BankRecord:
@@ -225,7 +217,7 @@ def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array, dela
 
     `activity` (T,), 0 to 1, is how much the slider is in motion.  The level of the innovations, a running mean of their
     squares over their variance, scales all variances; it never falls below `least_level` (T,) and
-    ``bank.following.floor``.  Probabilities of a step are those by measurements of up to `delay` further steps.
+    the floor of `bank`.  Probabilities of a step are those by measurements of up to `delay` further steps.
     """
     S, n = bank.H.shape
     arrays = {
@@ -233,7 +225,7 @@ def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array, dela
         for name in ("F", "H", "gain", "variance", "up", "down", "rest", "active")
     }
     sizes = {"places": S, "speeds": len(bank.up), "states": n}
-    numbers = sizes | bank.following._asdict()
+    numbers = sizes | dict(bank.following)
     data = ffi.new("pmr_bank *", numbers | {name: pointer(array) for name, array in arrays.items()})
     memory = np.zeros(lib.pmr_bank_memory(data))
     lib.pmr_bank_start(data, pointer(memory))

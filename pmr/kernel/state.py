@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import partial
 from typing import Any, Literal, NamedTuple
 
@@ -20,27 +19,13 @@ Integers = NDArray[np.int32]
 _STARTS = {"rest": lib.PMR_AT_REST, "given": lib.PMR_GIVEN, "equilibrium": lib.PMR_IN_EQUILIBRIUM}
 
 
-class Failure(IntEnum):
-    """Error codes of the kernel's functions (src/pmr_kernel.h)."""
-
-    REFUSED = lib.PMR_REFUSED
-    DEPENDENT = lib.PMR_DEPENDENT
-    UNSETTLED = lib.PMR_UNSETTLED
-    UNCONVERGED = lib.PMR_UNCONVERGED
-    NOT_FINITE = lib.PMR_NOT_FINITE
-    NO_MEMORY = lib.PMR_NO_MEMORY
-    LOST = lib.PMR_LOST
-    UPRIGHT = lib.PMR_UPRIGHT
-    BLOCKED = lib.PMR_BLOCKED
-    LIFTED = lib.PMR_LIFTED
-    BEYOND = lib.PMR_BEYOND
-    STROKE = lib.PMR_STROKE
-
-
 class StepError(SimulationError):
-    """A step or start failed: error code, and number of the contact that caused it, -1 if no contact did."""
+    """A step or start failed: error code of the kernel (src/pmr_kernel.h), and number of the contact that caused it.
 
-    def __init__(self, message: str, failure: Failure, contact: int) -> None:
+    The number is -1 if no contact did.
+    """
+
+    def __init__(self, message: str, failure: int, contact: int) -> None:
         super().__init__(message)
         self.failure, self.contact = failure, contact
 
@@ -242,7 +227,7 @@ class State:
 
         `parts` are the numbers of substeps of each step, int32 (steps,), each from those of the settings; if it is
         None, the kernel chooses.  A StepError is raised if a step fails.  The state is then at the end of the last
-        whole step, and previous steps have been recorded; after `Failure.NOT_FINITE` the state has to be started or
+        whole step, and previous steps have been recorded; after PMR_NOT_FINITE the state has to be started or
         restored.
         """
         _check_room(record, first, steps // every, self.settings.parts[-1])
@@ -367,7 +352,7 @@ class State:
             lib.PMR_BLOCKED: "the hook is at its head sheaves: its rope is too short",
         }
         message = f"the kernel failed at {where}: {reasons.get(failed, f'error {failed}')}"
-        raise StepError(message, Failure(failed), trouble)
+        raise StepError(message, failed, trouble)
 
 
 def _check_room(record: Record, first: int, rows: int, parts: int) -> None:

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from pmr.errors import InputError
 from pmr.export.state_space import StateSpace
 from pmr.files.arrays import Array
-from pmr.kernel.kernel import Bank, Following, advance_bank
+from pmr.kernel.kernel import Bank, advance_bank
 
 #: w in rad/s: parts of a state have one size at 100 Hz.
 SCALE = 2.0 * np.pi * 100.0
@@ -231,7 +231,7 @@ class PositionObserver:
         )
         return Bank(
             models.F, models.H, gain, variance, up, down, at_rest, in_motion,
-            Following(settings.temper, settings.attack, settings.decay, settings.floor),
+            {of: getattr(settings, of) for of in ("temper", "attack", "decay", "floor")},
         )  # fmt: skip
 
     def _changes(self, count: int, start: float) -> Array:

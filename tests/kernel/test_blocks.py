@@ -16,11 +16,10 @@ from kernels import kernel_of, unpack
 from nested import Nested, reduced
 
 from pmr import InputError, SimulationError
-from pmr.kernel._native import lib
 from pmr.kernel.blocks import LINE, pack, seal
 from pmr.kernel.data import SystemData, system_data
 from pmr.kernel.kernel import Kernel, Signals, checksum
-from pmr.kernel.state import Failure, Record, Settings, State
+from pmr.kernel.state import Record, Settings, State
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase, Sine, SmoothRamp, Step, Sum, Table
 from pmr.simulation.frame_motion import Acceleration
 from pmr.simulation.modal import modal_form
@@ -198,11 +197,6 @@ def test_what_is_no_number_is_refused() -> None:
 def test_settings_that_make_no_step_are_refused(settings: Settings) -> None:
     with pytest.raises(InputError):
         State(kernel(), settings)
-
-
-def test_each_failure_of_the_kernel_is_named() -> None:
-    names = ("REFUSED", "DEPENDENT", "UNSETTLED", "UNCONVERGED", "NOT_FINITE", "NO_MEMORY", "LOST", "UPRIGHT")
-    assert [getattr(lib, f"PMR_{name}") for name in names] == [Failure[name] for name in names] == [*range(1, 9)]
 
 
 def test_drivers_of_a_wrong_size_are_refused() -> None:

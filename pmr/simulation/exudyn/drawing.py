@@ -85,22 +85,13 @@ class SystemObserver:
 def add_sensors(mbs: exu.MainSystem, items: SystemItems) -> SystemSensors:
     """Add sensors of the outputs y and the contact forces lambda of a system, one from `simulator.add_system`."""
     watched, equations = SystemObserver(mbs, items), items.equations
-
-    def write_forces(
-        mbs: exu.MainSystem, t: float, sensors: Array, factors: Array, configuration: exu.ConfigurationType
-    ) -> Array:
-        """User function of the sensor of contact forces, which needs neither `sensors` nor `factors`."""
-        return watched.forces(t, configuration)
-
-    def write_outputs(
-        mbs: exu.MainSystem, t: float, sensors: Array, factors: Array, configuration: exu.ConfigurationType
-    ) -> Array:
-        """User function of the sensor of outputs, which needs neither `sensors` nor `factors`."""
-        return watched.outputs(t, configuration)
-
+    functions = (
+        lambda mbs, t, sensors, factors, configuration: watched.outputs(t, configuration),
+        lambda mbs, t, sensors, factors, configuration: watched.forces(t, configuration),
+    )
     added = [
         mbs.AddSensor(SensorUserFunction(sensorNumbers=[], factors=[], sensorUserFunction=function, storeInternal=True))
-        for function in (write_outputs, write_forces)
+        for function in functions
     ]
     return SystemSensors(added[0], equations.system.output_names, added[1], equations.system.contact_names)
 

@@ -71,22 +71,19 @@ def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, 
     K = system(0.0)[:, :n] if springs else None
     items = with_contacts(mbs, add_bodies(mbs, equations, start, K, **parameters), rigid, scalingMarker1=rows(0.0))
     items = items if friction is None else replace(items, rubbing=pads)
-    place_set, loads_set = inputs.number(0.0), inputs.loads(0.0)
+    place_set = inputs.number(0.0)
 
     def update(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set rows, stiffness and forces to those at t."""
-        nonlocal place_set, loads_set
+        nonlocal place_set
         finish(mbs, items, t)
         inputs.begin(t)
-        place, loads = inputs.number(t), inputs.loads(t)
-        changes = place != place_set
+        changes, place_set = inputs.number(t) != place_set, inputs.number(t)
         if changes and len(rigid):
             mbs.SetObjectParameter(items.oContacts, "scalingMarker1", rows(t))
         if changes and springs:
             mbs.SetObjectParameter(items.oSystem, "stiffnessMatrix", system(t)[:, :n])
-        if loads != loads_set or (changes and springs):
-            mbs.SetObjectParameter(items.oSystem, "forceVector", force(t))
-        place_set, loads_set = place, loads
+        mbs.SetObjectParameter(items.oSystem, "forceVector", force(t))
         return True
 
     return steps.attach_update(mbs, items, update)

@@ -67,19 +67,14 @@ from pmr.system.system import System
 
 def add_extended(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
     """Add nodes and items of the bodies without contacts; the contacts are added with the base."""
-    steps, loads_set = Steps(held=bool(Contacts(equations, inputs).rigid.any())), inputs.loads(0.0)
-    jacobian = zero_jacobian(equations, steps)
-    items = add_bodies(
-        mbs, equations, start, forceVector=equations.B @ np.array(loads_set), jacobianUserFunction=jacobian
-    )
+    steps = Steps(held=bool(Contacts(equations, inputs).rigid.any()))
+    jacobian, force = zero_jacobian(equations, steps), equations.B @ np.array(inputs.loads(0.0))
+    items = add_bodies(mbs, equations, start, forceVector=force, jacobianUserFunction=jacobian)
 
     def update(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set the force vector to the loads at t."""
-        nonlocal loads_set
         inputs.begin(t)
-        if (loads := inputs.loads(t)) != loads_set:
-            loads_set = loads
-            mbs.SetObjectParameter(items.oSystem, "forceVector", equations.B @ np.array(loads))
+        mbs.SetObjectParameter(items.oSystem, "forceVector", equations.B @ np.array(inputs.loads(t)))
         return True
 
     return steps.attach_update(mbs, items, update)

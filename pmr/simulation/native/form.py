@@ -13,10 +13,11 @@ from scipy.linalg import block_diag
 
 from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array
+from pmr.kernel._native import lib
 from pmr.kernel.blocks import round_up
 from pmr.kernel.data import system_in_modes
 from pmr.kernel.kernel import Kernel
-from pmr.kernel.state import Failure, StepError
+from pmr.kernel.state import StepError
 from pmr.scene.choice import SimulatorNeeds, refuse_unsupported
 from pmr.scene.signals import Constant, SignalBase
 from pmr.simulation.excitation import Excitation, side_positions, side_velocities, signals_in_order
@@ -217,14 +218,14 @@ def step_failure(where: str, form: SystemForm, error: StepError, x: Array) -> Si
 
 def failure_reason(system: System, error: StepError, x: Array) -> str:
     """Text that says why a step failed, for a system in modal form with sides at x (sides,) m."""
-    if error.failure == Failure.UNSETTLED:
+    if error.failure == lib.PMR_UNSETTLED:
         return describe_unsettled(system.contact_names, ~np.isnan(system.clearance))
-    if error.failure == Failure.UNCONVERGED:
+    if error.failure == lib.PMR_UNCONVERGED:
         return describe_divergence(system.term_names, system.contacts)
-    if error.failure == Failure.DEPENDENT:  # at the start the kernel does not say which rows depend on each other
+    if error.failure == lib.PMR_DEPENDENT:  # at the start the kernel does not say which rows depend on each other
         C = Assembly(system).contact_rows(x, effects=False).C
         return describe_dependence(C[: error.contact + 1] if error.contact >= 0 else C, system.contact_names)
-    return "not finite" if error.failure == Failure.NOT_FINITE else str(error)
+    return "not finite" if error.failure == lib.PMR_NOT_FINITE else str(error)
 
 
 def path_text(paths: Sequence[str], s: Array) -> str:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.files.arrays import Array
+from pmr.kernel._native import lib
 from pmr.kernel.kernel import Signals
-from pmr.kernel.state import Failure, Record, Settings, State, StepError
+from pmr.kernel.state import Record, Settings, State, StepError
 from pmr.simulation import balance, contact_step
 from pmr.simulation.excitation import Excitation, first_moves, side_positions
 from pmr.simulation.native.form import SystemForm, begin, driver_signals, path_text, step_failure
@@ -193,7 +194,7 @@ class March:
                 self._advance_sampled(first, steps, every, schedule, record)
         except StepError as error:
             finite = np.isfinite(record["z"][: rows + 1]).all(axis=1)
-            if error.failure == Failure.NOT_FINITE and not finite.all():
+            if error.failure == lib.PMR_NOT_FINITE and not finite.all():
                 where = self._step_text((first // every + int(np.argmin(finite))) * every)
                 raise SimulationError(f"march failed at {where}: not finite") from None
             raise self._failure(error, self.state.step_number + 1) from None

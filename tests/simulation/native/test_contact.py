@@ -14,7 +14,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 
 from pmr import InputError, ReducedModel, Stepper, System
-from pmr.kernel.state import Failure, StepError
+from pmr.kernel._native import lib
+from pmr.kernel.state import StepError
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
@@ -238,7 +239,7 @@ def test_steps_and_observations_are_those_of_the_simulation(body: ReducedModel) 
 
 
 def test_what_is_not_settled_is_named(few: ReducedModel) -> None:
-    error = StepError("", Failure.UNSETTLED, -1)
+    error = StepError("", lib.PMR_UNSETTLED, -1)
     assert f"which of the rows {', '.join(NAMES)} are closed" in failure_reason(
         System.of(few), error, np.zeros(len(NAMES))
     )
