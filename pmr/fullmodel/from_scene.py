@@ -121,7 +121,7 @@ def _load(member: Member, load: Load) -> Action | Warmth | LineLoad:
 
 
 def _port(model: StructuralModel, place: str | float, direction: str) -> Action:
-    """Action of size 1 along `direction` on a place where another body may be attached, with a name made from both."""
+    """Action along `direction` on a place where another body may be attached, with a name made from both."""
     return Action(f"{place if isinstance(place, str) else f'{place:g} m'} {direction}", place, direction)
 
 

@@ -30,10 +30,6 @@ from pmr.scene import Damping
 from pmr.scene.built import WEIGHT, force_name
 from pmr.scene.frame import INERTIA
 from pmr.scene.structures import PointMass, unit_vector
-from pmr.system.rows import TouchedWeights
-
-#: For a place and a direction a matrix, and the number of its row that measures the motion of the place.
-Measured = dict[tuple[str | float, str], tuple[sp.csr_matrix, int]]
 
 #: Directions of displacements.
 ALONG = ("x", "y", "z")
@@ -49,27 +45,28 @@ class Clamp:
 
 @dataclass(frozen=True)
 class Action:
-    """A force (N) or moment (N m) of `size` along or about `direction` on a place.
-
-    As an output it is the displacement or rotation of the place, times `size`.
-    """
+    """A force (N) or moment (N m) along or about `direction` on a place; as an output, displacement or rotation."""
 
     name: str
     on: str | float
     direction: str
-    size: float = 1.0
     point: tuple[float, float, float] | None = None  # m: moves rigidly with the place; None: the place's centroid
     measures: str = "beam"  # kind of output: ``beam`` for a place along the body, ``tip`` for its tip
 
     @property
     def kind(self) -> str:
         """Kind of the output and its direction, such as ``tip z`` or ``probe ry`` (`pmr.results.response`)."""
-        return f"{self.measures if self.direction in ('x', 'y', 'z') else 'probe'} {self.direction}"
+        return f"{self.measures if self.direction in ALONG else 'probe'} {self.direction}"
+
+    @property
+    def is_displacement(self) -> bool:
+        """Whether the action is a force on the centroid of its place, and measures the displacement there."""
+        return self.direction in ALONG and self.point is None
 
     @property
     def unit(self) -> str:
         """Unit of the measured displacement or rotation."""
-        return "m" if self.direction in ("x", "y", "z") else "rad"
+        return "m" if self.direction in ALONG else "rad"
 
 
 @dataclass(frozen=True)
@@ -186,22 +183,35 @@ class Coupling:
         return total
 
     def rows(self, actions: Sequence[Action | Gauge]) -> sp.csr_matrix:
-        """Rows (k, n') on z that apply or measure k actions, each times the action's size, or measure gauges.
+        """Rows (k, n') on z that apply or measure k actions, or measure gauges.
 
         Raises an `InputError` if the model cannot move along an action's direction.
         """
-        measured = self._measuring_rows([action for action in actions if isinstance(action, Action)])
-        of_model = [
-            (np.empty(0, np.int64), np.empty(0)),
-            *(self._model_entries(action, measured) for action in actions),
-        ]
-        columns, entries = (np.concatenate(parts) for parts in zip(*of_model, strict=True))
-        ends = np.cumsum([len(part[0]) for part in of_model])
-        result = sp.csr_matrix((entries, columns, ends), shape=(len(actions), self.model.size)) @ self.T
-        sizes = [1.0 if isinstance(action, Gauge) else action.size for action in actions]
+        directions, motion = self.model.directions, cache(self.model.motion)
+        for action in actions:
+            if isinstance(action, Action) and action.direction not in directions:
+                allowed = f"{', '.join(directions)} are allowed"
+                raise InputError("scene", f"{action.name}.direction", action.direction, allowed)
+        rows = [sp.csr_matrix((0, self.model.size))]
+        # displacements of all places share one matrix
+        along = {k: of for k, of in enumerate(actions) if isinstance(of, Action) and of.is_displacement}
+        first = {on: k for k, on in enumerate(dict.fromkeys(action.on for action in along.values()))}
+        if along:
+            count = sum(direction in ALONG for direction in directions)
+            numbers = [count * first[action.on] + directions.index(action.direction) for action in along.values()]
+            rows.append(self.model.displacement(*first)[numbers])
+        others = [k for k in range(len(actions)) if k not in along]
+        for action in (actions[k] for k in others):
+            if isinstance(action, Gauge):
+                rows.append(sp.csr_matrix(action.row))
+                continue
+            at = None if action.point is None else np.array(action.point)
+            moved = motion(action.on) if at is None else self.model.motion(action.on, at)
+            rows.append(moved[directions.index(action.direction)])
+        result = sp.csr_matrix(sp.vstack(rows, "csr")[np.argsort([*along, *others])] @ self.T)
         if self.walls.count and actions:
-            result = result + sp.vstack([self._dents(action) for action in actions])
-        return sp.csr_matrix(sp.diags(sizes, shape=(len(sizes), len(sizes))) @ result)
+            result = sp.csr_matrix(result + sp.vstack([self._dents(action) for action in actions]))
+        return result
 
     def _dents(self, action: Action | Gauge) -> sp.csr_matrix:
         """Row (1, n') that the dents of walls add to the row of an action; zero for a gauge."""
@@ -209,44 +219,6 @@ class Coupling:
         if isinstance(action, Gauge):
             return nothing
         return self.walls.add_end_motion(nothing, action.on, (action.direction,))
-
-    def _measuring_rows(self, actions: Sequence[Action]) -> Measured:
-        """For each place and direction of the actions a matrix on the model's coordinates q, and the number of its row.
-
-        The row measures the motion of the place along or about the direction.  Displacements of all places share one
-        matrix.  Raises an `InputError` if the model lacks a direction.
-        """
-        model_directions = self.model.directions
-        for action in actions:
-            if action.direction not in model_directions:
-                allowed = f"{', '.join(model_directions)} are allowed"
-                raise InputError("scene", f"{action.name}.direction", action.direction, allowed)
-        places = dict.fromkeys(action.on for action in actions if action.direction in ALONG)
-        number = {place: k for k, place in enumerate(places)}
-        displacements = self.model.displacement(*number) if number else None
-        motion, count, row_of = cache(self.model.motion), sum(name in ALONG for name in model_directions), {}
-        for action in actions:
-            i = model_directions.index(action.direction)
-            at = (displacements, count * number[action.on] + i) if action.direction in ALONG else (motion(action.on), i)
-            row_of[action.on, action.direction] = at
-        return row_of
-
-    def _model_entries(self, action: Action | Gauge, measuring_rows: Measured) -> TouchedWeights:
-        """Numbers (c,) of the model's coordinates that an action or gauge measures, and their weights (c,).
-
-        `measuring_rows` is the result of `_measuring_rows` for all actions.
-        """
-        if isinstance(action, Gauge):
-            rows, number = sp.csr_matrix(action.row), 0
-        elif action.point is not None:
-            rows, number = (
-                self.model.motion(action.on, np.array(action.point)),
-                self.model.directions.index(action.direction),
-            )
-        else:
-            rows, number = measuring_rows[action.on, action.direction]
-        entries = slice(*rows.indptr[number : number + 2])
-        return TouchedWeights(rows.indices[entries], rows.data[entries])
 
     def load(
         self, load: Action | Weight | Inertia | Warmth | LineLoad, M: PETSc.Mat, moving: FrameAssembler

@@ -78,8 +78,8 @@ def near(values: np.ndarray, exact: np.ndarray) -> bool:
 def test_a_cantilever_bears_its_weight_and_a_load_between_nodes(model: str) -> None:
     """M_y = q (L - x)^2 / 2 + P (p - x): at every place, to round-off; nothing is left at the tip."""
     beam = MODELS[model]()
-    loads = (Weight((1.0, 0.0, -1.0)), Action("point", POINT, "z", -1.0))
-    forces, of = found(Structure(beam, clamps=(Clamp("tail"),), loads=loads), (9.81, TIP))
+    loads = (Weight((1.0, 0.0, -1.0)), Action("point", POINT, "z"))
+    forces, of = found(Structure(beam, clamps=(Clamp("tail"),), loads=loads), (9.81, -TIP))
     x, moment = forces["bending moment y"]
     q = beam.masses[0] * 9.81 / np.sqrt(2.0)
     known = q * (LENGTH - x) ** 2 / 2.0 + TIP * np.clip(POINT - x, 0.0, None)
@@ -150,8 +150,8 @@ def test_a_point_that_slides_pushes_where_it_is() -> None:
 def test_a_support_between_nodes_bears_the_load_there(model: str, stiffness: float) -> None:
     """Whatever it bears, moments are linear on both sides of it, and bend there."""
     pads = Pads(supports=(Support("prop", 1.2, "z", stiffness),), travel=(0.0, 1.0))
-    load = Action("tip", "tip", "z", -1.0)
-    forces, _ = found(Structure(MODELS[model](), clamps=(Clamp("tail"),), loads=(load,), pads=pads), (TIP,))
+    load = Action("tip", "tip", "z")
+    forces, _ = found(Structure(MODELS[model](), clamps=(Clamp("tail"),), loads=(load,), pads=pads), (-TIP,))
     x, moment = forces["bending moment y"]
     carried = (TIP * LENGTH - moment[0]) / 1.2
     assert 0.1 * TIP < carried < 4.0 * TIP
@@ -162,13 +162,13 @@ def test_a_support_between_nodes_bears_the_load_there(model: str, stiffness: flo
 def test_what_the_inertia_of_a_free_beam_takes_is_in_its_forces(model: str) -> None:
     """A force at the tip of a free rod accelerates it by P (6 x / L - 2) / m, so that M = P x^2 (L - x) / L^2."""
     beam = MODELS[model]()
-    structure = Structure(beam, loads=(Action("tip", "tip", "z", -1.0),))
+    structure = Structure(beam, loads=(Action("tip", "tip", "z"),))
     full, d = structural_model(structure, MPI.COMM_SELF), beam.directions
     M, K, R = local_csr(full.M), local_csr(full.K).toarray(), beam.rigid_motions()
-    g = local_csr(full.inputs).toarray()[:, 0] * TIP
+    g = local_csr(full.inputs).toarray()[:, 0] * -TIP
     a = R @ np.linalg.solve(R.T @ M @ R, R.T @ g)
     q = np.linalg.lstsq(K, g - M @ a, rcond=1e-12)[0]
-    x, moment = of_states(AssembledBody(full, structure), beam.cut(4), q, (TIP,), {}, 0.0)[0]["bending moment y"]
+    x, moment = of_states(AssembledBody(full, structure), beam.cut(4), q, (-TIP,), {}, 0.0)[0]["bending moment y"]
     inertia = 0.0 if d == ("x", "z", "ry") else beam.body.material.density * beam.sections.second_moments[0, 1]
     known = free_rod(x, beam.masses[0], inertia)
     assert near(moment, known) and np.abs(moment[[0, -1]]).max() < 1e-9 * moment.max()
