@@ -28,7 +28,7 @@ from pmr.scene.keys import (
     Share,
     ShorthandTable,
     Size,
-    Stiffness,
+    SupportStiffness,
     Switch,
     Thickness,
     Usual,
@@ -211,7 +211,7 @@ class Support(SceneTable):
     directions: tuple[Direction, ...] | None = Field(
         default=None, description="Directions that are held, in place of `kind`"
     )
-    stiffness: Stiffness | Literal["rigid"] = Field(
+    stiffness: SupportStiffness | Literal["rigid"] = Field(
         default="rigid", description="Stiffness in each direction (of rotations in N m/rad)"
     )
     points: Literal["mean", "all"] = Field(
@@ -224,6 +224,10 @@ class Support(SceneTable):
         if self.points == "all" and self.stiffness != "rigid":
             raise ValueError("points = 'all' is rigid: leave the stiffness out")
         return self
+
+    def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
+        turns = all(direction in ("rx", "ry", "rz") for direction in self.held_directions)
+        return {"turning" if turns else "straight": 1.0}
 
     @property
     def held_directions(self) -> tuple[Direction, ...]:

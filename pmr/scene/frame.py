@@ -38,7 +38,7 @@ DIRECTIONS: tuple[Direction, ...] = ("x", "y", "z", "rx", "ry", "rz")
 _Strict = Field(strict=True)
 _NotNegative = Field(ge=0.0, strict=True)
 Spring = Annotated[float, _NotNegative, Quantity("N/m", 0.0, 1e15), Usual(2e3, 1e14, unit="N/m")]
-TurningSpring = Annotated[float, _NotNegative, Quantity("N m/rad", 0.0, 1e15), Usual(2e3, 1e15, unit="N m")]
+TurningSpring = Annotated[float, _NotNegative, Quantity("N m/rad", 0.0, 1e15), Usual(2e3, 1e15, unit="N m/rad")]
 Damper = Annotated[float, _NotNegative, Quantity("N s/m", 0.0, 1e15)]
 TurningDamper = Annotated[float, _NotNegative, Quantity("N m s/rad", 0.0, 1e15)]
 Displacement = Annotated[float, _Strict, Quantity("m", -1e6, 1e6)]

@@ -44,6 +44,7 @@ OTHER_UNITS: Mapping[str, Mapping[str, float]] = {
     "kg m^2": {"t m^2": 1e3, "kg mm^2": 1e-6},
     "N": {"kN": 1e3, "MN": 1e6},
     "N m": {"kN m": 1e3, "N mm": 1e-3},
+    "N m/rad": {"kN m/rad": 1e3, "N mm/rad": 1e-3},
     "N/m": {"N/mm": 1e3, "kN/mm": 1e6, "MN/mm": 1e9},
     "N m^2": {"N mm^2": 1e-6, "kN m^2": 1e3},
     "Pa": {"MPa": 1e6, "GPa": 1e9, "kPa": 1e3},

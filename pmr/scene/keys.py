@@ -268,6 +268,13 @@ SecondMoment = Annotated[float, _Positive, Quantity("m^4", 1e-26, 1e20), Usual(1
 #: A larger stiffness is "rigid".
 Stiffness = Annotated[float, _Positive, Quantity("N/m", 1e-6, 1e15), Usual(2e5, 1e14)]
 PadStiffness = Annotated[Stiffness, Usual(2e6, 1e14)]
+SupportStiffness = Annotated[
+    float,
+    _Positive,
+    Quantity("N/m, of angles N m/rad", 1e-6, 1e15),
+    Usual(2e5, 1e14, "straight", "N/m"),
+    Usual(2e3, 1e14, "turning", "N m/rad"),
+]
 AxialStiffness = Annotated[float, _Positive, Quantity("N", 1e-3, 1e15)]
 Pressure = Annotated[float, _Positive, Quantity("Pa", 1e-3, 1e18)]
 Density = Annotated[float, _Positive, Quantity("kg/m^3", 1e-9, 1e9)]

@@ -28,6 +28,7 @@ COMPLETE = [
     and file.name not in ("paper_base.toml", "base.toml")
 ]
 CYLINDER = "frame.cylinder={foot=[0.9,-1.1],lug=[2.6,-0.3]}"
+SPRING = "supports=[{on=1.0,directions=[DIRECTIONS],stiffness=1e5}]"
 STILL = "frame.second_order=false"
 MACHINE = "frame.machine={mass=24e3,center=[0.0,0.0,-1.0],inertia=[3e4,6e4,6e4],free=['z'],stiffness={z=1e7}}"
 
@@ -67,6 +68,8 @@ WRONG = [
     (CRANE, [STILL, MACHINE.replace("24e3", "24.0").replace("e4", "e1")], "frame.machine.mass", "t"),
     (CRANE, [STILL, MACHINE.replace("-1.0]", "-1000.0]")], "frame.machine.center", "mm"),
     (CRANE, [STILL, MACHINE.replace("z=1e7", "z=100.0")], "frame.machine.stiffness.z", "N/mm"),
+    ("boom_beam", [SPRING.replace("DIRECTIONS", "'z','ry'")], "supports[0].stiffness", "N/mm"),
+    ("boom_beam", [SPRING.replace("DIRECTIONS", "'ry'").replace("1e5", "100.0")], "supports[0].stiffness", "kN m/rad"),
     (CRANE, ["frame.base={acceleration={x=300.0}}"], "frame.base.acceleration.x", "cm/s^2"),
 ]  # fmt: skip
 
@@ -93,6 +96,11 @@ def test_what_is_alike_has_one_hint_that_counts_it() -> None:
         "(1e+08 N/m) or kN/mm (1e+11 N/m)? (1 more like it)"
     )
     assert mouth.startswith("sections[1].joint.mouth[0].stiffness = 100000 N/m") and mouth.endswith("(1 more like it)")
+
+
+def test_a_support_that_holds_angles_alone_has_a_stiffness_in_N_m_per_rad() -> None:
+    """100 kN m/rad is a usual spring about an axis, and a soft one along it."""
+    assert hints(scenes.load_any("boom_beam", [SPRING.replace("DIRECTIONS", "'ry'")])) == []
 
 
 def test_nothing_is_said_of_what_is_zero_or_of_a_scale_that_only_a_mesh_knows() -> None:
