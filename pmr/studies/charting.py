@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +84,7 @@ class Chart:
 
     def least_loads(self, loads: Array) -> Array:
         """Return for each limit the smallest of its `loads` (c, l) in kg over c cases, (l,); `up_to` if all are NaN."""
-        return np.asarray(np.nan_to_num(_least_case(loads).load, nan=self.up_to))
+        return np.asarray(np.nan_to_num(np.fmin.reduce(loads), nan=self.up_to))
 
     def reduction_errors(self, models: ChartModels, k: int, loads: Array) -> Array:
         """Return for each limit the error (l,) in kg that reduction causes in its smallest load over all cases.
@@ -147,7 +147,7 @@ class Chart:
         of the boom in m.  The error is a margin times the change that `large_rotation_changes` returns for the case in
         which the limit's load is smallest.
         """
-        case, load = _least_case(loads)
+        case, load = _least_case(loads), np.fmin.reduce(loads)
         by_case = {n: MARGIN * large_rotation_changes(self.limits, places[n], load, reach) for n in set(case.tolist())}
         return np.array([by_case[n][number] for number, n in enumerate(case.tolist())])
 
@@ -304,7 +304,7 @@ def _point_arrays(
     """
     places = chart.places(models.reduced, k)
     loads = chart.loads(places)
-    case, load = _least_case(loads)
+    case, load = _least_case(loads), np.fmin.reduce(loads)
     row: dict[str, NDArray[Any]] = {"load": load, "case": case, "member": np.array("")}
     (which,) = governing_limit(load[None])
     if 0 <= which < len(chart.limits):
@@ -329,21 +329,9 @@ def _point_arrays(
     return row
 
 
-class LeastCase(NamedTuple):
-    """Number (l,) of the case with the smallest load for each limit, and the load (l,) in kg in this case."""
-
-    number: NDArray[np.int64]
-    load: Array
-
-
-def _least_case(loads: Array) -> LeastCase:
-    """Return for each limit the number (l,) of the case with the smallest load, and the load (l,) in kg in this case.
-
-    `loads` are (c, l) in kg; the returned load is NaN only if the loads of all cases are.
-    """
-    finite = np.where(np.isnan(loads), np.inf, loads)
-    case = finite.argmin(axis=0)
-    return LeastCase(case, loads[case, np.arange(loads.shape[1])])
+def _least_case(loads: Array) -> NDArray[np.int64]:
+    """Return for each limit the number (l,) of the case with the smallest of its `loads` (c, l) in kg."""
+    return np.where(np.isnan(loads), np.inf, loads).argmin(axis=0)
 
 
 def case_amount(case: Summary, part: str) -> float:
