@@ -20,7 +20,7 @@ from pmr.scene.frame import INERTIA, Frame
 from pmr.scene.hoist import HEIGHT, KEYS, KINDS
 from pmr.scene.keys import LUFFING_CYLINDER, input_name
 from pmr.scene.luffing_checks import misplaced_supports
-from pmr.scene.mechanism import CYLINDER, FrameTerm, frame_terms, supports_at_lug
+from pmr.scene.mechanism import CYLINDER, NEAR, FrameTerm, frame_terms, pin_and_cylinder, supports_at_lug
 from pmr.simulation import Excitation
 from pmr.simulation.balance import row_products, step_means
 from pmr.simulation.frame_motion import ComputedMotion, FrameRotation
@@ -154,6 +154,7 @@ def turning_warnings(scene: Scene, angles: Array) -> list[str]:
         f"{lug:g} m: if it stands for the cylinder, the base bends in another place, deflections and stress are off"
         for k, place in misplaced_supports(scene).items()
     ]
+    warnings += _pin_warnings(scene)
     if not at_lug:
         return warnings
     differences = list[str]()
@@ -161,7 +162,7 @@ def turning_warnings(scene: Scene, angles: Array) -> list[str]:
     factor = float(arm.max() / arm.min()) ** 2
     force_along, force_across = np.abs(scene.frame.cylinder.direction(angles)).T
     leaning = float(np.max(force_along / np.maximum(force_across, 1e-9)))
-    if factor > TURNED and any(support.name in at_lug and support.stiffness != "rigid" for support in supports):
+    if factor > TURNED and any(of.stiffness != "rigid" for of in at_lug):
         differences.append(
             "is as stiff at all angles, where a cylinder's stiffness about the pivot changes by "
             f"a factor of {factor:.2g}: deflections and frequencies are right at one angle alone"
@@ -176,7 +177,27 @@ def turning_warnings(scene: Scene, angles: Array) -> list[str]:
     remedy = "frame.cylinder.stiffness, in place of the support, turns with the boom"
     if scene.frame.cylinder.drives:  # of a free angle, which takes no stiffness
         remedy = "a run at a given angle with frame.cylinder.stiffness in place of the support has that force"
-    return [*warnings, f"the support {at_lug[0]!r} {'; it '.join(differences)}; {remedy}"]
+    return [*warnings, f"the support {at_lug[0].row_name('z')!r} {'; it '.join(differences)}; {remedy}"]
+
+
+def _pin_warnings(scene: Scene) -> list[str]:
+    """A warning where forces of the base's supports are not those of a pin at the pivot, or the pin is not there."""
+    base, held = scene.names[0], pin_and_cylinder(scene)
+    if scene.holding_cylinder is not None:
+        return []
+    if held is None:
+        return [
+            f"the supports of {base!r} are not a rigid pin along x and z and one support across the boom alone: their "
+            "forces lack the luffing cylinder's thrust, which a pin at the pivot bears on top"
+        ]
+    ahead, above = held.offset
+    if np.hypot(ahead, above) <= NEAR:
+        return []
+    return [
+        f"the pin of {base!r} is {ahead:g} m ahead of the pivot and {above:g} m above it: its force and that of the "
+        "luffing cylinder are those of a pin at the pivot, but the base lacks the moment of this force at the pin: "
+        "deflections, and stress between pin and lug, are off"
+    ]
 
 
 def slack_spans(t: Array, force: Array) -> list[dict[str, float]]:

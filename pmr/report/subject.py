@@ -18,7 +18,7 @@ from pmr.scene.built import PadRing
 from pmr.scene.choice import choose_model, input_directions
 from pmr.scene.joints import JointPads
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, input_name, qualified_name
-from pmr.scene.mechanism import AT_PIVOT, supports_at_lug
+from pmr.scene.mechanism import AT_PIVOT, pin_and_cylinder, supports_at_lug
 from pmr.scene.members import member_at, members
 from pmr.scene.model_traits import model_traits
 from pmr.scene.scene import BoomSection
@@ -305,8 +305,9 @@ def luffing_support_names(result: RunResult) -> set[str]:
     frame = result.scene.frame
     if frame is None or frame.cylinder is None or result.summary.get("luffing_cylinder") is None:
         return set()
-    body = next(iter(result.scene.bodies))
-    return {qualified_name(body, name) for name in (LUFFING_CYLINDER, *supports_at_lug(result.scene))}
+    body, held = next(iter(result.scene.bodies)), pin_and_cylinder(result.scene)
+    stand_ins = supports_at_lug(result.scene) if held is None else (held.stand_in,)
+    return {qualified_name(body, name) for name in (LUFFING_CYLINDER, *(of.row_name("z") for of in stand_ins))}
 
 
 def fixtures(result: RunResult) -> list[Fixture]:

@@ -130,7 +130,7 @@ def _check_holding_cylinder(scene: Scene, frame: Frame) -> None:
     """Refuse a luffing cylinder with a stiffness unless it can hold the base.
 
     The base has to be a beam of a boom of several sections with a luffing angle.  The lug has to be on the base, and no
-    support may be at the lug.
+    support may be at the lug.  A pin has to be at the pivot: elsewhere the cylinder would have another arm about it.
     """
     key, base = "frame.cylinder.stiffness", members(scene)[0]
     assert frame.cylinder is not None
@@ -145,6 +145,17 @@ def _check_holding_cylinder(scene: Scene, frame: Frame) -> None:
     if not 0.0 <= at <= base.part.length:
         allowed = "with a stiffness, a place on the base is allowed"
         raise scene_error("frame.cylinder.lug", frame.cylinder.lug[0], allowed)
+    clamped = any("ry" in support.held_directions for support in base.part.supports)
+    for k, support in enumerate(base.part.supports if not clamped else ()):
+        place = base.part.position_of(support.on)
+        if place is None or "x" not in support.held_directions:
+            continue
+        x, z = place + frame.tail_position[0], frame.tail_position[2]
+        if np.hypot(x, z) > NEAR:
+            allowed = f"beside {key} a pin at the pivot is allowed, about which the cylinder has its arm: this one is "
+            allowed += f"{x:g} m ahead of the pivot and {z:g} m above"
+            raise scene_error(scene.section_key(0, f"supports[{k}].on"), support.on, allowed)
     if twice := supports_at_lug(scene):
-        allowed = f"the cylinder's stiffness or the support {twice[0]!r} at its lug is allowed, one of both"
+        at_lug = twice[0].row_name("z")
+        allowed = f"the cylinder's stiffness or the support {at_lug!r} at its lug is allowed, one of both"
         raise scene_error(key, frame.cylinder.stiffness, allowed)

@@ -33,7 +33,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pmr.files.arrays import Array
-from pmr.scene.built import force_name, reaction_name
+from pmr.scene.built import Support, force_name, reaction_name
 from pmr.scene.choice import axis_loads, has_axial_motion, has_driven_tail, motion_directions, transverse_axes
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.keys import LUFFING, LUFFING_CYLINDER, SLIDER, cylinder_name, qualified_name
@@ -75,23 +75,25 @@ def ground_contact_wrenches(scene: Scene, along: Mapping[str, Array]) -> list[Co
 
 @dataclass(frozen=True)
 class PinAndCylinder:
-    """A rigid pin at the pivot, and the support across the boom at the lug that stands for the luffing cylinder.
+    """The rigid pin of a base, and the support across the boom that stands for the luffing cylinder.
 
     `pin` are the names of the pin's forces along x and z.  `across` are the names that the support's force may have.
+    `offset` is the place of the pin in m, x and z from the pivot.
     """
 
     pin: tuple[str, str]
     across: tuple[str, ...]
+    stand_in: Support
+    offset: tuple[float, float]
 
 
-def supports_at_lug(scene: Scene) -> tuple[str, ...]:
-    """Return the names of the base's supports along z alone at the luffing cylinder's lug; empty without a cylinder."""
+def supports_at_lug(scene: Scene) -> tuple[Support, ...]:
+    """Return the base's supports along z alone at the luffing cylinder's lug; empty without a cylinder."""
     if scene.frame is None or scene.frame.cylinder is None:
         return ()
     part, lug = members(scene)[0].part, scene.frame.cylinder.lug[0] - scene.frame.tail_position[0]
-    across = [support for support in part.supports if support.held_directions == ("z",)]
-    places = {support.name: part.position_of(support.on) for support in across}
-    return tuple(name for name, x in places.items() if x is not None and abs(x - lug) <= NEAR)
+    places = {k: part.position_of(of.on) for k, of in enumerate(part.supports) if of.held_directions == ("z",)}
+    return tuple(part.supports[k] for k, x in places.items() if x is not None and abs(x - lug) <= NEAR)
 
 
 def cylinder_force_names(scene: Scene) -> tuple[str, ...]:
@@ -100,23 +102,30 @@ def cylinder_force_names(scene: Scene) -> tuple[str, ...]:
 
 
 def pin_and_cylinder(scene: Scene) -> PinAndCylinder | None:
-    """Return the rigid pin at the pivot and the only support at the lug; None if anything else holds the base."""
-    at_lug, base = supports_at_lug(scene), members(scene)[0]
-    if len(at_lug) != 1 or base.part.pads or (base.points and not base.has_joint):
+    """Return the rigid pin and the only other support across the boom; None if anything else holds the base.
+
+    The pin holds x and z at one place of the base.  A real boom turns about the pivot, so the pin is there, wherever it
+    is in the model.  Where several supports act across the boom alone, that at the cylinder's lug stands for it.
+    """
+    base, at_lug = members(scene)[0], supports_at_lug(scene)
+    if scene.frame is None or scene.frame.cylinder is None or scene.holding_cylinder is not None:
         return None
-    assert scene.frame is not None
-    name, place = scene.names[0], scene.frame.tail_position
-    other_supports = [support for support in base.part.supports if support.name not in at_lug]
-    rows = {d: [support for support in other_supports if d in support.held_directions] for d in ("x", "z", "ry")}
-    if [len(rows[d]) for d in ("x", "z", "ry")] != [1, 1, 0]:
+    if base.part.pads or (base.points and not base.has_joint):
         return None
-    for support in (rows["x"][0], rows["z"][0]):
-        at = base.part.position_of(support.on)
-        if at is None or np.hypot(at + place[0], place[2]) > NEAR or support.stiffness != "rigid":
-            return None
-    x, z = (reaction_name(qualified_name(name, rows[d][0].row_name(d))) for d in ("x", "z"))
-    across = next(support for support in base.part.supports if support.name in at_lug)
-    return PinAndCylinder((x, z), _force_names(name, across.row_name("z")))
+    rows = {d: [of for of in base.part.supports if d in of.held_directions] for d in ("x", "z", "ry")}
+    if [len(rows[d]) for d in ("x", "z", "ry")] != [1, 2, 0]:
+        return None
+    stand_ins = [of for of in rows["z"] if of in at_lug] or [of for of in rows["z"] if of.held_directions == ("z",)]
+    if len(stand_ins) != 1:
+        return None
+    along, across = rows["x"][0], next(of for of in rows["z"] if of != stand_ins[0])
+    places = [base.part.position_of(of.on) for of in (along, across)]
+    if places[0] is None or places[0] != places[1] or {along.stiffness, across.stiffness} != {"rigid"}:
+        return None
+    name, tail = scene.names[0], scene.frame.tail_position
+    x, z = (reaction_name(qualified_name(name, of.row_name(d))) for of, d in ((along, "x"), (across, "z")))
+    names = _force_names(name, stand_ins[0].row_name("z"))
+    return PinAndCylinder((x, z), names, stand_ins[0], (places[0] + tail[0], tail[2]))
 
 
 def _body_wrenches(scene: Scene, member: Member, along: Mapping[str, Array]) -> Iterator[ContactWrench]:

@@ -199,11 +199,12 @@ def with_force_of_pin(scene: Scene, response: Response) -> Response:
 
     .. math:: F_{pin} = \sum_k \lambda_k n_k + F d
 
-    The sum is over the pin's supports along and across the boom and the support at the lug, which stands for the
-    luffing cylinder in the model; :math:`\lambda_k` is the force on support k along n_k.  The cylinder's thrust F on
+    The sum is over the pin's supports along and across the boom and the support that stands for the luffing cylinder in
+    the model; :math:`\lambda_k` is the force on support k along n_k.  The cylinder's thrust F on
     the boom along d acts on the machine along -d; without it, the pin's force remains.  The two outputs that held the
-    forces on the pin's supports now hold the pin's force along and across the boom.  The response is unchanged if the
-    base is held in another way, or if a force is unknown.
+    forces on the pin's supports now hold the pin's force along and across the boom.  Wherever the pin is in the model,
+    this is the force of a pin at the pivot, as the frame turns there.  The response is unchanged if the base is held in
+    another way, or if a force is unknown.
     """
     held = pin_and_cylinder(scene)
     if held is None or CYLINDER not in response.other_names or not set(held.pin) <= set(response.other_names):

@@ -134,11 +134,50 @@ def test_a_support_across_the_boom_that_is_not_at_the_lug_has_a_warning() -> Non
     supports += [{"name": "brace", "on": 2.5, "kind": "clamped", "stiffness": 1e3}]
     assert turning_warnings(Scene.model_validate(plain), np.zeros(1)) == []  # the cylinder's own stiffness holds
     plain["frame"]["cylinder"]["stiffness"] = None
-    (line,) = turning_warnings(Scene.model_validate(plain), np.zeros(1))
+    line, thrust = turning_warnings(Scene.model_validate(plain), np.zeros(1))
     assert "'luff' is at 2 m from the tail, the luffing cylinder's lug at 1.5 m" in line
+    assert "forces lack the luffing cylinder's thrust" in thrust
 
 
 @pytest.mark.parametrize(("foot", "lug"), [([-1.0, 0.0], [1.0, 0.0]), ([0.5, -1.0], [0.0, 0.0])])
 def test_a_cylinder_in_line_with_the_pivot_is_refused(foot: list[float], lug: list[float]) -> None:
     with pytest.raises(InputError, match=r"frame\.cylinder.*an arm about the pivot"):
         check_scene(raised({"kind": "constant", "amount": 0.0}, foot, lug))
+
+
+@pytest.mark.parametrize("at", [1.5, 2.0])
+def test_a_pin_off_the_pivot_bears_the_thrust_of_the_cylinder(at: float) -> None:
+    """The hinge is 0.3 m behind the tail and 0.1 m below: forces by hand, of a rigid boom that turns about the hinge.
+
+    The cylinder carries the moment of all weights about the hinge, and the pin the rest, wherever a support stands for
+    the cylinder.
+    """
+    angle, ahead, below = np.deg2rad(30.0), 0.3, 0.1
+    plain = boom(30.0, "beam2d", 1e7).model_dump(mode="json")
+    plain["frame"]["pivot"] = [ahead, 0.0, below]
+    plain["frame"]["cylinder"] |= {"stiffness": None, "lug": [1.5 + ahead, -0.3]}
+    plain["sections"][0]["supports"] += [{"name": "luff", "on": at, "directions": ["z"]}]
+    scene = Scene.model_validate(plain)
+    response = pmr.simulate(scene, pmr.reduce(scene).reduced)
+    turned = np.exp(1j * angle)
+    arms = [complex(ahead + tail + length, below) * turned for tail, length in ((0.0, 3.0), (4.0, 3.0), (4.0, 6.0))]
+    weights = [
+        *(G * 7850.0 * 2.0 * wall * (b + h) * 6.0 for b, h, wall in turning_cylinder.BOXES),
+        turning_cylinder.PULL,
+    ]
+    lug, foot = complex(1.5 + ahead, -0.3) * turned, turning_cylinder.FOOT
+    along = (lug - foot) / abs(lug - foot)
+    force = sum(w * arm.real for w, arm in zip(weights, arms, strict=True)) / (foot.conjugate() * along).imag
+    pin = (force * along - 1j * sum(weights)) / turned
+    assert response.other(CYLINDER)[0] == pytest.approx(force, rel=1e-5)
+    assert response.other("reaction of s0: pin x")[0] == pytest.approx(pin.real, rel=1e-5)
+    assert response.other("reaction of s0: pin z")[0] == pytest.approx(pin.imag, rel=1e-5)
+    warnings = turning_warnings(scene, np.array([angle]))
+    assert any("the pin of 's0' is 0.3 m ahead of the pivot and 0.1 m above it" in line for line in warnings)
+
+
+def test_a_pin_off_the_pivot_is_refused_beside_a_stiffness() -> None:
+    plain = boom(30.0, "beam2d", 1e7).model_dump(mode="json")
+    plain["frame"]["pivot"] = [0.0, 0.0, 0.05]
+    with pytest.raises(InputError, match=r"supports\[0\]\.on.*this one is 0 m ahead of the pivot and 0\.05 m above"):
+        check_scene(Scene.model_validate(plain))
