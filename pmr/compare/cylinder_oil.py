@@ -14,6 +14,8 @@ from pmr.scene.cylinder import Oil
 
 #: Pressure in Pa of the surroundings: oil boils where its pressure is lower by this.
 VACUUM = 1e5
+#: Share of the supply's pressure by which that of a chamber has to be above it for a warning.
+ABOVE = 0.005
 
 
 def boiling_warnings(cylinder: str, extremes: Mapping[str, Extremes], response: Response) -> list[str]:
@@ -26,12 +28,16 @@ def boiling_warnings(cylinder: str, extremes: Mapping[str, Extremes], response: 
     ]
 
 
-def supply_warnings(cylinder: str, oil: Oil, histories: Mapping[str, Array], response: Response) -> list[str]:
+def supply_warnings(
+    cylinder: str, oil: Oil, histories: Mapping[str, Array], stop: Array, response: Response
+) -> list[str]:
     """Warnings where the oil in a chamber of a `cylinder` has a higher pressure than the supply.
 
     Where the valve connects the chamber to the supply, oil flows back, or a counterbalance valve stops it: the supply
     is too weak for the load.  Elsewhere a real relief valve might open, which the model does not have.  `histories`
-    (T,) are by ``pressure bore`` and ``pressure rod``.  Without a valve there is no supply, and no warning.
+    (T,) are by ``pressure bore`` and ``pressure rod``.  `stop` (T,) is how far a stop gives way: above 0 at the
+    greatest length, below 0 at the smallest.  Times on a stop do not count, nor those after it for as long as the valve
+    feeds the same chamber, as the cylinder may rebound.  Without a valve there is no supply, and no warning.
     """
     if oil.valve is None:
         return []
@@ -39,8 +45,12 @@ def supply_warnings(cylinder: str, oil: Oil, histories: Mapping[str, Array], res
     supply = with_unit(oil.supply, "Pa")
     for side, way, verb in (("bore", 1.0, "extend"), ("rod", -1.0, "retract")):
         pressure = histories[f"pressure {side}"]
-        above = pressure > oil.supply + oil.valve.laminar
-        fed = above & (way * opening > oil.valve.dead_band)
+        above = (stop == 0.0) & (pressure > oil.supply + max(oil.valve.laminar, ABOVE * oil.supply))
+        feeds, number = way * opening > oil.valve.dead_band, np.arange(len(opening))
+        last_stop, last_shut = (
+            np.maximum.accumulate(np.where(is_so, number, -1)) for is_so in (way * stop > 0.0, ~feeds)
+        )
+        fed = above & feeds & (last_stop <= last_shut)
         if fed.any():
             most = with_unit(float(pressure[fed].max()), "Pa")
             warnings.append(
@@ -48,7 +58,7 @@ def supply_warnings(cylinder: str, oil: Oil, histories: Mapping[str, Array], res
                 f"the valve is open to {verb} it, but the oil on the {side} side has up to {most}, and flows back "
                 "unless a counterbalance valve holds it"
             )
-        shut = above & ~fed
+        shut = above & ~feeds
         if shut.any():
             k = int(np.argmax(np.where(shut, pressure, -np.inf)))
             warnings.append(

@@ -16,6 +16,7 @@ from pmr.results.quantities import QUANTITIES, with_unit
 from pmr.results.response import LUFFING_ANGLE, Extremes
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
+from pmr.scene.cylinder import Oil
 from pmr.scene.frame import INERTIA, Frame
 from pmr.scene.hoist import HEIGHT, KEYS, KINDS
 from pmr.scene.keys import LUFFING_CYLINDER, input_name
@@ -35,6 +36,8 @@ from pmr.system.terms import Term
 TURNED = 1.1
 #: A support lacks a cylinder's force along the boom if this is more than this share of the force across the boom.
 LEANING = 0.1
+#: Depth in m by which a stop is pressed in by round-off.
+ROUND_OFF = 1e-9
 #: Number of steps that resolve the impact on a stop.
 IMPACT = 8
 #: Name of the cylinder that drives a free extension.
@@ -51,25 +54,31 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
     machine, the force F, the power P and the moment :math:`\mathfrak M` about the pivot of all forces with which the
     boom presses on its machine (`pmr.simulation.reactions`).  The pivot turns freely, and the cylinder alone keeps the
     angle, whatever holds the base in the scene.  The part is empty without such a cylinder.  Of a cylinder whose force
-    drives the angle all columns are taken from the response, pressures, flows and volumes of oil among them, and there
-    are warnings where a pressure is so low that the oil would boil, or higher than that of the supply.
+    drives the angle all columns are taken from the response, pressures, flows and volumes of oil among them; ``stops``
+    and warnings are as those of `extension_part`.
     """
     if scene.frame is None or scene.frame.cylinder is None or CYLINDER not in response.other_names:
         return SummaryPart()
-    t, along, prefix = response.t, scene.path_positions(response.t), f"{LUFFING_CYLINDER} "
+    cylinder, t, along, prefix = (
+        scene.frame.cylinder,
+        response.t,
+        scene.path_positions(response.t),
+        f"{LUFFING_CYLINDER} ",
+    )
     driven = [name for name in response.other_names if name.startswith(prefix)]
-    histories, warnings = {name.removeprefix(prefix): response.other(name) for name in driven}, list[str]()
+    histories = {name.removeprefix(prefix): response.other(name) for name in driven}
     if driven:
-        warnings = turning_warnings(scene, response.other(LUFFING_ANGLE))
-        if (oil := scene.frame.cylinder.oil) is not None:
-            warnings += supply_warnings(LUFFING_CYLINDER, oil, histories, response)
-    else:
-        angle, force = scene.frame.angles.luffing, response.other(CYLINDER)
-        length, arm = scene.frame.cylinder.length_and_arm(angle.value(t))
-        speed = arm * angle.rate(t)
-        histories = {"force": force, "length": length, "speed": speed, "power": force * speed}
-        warnings = turning_warnings(scene, angle.value(t))
-    return _cylinder_part(LUFFING_CYLINDER, histories, response, along, warnings)
+        length, stroke = histories["length"], cylinder.stroke or (0.0, np.inf)
+        stop = length - np.clip(length, *stroke)
+        drive = _Drive(LUFFING_CYLINDER, f"the {LUFFING_CYLINDER}", "length", cylinder.oil)
+        return _driven_part(
+            drive, histories, stop, response, along, turning_warnings(scene, response.other(LUFFING_ANGLE))
+        )
+    angle, force = scene.frame.angles.luffing, response.other(CYLINDER)
+    length, arm = cylinder.length_and_arm(angle.value(t))
+    speed = arm * angle.rate(t)
+    histories = {"force": force, "length": length, "speed": speed, "power": force * speed}
+    return _cylinder_part(LUFFING_CYLINDER, histories, response, along, turning_warnings(scene, angle.value(t)))
 
 
 def extension_part(scene: Scene, response: Response) -> SummaryPart:
@@ -77,8 +86,8 @@ def extension_part(scene: Scene, response: Response) -> SummaryPart:
 
     Lengths are extensions in m.  ``stops`` lists the spans in which a stop is pressed in, with ``start`` and ``end`` in
     s, the number of ``steps``, the ``length`` in m where the stop gives way most, by how much in m (``give``), and the
-    ``speed`` in m/s with which it was met; a warning tells of them.  The part is empty unless an extension was
-    computed.
+    ``speed`` in m/s with which it was met; a warning tells of them.  Others say where a pressure is so low that the oil
+    would boil, or higher than that of the supply.  The part is empty unless an extension was computed.
     """
     name = next((name for name, path in scene.paths.items() if isinstance(path, ComputedMotion)), None)
     if name is None:
@@ -87,12 +96,36 @@ def extension_part(scene: Scene, response: Response) -> SummaryPart:
     histories = {of: response.other(column) for of, column in names.items() if column in response.other_names}
     if STOP not in histories:
         return SummaryPart()
-    spans, along = _stop_spans(response.t, histories), scene.path_positions(response.t)
-    warnings = [*_stop_warnings(name, "smallest", [of for of in spans if of["give"] < 0.0])]
-    warnings += _stop_warnings(name, "greatest", [of for of in spans if of["give"] > 0.0])
-    part = _cylinder_part(EXTENSION_CYLINDER, histories, response, along, warnings)
-    (figures,) = part.figures.values()
-    return replace(part, figures={EXTENSION_CYLINDER.replace(" ", "_"): figures | {"stops": spans}})
+    drive = _Drive(EXTENSION_CYLINDER, name, "extension", scene.paths[name].samples.oil)
+    return _driven_part(drive, histories, histories[STOP], response, scene.path_positions(response.t), [])
+
+
+@dataclass(frozen=True)
+class _Drive:
+    """Drive of a computed motion: the cylinder, what meets its stops and what the stroke is a range of, and its oil."""
+
+    cylinder: str
+    moved: str
+    measure: str
+    oil: Oil | None
+
+
+def _driven_part(
+    drive: _Drive, histories: Mapping[str, Array], stop: Array, response: Response, along: Array, warnings: list[str]
+) -> SummaryPart:
+    """Part of a computed motion's drive, as `extension_part` describes it, with further `warnings` before its own.
+
+    `stop` (T,) in m is how far a stop gives way: above 0 at the greatest length, below 0 at the smallest.
+    """
+    stop = np.where(np.abs(stop) > ROUND_OFF, stop, 0.0)
+    spans = _stop_spans(response.t, stop, histories)
+    for end, sign in (("smallest", -1.0), ("greatest", 1.0)):
+        at_end = [of for of in spans if sign * of["give"] > 0.0]
+        warnings = warnings + _stop_warnings(drive.moved, f"{end} {drive.measure}", at_end)
+    if drive.oil is not None:
+        warnings = warnings + supply_warnings(drive.cylinder, drive.oil, histories, stop, response)
+    part = _cylinder_part(drive.cylinder, histories, response, along, warnings)
+    return replace(part, figures={key: of | {"stops": spans} for key, of in part.figures.items()})
 
 
 def _more_times(count: int) -> str:
@@ -101,7 +134,7 @@ def _more_times(count: int) -> str:
 
 
 def _stop_warnings(name: str, end: str, spans: list[dict[str, float]]) -> list[str]:
-    """A warning that section `name` meets the stop at its smallest or greatest extension; nothing without `spans`."""
+    """A warning that `name` meets the stop at one `end`, such as ``greatest extension``; nothing without `spans`."""
     if not spans:
         return []
     worst = max(spans, key=lambda of: abs(of["speed"]))
@@ -110,21 +143,24 @@ def _stop_warnings(name: str, end: str, spans: list[dict[str, float]]) -> list[s
     fewest = min(of["steps"] for of in spans)
     missed = f"; {fewest:g} steps do not resolve it: a shorter time.step or a softer stop" * (fewest < IMPACT)
     return [
-        f"{name} meets the stop at its {end} extension at {worst['start']:.4g} s with {abs(worst['speed']):.3g} m/s"
+        f"{name} meets the stop at its {end} at {worst['start']:.4g} s with {abs(worst['speed']):.3g} m/s"
         f"{more}; the stop gives way by up to {deepest}{missed}"
     ]
 
 
-def _stop_spans(t: Array, histories: Mapping[str, Array]) -> list[dict[str, float]]:
-    """Spans in which a stop is pressed in, as `extension_part` describes them, in the order of time."""
-    pressed = np.concatenate([[False], histories[STOP] != 0.0, [False]])
+def _stop_spans(t: Array, stop: Array, histories: Mapping[str, Array]) -> list[dict[str, float]]:
+    """Spans in which a stop is pressed in, as `extension_part` describes them, in the order of time.
+
+    `stop` (T,) in m is how far the stop gives way, or 0.
+    """
+    pressed = np.concatenate([[False], stop != 0.0, [False]])
     starts, ends = np.flatnonzero(~pressed[:-1] & pressed[1:]), np.flatnonzero(pressed[:-1] & ~pressed[1:])
     spans = list[dict[str, float]]()
     for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
-        deepest = first + int(np.argmax(np.abs(histories[STOP][first:last])))
+        deepest = first + int(np.argmax(np.abs(stop[first:last])))
         before = max(first - 1, 0)
         figures = {"start": t[first], "end": t[last - 1], "length": histories["length"][deepest]}
-        figures |= {"steps": last - first, "give": histories[STOP][deepest], "speed": histories["speed"][before]}
+        figures |= {"steps": last - first, "give": stop[deepest], "speed": histories["speed"][before]}
         spans.append({key: float(value) for key, value in figures.items()})
     return spans
 

@@ -25,6 +25,7 @@ from pydantic import SkipValidation
 from pmr.files.arrays import Array
 from pmr.kernel.further import Product, Products, Quantity
 from pmr.scene import Scene
+from pmr.scene.cylinder import Oil
 from pmr.scene.frame import DIRECTIONS, BaseMotion, boom_rotation
 from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Floats, Interval, Strand
@@ -278,6 +279,7 @@ class MotionSamples:
     inputs: Mapping[str, Array]  # (N,) values of the inertia inputs of the boom, by input name
     cylinder: Mapping[str, Array] = field(default_factory=dict)  # (T,) of the cylinder that drives it, by name
     parts: tuple[int, ...] = ()  # (T - 1,): number of parts of each step; empty: no step was divided
+    oil: Oil | None = None  # in the cylinder that drives an extension
 
 
 class ComputedMotion(SignalBase):

@@ -109,3 +109,22 @@ def test_a_supply_that_is_too_weak_has_a_warning(result: RunResult) -> None:
     assert line.startswith("the supply of 5 MPa is too weak for the luffing cylinder: at 0.61")
     (shut,) = [line for line in run.summary["warnings"] if "relief valve" in line]
     assert shut.startswith("the oil on the bore side of the luffing cylinder has up to ")
+
+
+def test_a_cylinder_at_the_end_of_its_stroke_has_a_warning_and_no_weak_supply(result: RunResult) -> None:
+    """The valve stays open against the stop, which takes what the supply presses and the load does not need."""
+    assert result.summary["luffing_cylinder"]["stops"] == []
+    start = float(result.responses["reduced"].other("luffing cylinder length")[0])
+    oil = "frame.cylinder.oil.valve.opening={kind='smooth_ramp',times=[0.1,0.2],values=[0.0,0.6]}"
+    scene = pmr.load_scene("luffing_oil", [*QUICK, oil, f"frame.cylinder.stroke=[{start - 0.1}, {start + 0.01}]"])
+    run = pmr.run(scene).result
+    length, t = run.responses["reduced"].other("luffing cylinder length"), run.responses["reduced"].t
+    beyond = np.flatnonzero(length > start + 0.01)
+    first, *_ = run.summary["luffing_cylinder"]["stops"]
+    assert first["start"] == t[beyond[0]] and first["speed"] > 0.0
+    deepest = max(span["give"] for span in run.summary["luffing_cylinder"]["stops"])
+    assert deepest == pytest.approx(length.max() - start - 0.01, rel=1e-9)
+    (line,) = [line for line in run.summary["warnings"] if "meets the stop" in line]
+    assert line.startswith("the luffing cylinder meets the stop at its greatest length at ")
+    assert run.responses["reduced"].other("luffing cylinder pressure bore")[-1] > 0.95 * 21e6  # beside the supply
+    assert not [line for line in run.summary["warnings"] if "supply" in line]

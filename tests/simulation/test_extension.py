@@ -288,6 +288,21 @@ def test_a_valve_opens_no_further_than_fully() -> None:
     assert ends[2] == ends[1] != ends[0]
 
 
+@pytest.mark.parametrize(("supply", "weak"), [(5e4, True), (20e6, False)])
+def test_a_supply_that_is_too_weak_has_a_warning(supply: float, weak: bool) -> None:
+    """The valve opens to extend a raised section: with a weak supply the section sinks, and else it meets its stop."""
+    oil = f"oil={{areas=[2e-3, 1.2e-3], dead_volumes=[2e-4, 3e-4], bulk_modulus=1.4e9, supply={supply}, valve="
+    oil += "{opening={kind='smooth_ramp', times=[0.0, 0.1], values=[0.0, 1.0]}, gain=[6e-6, 4e-6]}}"
+    keys = free(oil, stroke=(0.3, 0.7)), "frame.luffing={kind='constant', amount=0.6}", "time.end=0.4"
+    result = pmr.run(scene(*keys, "compare.against=[]", "compare.richer='none'")).result
+    extension = result.responses["reduced"].other("extension of fly")
+    stops = result.summary["extension_cylinder"]["stops"]
+    assert bool(extension[-1] < extension[0]) == weak and bool(stops) != weak
+    lines = [line for line in result.summary["warnings"] if "too weak" in line]
+    assert len(lines) == weak and all("for the extension cylinder" in line for line in lines)
+    assert weak or not [line for line in result.summary["warnings"] if "supply" in line]
+
+
 REFUSED = {
     "frame.second_order=true": "false is allowed beside the free extension of fly",
     "compare.richer='shell'": "'auto' or 'none' is allowed beside sections[1].joint.extension, which is computed",

@@ -176,7 +176,8 @@ class ExtensionRun:
         of_inputs = {of: drivers[kernel.paths + k] for k, of in enumerate(inputs) if INERTIA in of}
         divided = tuple(parts[1:]) if max(parts) > 1 else ()
         none = np.zeros(drivers.shape[1])
-        samples = MotionSamples(np.concatenate(times), values, none, of_inputs, self._record(columns), divided)
+        record, oil = self._record(columns), self._extension.oil
+        samples = MotionSamples(np.concatenate(times), values, none, of_inputs, record, divided, oil)
         sections = list(self._scene.sections)
         section = sections[self._number]
         computed: dict[str, Any] = {"extension": ComputedMotion(samples=samples, unit=1.0)}
