@@ -159,7 +159,7 @@ class Place:
         """
         loaded = self.equilibria
         if loaded.holds_both_ways and (directly := limit.kind.eigenvalue_load) is not None:
-            direct = directly(loaded.state(0.0).form, limit.allowed_amount, guess, top)
+            direct = directly(loaded.state(0.0).form, limit.allowed_amount)
             return direct if direct <= top else np.nan
         used, at_once = _used_shares(loaded, self.share(limit)), loaded.holds_both_ways
         return first_load(used, top, grows=limit.kind.grows, guess=guess, at_once=at_once)

@@ -84,9 +84,8 @@ class Kind:
         Returns the scene's names among which the limit's key ``which`` chooses; None if only a model knows these names,
         or if the kind has no names.
     eigenvalue_load : callable, optional
-        Only for eigenvalues.  Called with a form, the allowed amount, a load in kg near which the result is expected
-        (NaN without a guess) and the largest load in kg; returns the load in kg at which the eigenvalue reaches the
-        amount while no contact opens or closes.  It is infinite, or may be, if that is above the largest load.
+        Only for eigenvalues.  Called with a form and the allowed amount; returns the load in kg at which the eigenvalue
+        reaches the amount while no contact opens or closes, infinite if there is none.
     grows : bool
         Whether the share can only grow with the load, so that the share at the largest load tells whether any load
         reaches the limit.
@@ -101,7 +100,7 @@ class Kind:
     share: Callable[[Limit, PostureMatrices, int, Sequence[float]], Share]
     usual: Usual | None = None
     names: Callable[[Scene], Sequence[str]] | None = None
-    eigenvalue_load: Callable[[Form, float, float, float], float] | None = None
+    eigenvalue_load: Callable[[Form, float], float] | None = None
     grows: bool = False
     in_richer_model: bool = True
     words: str = ""

@@ -107,11 +107,6 @@ def describe_asymmetry(matrices: Mapping[str, NDArray[np.float64]]) -> str | Non
 
 #: Norm of A - L L^T, over the norm of A, up to which the difference is round-off.
 ROUND_OFF = 1e-9
-#: Share of the expected load by which the search for it begins below it.
-BESIDE = 1e-2
-#: Most steps of the search, relative change of the load in the last one, and share of the load below it at which the
-#: matrix has to be positive definite.
-MOST_STEPS, SETTLED, BELOW = 30, 1e-12, 1e-6
 
 
 def cholesky_root(A: Array) -> Array | None:
@@ -124,83 +119,17 @@ def cholesky_root(A: Array) -> Array | None:
     return L if np.linalg.norm(A - L @ L.T) <= ROUND_OFF * np.linalg.norm(A) else None
 
 
-class FreeMotions:
-    """Motions that the rows C (c, n) leave free: an orthonormal basis Z (n, r) of them, and projections on Z.
-
-    Z is computed by Householder reflections, one for each row, so no products of full matrices are needed.
-    """
-
-    def __init__(self, C: Array) -> None:
-        self._reflections, _, self._scales, _, _ = scipy.linalg.lapack.dgeqp3(C.T)
-        size = np.abs(np.diagonal(self._reflections))
-        self._held = int(np.sum(size > max(C.shape) * np.finfo(float).eps * size.max(initial=0.0)))
-
-    @property
-    def basis(self) -> Array:
-        """Orthonormal basis Z (n, r) of the motions of n coordinates that the held rows leave free."""
-        return self._rotate(np.eye(len(self._reflections)))[:, self._held :]
-
-    def project(self, A: Array) -> Array:
-        """Z^T A Z (r, r) of a symmetric matrix A (n, n)."""
-        return self._rotate(self._rotate(A).T)[self._held :, self._held :]
-
-    def _rotate(self, A: Array) -> Array:
-        """Product A Q (k, n) of A (k, n) with the orthogonal factor Q of C^T; its last r columns are Z."""
-        if not len(self._scales):
-            return A
-        rotated, *_ = scipy.linalg.lapack.dormqr("R", "N", self._reflections, self._scales, A, 64 * len(A))
-        return np.asarray(rotated)
-
-
-def first_singular(A: Array, B: Array, near: float = np.nan, up_to: float = np.inf) -> float:
+def first_singular(A: Array, B: Array) -> float:
     """Smallest load P > 0 at which A + P B is not positive definite; infinity if there is no such P.
 
-    A and B are (n, n); only their symmetric parts count.  If A itself is not positive definite, 0 is returned.  A
-    result above `up_to` may be returned as infinity.  If P is expected at the load `near` (NaN: not known), P is
-    searched for by inverse iteration from a little below `near`.  The result is accepted if the matrix is positive
-    definite a little below it: since A is positive definite too, so are all matrices between.
+    A and B are (n, n); only their symmetric parts count.  If A itself is not positive definite, 0 is returned.
     """
     A, B = (A + A.T) / 2.0, (B + B.T) / 2.0
-    if not is_definite(A):
-        return 0.0
-    if 0.0 < near < np.inf and (load := _singular_above(A, B, near * (1.0 - BESIDE))) is not None:
-        return load
-    if np.isfinite(up_to) and is_definite(A + up_to * B):
-        return np.inf
     try:
         least = float(scipy.linalg.eigh(B, A, eigvals_only=True, subset_by_index=(0, 0))[0])
     except np.linalg.LinAlgError:
         return 0.0
     return -1.0 / least if least < 0.0 else np.inf
-
-
-def _singular_above(A: Array, B: Array, low: float) -> float | None:
-    """First P above `low` at which A + P B is singular, for a positive definite A; None if it is not found.
-
-    It is not found if A + low B is not positive definite, if the iteration does not converge or reaches a shape x with
-    x^T B x >= 0, or if the matrix is not positive definite a little below the result.
-    """
-    factor, failed = scipy.linalg.lapack.dpotrf(A + low * B, lower=1)
-    if failed:
-        return None
-    x, last = np.cos(np.arange(len(A), dtype=float)), np.inf  # a vector with a part in every eigenvector
-    for _ in range(MOST_STEPS):
-        b = -(B @ x)
-        x, _ = scipy.linalg.lapack.dpotrs(factor, b, lower=1)
-        # Rayleigh's quotient of -B x = (A + low B) x / (P - low)
-        pressed = -float(x @ B @ x)
-        if not pressed > 0.0:
-            return None
-        load = low + float(b @ x) / pressed
-        if abs(load - last) <= SETTLED * load:
-            return load if is_definite(A + load * (1.0 - BELOW) * B) else None
-        last, x = load, x / np.linalg.norm(x)
-    return None
-
-
-def is_definite(A: Array) -> bool:
-    """Whether the symmetric matrix A (n, n) is positive definite, by Cholesky."""
-    return bool(scipy.linalg.lapack.dpotrf(A, lower=1, clean=0)[1] == 0)
 
 
 def natural_frequencies(M: Array, V: Array | None, K: Array) -> Array:

@@ -35,7 +35,7 @@ from pmr.errors import InputError
 from pmr.files.arrays import Array, Mask
 from pmr.kernel.laws import ContactSearch
 from pmr.simulation.statics.equilibrium import LARGER, SMALLER, border_matrix
-from pmr.system.soundness import FreeMotions, cholesky_root, first_singular
+from pmr.system.soundness import cholesky_root, first_singular
 
 #: Share of the largest eigenvalue of the geometric stiffness below which an eigenvalue is round-off; share of the
 #: contacts' largest flexibility below which the flexibility at the load's own position is round-off.
@@ -240,14 +240,14 @@ class Form:
         factor = first_singular(on.K - on.G[0], on.G[0] + load * on.G[1])
         return 1.0 / factor if factor > 0.0 else np.inf
 
-    def load_of_factor(self, factor: float, near: float = np.nan, up_to: float = np.inf) -> float:
+    def load_of_factor(self, factor: float) -> float:
         r"""Smallest load P in kg at which `factor` times all axial forces cause buckling; infinite if there is none.
 
         It fulfils :math:`(K + \Lambda G_0 + P \Lambda G_1) q = 0` with `factor` as :math:`\Lambda`, for coordinates q
-        that rigid contacts leave free.  `near` and `up_to` as in `first_singular`.
+        that rigid contacts leave free.
         """
         on = self.condensed
-        return first_singular(on.K + (factor - 1.0) * on.G[0], factor * on.G[1], near, up_to)
+        return first_singular(on.K + (factor - 1.0) * on.G[0], factor * on.G[1])
 
     def buckling_forces(self, load: float) -> Array:
         """Contact forces (m,) of the first buckling shape under `load`, scaled to a largest absolute value of 1.
@@ -281,11 +281,10 @@ class Form:
         pressing = np.zeros((n + d, m + d))
         pressing[:, soft] = np.linalg.solve(F[np.ix_(soft, soft)], C[soft]).T
         K += pressing @ C
-        free = FreeMotions(C[rigid])
         M, G0, G1 = (np.zeros_like(K) for _ in range(3))
         M[:n, :n], G0[:n, :n], G1[:n, :n] = e.M, *e.G
-        M, K, G0, G1 = (free.project(matrix) for matrix in (M, K, G0, G1))
-        Z = free.basis
+        Z = scipy.linalg.null_space(C[rigid]) if rigid.any() else np.eye(len(K))
+        M, K, G0, G1 = (Z.T @ matrix @ Z for matrix in (M, K, G0, G1))
         return Condensed(M, K, (G0, G1), Z[n:], Z[:n], (Z.T @ pressing)[:, :m])
 
     @property
@@ -312,16 +311,14 @@ class Form:
             return 0.0
         return float(1.0 / np.sqrt(largest[0]) / (2.0 * np.pi)) if largest[0] > 0.0 else np.inf
 
-    def load_of_frequency(self, frequency: float, near: float = np.nan, up_to: float = np.inf) -> float:
+    def load_of_frequency(self, frequency: float) -> float:
         r"""Smallest load P in kg, as a mass, that lowers a natural frequency to `frequency` in Hz; infinite if none.
 
         It fulfils :math:`(K - \omega^2 M + P (G_1 - \omega^2 c^T c)) q = 0` with :math:`\omega = 2 \pi` times
-        `frequency` and the displacement c q of the load's position.  `near` and `up_to` as in `first_singular`.
+        `frequency` and the displacement c q of the load's position.
         """
         on, square = self.condensed, (2.0 * np.pi * frequency) ** 2
-        return first_singular(
-            on.K - square * on.M, on.G[1] - square * on.load_position.T @ on.load_position, near, up_to
-        )
+        return first_singular(on.K - square * on.M, on.G[1] - square * on.load_position.T @ on.load_position)
 
 
 class LoadedStructure:
