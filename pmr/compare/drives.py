@@ -10,7 +10,7 @@ import numpy as np
 
 from pmr.compare.cylinder_oil import boiling_warnings, supply_warnings
 from pmr.compare.outputs import run_from_start
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Mask
 from pmr.results import Response
 from pmr.results.quantities import QUANTITIES, with_unit
 from pmr.results.response import LUFFING_ANGLE, Extremes
@@ -153,16 +153,20 @@ def _stop_spans(t: Array, stop: Array, histories: Mapping[str, Array]) -> list[d
 
     `stop` (T,) in m is how far the stop gives way, or 0.
     """
-    pressed = np.concatenate([[False], stop != 0.0, [False]])
-    starts, ends = np.flatnonzero(~pressed[:-1] & pressed[1:]), np.flatnonzero(pressed[:-1] & ~pressed[1:])
     spans = list[dict[str, float]]()
-    for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
+    for first, last in _spans(stop != 0.0):
         deepest = first + int(np.argmax(np.abs(stop[first:last])))
         before = max(first - 1, 0)
         figures = {"start": t[first], "end": t[last - 1], "length": histories["length"][deepest]}
         figures |= {"steps": last - first, "give": stop[deepest], "speed": histories["speed"][before]}
         spans.append({key: float(value) for key, value in figures.items()})
     return spans
+
+
+def _spans(holds: Mask) -> list[tuple[int, int]]:
+    """First step of each span in which a condition holds, and the first step behind it; `holds` is (T,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]])))
+    return [(first, last) for first, last in edges.reshape(-1, 2).tolist()]
 
 
 def _cylinder_part(
@@ -242,15 +246,11 @@ def slack_spans(t: Array, force: Array) -> list[dict[str, float]]:
     `force` (T,) in N is that of the rope at the times t (T,) in s.  The force behind a span, ``snatch``, is the largest
     one until the rope is slack again or the run ends.
     """
-    slack = np.concatenate([[False], force <= 0.0, [False]])
-    starts, ends = np.flatnonzero(~slack[:-1] & slack[1:]), np.flatnonzero(slack[:-1] & ~slack[1:])
-    spans = list[dict[str, float]]()
-    for k, (start, end) in enumerate(zip(starts.tolist(), ends.tolist(), strict=True)):
-        behind = force[end : starts[k + 1] if k + 1 < len(starts) else None]
-        spans.append(
-            {"start": float(t[start]), "end": float(t[min(end, len(t) - 1)]), "snatch": float(behind.max(initial=0.0))}
-        )
-    return spans
+    spans, listed = _spans(force <= 0.0), list[dict[str, float]]()
+    for (start, end), (following, _) in zip(spans, [*spans[1:], (len(t), len(t))], strict=True):
+        snatch = float(force[end:following].max(initial=0.0))
+        listed.append({"start": float(t[start]), "end": float(t[min(end, len(t) - 1)]), "snatch": snatch})
+    return listed
 
 
 def hoist_part(scene: Scene, response: Response) -> SummaryPart:

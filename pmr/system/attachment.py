@@ -230,10 +230,8 @@ def _append_vectors(model: ReducedModel, stiffness: Array, measures: Array, outp
     )
     on_modes = replace(carriers, enrichment=measures[:K], inertia=None, answers=None)
     without = replace(model, enrichment=modes, carriers=on_modes, reactions=None)  # which lack the new coordinates
-    with_modes = extend(without, tabulated=False)
-    if carriers.answers is None:
-        return with_tables(with_modes)
-    return _clear_cylinder_flexibility(with_modes, carriers.answers)
+    with_modes = extend(without)
+    return with_modes if carriers.answers is None else _clear_cylinder_flexibility(with_modes, carriers.answers)
 
 
 def _clear_cylinder_flexibility(model: ReducedModel, answers: CylinderResponses) -> ReducedModel:
@@ -290,17 +288,15 @@ def simulated_model(model: ReducedModel, stressed: bool) -> ReducedModel:
 
     If the model is `stressed` by terms that vary in time, modes without inertia are added too.
     """
-    has_cylinder = model.carriers is not None and model.carriers.answers is not None  # its modes take new tables
-    return with_cylinder_modes(with_quasi_static_modes(model, tabulated=not has_cylinder) if stressed else model)
+    return with_cylinder_modes(with_quasi_static_modes(model) if stressed else model)
 
 
-def with_quasi_static_modes(model: ReducedModel, count: int = QUASI_STATIC, tabulated: bool = True) -> ReducedModel:
+def with_quasi_static_modes(model: ReducedModel, count: int = QUASI_STATIC) -> ReducedModel:
     """Return the model with up to `count` of its first enrichment modes as last coordinates, marked as without inertia.
 
-    Unless it is to be `tabulated`, its tables still have to be computed (`pmr.system.truncation.with_tables`).  A model
-    without enrichment modes, or without residual flexibility, is returned unchanged.
+    A model without enrichment modes, or without residual flexibility, is returned unchanged.
     """
     if model.enrichment is None or model.flexibility is None:
         return model
-    with_modes = extend(model, min(count, model.enrichment.count), tabulated)
+    with_modes = extend(model, min(count, model.enrichment.count))
     return replace(with_modes, quasi_static=np.arange(model.size, with_modes.size))

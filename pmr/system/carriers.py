@@ -34,7 +34,7 @@ import scipy.sparse as sp
 from scipy.interpolate import PPoly
 
 from pmr.files.arrays import Array, Indices
-from pmr.system.polynomials import apply_table, join_columns, select_columns, select_rows, transpose
+from pmr.system.polynomials import apply_table, select_columns, select_rows, transpose
 from pmr.system.rows import Row, RowPolynomials
 from pmr.system.soundness import symmetric_part
 
@@ -62,24 +62,14 @@ class Flexibility:
 
         The path coordinates are s (T,) in m, the `multipliers` lambda (T, m) in N and the `loads` f (T, i).
         """
-        return apply_table(self._inputs_and_rows, s, np.hstack([loads, -multipliers]))
+        return apply_table(self.inputs, s, loads) - apply_table(self.rows, s, multipliers)
 
     def input_motion(self, s: Array, multipliers: Array, loads: Array) -> Array:
         """Motion B^T R (B f - C(s)^T lambda) (T, i) in m of the residual part at the inputs, at T times.
 
         The path coordinates are s (T,) in m, the `multipliers` lambda (T, m) in N and the `loads` f (T, i).
         """
-        return np.asarray(loads @ self.energy - apply_table(self._inputs_transposed, s, multipliers))
-
-    @cached_property
-    def _inputs_transposed(self) -> PPoly:
-        """H(s)^T, values (i, m)."""
-        return transpose(self.inputs)
-
-    @cached_property
-    def _inputs_and_rows(self) -> PPoly:
-        """H(s) and G(s) side by side, values (m, i + m)."""
-        return join_columns(self.inputs, self.rows)
+        return np.asarray(loads @ self.energy - apply_table(transpose(self.inputs), s, multipliers))
 
 
 @dataclass(frozen=True)

@@ -56,10 +56,8 @@ def truncate(model: ReducedModel, r: int) -> ReducedModel:
     )
 
 
-def extend(model: ReducedModel, count: int | None = None, tabulated: bool = True) -> ReducedModel:
+def extend(model: ReducedModel, count: int | None = None) -> ReducedModel:
     """Return the model with its first `count` enrichment modes (None: all) as last coordinates; it undoes `truncate`.
-
-    Unless the result is to be `tabulated`, its tables still have to be computed by `with_tables`.
 
     A ValueError is raised if the model has fewer enrichment modes or none at all, or if `count` is less than 1.
     """
@@ -82,7 +80,7 @@ def extend(model: ReducedModel, count: int | None = None, tabulated: bool = True
         enrichment=_select_modes(model.enrichment, slice(count, None)) if count < available else None,
         carriers=model.carriers.extend(back),
     )
-    return with_tables(longer) if tabulated else longer
+    return with_tables(longer)
 
 
 def with_tables(model: ReducedModel) -> ReducedModel:
