@@ -41,8 +41,7 @@ def system(*changes: str) -> System:
 @cache
 def mass(*changes: str) -> float:
     """Mass in kg of what slides."""
-    of = FreeBase(scene(*changes), system(*changes)).boom.sections[1]
-    return float(of.mass)
+    return float(FreeBase(scene(*changes), system(*changes)).boom.masses[1])
 
 
 def simulated(*changes: str) -> SimpleNamespace:

@@ -38,8 +38,8 @@ def kinetic(
     """Kinetic energy in J, without q'^T M q' / 2 of the motion relative to the boom's axes."""
     at, omega = BoomState(of.boom, motion, extended, q, rate, moments), motion.omega
     along = sum(
-        section.mass * X**2 / 2.0 + X * rates[0, 0]
-        for section, X, rates in zip(of.boom.sections, at.X_rate, at.mu_rate, strict=True)
+        mass * X**2 / 2.0 + X * rates[0, 0]
+        for mass, X, rates in zip(of.boom.masses, at.X_rate, at.mu_rate, strict=True)
     )
     linear = of.boom.mass * v / 2.0 + np.cross(omega, at.s) + at.s_rate
     return float(v @ linear + omega @ (at.inertia @ omega / 2.0 + at.h) + along)

@@ -7,7 +7,7 @@ coordinates, i inputs.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -57,16 +57,6 @@ class FrameMotion:
 
 
 @dataclass(frozen=True)
-class SectionInertia:
-    """Rigid-body properties of a section."""
-
-    mass: float  # kg
-    first: Array  # (3,) kg m: integral of rho r, with the position r from the tail
-    inertia: Array  # (3, 3) kg m^2: moment of inertia about the tail
-    loads: Array  # (6, i): forces, and moments about the tail, by all i inputs
-
-
-@dataclass(frozen=True)
 class Shortening:
     """Part f q^T G q / 2 of a section's first moment along x that is quadratic in q: the boom is shorter as it bends.
 
@@ -104,7 +94,10 @@ class Boom:
     """Properties of a boom that do not change."""
 
     place: Array  # p (3,) m: position of the base section's tail from the pivot
-    sections: list[SectionInertia]
+    masses: Array  # (S,) kg
+    first: Array  # (S, 3) kg m: int rho r over each section, with the position r from its tail
+    inertia: Array  # (S, 3, 3) kg m^2: moment of inertia of each section about its tail
+    loads: Array  # (S, 6, i): forces on each section, and moments about its tail, by all i inputs
     moments: Moments  # first moments by the coordinates
     shortened: list[Shortening]
     rotating: Array  # T_k (3, n, n) of `pmr.simulation.free_base`
@@ -115,30 +108,10 @@ class Boom:
         """Number n of coordinates."""
         return int(self.rotating.shape[1])
 
-    @cached_property
-    def masses(self) -> Array:
-        """Masses (S,) in kg of the sections."""
-        return np.array([section.mass for section in self.sections])
-
-    @cached_property
-    def first(self) -> Array:
-        """First moments (S, 3) in kg m of the sections, each from its tail."""
-        return np.array([section.first for section in self.sections])
-
-    @cached_property
-    def inertia(self) -> Array:
-        """Sum (3, 3) in kg m^2 of the sections' moments of inertia, each about its own tail."""
-        return np.sum([section.inertia for section in self.sections], axis=0)
-
-    @cached_property
-    def loads(self) -> Array:
-        """Forces and moments (S, 6, i) of all inputs on each section, about its tail."""
-        return np.array([section.loads for section in self.sections])
-
-    @cached_property
+    @property
     def mass(self) -> float:
         """Mass of the whole boom in kg."""
-        return float(sum(section.mass for section in self.sections))
+        return float(self.masses.sum())
 
 
 class BoomState:
@@ -150,7 +123,7 @@ class BoomState:
         self.of, self.omega, self.weight, self.extended, self.q, self.rate = (
             of, motion.omega, motion.weight, extended, q, rate,
         )  # fmt: skip
-        e, S, P = _E[0], len(of.sections), len(extended.value)
+        e, S, P = _E[0], len(of.masses), len(extended.value)
         self.X, self.X_rate = (np.cumsum(values[:S]) for values in (extended.value, extended.rate))
         self.beyond = _moving_sections(S, P)
         self.d = of.place + np.outer(self.X, e)
@@ -200,7 +173,7 @@ class BoomState:
         self.Nq = of.carried @ self.q
         A += self.Nq @ self.q / 2.0
         A_rate += self.Nq @ self.rate
-        inertia = _inertia_of_second_moments(A + A.T) + of.inertia
+        inertia = _inertia_of_second_moments(A + A.T) + of.inertia.sum(axis=0)
         return np.array([inertia, _inertia_of_second_moments(A_rate + A_rate.T)])
 
     def mass(self) -> Array:

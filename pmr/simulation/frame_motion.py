@@ -26,7 +26,7 @@ from pmr.files.arrays import Array
 from pmr.kernel.further import Product, Products, Quantity
 from pmr.scene import Scene
 from pmr.scene.cylinder import Oil
-from pmr.scene.frame import DIRECTIONS, BaseMotion, boom_rotation
+from pmr.scene.frame import DIRECTIONS, BaseMotion
 from pmr.scene.signals import SignalBase
 from pmr.scene.signals.base import Floats, Interval, Strand
 
@@ -102,7 +102,7 @@ class Acceleration(Derived):
 
 
 #: An angle in rad, its rate and its second rate, (T,) each.
-Angle = tuple[Array, Array, Array]
+Angle = Sequence[Array]
 
 
 @dataclass(frozen=True)
@@ -134,46 +134,32 @@ class FrameRotation:
 
         An empty `rocking` stands for a base that does not turn.
         """
-        turning = cls._on_fixed_base(luffing, slewing)
-        if not rocking:
-            return turning
-        base = cls.from_rocking(rocking)
-        velocity, acceleration = (
-            np.einsum("tji,tj->ti", turning.rotation, vectors) for vectors in (base.velocity, base.acceleration)
-        )
-        return cls(
-            velocity + turning.velocity,
-            acceleration + np.cross(velocity, turning.velocity) + turning.acceleration,
-            base.rotation @ turning.rotation,
-        )
+        turning = cls.about_axis(2, slewing).carry(cls.about_axis(1, tuple(-part for part in luffing)))
+        return cls.from_rocking(rocking).carry(turning) if rocking else turning
 
     @classmethod
     def from_rocking(cls, rocking: Sequence[Angle]) -> FrameRotation:
         """Rotation :math:`R_Z(c) R_Y(b) R_X(a)` of a base by `rocking` = (roll a, pitch b, yaw c), in its own axes."""
-        (a, a1, a2), (b, b1, b2), (c, c1, c2) = rocking
-        (ca, sa), (cb, sb) = ((np.cos(angle), np.sin(angle)) for angle in (a, b))
-        velocity = np.stack([a1 - c1 * sb, b1 * ca + c1 * sa * cb, c1 * ca * cb - b1 * sa], axis=-1)
-        acceleration = np.stack(
-            [
-                a2 - c2 * sb - c1 * b1 * cb,
-                b2 * ca - b1 * a1 * sa + c2 * sa * cb + c1 * a1 * ca * cb - c1 * b1 * sa * sb,
-                c2 * ca * cb - c1 * a1 * sa * cb - c1 * b1 * ca * sb - b2 * sa - b1 * a1 * ca,
-            ],
-            axis=-1,
-        )
-        ones, none = np.ones_like(a), np.zeros_like(a)
-        roll = np.moveaxis(np.array([[ones, none, none], [none, ca, -sa], [none, sa, ca]]), -1, 0)
-        return cls(velocity, acceleration, boom_rotation(-b, c) @ roll)
+        roll, pitch, yaw = (cls.about_axis(axis, angle) for axis, angle in enumerate(rocking))
+        return yaw.carry(pitch).carry(roll)
 
     @classmethod
-    def _on_fixed_base(cls, luffing: Angle, slewing: Angle) -> FrameRotation:
-        """Rotation by luffing and slewing alone, on a base that does not turn."""
-        (phi, rise, second), (psi, turn, faster) = luffing, slewing
-        sine, cosine = np.sin(phi), np.cos(phi)
-        return cls(
-            np.stack([turn * sine, -rise, turn * cosine], axis=-1),
-            np.stack([faster * sine + turn * rise * cosine, -second, faster * cosine - turn * rise * sine], axis=-1),
-            boom_rotation(phi, psi),
+    def about_axis(cls, axis: int, angle: Angle) -> FrameRotation:
+        """Rotation about an axis, numbered from 0, by an angle (T,) in rad with its rates."""
+        value, rate, second = (np.asarray(part)[:, None] for part in angle)
+        e = np.eye(3)[axis]
+        along, sine, cosine = np.outer(e, e), np.sin(value)[..., None], np.cos(value)[..., None]
+        return cls(rate * e, second * e, along + cosine * (np.eye(3) - along) + sine * skew(e))
+
+    def carry(self, inner: FrameRotation) -> FrameRotation:
+        """Rotation of a frame that turns by `inner` on one that turns by this rotation."""
+        velocity, acceleration = (
+            np.einsum("tji,tj->ti", inner.rotation, vectors) for vectors in (self.velocity, self.acceleration)
+        )
+        return FrameRotation(
+            velocity + inner.velocity,
+            acceleration + np.cross(velocity, inner.velocity) + inner.acceleration,
+            self.rotation @ inner.rotation,
         )
 
     @property

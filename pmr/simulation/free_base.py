@@ -60,7 +60,6 @@ from pmr.simulation.floating import (
     Extensions,
     FrameMotion,
     Moments,
-    SectionInertia,
     Shortening,
 )
 from pmr.simulation.frame_motion import skew
@@ -92,6 +91,7 @@ class FreeBase:
             raise InputError("scene", "frame", None, allowed)
         n = assembly.size
         sections = [_rigid_section(scene, k, system.reduced[name], assembly) for k, name in enumerate(scene.names)]
+        rigid = {of: np.array([section[of] for section in sections]) for of in ("masses", "first", "inertia", "loads")}
         #: column of the inertia input by (section, 0 to 3 for the moment over 1, x, y, z, 0 to 2 for the axis along it)
         self.fields = {
             (k, " xyz".index(over or " "), "xyz".index(along)): column
@@ -120,7 +120,8 @@ class FreeBase:
         #: names of paths that move no section, such as a slider's
         self.aside = tuple(name for name in system.paths if name not in (*scene.names, LUFFING))
         moments = Moments(B, np.zeros((*B.shape, len(sections) + len(self.aside))), 0.0 * B)
-        self.boom = Boom(np.array(scene.frame.tail_position), sections, moments, shortened, rotating, carried)
+        place = np.array(scene.frame.tail_position)
+        self.boom = Boom(place, **rigid, moments=moments, shortened=shortened, rotating=rotating, carried=carried)
 
     def moments(self, B: Array) -> Array:
         """Moments beta (..., S, 4, 3, n) from the matrix B (..., n, i) of inputs on coordinates.
@@ -178,7 +179,7 @@ class FreeBase:
         The force is zero for a path that moves no section.
         """
         forces = np.zeros(self.boom.moments.slope.shape[-1])
-        forces[: self._count] = np.cumsum([(section.loads @ f)[0] for section in self.boom.sections[::-1]])[::-1]
+        forces[: self._count] = np.cumsum((self.boom.loads @ f)[::-1, 0])[::-1]
         return forces
 
     def base_equations(
@@ -200,8 +201,8 @@ def _inertia_inputs(body: ReducedModel, first: int) -> Iterator[tuple[str, str, 
             yield field[0], field[1:], number
 
 
-def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Assembly) -> SectionInertia:
-    """Return mass, first moment and inertia about the tail of a section, and the forces and moments of its inputs.
+def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Assembly) -> dict[str, Array | float]:
+    """Return the properties of one section, fields of `Boom`: mass, first moment, inertia, loads of its inputs.
 
     Mass properties follow from the work of the section's inertia loads on its six rigid motions; the columns of these
     inputs in `loads` are zero.  Raises InputError for planar sections, and if the work on rigid motions is not known.
@@ -225,7 +226,7 @@ def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Asse
     gram = W @ S.T
     first, inertia = gram[3:, :3], gram[3:, 3:]
     first = np.array([first[2, 1] - first[1, 2], first[0, 2] - first[2, 0], first[1, 0] - first[0, 1]]) / 2.0
-    return SectionInertia(float(gram[0, 0]), first, (inertia + inertia.T) / 2.0, loads)
+    return {"masses": gram[0, 0], "first": first, "inertia": (inertia + inertia.T) / 2.0, "loads": loads}
 
 
 @dataclass(frozen=True)

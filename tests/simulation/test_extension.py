@@ -107,7 +107,7 @@ def test_a_section_that_follows_moves_with_the_free_one(tmp_path: Path) -> None:
     three = pmr.load_scene(file, [*RIGID, free("damping=400.0"), "time.end=0.2", "time.step=5e-4", "time.rho_inf=0.9"])
     boom = pmr.reduce(three).system
     response = pmr.simulate(three, boom)
-    _, first, second = (section.mass for section in FreeBase(three, boom).boom.sections)
+    _, first, second = FreeBase(three, boom).boom.masses
     m, weight, c = first + 1.5**2 * second, (first + 1.5 * second) * G * SLOPE, 400.0
     exact = 0.6 - weight / c * response.t + m * weight / c**2 * (1.0 - np.exp(-c * response.t / m))
     assert np.abs(response.other("extension of fly") - exact).max() < 1e-6 * np.ptp(exact)
@@ -119,7 +119,7 @@ def test_a_boom_that_slews_throws_its_section_out() -> None:
     spins = (*spins, "frame.slewing={kind='ramp', times=[0.0, 10.0], values=[0.0, 20.0]}")
     run = simulated(*spins, free("", start=0.4), "time.end=0.4", "time.step=1e-3", "time.rho_inf=0.9")
     boom = FreeBase(run.written, run.system).boom
-    centre = boom.place[0] + boom.sections[1].first[0] / run.mass
+    centre = boom.place[0] + boom.first[1, 0] / run.mass
     exact = (0.4 + centre) * np.cosh(2.0 * run.t) - centre
     assert np.abs(run.s[0] - exact).max() < 1e-6 * np.ptp(exact)
 

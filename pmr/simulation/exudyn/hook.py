@@ -155,8 +155,9 @@ class _Joint:
         if unknown := [name for name in loads if name not in names]:
             raise InputError("system", "loads", ", ".join(unknown), f"{', '.join(names)} are allowed")
         self._base, self._inputs, self._on = base, items.inputs, [names.index(name) for name in loads]
-        owner = next(k for k, section in enumerate(base.boom.boom.sections) if section.loads[:, self._on].any())
-        work = base.boom.boom.sections[owner].loads[:, self._on]
+        of_sections = base.boom.boom.loads[:, :, self._on]
+        owner = next(k for k, work in enumerate(of_sections) if work.any())
+        work = of_sections[owner]
         turned = work[3:]  # r x e_j
         self._r, self._section = np.array([turned[2, 1], turned[0, 2], turned[1, 0]]), owner
         expected = skew(self._r)

@@ -58,7 +58,7 @@ def machine_of(
     ChangingRows(assembly, tuple(paths))  # refuses rows that are not on carriers
     boom, t = free_base.boom, excitation.times
     assert scene.frame is not None and scene.frame.machine is not None  # of a scene with a machine
-    machine, count = scene.frame.machine, len(boom.sections)
+    machine, count = scene.frame.machine, len(boom.masses)
     columns = np.full((count, 4, 3), -1, np.int32)
     for at, column in free_base.fields.items():
         columns[at] = column
@@ -79,7 +79,7 @@ def machine_of(
         "damping": [getattr(machine.damping, direction) for direction in DIRECTIONS],
         "boom_mass": boom.mass,
         "place": boom.place,
-        "section_inertia": boom.inertia,
+        "section_inertia": boom.inertia.sum(axis=0),
         "section_paths": [frame.paths.index(name) if name in frame.paths else -1 for name in scene.names],
         "masses": boom.masses,
         "first_moments": boom.first,
