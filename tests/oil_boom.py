@@ -64,7 +64,7 @@ def rigid(*changes: str) -> SimpleNamespace:
     scene = free_boom.scene(*changes)
     boom = FreeBase(scene, free_boom.system(*changes)).boom
     out = np.cumsum([0.0, float(scene.extension(1).value(np.zeros(1))[0])])
-    I = boom.inertia  # noqa: E741
+    I = boom.inertia.sum(axis=0)  # noqa: E741
     J, sx, sz = I[1, 1], 0.0, 0.0
     second = (
         np.array([I[1, 1] + I[2, 2] - I[0, 0], I[0, 0] + I[1, 1] - I[2, 2], *(-2.0 * I[0, [2, 1]]), -2.0 * I[1, 2]])
