@@ -115,7 +115,7 @@ def chart(
             limits.append(unit.model_copy(update={key: value}))
     asked = scene_arguments(hooked) | common | {"gravity": G, "rows": [0, 1]}
     asked["limits"] = [one.model_dump(mode="json") for one in limits]
-    cases = [{"weight": 1.0, "load": 1.0, "loads": {"wind": wind}}]
+    cases = [{"weight": 1.0, "machine": 1.0, "load": 1.0, "loads": {"wind": wind}}]
     found = allow_row(asked | {"cases": cases, "left": []}, {"postures": made}).arrays
     load = found["load"][0][: len(limits)]
     if not error:
