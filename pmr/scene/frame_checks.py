@@ -86,8 +86,15 @@ def check_exclusions(scene: Scene) -> None:
             raise scene_error(key, value, f"none is allowed beside {other}: {why}")
 
 
-def check_machine(frame: Frame, machine: Machine) -> None:
-    """Refuse a machine that is free in a direction in which its base moves, without a spring between both."""
+def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
+    """Refuse a machine that is free in a direction in which its base moves, without a spring between both.
+
+    Where the scene starts in equilibrium, the start of a direction with a spring follows from it: it is refused.
+    """
+    for direction, value in machine.start.nonzero.items() if scene.start == "equilibrium" else ():
+        if getattr(machine.stiffness, direction):
+            allowed = f"start = 'rest' is needed with it: in equilibrium {direction} begins where its spring holds it"
+            raise scene_error(f"frame.machine.start.{direction}", value, allowed)
     motions = {} if frame.base is None else frame.base.motions
     for direction in machine.free:
         if direction in motions and not machine.is_sprung(direction):
@@ -159,7 +166,7 @@ def check_frame(scene: Scene) -> None:
         _check_smooth(scene, key, "an angle", angle)
     check_luffing(scene, frame)
     if frame.machine is not None:
-        check_machine(frame, frame.machine)
+        check_machine(scene, frame, frame.machine)
         _check_computed(scene, frame, "frame.machine")
     elif frame.computed_key is not None:
         _check_computed(scene, frame, FREE)

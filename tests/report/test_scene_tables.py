@@ -38,13 +38,13 @@ def test_angles_are_in_degrees_and_rotations_have_their_units() -> None:
     assert rows("crane", title=settings)["frame luffing"].endswith("values (10, 60)°, degree 5")
     radians = rows("crane", "frame.unit=rad", "frame.luffing=0.7", "frame.slewing=0.3", title=settings)
     assert radians["frame luffing"].endswith("amount 40.10705°")
-    machine = "{mass=12e3,free=['z','ry'],stiffness={z=4e6,ry=9e6},damping={},start={ry=2.0},rate={z=1.5}}"
+    machine = "{mass=12e3,free=['z','ry','rz'],stiffness={z=4e6,ry=9e6},damping={},start={rz=2.0},rate={z=1.5}}"
     changes = (f"frame.machine={machine}", "frame.second_order=false")
     shown = rows(plain_machines.CRANE, *changes, title=settings)["frame machine"]
     support = "{name='spring',on=1.0,directions=['ry'],stiffness=2e6}"
     held = rows("boom_beam", f"supports=[{support}]")["support spring"]
     assert held == f"on 1{SPACE}m, directions ry, stiffness 2{SPACE}MN{SPACE}m/rad"
-    for text in ("mass 12\u202f000\u00a0kg", "z 4\u00a0kN/mm", "ry 9\u00a0MN\u00a0m/rad", "ry 2°", "z 1.5\u00a0m/s"):
+    for text in ("mass 12\u202f000\u00a0kg", "z 4\u00a0kN/mm", "ry 9\u00a0MN\u00a0m/rad", "rz 2°", "z 1.5\u00a0m/s"):
         assert text in shown
 
 

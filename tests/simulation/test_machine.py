@@ -253,6 +253,9 @@ REFUSED = {
     "frame.machine.mass=-1.0": "frame.machine.mass = -1.0: ",
     "frame.base.x={kind='constant', amount=1.0}; frame.machine.free=['x']": "frame.base.x: a spring or a damper in x",
     "frame.base.acceleration.x={kind='constant', amount=1.0}": "frame.base.acceleration: none is allowed beside",
+    "start='equilibrium'; frame.machine.free=['rx']; frame.machine.stiffness.rx=1e6; frame.machine.start.rx=1.0": (
+        "frame.machine.start.rx = 1.0: start = 'rest' is needed with it"
+    ),
     "frame.second_order='auto'": "frame.second_order = 'auto': true or false is allowed beside frame.machine",
     free_boom.PUSHING[0]: "sections[1].joint.tail[0].unilateral = True: false is allowed beside frame.machine",
     "simulation.simulators=['exudyn']; frame.machine.free=['x']": "exudyn computes no motion that is free (x)",
