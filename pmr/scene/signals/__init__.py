@@ -28,22 +28,6 @@ from pmr.scene.signals.base import Array, Chirp, Constant, Floats, Interval, Sec
 CLOSEST = 1e-12
 
 
-class _Curve:
-    """A piecewise polynomial through knots with two derivatives, constant before the first and after the last knot.
-
-    It is made once for a signal, as a simulator may evaluate it step by step.  Two curves are equal only if they are
-    the same object, so that two equal signals stay equal once one of them has been evaluated.
-    """
-
-    def __init__(self, coefficients: Array, times: Floats, values: Floats) -> None:
-        """Make a curve of `coefficients` (p, knots - 1), highest power first, of the time since each knot."""
-        held = np.zeros((len(coefficients), 2))
-        held[-1] = values[0], values[-1]
-        c = np.column_stack([held[:, 0], coefficients, held[:, 1]])
-        curve = PPoly(c, np.array([times[0] - 1.0, *times, times[-1] + 1.0]))
-        self.derivatives = curve, curve.derivative(), curve.derivative(2)
-
-
 class _Knots(SignalBase):
     """Values at increasing times, constant before the first and after the last; straight lines in between."""
 
@@ -75,21 +59,29 @@ class _Knots(SignalBase):
         return np.diff([self.times, self.values])
 
     def _coefficients(self) -> Array:
-        """Return the coefficients of the polynomials between knots, in the order of `_Curve`."""
+        """Return the coefficients of the polynomials (p, k) between knots, highest power first."""
         duration, rise = self._rises
         return np.array([rise / duration, self.values[:-1]])
 
     @cached_property
-    def _curve(self) -> _Curve:
-        """Curve through the knots with its derivatives."""
-        return _Curve(self._coefficients(), self.times, self.values)
+    def _curves(self) -> tuple[PPoly, ...]:
+        """Piecewise polynomial through the knots, and its two derivatives; made once, as it may be called step by step.
+
+        It is constant before the first and after the last knot.
+        """
+        between = self._coefficients()
+        held = np.zeros((len(between), 2))
+        held[-1] = self.values[0], self.values[-1]
+        coefficients = np.column_stack([held[:, 0], between, held[:, 1]])
+        curve = PPoly(coefficients, np.array([self.times[0] - 1.0, *self.times, self.times[-1] + 1.0]))
+        return curve, curve.derivative(), curve.derivative(2)
 
     def value(self, t: ArrayLike) -> Array:
-        return self._curve.derivatives[0](t)
+        return self._curves[0](t)
 
     @property
     def strands(self) -> tuple[Strand, ...]:
-        curve = self._curve.derivatives[0]
+        curve = self._curves[0]
         return (Strand(curve.x[:-1], curve.c.T),)
 
     def bounds(self, start: float, end: float) -> Interval:
@@ -99,10 +91,10 @@ class _Knots(SignalBase):
         return Interval(float(min(values)), float(max(values)))
 
     def rate(self, t: ArrayLike) -> Array:
-        return self._curve.derivatives[1](t)
+        return self._curves[1](t)
 
     def second_rate(self, t: ArrayLike) -> Array:
-        return self._curve.derivatives[2](t)
+        return self._curves[2](t)
 
 
 class Ramp(_Knots):
@@ -127,7 +119,7 @@ class SmoothRamp(_Knots):
     )
 
     def _coefficients(self) -> Array:
-        """Return the coefficients of the transitions between knots, in the order of `_Curve`."""
+        """Return the coefficients of the transitions between knots."""
         duration, rise = self._rises
         transition = np.array(TRANSITIONS[self.degree])
         coefficients = transition[:, None] * rise / duration ** np.arange(len(transition) - 1, -1, -1)[:, None]
@@ -194,7 +186,7 @@ class Table(_Knots):
         return self.interpolation == "linear" or len(self.times) == 2
 
     def _coefficients(self) -> Array:
-        """Return the coefficients of Akima's curve or of straight lines between knots, in the order of `_Curve`."""
+        """Return the coefficients of Akima's curve or of straight lines between knots."""
         if self._is_straight:
             return super()._coefficients()
         return np.asarray(Akima1DInterpolator(self.times, self.values).c)
@@ -203,7 +195,7 @@ class Table(_Knots):
         low, high = super().bounds(start, end)
         if self._is_straight:
             return Interval(low, high)
-        turns = self._curve.derivatives[1].roots(extrapolate=False)
+        turns = self._curves[1].roots(extrapolate=False)
         values = self.value(turns[np.isfinite(turns) & (turns >= start) & (turns <= end)])
         return Interval(float(min(low, values.min(initial=low))), float(max(high, values.max(initial=high))))
 

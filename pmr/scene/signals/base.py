@@ -120,7 +120,17 @@ class SignalBase(BaseModel):
         return Interval(float(values.min()), float(values.max()))
 
 
-class Constant(SignalBase):
+class _Still(SignalBase):
+    """Signal whose rate is zero at all times."""
+
+    def rate(self, t: ArrayLike) -> Array:
+        return np.zeros(np.shape(t))
+
+    def second_rate(self, t: ArrayLike) -> Array:
+        return np.zeros(np.shape(t))
+
+
+class Constant(_Still):
     """Signal with the same value at all times."""
 
     kind: Literal["constant"] = Field(default="constant", description="One value")
@@ -133,14 +143,8 @@ class Constant(SignalBase):
     def strands(self) -> tuple[Strand, ...]:
         return (Strand(np.zeros(1), np.array([[self.amount]])),)
 
-    def rate(self, t: ArrayLike) -> Array:
-        return np.zeros(np.shape(t))
 
-    def second_rate(self, t: ArrayLike) -> Array:
-        return np.zeros(np.shape(t))
-
-
-class Step(SignalBase):
+class Step(_Still):
     """Signal with the value ``before`` until ``time`` (exclusive) and ``after`` from then on."""
 
     kind: Literal["step"] = Field(default="step", description="A step")
@@ -154,12 +158,6 @@ class Step(SignalBase):
     @property
     def strands(self) -> tuple[Strand, ...]:
         return (Strand(np.array([self.time - 1.0, self.time]), np.array([[self.before], [self.after]])),)
-
-    def rate(self, t: ArrayLike) -> Array:
-        return np.zeros(np.shape(t))
-
-    def second_rate(self, t: ArrayLike) -> Array:
-        return np.zeros(np.shape(t))
 
     @property
     def breaks(self) -> Floats:
