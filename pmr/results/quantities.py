@@ -106,6 +106,11 @@ class Columns:
         """
         return {name.removeprefix(PIVOT): k for k, name in enumerate(self.names) if name.startswith(PIVOT)}
 
+    def support_columns(self) -> list[int]:
+        """Return the numbers of the columns of supports, of their forces and moments, without those on the machine."""
+        on_machine = (PIVOT, reaction_name(f"{AT_GROUND} "))
+        return [k for k in self.numbers_of_kind("support", "reaction") if not self.names[k].startswith(on_machine)]
+
     def stress_columns(self) -> dict[str, dict[str, int]]:
         """Return the numbers of the columns of stress at probes: for each probe a mapping by the stress component."""
         by_probe = dict[str, dict[str, int]]()
@@ -243,9 +248,7 @@ def columns_by_support(columns: Columns, looks_at: Callable[[str], bool]) -> dic
 
     `looks_at` says whether a support is chosen; columns at the pivot and on the ground are never chosen.
     """
-    numbers = columns.numbers_of_kind("support", "reaction")
-    numbers = [k for k in numbers if not columns.names[k].startswith((PIVOT, reaction_name(f"{AT_GROUND} ")))]
-    chosen = [k for k in numbers if any(looks_at(name) for name in support_names(columns, k))]
+    chosen = [k for k in columns.support_columns() if any(looks_at(name) for name in support_names(columns, k))]
     groups = dict[str, list[int]]()
     for k in [k for k in chosen if columns.units[k] == "N"] or chosen:
         groups.setdefault(DIRECTION.sub("", support_names(columns, k)[1]), []).append(k)

@@ -17,10 +17,15 @@ import numpy as np
 from pmr.errors import InputError, environment
 from pmr.errors.text import similar_name_hint
 from pmr.files.arrays import Array
+from pmr.results.quantities import support_names
 from pmr.scene import Scene
+from pmr.scene.built import force_name, reaction_name
+from pmr.scene.choice import motion_directions, transverse_axes
 from pmr.scene.frame import boom_rotation
 from pmr.scene.ground import MachineMass
 from pmr.scene.keys import qualified_name
+from pmr.scene.mechanism import AT_PIVOT
+from pmr.scene.members import members
 from pmr.simulation.statics.loaded import LoadedStates
 from pmr.simulation.statics.postures import HOOK, MACHINE_WEIGHT, PostureMatrices
 from pmr.system.from_scene import force_names
@@ -134,8 +139,8 @@ class AtRest:
     load: float  # kg
     luffing: float  # rad
     slewing: float  # rad
-    outputs: Mapping[str, float]  # m or Pa by name: the tip along the boom's axes, stresses at probes
-    forces: Mapping[str, float]  # N or N m of pads and cylinders by name, positive where they push
+    outputs: Mapping[str, float]  # by name: the tip along the boom's axes, probes, forces of supports and at the pivot
+    forces: Mapping[str, float]  # N or N m of pads and cylinders, positive where they push, and of supports, by name
 
 
 LimitFunction = Callable[[AtRest], float]
@@ -171,12 +176,34 @@ def expression_function(text: str) -> LimitFunction:
     return evaluate
 
 
+def names_in_tables(scene: Scene) -> dict[str, list[str]]:
+    """Return the names in the tables ``output`` and ``force`` of a user's limit on a scene, without a model.
+
+    Names of probes lack what they measure, which follows them after a space.
+    """
+    outputs, supports = list[str](), list[str]()
+    for (body, part), member in zip(scene.bodies.items(), members(scene), strict=True):
+        if member.number == len(scene.sections) - 1:
+            outputs += [qualified_name(body, part.observe.tip_along(axis)) for axis in transverse_axes(member)]
+        if part.observe.rotation:
+            outputs.append(qualified_name(body, part.observe.tip_along("ry")))
+        outputs += [qualified_name(body, probe.name) for probe in part.probes]
+        for support in part.supports:
+            rows = [support.row_name(d) for d in support.held_directions if d in motion_directions(member)]
+            if support.stiffness == "rigid":
+                supports += [reaction_name(qualified_name(body, row)) for row in rows]
+            else:
+                supports += [qualified_name(body, force_name(row)) for row in rows]
+    if scene.frame is not None:
+        at_pivot = [*motion_directions(members(scene)[0]), *(["cylinder"] if scene.frame.cylinder else [])]
+        outputs += [reaction_name(f"{AT_PIVOT} {axis}") for axis in at_pivot]
+    forces = [name for names in force_names(scene).values() for name in names if name not in supports]
+    return {"output": [*outputs, *supports], "force": forces}
+
+
 def check_names(limit: str, text: str, scene: Scene) -> None:
-    """Raise InputError for a force, tip or probe that the expression `text` of a limit uses and the scene lacks."""
-    forces = [name for names in force_names(scene).values() for name in names]
-    tip = qualified_name(scene.names[-1], scene.sections[-1].observe.tip)
-    probes = [qualified_name(body, probe.name) for body, part in scene.bodies.items() for probe in part.probes]
-    for table, columns in (("force", forces), ("output", [*forces, tip, *probes])):
+    """Raise InputError for a name that the expression `text` of a limit uses and the scene lacks."""
+    for table, columns in names_in_tables(scene).items():
         for name in entry_names(text, table):
             if not any(name == column or (table == "output" and name.startswith(f"{column} ")) for column in columns):
                 allowed = f"{similar_name_hint(name, columns)}{table} has {', '.join(columns)}"
@@ -212,9 +239,14 @@ def amounts_of_states(
 
     def amounts(states: LoadedStates) -> Array:
         """Return the limit function's values (p,) in all states."""
+        supports = [k for k in at.columns.support_columns() if k < len(at.output_names)]
+        of_supports = [support_names(at.columns, k)[1] for k in supports]
         outputs, forces = (
             [dict(zip(names, row, strict=True)) for row in of.tolist()]
-            for names, of in ((at.output_names, states.outputs), (at.force_names, states.forces))
+            for names, of in (
+                (at.output_names, states.outputs),
+                ((*at.force_names, *of_supports), np.hstack([states.forces, states.outputs[:, supports]])),
+            )
         )
         return np.array(list(map(amount, states.load.tolist(), outputs, forces)))
 
