@@ -247,10 +247,8 @@ def error_warnings(
         if shares[worst] <= allowed:
             continue
         name = [*names, STABILITY_WORDS][which[rows[worst]]]
-        beside, is_shell = (
-            (f" beside a {other.label}", other.label.endswith("shell")) if part == "model" else ("", False)
-        )
-        giving = is_shell and any(map(has_walls_that_could_give, members(scene)))
+        beside = f" beside a {other.label}" if part == "model" else ""
+        giving = beside.endswith("shell") and any(map(has_walls_that_could_give, members(scene)))
         better = '; body.walls = "give" adds the compliance of walls under pads' if giving else ""
         yield (
             f"the {part} is off by up to {two_digits(100.0 * shares[worst])} % in the load that {name} allows{beside}, "

@@ -153,7 +153,8 @@ def fmu_contents(
     if observer is not None:
         further = dict(observer.arrays(drivers))
         start_values[-3] = observer.step
-    listed = variables(drivers, start_values, run.nominal, observer and observer.variables)
+    further_variables = None if observer is None else observer.variables
+    listed = variables(drivers, start_values, run.nominal, further_variables)
     paths = [variable.name for variable in listed if variable.within is not None]
     file = system_file(drivers, paths, start_values, run.nominal, 0.0 if observer else run.omega, further)
     files = source_files(version) if sources else {}

@@ -255,7 +255,9 @@ def run_case(arguments: Arguments, needs: Needs) -> TaskResult:
 
     scene, precomputed = shared.scene_of(arguments), None
     if needs:
-        responses = {name: npz.record_from_arrays(Response, needs[name].arrays) for name in scene.compare.against}
+        responses: dict[str, Response] = {}
+        for name in scene.compare.against:
+            responses[name] = npz.record_from_arrays(Response, needs[name].arrays)
         precomputed = Precomputed(responses, needs["frequencies"].arrays["omega"] / (2.0 * np.pi))
     once = scene.with_keys(simulation={"simulators": scene.simulation.simulators[:1]})
     outcome = run(once, measures=user_cache_folder(), shared=precomputed)
