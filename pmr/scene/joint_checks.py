@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 
@@ -286,6 +287,8 @@ def _check_ground_supports(scene: Scene, number: int) -> None:
 def _check_extension(scene: Scene, number: int) -> None:
     """Refuse extensions that bring section `number` behind the next outer one, out of it, or its pads off it.
 
+    Pads of tail and mouth may not overlap on a face either.
+
     A carriage, without pads at a mouth, may go wherever its own pads are on the next outer section (`_check_pads`).
     """
     joint, name, outer = scene.joint(number), scene.names[number], scene.names[number - 1]
@@ -308,10 +311,25 @@ def _check_extension(scene: Scene, number: int) -> None:
             f"{needed:.6g} m from the tail and the mouth; an extension of less than {length - needed:.6g} m is allowed"
         )
         raise scene_error(key, None, allowed)
+    for (i, tail), (k, mouth) in product(enumerate(joint.tail), enumerate(joint.mouth)):
+        most, face = length - tail.at - mouth.at - (tail.length + mouth.length) / 2.0, _common_face(tail, mouth)
+        if face is not None and last > most + slack:
+            both = f"pads of tail[{i}] and mouth[{k}] overlap on the {face} at an extension of {last:.6g} m"
+            raise scene_error(key, None, f"{both}; with the length of these pads at most {most:.6g} m is allowed")
     ends = length - min(ring.at for ring in joint.mouth) - scene.sections[number].length
     if first < ends - slack:
         before = f"at an extension of {first:.6g} m {name} ends before a pad at the mouth of {outer}"
         raise scene_error(key, None, f"{before}; {ends:.6g} m or more is allowed")
+
+
+def _common_face(ring: JointPads, other: JointPads) -> str | None:
+    """Return a face on which pads of both rings are at the same place across, counting their widths; None without."""
+    width = (ring.width + other.width) / 2.0
+    for face, places in (ring.faces or {}).items():
+        others = (other.faces or {}).get(face, ())
+        if any(abs(a - b) < width for a, b in product(places, others)):
+            return str(face)
+    return None
 
 
 def _check_pads(scene: Scene, number: int) -> None:

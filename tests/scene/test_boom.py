@@ -68,6 +68,8 @@ REFUSED = [
     ("sections.base.pads=[{name='p',moving=true,faces={bottom=[0.0]}}]", r"pads\[0\].moving = True: false"),
     ("sections.fly.joint.extension=6.2", r"sections\[2\].joint.extension: it pulls fly out of middle: .* 5\.7 m"),
     ("sections.fly.joint.extension=5.75", r"joint.extension: the overlap of fly and middle gets down to 0\.25 m"),
+    ("sections.fly.joint.extension=5.41", r"tail\[0\] and mouth\[0\] overlap on the bottom at .* 5\.41 m.* 5\.4 m"),
+    ("sections.fly.joint.extension=5.4", ""),
     ("sections.fly.joint.extension=-0.1", r"the tail of fly gets 0\.1 m behind that of middle"),
     ("sections.fly.body.box.length=0.9", r"at an extension of 0\.6 m fly ends before a pad at the mouth of middle"),
     ("sections.fly.joint.overlap=7.0", r"sections\[2\].joint.overlap: the tail of fly gets 1 m behind"),
@@ -108,6 +110,16 @@ def test_what_contradicts_itself_is_refused_with_key_and_numbers(change: str, sa
     with pytest.raises(InputError, match=said) as caught:
         load(change)
     assert "\n" not in str(caught.value)
+
+
+def test_pads_beside_each_other_on_a_face_do_not_overlap() -> None:
+    """Pads of the tail and of the mouth are 0.08 m and 0.04 m wide, their centres 0.061 m or 0.059 m apart."""
+    faces = ["section.body.model=beam3d", "sections.fly.joint.tail.0.faces={bottom=[0.0],top=[0.0]}"]
+    faces += ["sections.fly.joint.mouth.0.width=0.04", "sections.fly.joint.extension=5.5"]
+    beside = "sections.fly.joint.mouth.0.faces={bottom=[-%s,%s],top=[0.08]}"
+    load(*faces, beside % (0.061, 0.061))
+    with pytest.raises(InputError, match="overlap on the bottom"):
+        load(*faces, beside % (0.059, 0.059))
 
 
 def test_a_frequency_response_leaves_no_friction_out() -> None:
