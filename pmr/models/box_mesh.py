@@ -184,15 +184,12 @@ class BoxBoom:
     def __post_init__(self) -> None:
         thinnest, around = THINNEST * self.layer, sum(side.length for side in self.sides)
         allowed = {
-            "length": self.length > 0.0,
             "size": 0.0 < self.size <= self.length,
             "size_along": 0.0 <= self.size_along <= self.length,
             "tail_layer": self.tail_layer == 0.0 or thinnest <= self.tail_layer <= self.layer,
             "frames": bool(np.all(np.diff([0.0, *self.frames, self.length]) >= thinnest))
             and bool(np.all(np.diff(self.stations) >= thinnest)),
-            "frame_depth": not self.frames
-            or self.frame_depth == np.inf
-            or THINNEST * self.size <= self.frame_depth < self._room,
+            "frame_depth": not self.frames or THINNEST * self.size <= self.frame_depth,
         }
         words = {
             "size": "more than 0 and up to the length",
@@ -200,12 +197,11 @@ class BoxBoom:
             "from where a doubler ends,",
             "size_along": "0, or up to the length",
             "tail_layer": "0, or from a ten-thousandth up to all of the other layers",
-            "frame_depth": "more than a ten-thousandth of a cell and less than the corners' radius, or half the width "
-            "if they are sharp",
+            "frame_depth": "more than a ten-thousandth of a cell",
         }
         for key, fits in allowed.items():
             if not fits:
-                raise InputError(DIMENSIONS, key, getattr(self, key), words.get(key, "more than 0") + " is allowed")
+                raise InputError(DIMENSIONS, key, getattr(self, key), words[key] + " is allowed")
         rectangles = max(around / self.size, 8.0) * self.length / self.layer
         if not rectangles <= MOST_RECTANGLES:  # a float, which may be infinite
             allowed_sizes = (
@@ -213,16 +209,6 @@ class BoxBoom:
             )
             finest = "size" if self.size <= self.layer else "size_along"
             raise InputError(DIMENSIONS, finest, getattr(self, finest), allowed_sizes)
-
-    @property
-    def _room(self) -> float:
-        """Greatest depth in m that a frame may have within the section.
-
-        It is the smallest radius of a corner, or half the smaller of width and height if all corners are sharp.
-        """
-        radii = [np.hypot(*np.subtract(side.start, side.centre)) for side in self.sides if side.centre is not None]
-        ends = np.array([side.start for side in self.sides])
-        return float(min(radii, default=np.ptp(ends, axis=0).min() / 2.0))
 
     @property
     def layer(self) -> float:

@@ -256,12 +256,12 @@ def _check_box_variation(member: Member, box: Box) -> None:
         raise scene_error("mesh.grading", member.part.mesh.grading, allowed)
     if box.frames and traits.is_planar:  # also frames from a file that this one extends: their mass would be missing
         raise scene_error("body.model", model, "beam3d and shell are allowed with body.box.frames; [] has none")
-    if box.frames and traits.is_beam:
+    if box.frames:
         _check_frames(box)
 
 
 def _check_frames(box: Box) -> None:
-    """Refuse a beam with frames if these are not in order within the box or do not fit into its profile."""
+    """Refuse frames that are not in order within the box or do not fit into its profile."""
     places = (0.0, *box.frames, box.length)
     if any(b <= a for a, b in pairwise(places)):
         allowed = f"ascending places within 0 and {box.length:g} m are allowed"
