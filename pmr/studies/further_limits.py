@@ -30,7 +30,7 @@ from pmr.simulation.statics.loaded import LoadedStates
 from pmr.simulation.statics.postures import HOOK, MACHINE_WEIGHT, PostureMatrices
 from pmr.system.from_scene import force_names
 
-Amounts = Mapping[str, float | Mapping[str, float]]
+Amounts = Mapping[str, Any]  # numbers by name, and tables of numbers
 Value = Callable[[Amounts], float]
 
 #: Longest expression, in characters, so that expressions are not nested deeper than Python can follow.
@@ -79,11 +79,12 @@ def _compile_node(node: ast.expr, names: tuple[str, ...], tables: tuple[str, ...
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
         constant = _as_float(node.value)
         return lambda at: constant
-    if isinstance(node, ast.Name) and node.id in names:
-        return _reader(node.id)
+    if isinstance(node, ast.Name) and (name := node.id) in names:
+        return lambda at: float(at[name])
     if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name) and node.value.id in tables:
         if isinstance(node.slice, ast.Constant) and isinstance(node.slice.value, str):
-            return _reader(node.value.id, node.slice.value)
+            table, entry = node.value.id, node.slice.value
+            return lambda at: float(at[table][entry])
     elif isinstance(node, (ast.BinOp, ast.UnaryOp)) and type(node.op) in OPERATORS:
         parts = [node.left, node.right] if isinstance(node, ast.BinOp) else [node.operand]
         return _operation(OPERATORS[type(node.op)], [_compile_node(part, names, tables) for part in parts])
@@ -106,17 +107,6 @@ def _as_float(number: float) -> float:
     if not math.isfinite(value):
         raise ValueError("a number in it is too large: up to 1.8e308 is allowed")
     return value
-
-
-def _reader(name: str, entry: str | None = None) -> Value:
-    """Return a function that reads the amount `name` or, if given, the `entry` of the table `name` from amounts."""
-
-    def lookup(at: Amounts) -> float:
-        """Return the amount in the state `at` as a float."""
-        amount: Any = at[name]
-        return float(amount if entry is None else amount[entry])
-
-    return lookup
 
 
 def _operation(function: Callable[..., float], parts: list[Value]) -> Value:
