@@ -182,7 +182,8 @@ def _mass_rows(result: RunResult) -> Rows:
     """Yield a row for each point mass, and a row with the total mass of the bodies with everything attached to them."""
     for name, part in result.scene.bodies.items():
         for mass in part.masses:
-            yield qualified_name(name, mass.name), f"{format_input(mass.mass, 'kg')} on {mass.on}{_offset(part, mass)}"
+            where = f"on {mass.on}" if isinstance(mass.on, str) else f"at {format_input(mass.on, 'm')}"
+            yield qualified_name(name, mass.name), f"{format_input(mass.mass, 'kg')} {where}{_offset(part, mass)}"
     if masses := result.summary.get("masses"):
         attached = ", ".join(mass.name for part in result.scene.bodies.values() for mass in part.masses)
         of = f" with {attached}" if attached else ""

@@ -303,8 +303,8 @@ def _other_model_reasons(member: Member) -> list[str]:
 def _lateral_reasons(member: Member) -> list[str]:
     """Reasons for a beam in space: causes that move the body out of the vertical plane; otherwise an empty list."""
     reasons = lateral_load_reasons(member)
-    lateral_masses = [mass for mass in member.part.masses if mass.at is not None and mass.at[1] != 0.0]
-    reasons += [f"the mass {mass.name} lies beside the vertical plane" for mass in lateral_masses]
+    masses_apart = [mass for mass in member.part.masses if mass.at is not None]
+    reasons += [f"the mass {mass.name} has a place of its own, masses.at" for mass in masses_apart]
     if has_unlike_side_walls(member):
         reasons.append("the walls at left and right differ")
     if any(" " in face for ring in member.pads for face in ring.faces):

@@ -104,6 +104,7 @@ def _probe_remarks(scene: Scene) -> Iterator[str]:
     for number, member in enumerate(members(scene)):
         part = member.part
         jumps = {float(of.on): f"the support {of.name}" for of in part.supports if not isinstance(of.on, str)}
+        jumps |= {float(of.on): f"the mass {of.name}" for of in part.masses if not isinstance(of.on, str)}
         jumps |= {of.at[0]: f"the mass {of.name}" for of in part.masses if of.at is not None}
         jumps |= {of.point[0]: f"the load {of.name}" for of in part.loads if of.point is not None}
         if frame is not None and frame.cylinder is not None and not number:

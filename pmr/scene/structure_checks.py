@@ -14,7 +14,7 @@ import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.scene.box import Box
-from pmr.scene.built import WEIGHT, Face, PadRing
+from pmr.scene.built import ENDS, WEIGHT, Face, PadRing
 from pmr.scene.choice import axis_loads, inertia_fields, model_of, motion_directions, observed_places, traits_of
 from pmr.scene.frame import INERTIA
 from pmr.scene.joints import Joint, OneBody
@@ -111,12 +111,23 @@ def _check_places(member: Member) -> None:
     observe, length = member.part.observe, member.part.body.length
     observed_places(member)  # refuses models whose places are not known
     places = [(f"loads[{i}].on", load.on) for i, load in enumerate(member.part.loads)]
-    places += [(f"supports[{i}].on", support.on) for i, support in enumerate(member.part.supports)]
+    places += [(f"supports[{i}].on", of.on) for i, of in enumerate(member.part.supports) if of.points == "mean"]
+    places += [(f"masses[{i}].on", mass.on) for i, mass in enumerate(member.part.masses)]
     if observe.start is not None and observe.end is not None:
         if observe.end < observe.start:
             raise scene_error("observe.end", observe.end, f"observe.start = {observe.start:g} m or more is allowed")
         places += [("observe.start", observe.start), ("observe.end", observe.end)]
+    for i, mass in enumerate(member.part.masses):
+        if mass.at is not None and traits_of(member).is_planar:
+            allowed = (
+                "none is allowed on a planar beam, whose masses are at `on`, on its axis: a model in space has one"
+            )
+            raise scene_error(f"masses[{i}].at", list(mass.at), allowed)
+        if not isinstance(mass.on, str) and mass.coupling == "rigid":
+            raise scene_error(f"masses[{i}].coupling", "rigid", "'average' is allowed at a place along the body")
     for key, at in places:
+        if traits_of(member).is_beam and isinstance(at, str) and at not in ENDS:
+            raise scene_error(key, at, f"tail, tip or a number from 0 to {length or 0.0:g} m is allowed on a beam")
         if length is not None and not isinstance(at, str) and not -1e-9 * length <= at <= (1.0 + 1e-9) * length:
             raise scene_error(key, at, f"on the body, 0 to {length:g} m, is allowed")
 

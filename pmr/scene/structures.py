@@ -141,14 +141,14 @@ class Plate:
 
 
 class PointMass(SceneTable):
-    """A rigid body attached to a named group, or on a beam to a position along it.
+    """A rigid body attached to a named group, or to the section at a place along the body.
 
     With the `coupling` ``average`` it follows the mean motion of the group, which may deform.  With ``rigid`` the group
     moves with it as a rigid body.
     """
 
     name: Name = Field(description="Name of the mass in messages")
-    on: Name = Field(description="Named group that carries the mass")
+    on: Name | Place = Field(description="A named group, or a place along x in m")
     mass: Annotated[Mass, Usual(0.005, 1e3, "mass")] = Field(description="Mass of the body")
     inertia: PrincipalMoments = Field(
         default=(0.0, 0.0, 0.0), description="Moments of inertia about x, y, z through its own centre"

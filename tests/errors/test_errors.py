@@ -91,8 +91,24 @@ ALL_RIGID = f"pads=[{{name='tail',at=0.15,{RIGID}}},{{name='mouth',moving=true,{
         ),
         ((f"supports=[{CYLINDER},{{on='tail',directions=['x'],points='all'}}]",), "supports.cylinder.directions = 'x'"),
         ((TWICE,), "the rigid rows b hold what others hold already"),
-        (("supports=[{name='a',on='nose'}]",), "tail, tip or a number from 0 to 6 m is allowed"),
-        (("masses=[{name='m',on='nose',mass=1.0}]",), "place = 'nose': tail, tip or a number"),
+        (
+            ("supports=[{name='a',on='nose'}]",),
+            "supports[0].on = 'nose': tail, tip or a number from 0 to 6 m is allowed",
+        ),
+        (("masses=[{name='m',on='2.5',mass=1.0}]",), "masses[0].on = '2.5': tail, tip or a number from 0 to 6 m is"),
+        (("masses=[{name='m',on=6.5,mass=1.0}]",), "masses[0].on = 6.5: on the body, 0 to 6 m, is allowed"),
+        (
+            ("masses=[{name='m',on=2.5,mass=1.0,coupling='rigid'}]",),
+            "masses[0].coupling = 'rigid': 'average' is allowed",
+        ),
+        (
+            (
+                "body.model='beam2d'",
+                "loads=[{name='F',signal=1.0}]",
+                "masses=[{name='m',on='tip',mass=1.0,at=[6.0,0.0,0.4]}]",
+            ),
+            "masses[0].at = [6.0, 0.0, 0.4]: none is allowed on a planar beam, whose masses are at `on`, on its axis",
+        ),
         (("supports=[{on='nose',points='all'}]",), "place = 'nose': tail or tip is allowed"),
     ],
 )

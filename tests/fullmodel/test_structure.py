@@ -12,6 +12,7 @@ from textbook import relative
 
 from pmr import InputError
 from pmr.fullmodel.eigensolvers import DenseEigenSolver, SlepcEigenSolver
+from pmr.fullmodel.from_scene import structure_of
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Action, Clamp, Structure, Weight
 from pmr.models.beam2d import Beam2D
@@ -19,8 +20,9 @@ from pmr.models.beam3d import Beam3D
 from pmr.models.named_mesh import NamedMesh
 from pmr.models.shell import Shell
 from pmr.models.solid import Solid
-from pmr.scene import Damping
+from pmr.scene import Damping, Scene
 from pmr.scene.built import GRAVITY, Profile
+from pmr.scene.members import member_at
 from pmr.scene.structures import Beam3DBody, BeamSection, Material, Plate, PointMass, ShellBody, SolidBody
 
 pytestmark = pytest.mark.mpi
@@ -160,6 +162,23 @@ def test_a_heavy_tip_mass_on_a_beam_swings_as_a_spring_and_a_mass(coupling: str)
     expected = [np.sqrt(3 * E * I / (8.0 * (5e4 + 33 / 140 * rho * 1e-2 * 2.0))) for I in (1e-5, 2e-5)]
     for solver in (DenseEigenSolver, SlepcEigenSolver):
         assert solver(full).lowest(0.0, 2).omega == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("model", ["beam2d", "beam3d"])
+def test_a_mass_of_a_scene_is_at_a_place_along_its_beam(model: str) -> None:
+    """A heavy mass at the distance a, between nodes or at the tip, has omega^2 = 3 EI / (m a^3) in bending."""
+    length, m, lowest = 6.0, 5e7, {}
+    for on in ("tip", length, 2.53):
+        clamp, mass = {"on": "tail", "kind": "clamped"}, {"name": "winch", "on": on, "mass": m}
+        body = {"model": model, "shear": False, "box": {"length": length, "width": 0.3, "height": 0.4, "wall": 0.01}}
+        parts = {"supports": [clamp], "masses": [mass], "loads": [{"name": "F", "signal": 1.0}]}
+        keys = {"title": "winch", "body": body, "mesh": {"elements": 11}, **parts, "time": {"end": 1.0, "step": 0.1}}
+        full = structural_model(structure_of(member_at(Scene.model_validate(keys), 0)))
+        lowest[on] = DenseEigenSolver(full).lowest(0.0, 2 if model == "beam3d" else 1).omega[-1]
+    assert lowest["tip"] == pytest.approx(lowest[length], rel=1e-12)
+    EI = 210e9 * (0.31 * 0.41**3 - 0.29 * 0.39**3) / 12.0
+    for a in (length, 2.53):
+        assert lowest[a] == pytest.approx(np.sqrt(3.0 * EI / (m * a**3)), rel=1e-4)
 
 
 def test_averaging_leaves_the_end_free_to_deform_and_rigid_does_not() -> None:

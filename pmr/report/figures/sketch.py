@@ -267,9 +267,16 @@ def _draw_loads(paper: Paper, result: RunResult, tail: float, tip: float, above:
 
 
 def _draw_masses(paper: Paper, result: RunResult, tip: float) -> Iterator[tuple[str, str]]:
-    """Draw point masses at the tip, and yield the name of each with the colour of its text."""
-    for mass in result.scene.masses:
-        paper.disc(tip, 0.0, 0.07 * paper.inch, facecolor=INK, edgecolor="none")
+    """Draw point masses where they are, and yield the name of each with the colour of its text.
+
+    A mass on a group whose place is not known is drawn at the tip.
+    """
+    section = result.scene.only_section
+    for mass in section.masses:
+        at = section.position_of(mass.on)
+        paper.disc(
+            tip if at is None else tip - section.length + at, 0.0, 0.07 * paper.inch, facecolor=INK, edgecolor="none"
+        )
         yield f"{mass.name}, {format_input(mass.mass, 'kg')}", INK
 
 
