@@ -26,7 +26,7 @@ from pmr.kernel.kernel import Kernel, Signals
 from pmr.kernel.machine import CYLINDER_COLUMNS, cylinder_numbers
 from pmr.kernel.state import Record, Settings, State, StepError
 from pmr.scene import Scene
-from pmr.scene.cylinder import LuffingCylinder
+from pmr.scene.cylinder import LuffingCylinder, Oil
 from pmr.scene.extension import FreeExtension
 from pmr.scene.extension_checks import moved_sections
 from pmr.scene.frame import INERTIA
@@ -176,8 +176,10 @@ class ExtensionRun:
         of_inputs = {of: drivers[kernel.paths + k] for k, of in enumerate(inputs) if INERTIA in of}
         divided = tuple(parts[1:]) if max(parts) > 1 else ()
         none = np.zeros(drivers.shape[1])
-        record, oil = self._record(columns), self._extension.oil
-        samples = MotionSamples(np.concatenate(times), values, none, of_inputs, record, divided, oil)
+        oil = self._extension.oil
+        own = cylinder_record(columns[:, :-1], oil) | {ACCELERATION: columns[:, -1]}
+        own[STOP] = own["length"] - np.clip(own["length"], *self._extension.stroke)
+        samples = MotionSamples(np.concatenate(times), values, none, of_inputs, own, divided, oil)
         sections = list(self._scene.sections)
         section = sections[self._number]
         computed: dict[str, Any] = {"extension": ComputedMotion(samples=samples, unit=1.0)}
@@ -185,12 +187,12 @@ class ExtensionRun:
         sections[self._number] = section.model_copy(update={"joint": section.joint.model_copy(update=computed)})
         return self._scene.model_copy(update={"sections": tuple(sections)})
 
-    def _record(self, columns: Array) -> dict[str, Array]:
-        """Columns (T,) of the extension by name, with the power of its cylinder and of its supply."""
-        oil = self._extension.oil
-        of = dict(zip(CYLINDER_COLUMNS, columns[:, :-1].T, strict=False)) | {ACCELERATION: columns[:, -1]}
-        of["power"] = of["force"] * of["speed"]
-        of[STOP] = of["length"] - np.clip(of["length"], *self._extension.stroke)
-        if oil is not None:
-            of["power supply"] = oil.supply * of["flow supply"]
-        return of
+
+def cylinder_record(columns: Array, oil: Oil | None) -> dict[str, Array]:
+    """Columns (T,) of a cylinder by the names in `CYLINDER_UNITS`; those of oil only if oil drives it.
+
+    The argument `columns` has them in the order of `CYLINDER_COLUMNS`.
+    """
+    record = dict(zip(list(CYLINDER_COLUMNS)[: None if oil else 3], columns.T, strict=False))
+    record["power"] = record["force"] * record["speed"]
+    return record if oil is None else record | {"power supply": oil.supply * record["flow supply"]}

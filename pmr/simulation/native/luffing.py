@@ -25,14 +25,13 @@ from pmr.kernel.further import ComputedData
 from pmr.kernel.machine import CYLINDER_COLUMNS, LUFFING_REASONS, Fields, cylinder_numbers
 from pmr.results.response import LUFFING_ANGLE
 from pmr.scene import Scene
-from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.frame import BaseMotion, InitialDisplacements, InitialRates, Machine
 from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.scene.signals import Constant
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples, with_computed_motion
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.moving import DRIVE, GRAVITY, OF_FRAME, MovingFrame, held_at_start, read_scene
-from pmr.simulation.native.extension import ExtensionRun, kernel_cylinder, with_extension_data
+from pmr.simulation.native.extension import ExtensionRun, cylinder_record, kernel_cylinder, with_extension_data
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.machine import MachineRun, machine_motion
 from pmr.simulation.stepping import TimeStepping
@@ -107,7 +106,7 @@ class LuffingRun(MachineRun):
         assert frame is not None
         angle = -track.values[:, :, PITCH]
         angle[0] += self.level
-        record = {} if frame.cylinder is None else self._record(frame.cylinder)
+        record = {} if frame.cylinder is None else cylinder_record(self.simulation.cylinder, frame.cylinder.oil)
         times, still = track.step * np.arange(angle.shape[1]), np.zeros(angle.shape[1])
         samples = MotionSamples(times, np.ascontiguousarray(angle), still, track.inputs, record)
         unit = frame.radian
@@ -120,14 +119,6 @@ class LuffingRun(MachineRun):
         angles = [self.frame.drivers.index(angle) for angle in OF_FRAME]
         motions[0, angles] = self.level - place[PITCH], place[PITCH + 1]
         return motions
-
-    def _record(self, cylinder: LuffingCylinder) -> dict[str, Array]:
-        """Columns (T,) of the cylinder by the names in `CYLINDER_UNITS`; those of oil only if oil drives it."""
-        columns = dict(zip(CYLINDER_COLUMNS, self.simulation.cylinder.T, strict=True))
-        columns["power"] = columns["force"] * columns["speed"]
-        if cylinder.oil is None:
-            return {name: columns[name] for name in ("length", "speed", "force", "power")}
-        return columns | {"power supply": cylinder.oil.supply * columns["flow supply"]}
 
 
 def stepped_frame(system: System, source: str) -> MovingFrame | None:
