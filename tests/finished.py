@@ -41,7 +41,7 @@ def compute(folder: Path, project: Project) -> StudyResults:
     (part,) = project.parts
     store, digest, results = Store(folder / "tasks"), digests(part.plan, "test"), {}
     store.prepare()
-    for task in sorted(part.plan, key=lambda task: list(digest).index(task.key)):
+    for task in part.plan:
         needs = {name: results[key] for name, key in task.needs.items()}
         results[task.key] = task.function(task.arguments, needs)
         store.write(digest[task.key], task.key, results[task.key])

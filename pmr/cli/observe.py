@@ -108,11 +108,8 @@ def identify(
     result = table.identify(reduce_with, start)
     folder = out_dir or Path("reports", f"identify_{scene.stem}")
     fitted, figures = folder / "fitted.toml", folder / "identify.json"
-    lines = [
-        f"extends = {json.dumps(os.path.relpath(file, folder))}",
-        *map(_toml_line, [*changes, *result.overrides()]),
-    ]
-    write_text(fitted, "\n".join(lines) + "\n")
+    base = f"extends = {json.dumps(os.path.relpath(file, folder))}"
+    write_text(fitted, "\n".join([base, *map(_toml_line, [*changes, *result.overrides()]), ""]))
     load_any(fitted)  # refuses what TOML can't hold, such as a key of a list that another change sets as a whole
     parameters = {
         name: {"start": start[name], "value": float(value), "error": float(error) if math.isfinite(error) else None}
@@ -132,14 +129,12 @@ def identify(
             if math.isfinite(value)
         }
         places.append({**dict(zip(table.paths, place, strict=True)), "held_out": each.held_out, **beside})
-    content = {
-        "parameters": parameters, "correlation": result.correlation.tolist(), "rms": by_mode, "places": places,
-    }  # fmt: skip
+    content = {"parameters": parameters, "correlation": result.correlation.tolist(), "rms": by_mode, "places": places}
     write_text(figures, json.dumps(content, indent=2))
     printed = Table("key", "start", "fitted", "standard error", title_justify="left")
-    for name, value, error in zip(result.names, result.values, result.errors, strict=True):
-        text = f"{error:.2g}" if math.isfinite(error) else "not determined"
-        printed.add_row(escape_controls(name), f"{start[name]:.6g}", f"{value:.6g}", text)
+    for name, fit_of_key in parameters.items():
+        text = "not determined" if fit_of_key["error"] is None else f"{fit_of_key['error']:.2g}"
+        printed.add_row(escape_controls(name), f"{start[name]:.6g}", f"{fit_of_key['value']:.6g}", text)
     out.print(printed)
     for name, shares in by_mode.items():
         by_column = zip(columns, shares, strict=bool(shares))

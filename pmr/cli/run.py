@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from os.path import isdir
 from pathlib import Path
@@ -274,7 +274,7 @@ class _StageLines:
             self._printed.add(self._stage)
             err.text(f"{self._title}: {self._stage}, after {duration_text(time.monotonic() - self._begin)}")
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """Stop printing stages."""
         self._timer.cancel()
 
@@ -287,11 +287,8 @@ def _progress(title: str, shown: bool) -> Iterator[Report]:
     first.
     """
     if shown and not err.is_terminal:
-        lines = _StageLines(title)
-        try:
+        with closing(_StageLines(title)) as lines:
             yield lines
-        finally:
-            lines.stop()
         return
     columns = (TextColumn("{task.description:32}", markup=False), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=err, transient=True, disable=not (shown and err.is_terminal)) as bars:
