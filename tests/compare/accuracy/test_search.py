@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from alone import outputs, trials
-from oracle import enriched, flexible, full_body
+from oracle import enriched, full_body
 
 from pmr import InputError, System
 from pmr.compare import estimate as estimates
@@ -239,7 +239,7 @@ def test_models_on_pads_that_push_take_the_same_parts_of_a_step(monkeypatch: pyt
         return made(self, sizes, excitation)
 
     monkeypatch.setattr(Trials, "motion", noted)
-    pushed = replace(flexible(FULL, 9), clearance=np.zeros(1))
+    pushed = replace(enriched(FULL, 9), clearance=np.zeros(1))
     tried = trials(pushed, driven(load=Sine(amplitude=2e3, frequency=7.0)))
     assert tried.fewest_steps() == 1000 and tried.most_steps == FINER * 1000
     errors = dict.fromkeys(tried.wanted, 0.0)
