@@ -61,7 +61,7 @@ def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, 
         return np.asarray(B @ np.array(inputs.loads(t)))
 
     steps, parameters = Steps(held=bool(len(rigid))), dict[str, Any](forceVector=force(0.0))
-    finish: Callable[[exu.MainSystem, SystemItems, float], None] = do_nothing
+    finish: Callable[[exu.MainSystem, SystemItems, float], None] | None = None
     if friction is not None or contacts.any_pushes:
         pads = Pads(equations, contacts, friction)
         contact_parameters, finish = _contact_parameters(pads, equations, inputs, steps, start)
@@ -76,7 +76,8 @@ def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, 
     def update(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set rows, stiffness and forces to those at t."""
         nonlocal place_set
-        finish(mbs, items, t)
+        if finish is not None:
+            finish(mbs, items, t)
         inputs.begin(t)
         changes, place_set = inputs.number(t) != place_set, inputs.number(t)
         if changes and len(rigid):
@@ -151,10 +152,6 @@ def _contact_parameters(
 
     begin(begun)
     return {"forceUserFunction": force, "jacobianUserFunction": jacobian}, finish
-
-
-def do_nothing(mbs: exu.MainSystem, items: SystemItems, t: float) -> None:
-    """End a step without friction, from which the next step needs no data."""
 
 
 def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
