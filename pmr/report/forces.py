@@ -74,18 +74,24 @@ def cylinder_block(result: RunResult, prefix: str) -> Block | None:
 
     `prefix` begins the identifiers of its figures.
     """
-    block, ropes = _force_block(result, prefix, "cylinder", "cylinder forces"), dict[str, Extremes]()
-    for rope in result.summary.get("ropes", ()):
-        elastic = ""
-        if "length" in rope:
-            length, stiffness = format_quantity(rope["length"], "m"), format_quantity(rope["stiffness"], "N/m")
-            elastic = f", {length} long, EA/l {stiffness}"
-        ropes[f"{drive_of(rope)} of {rope['name']}{elastic}"] = Extremes.from_summary(rope["force"])
+    block, ropes = _force_block(result, prefix, "cylinder", "cylinder forces"), rope_forces(result.summary)
     if block is None or not ropes:
         return block
     caption = "Forces of ropes or chains, all strands of each together, and of a cylinder that moves all of them: by "
     caption += "virtual work, without friction of sheaves"
     return replace(block, grids=(*block.grids, extremes_grid(result, caption, ropes, "N")))
+
+
+def rope_forces(summary: Summary) -> dict[str, Extremes]:
+    """Extremes of the force of each rope, by its name and, if it is elastic, its length and stiffness."""
+    forces = dict[str, Extremes]()
+    for rope in summary.get("ropes", ()):
+        elastic = ""
+        if "length" in rope:
+            length, stiffness = format_quantity(rope["length"], "m"), format_quantity(rope["stiffness"], "N/m")
+            elastic = f", {length} long, EA/l {stiffness}"
+        forces[f"{drive_of(rope)} of {rope['name']}{elastic}"] = Extremes.from_summary(rope["force"])
+    return forces
 
 
 def support_block(result: RunResult, prefix: str) -> Block | None:

@@ -116,7 +116,7 @@ def test_letters_that_a_terminal_lacks_are_spelled_out(encoding: str, tmp_path: 
     ],
 )
 def test_packages_that_do_not_fit_together_are_one_line(error: Exception, monkeypatch, capsys) -> None:
-    def fail() -> None:
+    def fail(standalone_mode: bool) -> None:
         raise error
 
     monkeypatch.setattr(app, "app", fail)

@@ -155,7 +155,7 @@ def test_what_is_beyond_a_tolerance_is_not_rounded_to_it(load_scene, share: floa
         ("accuracy.outputs=['probe']", "a scene with probes"),
         ("accuracy.outputs=['tip','tip']", "each kind once"),
         ("reduction.flexibility=false", "free modes with flexibility"),
-        ("reduction.estimate=false", "free modes with flexibility and estimate"),
+        ("reduction.estimate=false", "free modes with flexibility and an estimate"),
     ],
 )
 def test_what_has_no_error_to_hold_is_refused(load_scene, override: str, said: str) -> None:
