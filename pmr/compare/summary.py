@@ -48,14 +48,18 @@ from pmr.compare.trust import (
 )
 from pmr.errors import environment
 from pmr.errors.environment import Clock
-from pmr.files.arrays import Summary
+from pmr.files.arrays import Array, Summary
 from pmr.results import BodyResult, Frequencies, Loads, Response, RunResult, Shapes
 from pmr.results.fatigue import SNLine, rainflow_cycles
+from pmr.results.quantities import with_unit
+from pmr.results.response import Output
 from pmr.results.run import SummaryPart, combine_parts
 from pmr.scene import Scene
+from pmr.scene.built import reaction_name
 from pmr.scene.hints import hints
 from pmr.scene.joints import BoomSection as Body
 from pmr.scene.keys import ALONE
+from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
 from pmr.simulation import Excitation, contact_step
 from pmr.simulation.stepping import describe_lost_features, describe_overshoots
 from pmr.system.from_scene import with_terms_of
@@ -121,6 +125,43 @@ def impacts_part(system: System, excitation: Excitation, responses: Mapping[str,
     highest = band_of_response(full)
     error = error_below_frequency(reduced.slider_force, full.slider_force, step, highest)
     return SummaryPart({"impacts": {"band": highest, "pad_force": error}})
+
+
+#: Share by which a history exceeds its largest value at the times of recovery before a warning says so, and the least
+#: size of such a history as a share of the largest one of its kind and unit.
+MISSED, SMALL = 0.05, 0.2
+#: Kinds of outputs that have their peaks where stress has them, and beginnings of names of forces on the machine.
+STRESSING = ("pad", "support", "reaction", "probe")
+ON_MACHINE = tuple(reaction_name(f"{place} ") for place in (AT_PIVOT, AT_GROUND, "machine"))
+
+
+def missed_stress_part(scene: Scene, response: Response) -> SummaryPart:
+    """A warning where a pad, a support or a probe has its peak between the times at which stresses are recovered.
+
+    It names the history that exceeds its largest value at these times the most, by a share of `MISSED` or more.
+    Histories that are small beside others of the same kind and unit are left out.
+    """
+    steps, recovery = scene.recovered_steps, scene.recovery
+    if recovery is None or not recovery.stress or len(response.t) != scene.time.steps + 1:
+        return SummaryPart()
+    histories, largest = dict[Output, Array](), dict[tuple[str, str], float]()
+    for number, output in enumerate(response.outputs):
+        if output.kind in STRESSING and not output.name.startswith(ON_MACHINE):
+            histories[output] = np.abs(response.column(number))
+            of = output.kind, output.unit
+            largest[of] = max(largest.get(of, 0.0), float(histories[output].max()))
+    excess, missed = 1.0 + MISSED, None
+    for output, history in histories.items():
+        peak = float(history.max())
+        if peak > SMALL * largest[output.kind, output.unit] and peak > excess * history[steps].max():
+            excess, missed = peak / max(float(history[steps].max()), 1e-9 * peak), output
+    if missed is None:
+        return SummaryPart()
+    history = histories[missed]
+    most, at_most = (with_unit(float(of.max()), missed.unit) for of in (history, history[steps]))
+    when = response.when(response.t[np.argmax(history)])
+    line = f"the largest stress may be missed: {missed.name} has {most} {when}, and at most {at_most} at the times of "
+    return SummaryPart(warnings=[f"{line}recovery; recovery.every = {recovery.every:g} s, a smaller one shows more"])
 
 
 def sampling_part(excitation: Excitation) -> SummaryPart:
@@ -256,6 +297,7 @@ def parts_of_motion(
         lowest_mode_part(scene, system, excitation, natural),
         SummaryPart(divided, contact_step.warnings(omega, excitation.stepping)),
         sampling_part(excitation),
+        missed_stress_part(scene, simulations.first.response),
         frame_part(scene, system, excitation, natural),
         energy_part(scene, system, excitation, simulations.first.run),
     ]

@@ -36,7 +36,7 @@ from pmr.pipeline.model_errors import ComparedScene
 from pmr.reduction.bodies import cached_body, join_bodies, reduce_bodies, with_stress_flags
 from pmr.reduction.cache import Cache
 from pmr.reduction.from_scene import summary as describe_basis
-from pmr.reduction.recovery import RecoveredBody, recover, recovered_steps
+from pmr.reduction.recovery import RecoveredBody, recover
 from pmr.results import BodyResult, Frequencies, Response, Shapes
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
@@ -145,7 +145,7 @@ class Bodies:
 
         With a `checkpoint` a full-order simulation that was interrupted continues.
         """
-        steps = recovered_steps(self.scene).tolist()
+        steps = self.scene.recovered_steps.tolist()
         simulations = call_on_first_rank(
             self._comm, lambda: simulate(self.scene, self.system, self.excitation, self.clock, steps)
         )

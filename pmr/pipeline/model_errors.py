@@ -25,7 +25,7 @@ from pmr.fullmodel.build import build_bodies, log_warnings
 from pmr.reduction.bodies import Reduction, reduce_bodies, with_stress_flags
 from pmr.reduction.cache import Cache, SystemCache, cache_in
 from pmr.reduction.from_scene import Vectors
-from pmr.reduction.recovery import recover, recovered_steps
+from pmr.reduction.recovery import recover
 from pmr.results import Frequencies, Response
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
@@ -191,7 +191,7 @@ class ComparedScene:
         reduction = self.reduction
         scene = reduction.scene.model_copy(update={"recovery": recovery})
         simulated = call_on_first_rank(
-            self.comm, lambda: simulate_with_states(scene, reduction.system, recovered_steps(scene).tolist()).states
+            self.comm, lambda: simulate_with_states(scene, reduction.system, scene.recovered_steps.tolist()).states
         )
         fields = recover(scene, reduction.built, reduction.bodies, self.comm.bcast(simulated), {}).values()
         peaks = [body.reduced.stress.peak for body in fields if body.reduced.stress is not None]

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from pmr.errors import InputError
 from pmr.fem.compat import MPI
 from pmr.fem.distributed import local_csr
-from pmr.files.arrays import Array, Indices
+from pmr.files.arrays import Array
 from pmr.fullmodel.assembly import share
 from pmr.fullmodel.build import AssembledBody
 from pmr.fullmodel.model import FullModel
@@ -346,13 +346,6 @@ class RecoveredBody:
         return {name: record.envelope for name, record in self.records.items() if record.envelope is not None}
 
 
-def recovered_steps(scene: Scene) -> Indices:
-    """Numbers (S,) of the steps whose states are recovered; empty if the scene does not ask for recovery."""
-    if scene.recovery is None:
-        return np.empty(0, np.int64)
-    return np.arange(0, scene.time.steps + 1, round(scene.recovery.every / scene.time.step))
-
-
 def recover(
     scene: Scene,
     built: Mapping[str, AssembledBody],
@@ -362,7 +355,7 @@ def recover(
 ) -> dict[str, RecoveredBody]:
     """Fields and stresses of the reduced and the full models of a scene's bodies, by name; collective.
 
-    `reduced` are the states of the reduced bodies at the `recovered_steps`, the same on every rank.  Pictures are
+    `reduced` are the states of the reduced bodies at the `Scene.recovered_steps`, the same on every rank.  Pictures are
     recorded at as many of these, evenly spread, as the scene's recovery has frames.  `full` are this rank's parts of
     the states of the full models; bodies whose states are not known are missing.
     """

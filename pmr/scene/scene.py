@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from pmr.errors import InputError
+from pmr.files.arrays import Indices
 from pmr.scene import run_settings
 from pmr.scene.built import WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
 from pmr.scene.cylinder import LuffingCylinder
@@ -332,6 +333,13 @@ class Scene(SectionTables):
         if len(self.sections) == 1:
             return {SLIDER: self.slider.path}
         return {self.names[k]: self.extension(k) for k in range(1, len(self.sections))}
+
+    @property
+    def recovered_steps(self) -> Indices:
+        """Numbers (S,) of the steps whose states are recovered; empty if the scene does not ask for recovery."""
+        if self.recovery is None:
+            return np.empty(0, np.int64)
+        return np.arange(0, self.time.steps + 1, round(self.recovery.every / self.time.step))
 
     @property
     def holding_cylinder(self) -> LuffingCylinder | None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import one_body
 import pytest
+from turning_cylinder import boom
 
 import pmr
 from pmr import reduce, run
@@ -17,6 +18,7 @@ from pmr.compare.responses import simulate
 from pmr.compare.summary import origin_part
 from pmr.fullmodel.build import build, build_bodies, warnings
 from pmr.results.run import SummaryPart, combine_parts
+from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import stress_terms
 from pmr.simulation import Excitation
@@ -152,3 +154,22 @@ def test_what_pulls_at_the_tip_loads_every_cylinder_as_the_weight_of_a_payload_d
         c = {name: float(signal.value(0.0)) for name, signal in term_signals(scene, stress_terms(scene)).items()}
         stiffness.append(geometric_stiffness(assembly, c).toarray())
     np.testing.assert_allclose(*stiffness, rtol=0.0, atol=1e-9 * np.abs(stiffness[0]).max())
+
+
+def test_a_peak_between_times_of_recovery_has_a_warning() -> None:
+    """A load pulls at the tip for 0.2 s: it is over at the times that are 0.5 s apart, and at every step it is not."""
+
+    def pulled(every: float) -> tuple[float, list[str]]:
+        plain = boom(30.0, "beam2d", 6e7, 2.1e11, recovery={"every": every}, time={"end": 0.5, "step": 0.01})
+        scene = plain.model_dump(mode="json")
+        gust = {"kind": "smooth_ramp", "times": [0.1, 0.2, 0.3], "values": [0.0, -2e4, 0.0]}
+        scene["sections"][1]["loads"][0]["signal"] = gust
+        scene["damping"] = {"ratio": 0.1, "frequencies": [1.0, 30.0]}
+        scene["compare"]["richer"] = "none"
+        summary = run(Scene.model_validate(scene)).result.summary
+        return summary["max_von_mises"]["reduced"], [line for line in summary["warnings"] if "may be missed" in line]
+
+    (at_ends, (line,)), (at_steps, nothing) = pulled(0.5), pulled(0.01)
+    assert at_ends < 0.8 * at_steps and not nothing
+    assert line.startswith("the largest stress may be missed: ") and " at the times of recovery" in line
+    assert "recovery.every = 0.5 s" in line and " at 0.2" in line
