@@ -10,7 +10,6 @@ A simulation hands over its steps in blocks, so that the coordinates of all step
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -167,10 +166,6 @@ def _overshoot(signal: SignalBase, stepping: TimeStepping) -> list[float]:
     return [float(max(beyond[worst], 0.0) / (high - low)), float(breaks[worst])]
 
 
-#: After a block that takes less than this many seconds, blocks become longer.
-BRIEF = 0.05
-
-
 @dataclass(frozen=True)
 class SimulationEnd:
     """Results at the end of a simulation: wall time of the solver in s, and `surplus` of energy of the trajectory.
@@ -202,42 +197,3 @@ class Recorder:
         """Trajectory of the recorded steps, with the solver's wall time and the surplus of energy from `ended`."""
         assert self._recorded is not None  # every simulation has at least one block
         return replace(self._recorded, seconds=ended.seconds, surplus=ended.surplus)
-
-
-def advance_in_blocks(
-    end: int,
-    most: int,
-    heavy: int,
-    advance: Callable[[int, int], None],
-    taken: Callable[[int, int], None],
-    progress: Progress | None,
-) -> float:
-    """Advance steps 1 to `end` - 1 in blocks, and return the wall time in s spent in `advance`.
-
-    Parameters
-    ----------
-    end : int
-        Number of the step after the last one.
-    most : int
-        Most steps of a block.
-    heavy : int
-        Largest cost of a step over that of an ordinary step; the first blocks are smaller by this factor.
-    advance : callable
-        Takes the steps first to last - 1; called as ``advance(first, last)``.
-    taken : callable
-        Called as ``taken(first, last)`` after each block.
-    progress : callable, optional
-        Called after each block with the share of all steps that is done.
-    """
-    first, seconds, size = 1, 0.0, max(1, most // heavy)
-    while first < end:
-        last = min(first + size, end)
-        begun = time.perf_counter()
-        advance(first, last)
-        passed = time.perf_counter() - begun
-        taken(first, last)
-        if progress is not None:
-            progress((last - 1) / (end - 1))
-        first, seconds = last, seconds + passed
-        size = min(2 * size, most) if passed < BRIEF else size
-    return seconds

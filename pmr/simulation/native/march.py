@@ -18,10 +18,12 @@ from pmr.simulation import balance, contact_step
 from pmr.simulation.excitation import Excitation, first_moves, side_positions
 from pmr.simulation.native.form import SystemForm, begin, driver_signals, path_text, step_failure
 from pmr.simulation.start import InitialState
-from pmr.simulation.stepping import Progress, SimulationEnd, advance_in_blocks
+from pmr.simulation.stepping import Progress, SimulationEnd
 
 #: Most steps in one call of the kernel, between which the user can interrupt; fewer if divided steps take long.
 BLOCK = 16384
+#: After a call that takes less than this many seconds, calls take more steps.
+BRIEF = 0.05
 #: Samples of drivers that are computed at once: number of times, and least number of steps.
 TIMES, FINE = 2048, 64
 #: Most numbers recorded in one call of the kernel: fewer steps if there are more coordinates.
@@ -142,13 +144,12 @@ class March:
         most = max(1, min(BLOCK // every, RECORDED // (2 * self.form.kernel.modes), count))
         record = Record(self.form.kernel, most + 1, self._record_names)
         room = self._record_arrays(record)
-
-        def advance(first: int, last: int) -> None:
-            """Take the steps of records `first` to `last` - 1."""
+        first, seconds, size = 1, 0.0, max(1, most // self.finest)  # a step in parts takes as long as so many
+        while first <= count:
+            last = min(first + size, count + 1)
+            begun = perf_counter()
             self._advance((first - 1) * every, last - first, every, record)
-
-        def hand_over(first: int, last: int) -> None:
-            """Hand records `first` to `last` - 1, with the one before as the first, to `take`."""
+            passed = perf_counter() - begun
             steps = room.at(slice(last - first + 1))
             for forces in (steps.multipliers, steps.peaks):
                 if forces is not None and self.pushing.any():
@@ -157,8 +158,10 @@ class March:
             for array in room if last <= count else ():
                 if array is not None:
                     array[0] = array[last - first]
-
-        return advance_in_blocks(count + 1, most, self.finest, advance, hand_over, progress) - self._sampling
+            if progress is not None:
+                progress((last - 1) / count)
+            first, seconds, size = last, seconds + passed, min(2 * size, most) if passed < BRIEF else size
+        return seconds - self._sampling
 
     @property
     def _record_names(self) -> tuple[str, ...]:
