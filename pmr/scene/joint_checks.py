@@ -182,7 +182,9 @@ def _check_drive(scene: Scene, number: int) -> None:
         allowed_names = [name for name in scene.names[1:] if name not in chain]
         if follows not in allowed_names:
             listed = f"{', '.join(allowed_names)} are allowed, which do not follow it"
-            allowed = listed if allowed_names else "a signal is needed"
+            allowed = listed if allowed_names else "extension or overlap is needed in its place"
+            if follows == scene.names[0]:
+                allowed += f": the base, {follows}, does not extend, so that nothing can follow it"
             raise scene_error(f"{key}.follows", joint.follows, allowed)
         chain.append(follows)
     if joint.rope is not None and rope_length(scene, number) is None:

@@ -76,7 +76,10 @@ REFUSED = [
     ("sections.fly.body.box.width=0.256", r"outside fly is 0\.262 m, inside middle there are 0\.253 m"),
     ("sections.fly.joint.tail.0.at=0.1", r"sections\[2\].joint.tail\[0\].at = 0\.1: these pads reach from -0\.05"),
     ("sections.fly.joint.follows=fly", r"joint.follows = 'fly': middle are allowed"),
-    ("sections.fly.joint.follows=base", r"joint.follows = 'base': middle are allowed"),
+    (
+        "sections.fly.joint.follows=base",
+        r"joint.follows = 'base': middle are allowed, which do not follow it: the base, base, does not extend",
+    ),
     ("sections.fly.joint.extension={kind='step',time=1.0,before=1.0,after=2.0}", r"fly jumps from 1 m to 2 m at 1 s"),
     ("sections.fly.name=middle", r"sections = 'middle': names that differ are allowed"),
     ("sections.fly.observe.frequency_response=true", r"sections\[2\].observe.frequency_response = True: true is"),
