@@ -54,9 +54,9 @@ def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies
     speed = float(np.linalg.norm(rotation.velocity, axis=1).max())
     lowest = 2.0 * np.pi * float(np.nanmin(frequencies.models["reduced"][:, 0]))  # 0 past the buckling load
     figures = {
-        "luffing": _signal_range(luffing.value(t)),
-        "slewing": _signal_range(slewing.value(t)),
-        **({} if scene.frame.base is None else {"base": _base_ranges(scene.frame.base, t)}),
+        "luffing": _signal_range(luffing.value(t), "rad"),
+        "slewing": _signal_range(slewing.value(t), "rad"),
+        **({} if scene.frame.base is None else {"base": _base_ranges(scene.frame.base, scene.frame.unit, t)}),
         "angular_velocity": speed,
         "second_order": scene.frame.second_order,
         "gyroscopic": 2.0 * speed / lowest if lowest else None,
@@ -124,18 +124,23 @@ def _left_out_warnings(scene: Scene, is_included: bool, stresses: SecondOrderEff
     return [] if is_included or stresses.least_factor <= 1.0 or not stresses.matters else [left_out]
 
 
-def _base_ranges(base: BaseMotion, t: Array) -> dict[str, dict[str, float]]:
-    """Smallest and largest value at times t (T,) of each motion of the base, in m or the frame's unit of angles.
+def _base_ranges(base: BaseMotion, angles: str, t: Array) -> dict[str, dict[str, Any]]:
+    """Range at times t (T,) of each motion of the base; `angles` is the frame's unit of angles.
 
     Accelerations that the scene prescribes are included, as ``acceleration.<axis>``.
     """
-    accelerations = {f"acceleration.{axis}": signal for axis, signal in base.accelerations.items()}
-    return {key: _signal_range(signal.value(t)) for key, signal in (base.motions | accelerations).items()}
+    ranges = {
+        key: _signal_range(signal.value(t), angles if key.startswith("r") else "m")
+        for key, signal in base.motions.items()
+    }
+    return ranges | {
+        f"acceleration.{axis}": _signal_range(signal.value(t), "m/s^2") for axis, signal in base.accelerations.items()
+    }
 
 
-def _signal_range(angle: Array) -> dict[str, float]:
-    """Smallest and largest entry of `angle` (T,), as ``min`` and ``max``."""
-    return {"min": float(angle.min()), "max": float(angle.max())}
+def _signal_range(values: Array, unit: str) -> dict[str, Any]:
+    """Smallest and largest entry of `values` (T,) in `unit`, as ``min``, ``max`` and ``unit``."""
+    return {"min": float(values.min()), "max": float(values.max()), "unit": unit}
 
 
 def ground_part(scene: Scene, response: Response) -> SummaryPart:

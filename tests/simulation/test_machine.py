@@ -282,6 +282,8 @@ def test_a_run_says_where_it_goes_and_what_it_presses_with(tmp_path: Path) -> No
     result = pmr.run(free_boom.scene(*MACHINE, *changes)).result
     assert result.scene.frame.machine.free == ("z",)
     found, response = result.summary["frame"]["base"]["z"], result.responses["reduced"]
+    units = {key: motion["unit"] for key, motion in result.summary["frame"]["base"].items()}
+    assert units == dict.fromkeys(("x", "y", "z"), "m") | dict.fromkeys(("rx", "ry", "rz"), result.scene.frame.unit)
     np.testing.assert_allclose([found["min"], found["max"]], [f(response.other("machine z")) for f in (np.min, np.max)])
     assert found["max"] < 0.0
     np.testing.assert_allclose(response.other("reaction of machine z"), 2e6 * response.other("machine z"), rtol=1e-9)
