@@ -33,7 +33,14 @@ from pmr.scene.keys import (
 from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
 
 Corner = tuple[Place, Place]
-Slope = Annotated[float, Field(strict=True), Quantity("frame.unit", -90.0, 90.0), Usual(0.0, 0.3, "rad", "rad")]
+#: Usual up to 0.3 rad or 17 degrees.
+Slope = Annotated[
+    float,
+    Field(strict=True),
+    Quantity("frame.unit", -90.0, 90.0),
+    Usual(0.0, 0.3, "rad", "rad"),
+    Usual(0.0, 17.0, "degrees", "degrees"),
+]
 #: As many as the kernel takes (`PMR_MOST_OUTRIGGERS` in src/pmr_kernel.h).
 MOST_OUTRIGGERS = 32
 #: Outriggers are on one line if the area of their polygon is below this share of the square of its length.

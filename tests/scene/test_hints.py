@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
-from plain_machines import CRANE
+from plain_machines import CRANE, OUTRIGGERS
 from pydantic import BaseModel
 
 from pmr import InputError
@@ -101,6 +101,14 @@ def test_what_is_alike_has_one_hint_that_counts_it() -> None:
 def test_a_support_that_holds_angles_alone_has_a_stiffness_in_N_m_per_rad() -> None:
     """100 kN m/rad is a usual spring about an axis, and a soft one along it."""
     assert hints(scenes.load_any("boom_beam", [SPRING.replace("DIRECTIONS", "'ry'")])) == []
+
+
+@pytest.mark.parametrize(("unit", "steep", "gentle"), [("degrees", 30.0, 8.0), ("rad", 0.52, 0.14)])
+def test_a_steep_ground_is_hinted_at_in_the_unit_of_the_frame(unit: str, steep: float, gentle: float) -> None:
+    still = [f"frame.unit={unit}", "frame.luffing=0.5", "frame.slewing=0.1"] if unit == "rad" else []
+    (hint,) = hints(scenes.load_any(OUTRIGGERS, [*still, f"frame.ground.slope=[{steep},{gentle}]"]))
+    assert hint.startswith(f"frame.ground.slope[0] = {steep:g} {unit} is unusual: up to ")
+    assert hints(scenes.load_any(OUTRIGGERS, [*still, f"frame.ground.slope=[{gentle},-{gentle}]"])) == []
 
 
 def test_nothing_is_said_of_what_is_zero_or_of_a_scale_that_only_a_mesh_knows() -> None:
