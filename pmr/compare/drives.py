@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -247,7 +248,7 @@ def slack_spans(t: Array, force: Array) -> list[dict[str, float]]:
     one until the rope is slack again or the run ends.
     """
     spans, listed = _spans(force <= 0.0), list[dict[str, float]]()
-    for (start, end), (following, _) in zip(spans, [*spans[1:], (len(t), len(t))], strict=True):
+    for (start, end), (following, _) in pairwise([*spans, (len(t), len(t))]):
         snatch = float(force[end:following].max(initial=0.0))
         listed.append({"start": float(t[start]), "end": float(t[min(end, len(t) - 1)]), "snatch": snatch})
     return listed
