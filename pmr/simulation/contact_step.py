@@ -23,7 +23,6 @@ import scipy.sparse.linalg as spla
 from pmr.errors.text import two_digits, two_digits_below
 from pmr.files.arrays import Array, Indices
 from pmr.kernel.laws import SchemeFactors
-from pmr.simulation import contact_step
 from pmr.simulation.excitation import Excitation, side_positions
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.assembly import Assembly
@@ -180,9 +179,7 @@ class StepParts:
         """
         if omega == 0.0:
             return cls(stepping, np.ones(stepping.steps, np.int64))
-        return cls(
-            stepping, np.array(stepping.schedule or [contact_step.count_parts(omega, stepping)] * stepping.steps)
-        )
+        return cls(stepping, np.array(stepping.schedule or [count_parts(omega, stepping)] * stepping.steps))
 
     @property
     def finest(self) -> int:

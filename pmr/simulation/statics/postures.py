@@ -344,8 +344,8 @@ def side_positions(system: System, postures: PostureSet) -> Array:
     """Positions x (P, sides) in m of the sides of all contacts in each posture."""
     paths = {name: postures.extensions.get(name, np.zeros(postures.count)) for name in system.paths}
     paths |= {LUFFING: postures.luffing} if LUFFING in system.paths else {}
-    x = system.side_coordinates(paths) if paths else system.side_coordinates({})
-    return np.ascontiguousarray(np.broadcast_to(x, (postures.count, len(system.sides))))
+    x = np.broadcast_to(system.side_coordinates(paths), (postures.count, len(system.sides)))
+    return np.ascontiguousarray(x)
 
 
 def _load_names(scene: Scene) -> list[str]:
