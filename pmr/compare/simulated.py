@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -160,14 +160,7 @@ FREE = frozenset({
 })  # fmt: skip
 
 
-class HasProvenance(Protocol):
-    """A model or system with its provenance, which describes the scene it was made from; this may be empty."""
-
-    @property
-    def provenance(self) -> dict[str, Any]: ...
-
-
-def with_models_of(scene: Scene, models: HasProvenance | Mapping[str, HasProvenance]) -> Scene:
+def with_models_of(scene: Scene, models: System | ReducedModel | Mapping[str, ReducedModel]) -> Scene:
     """The scene, in which bodies whose structural model is ``auto`` get the structural model of the reduced `models`.
 
     When these were reduced, measurements chose the structural model.  `models` are a system, a model of a single body,
@@ -185,7 +178,7 @@ def with_models_of(scene: Scene, models: HasProvenance | Mapping[str, HasProvena
     return scene.with_keys(sections=tuple(parts))
 
 
-def check_same_scene(model: HasProvenance, scene: Scene, number: int | None = None) -> None:
+def check_same_scene(model: System | ReducedModel, scene: Scene, number: int | None = None) -> None:
     """Raise an InputError, with the first key that differs and its old value, if a model is from another scene.
 
     Bodies, supports, pads, joints, damping, observed outputs, and positions and directions of loads are compared; of

@@ -105,7 +105,7 @@ def _snapshots(model: FullModel, local: Array, source: str) -> Snapshots:
     Their frequencies, positions and residuals are not known: NaN.
     """
     unknown = np.full(local.shape[1], np.nan)
-    return Snapshots.from_local(np.ascontiguousarray(local), model, unknown, unknown, unknown, source)
+    return Snapshots(tall(np.ascontiguousarray(local), model.M), unknown, unknown, unknown, source)
 
 
 def basis_of_vectors(model: FullModel, vectors: Snapshots, choice: Reduction, size: int | None) -> Basis:

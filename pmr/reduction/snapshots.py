@@ -49,16 +49,6 @@ class Snapshots:
     residuals: Array  # (k,)
     source: str  # how the columns were made, in words
 
-    @classmethod
-    def from_local(
-        cls, local: Array, model: FullModel, omega: Array, s: Array, residuals: Array, source: str
-    ) -> Snapshots:
-        """Snapshots of a model from k vectors, of which each rank gives its part `local` (n_local, k); collective.
-
-        `omega`, `s` and `residuals` are (k,); `source` says what the vectors are.
-        """
-        return cls(tall(local, model.M), omega, s, residuals, source)
-
 
 def node_set(nodes: int, snapshots: int) -> Indices:
     """Node numbers, counted from 1, at which the paper (module docstring) holds the slider; never the first node.
@@ -113,9 +103,8 @@ def eigenmode_snapshots(model: FullModel, scene: Scene) -> Snapshots:
         except DependentRowsError as error:
             raise InputError("scene", "reduction.positions", float(s), error.allowed) from None
         modes[-1].warn_if_cut(float(s))
-    return Snapshots.from_local(
-        np.concatenate([m.phi for m in modes], axis=1),
-        model,
+    return Snapshots(
+        tall(np.concatenate([m.phi for m in modes], axis=1), model.M),
         omega=np.concatenate([m.omega for m in modes]),
         s=np.repeat(at, scene.reduction.modes),
         residuals=np.concatenate([m.residuals for m in modes]),
@@ -178,9 +167,8 @@ def free_modes(
     beyond = np.arange(count, min(count + more, count_of_modes - spare))
     beyond = beyond[_bent_modes(model, stress, modes, beyond)] if stress else beyond
     taken = np.concatenate([np.arange(count), beyond[:enrichment]])
-    return Snapshots.from_local(
-        np.ascontiguousarray(modes.phi[:, taken]),
-        model,
+    return Snapshots(
+        tall(np.ascontiguousarray(modes.phi[:, taken]), model.M),
         omega=modes.omega[taken],
         s=np.full(len(taken), np.nan),
         residuals=modes.residuals[taken],
