@@ -19,7 +19,8 @@ from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.cylinder import Oil
 from pmr.scene.frame import INERTIA, Frame
-from pmr.scene.hoist import HEIGHT, KEYS, KINDS
+from pmr.scene.frame_checks import distance_along
+from pmr.scene.hoist import HEIGHT, KEYS, KINDS, Hoist
 from pmr.scene.keys import LUFFING_CYLINDER, input_name
 from pmr.scene.luffing_checks import misplaced_supports
 from pmr.scene.mechanism import CYLINDER, NEAR, FrameTerm, frame_terms, pin_and_cylinder, supports_at_lug
@@ -37,6 +38,8 @@ from pmr.system.terms import Term
 TURNED = 1.1
 #: A support lacks a cylinder's force along the boom if this is more than this share of the force across the boom.
 LEANING = 0.1
+#: A rope that jerks its payload at t = 0 by less than this share of the weight is not worth a word.
+JERK = 0.01
 #: Depth in m by which a stop is pressed in by round-off.
 ROUND_OFF = 1e-9
 #: Number of steps that resolve the impact on a stop.
@@ -291,7 +294,30 @@ def hoist_part(scene: Scene, response: Response) -> SummaryPart:
             f"{with_unit(-float(columns['height'].min()), 'm')} later: nothing in the model stops it there, and the "
             "rope bears it as if it hung freely"
         )
-    return SummaryPart({"hoist": figures}, grave=warnings)
+    return SummaryPart({"hoist": figures}, _jerk_warnings(scene, hoist, scene.gravity.acceleration), warnings)
+
+
+def _jerk_warnings(scene: Scene, hoist: Hoist, gravity: float) -> list[str]:
+    r"""Warning on a rope that moves at t = 0 with another speed than its payload; empty if that matters little.
+
+    On a boom that does not give, the force of a rope without damping rises to :math:`1 + |v| \sqrt{k / m} / g` times
+    the weight, with the difference v of the speeds, the mass m and the stiffness k of all falls; it matters if that
+    exceeds 1 by `JERK`.
+    """
+    signal, falls = hoist.rope_signal, hoist.falls
+    taken_in = float(signal.value(0.0)) if hoist.is_wound else -float(signal.rate(0.0))
+    line = float(hoist.free_length(np.zeros(1), distance_along(scene, 0.0))[0])
+    change = abs(taken_in / falls - hoist.velocity[2])
+    factor = 1.0 + change * float(np.sqrt(falls**2 * hoist.EA / (line * hoist.mass))) / gravity
+    if not taken_in or factor < 1.0 + JERK:
+        return []
+    key = "hoist.speed" if hoist.is_wound else "the rate of hoist.length"
+    return [
+        f"{key} is {taken_in if hoist.is_wound else -taken_in:.3g} m/s at t = 0, but the payload rises with "
+        f"{hoist.velocity[2]:.3g} m/s there: this jerks the rope, with up to {factor:.3g} times the weight on a rigid "
+        "boom, and largest forces and factors of the run contain it; let the speed begin at 0, or state "
+        f"hoist.velocity = [0.0, 0.0, {taken_in / falls:.3g}]"
+    ]
 
 
 #: Coordinates in which fields are linear, "" for constant fields.

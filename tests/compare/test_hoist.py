@@ -54,6 +54,37 @@ def test_the_summary_has_the_weight_s_force_and_where_the_rope_is_slack() -> Non
     assert len(part.grave) == 1 and part.grave[0].startswith("the hoist rope is slack from ")
 
 
+RAMP = {"kind": "smooth_ramp", "times": [0.0, 2.0], "values": [0.0, 0.4]}
+LENGTH = {"kind": "ramp", "times": [0.0, 1.0], "values": [8.0, 7.6]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"hoist.speed": {"kind": "constant", "amount": 0.4}}, "hoist.speed is 0.4 m/s"),
+        ({"hoist.speed": {"kind": "constant", "amount": -0.1}}, "hoist.speed is -0.1 m/s"),
+        ({"hoist.length": LENGTH, "hoist.hanging": None}, "the rate of hoist.length is -0.4 m/s"),
+        ({"hoist.speed": {"kind": "constant", "amount": 0.4}, "hoist.velocity": [0.0, 0.0, 0.2]}, ""),
+        ({"hoist.speed": RAMP}, ""),
+    ],
+)
+def test_a_rope_that_jerks_its_payload_at_the_start_has_a_warning(changes: dict[str, object], key: str) -> None:
+    """Two falls, a rigid boom and no damping: the force rises to the weight's with (v / 2) (k m)^(1/2) on top."""
+    scene = hoists.cantilever(
+        {"hoist.hanging": 2.0, "hoist.falls": 2, "hoist.EA": 2e5, "time.end": 0.2, "simulation.simulators": ["march"]}
+        | changes
+    )
+    response = simulate_with_states(scene, hoists.reduced(scene), ()).response
+    part = hoist_part(scene, response)
+    if not key:
+        assert not part.warnings and part.figures["hoist"]["factor"] < 1.5
+        return
+    (line,) = part.warnings
+    figures = re.match(rf"{re.escape(key)} at t = 0, but .* up to ([0-9.]+) times the weight", line)
+    assert figures is not None
+    assert float(figures[1]) == pytest.approx(part.figures["hoist"]["factor"], rel=0.05)
+
+
 @pytest.mark.parametrize(("height", "warns"), [(1.5, True), (2.5, False), (0.0, False)])
 def test_a_hook_below_the_ground_has_a_warning_where_the_ground_is_known(height: float, warns: bool) -> None:
     """The payload falls freely until it is as fast as the rope that the winch lets out, and then sinks by 1 m/s."""
