@@ -23,6 +23,7 @@ from pmr.report.bodies import (
     displacement_scale,
     drawn_moments,
     fields_by_body,
+    has_fields,
     has_stresses,
     largest_colour_stress,
     moment_of_peak,
@@ -60,7 +61,7 @@ def start_album(result: RunResult, prefix: str) -> Callable[[], Album]:
     Without recovered fields, no process is started; the album is empty and gives no reason.  `prefix` begins the
     identifiers of the pictures.
     """
-    if not fields_by_body(result):
+    if not has_fields(result):
         return Album
     planned = list(_Views(result).shots())
     thread = ThreadPoolExecutor(1)  # it waits for the process that renders

@@ -219,15 +219,10 @@ class Picture:
 
 @dataclass(frozen=True)
 class Player:
-    """Animation of a page: `kind` names the script that plays it, `data` is the script's input, ready for JSON.
+    """Animation of a page: `data` is the input of the script that plays it, ready for JSON."""
 
-    The drawing `still` replaces it on pages where no script runs.
-    """
-
-    kind: str
     data: dict[str, Any]
     caption: str
-    still: Drawing | None = None
 
 
 @dataclass(frozen=True)

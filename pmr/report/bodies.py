@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.files.arrays import Array, Indices
-from pmr.report.columns import interpolate
+from pmr.report.columns import axis_points, interpolate, spread_indices, tail_positions
 from pmr.report.numbers import enlargement
-from pmr.report.subject import is_alone, reach
+from pmr.report.subject import fixtures, is_alone, reach
 from pmr.results import Fields, RunResult
+from pmr.results.field_series import Grid
 from pmr.results.pads import THICK, pad_corners
 from pmr.scene.box import Box
 from pmr.scene.built import PadRing
@@ -105,13 +106,9 @@ def body_surface(fields: Fields, box: Box | None = None) -> Surface:
 
 
 def body_surfaces(result: RunResult) -> dict[str, Surface]:
-    """Surfaces of all bodies that have fields, by the names of the bodies."""
+    """Surfaces of all bodies that are drawn (`fields_by_body`), by their names."""
     bodies = result.scene.bodies
-    return {
-        name: body_surface(body.fields, bodies[name].body.box)
-        for name, body in result.bodies.items()
-        if body.fields is not None
-    }
+    return {name: body_surface(fields, bodies[name].body.box) for name, fields in fields_by_body(result).items()}
 
 
 def _tube(fields: Fields, box: Box | None) -> Surface:
@@ -145,10 +142,10 @@ class Block:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Surroundings of a body that slides out of a mouth; all are empty for a boom, whose sections surround each other.
+    """Surroundings of a body alone; all are empty for a boom, whose sections surround each other.
 
-    `section` is the next outer section.  `near` are the pads at its mouth, which keep their place in the picture, and
-    `tail` are the pads that move with the body.
+    `section` is the next outer section, if the body slides out of its mouth.  `near` are the pads at the mouth, or
+    sliders, which keep their place in the picture; `tail` are the pads and supports that move with the body.
     """
 
     section: tuple[Block, ...]
@@ -165,13 +162,19 @@ def build_surroundings(result: RunResult, body: Surface) -> Surroundings:
         moving: [ring for ring in result.scene.pads if ring.moving is moving] for moving in (False, True)
     }
     near, tail = (
-        tuple(block for ring in rings_by_motion[moving] for block in pad_blocks(ring, np.array([low, high]), box))
+        [block for ring in rings_by_motion[moving] for block in pad_blocks(ring, np.array([low, high]), box)]
         for moving in (True, False)
     )
-    ahead = max((ring.at + ring.length / 2.0 for ring in rings_by_motion[True]), default=0.1)
+    half, supports = KNOB * float(high[0] - low[0]), [of for of in fixtures(result) if of.kind != "pad"]
+    for blocks, places in ((near, result.scene.points), (tail, [support.position for support in supports])):
+        for at in (np.array([x, 0.0, 0.0]) for x in places):
+            blocks.append(_block(at - half, at + half, _SIDES))
+    if not rings_by_motion[True]:
+        return Surroundings((), tuple(near), tuple(tail))
+    ahead = max(ring.at + ring.length / 2.0 for ring in rings_by_motion[True])
     start = np.array([low[0] - float(result.abscissa.max()) - 0.1, *(low[1:] - 1.2 * THICK)])
     end = np.array([ahead, *(high[1:] + 1.2 * THICK)])
-    return Surroundings((_block(start, end, _SIDES[2:]),), near, tail)
+    return Surroundings((_block(start, end, _SIDES[2:]),), tuple(near), tuple(tail))
 
 
 def pad_blocks(ring: PadRing, body: Array, box: Box | None) -> list[Block]:
@@ -188,6 +191,8 @@ def _block(start: Array, end: Array, sides: Indices) -> Block:
 
 
 DISPLACED = 0.08  # largest displacement in a picture, as a share of the length of the body
+FRAMES = 1500  # largest number of times of an animation of axes
+KNOB = 0.012  # half the size of a slider or support in pictures, as a share of the length of the body
 EXTENSIONS = 3  # parts of the mouth's range, each with a picture
 #: Relative difference up to which two stresses count as equal: they are stored in single precision.
 SINGLE = 1e-5
@@ -209,9 +214,36 @@ class Moment:
     peak: float
 
 
+def has_fields(result: RunResult) -> bool:
+    """Whether fields of any body were recovered."""
+    return any(body.fields is not None for body in result.bodies.values())
+
+
 def fields_by_body(result: RunResult) -> dict[str, Fields]:
-    """Fields of all bodies that have fields, by the names of the bodies; all are stored at the same F times."""
+    """Fields of the bodies that are drawn, by the names of the bodies; all are stored at the same F times.
+
+    They are the recovered fields; if there are none, displacements of the points along the axes of all bodies.
+    """
+    if not has_fields(result):
+        return _axis_fields(result)
     return {name: body.fields for name, body in result.bodies.items() if body.fields is not None}
+
+
+def _axis_fields(result: RunResult) -> dict[str, Fields]:
+    """Displacements of the reduced model along the axis of each body that has outputs there, as fields of beams."""
+    response, fields = result.responses["reduced"], dict[str, Fields]()
+    steps = spread_indices(len(response.t), FRAMES)
+    aside = {line.body: line for line in axis_points(result, response, "y")}
+    for line in axis_points(result, response):
+        x, places = np.unique(line.x, return_index=True)
+        displacement = np.zeros((len(steps), len(x), 3), np.float32)
+        for direction, of in ((1, aside.get(line.body)), (2, line)):
+            if of is not None:
+                displacement[:, :, direction] = of.displacements(response)[np.ix_(steps, places)]
+        cells = np.stack([np.arange(len(x) - 1), np.arange(1, len(x))], axis=1)
+        grid = Grid("line", np.stack([x, 0.0 * x, 0.0 * x], axis=1), cells)
+        fields[line.body] = Fields(grid, response.t[steps], displacement, {})
+    return fields
 
 
 def times(result: RunResult) -> Array:
@@ -326,7 +358,9 @@ def body_shifts(result: RunResult) -> dict[str, Array]:
     """
     if result.reach is None:
         return {name: -mouth_positions(result) for name in fields_by_body(result)}
-    return {name: along for name, (_, along) in result.moving_fields.items()}
+    t, names = result.responses["reduced"].t, list(result.scene.bodies)
+    tails = dict(zip(names, tail_positions(result, len(t)).T, strict=True))
+    return {name: np.interp(fields.t, t, tails[name]) for name, fields in fields_by_body(result).items()}
 
 
 def cell_stresses(fields: Fields) -> NDArray[np.float32]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,12 +15,10 @@ from pmr.report.numbers import NOTHING, round_number
 from pmr.report.subject import is_alone, luffing_support_names, shown_force_name
 from pmr.results import Response, RunResult
 from pmr.results.tables import FORCE_OF
-from pmr.scene.built import PadRing
 from pmr.scene.frame import boom_rotation
 from pmr.scene.hoist import PLACES as HOOK_PLACES
 from pmr.scene.hoist import Hoist
 from pmr.scene.keys import qualified_name
-from pmr.scene.members import body_ring
 
 PLAYING = 30.0  # s in which the whole motion plays at the first speed
 _FULL_SCALE = 32767
@@ -145,20 +143,6 @@ class AxisPoints:
         return response.displacement[:, self.columns]
 
 
-@dataclass(frozen=True)
-class RingForces:
-    """Sum (T,) in N of the forces of a ring's pads on one face of a body, at T times.
-
-    `positions` (T,) in m are the positions of the ring along the boom; `above` says whether the pads are on the upper
-    face.
-    """
-
-    body: str
-    positions: Array
-    above: bool
-    force: Array
-
-
 def tip_displacements(result: RunResult) -> Mapping[str, ResponseFunction]:
     """Functions that read the tip's displacement (T,) in m from a response, by the direction across the axis (y or z).
 
@@ -226,7 +210,7 @@ def axis_points(result: RunResult, response: Response, direction: str = "z") -> 
     The points of a body are sorted by x; bodies without outputs in this direction are left out.
     """
     outputs, bodies = response.outputs, []
-    for body, tail in zip(result.scene.bodies, _tails(result, len(response.t)).T, strict=True):
+    for body, tail in zip(result.scene.bodies, tail_positions(result, len(response.t)).T, strict=True):
         columns = [k for k, output in enumerate(outputs) if output.body == body and output.direction == direction]
         columns.sort(key=lambda k: float(response.x[k]))
         if columns:
@@ -234,7 +218,7 @@ def axis_points(result: RunResult, response: Response, direction: str = "z") -> 
     return bodies
 
 
-def _tails(result: RunResult, steps: int) -> Array:
+def tail_positions(result: RunResult, steps: int) -> Array:
     """Position (T, bodies) in m of each body's tail along the boom, at T = `steps` times of a response.
 
     It is 0 for a body alone.
@@ -265,49 +249,6 @@ def forces_of(result: RunResult, kind: str = "pad") -> list[Force]:
             shown = shown_force_name(name) + (ACROSS if name in stand_ins else "")
             forces.append(Force(shown, output.name, units.get(output.name, "N")))
     return forces
-
-
-def ring_forces(result: RunResult) -> Iterator[RingForces]:
-    """Yield the rings of pads, below and above each body, with the sum of their forces in the reduced model."""
-    response = result.responses["reduced"]
-    bodies, tails = list(result.scene.bodies.items()), _tails(result, len(response.t))
-    for number, (body, of) in enumerate(bodies):
-        places = [(_force_names_by_face(ring), _ring_positions(result, ring, tails[:, number])) for ring in of.pads]
-        if (joint := of.joint) is not None:
-            mouth = tails[:, number - 1] + bodies[number - 1][1].length
-            at_ends = [("tail", ring, tails[:, number] + ring.at) for ring in joint.tail]
-            at_ends += [("mouth", ring, mouth - ring.at) for ring in joint.mouth]
-            for end, ring, at in at_ends:
-                called = " ".join(filter(None, (body, end, ring.name)))
-                places.append(
-                    (_force_names_by_face(body_ring(ring, called)) if ring.faces else _point_force_names(called), at)
-                )
-        for faces, at in places:
-            for face, names in faces.items():
-                columns = [response.force_names.index(name) for name in names if name in response.force_names]
-                if columns:
-                    yield RingForces(body, at, face == "top", response.slider_force[:, columns].sum(axis=1))
-
-
-def _force_names_by_face(ring: PadRing) -> dict[str, list[str]]:
-    """Names of the forces of a ring's pads, by the face of these pads, ``bottom`` or ``top``."""
-    return {side: [FORCE_OF + name for name, face, _ in ring.named_pads if face == side] for side in ("bottom", "top")}
-
-
-def _point_force_names(contact: str) -> dict[str, list[str]]:
-    """Names of the forces of a point contact on the axis of a planar beam, by face, as if its points were pads.
-
-    ``bottom`` has the force of the contact below the axis, ``top`` that of the contact above it.
-    """
-    return {"bottom": [f"{FORCE_OF}{contact} below"], "top": [f"{FORCE_OF}{contact} above"]}
-
-
-def _ring_positions(result: RunResult, ring: PadRing, tail: Array) -> Array:
-    """Position (T,) in m of a ring along the axis: `ring.at`, or s + `ring.at` if the ring moves along the body.
-
-    `tail` (T,) gives the number of times.
-    """
-    return ring.at + (result.abscissa if ring.moving else np.zeros_like(tail))
 
 
 @dataclass(frozen=True)

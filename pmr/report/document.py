@@ -87,10 +87,10 @@ def render_runs(chapters: Sequence[Chapter], kind: str = KIND) -> str:
 
 
 def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) -> str:
-    """Render one of the templates as HTML, with the variables title, chapters, font, players and those in `more`."""
+    """Render a template as HTML, with the variables title, chapters, font, is_animated and those in `more`."""
     blocks = [block for chapter in chapters for block in chapter.blocks]
     drawn: list[Drawing | None] = [drawing for block in blocks for drawing in block.drawings]
-    drawn += [*(chapter.sketch for chapter in chapters), *(block.player.still for block in blocks if block.player)]
+    drawn += [chapter.sketch for chapter in chapters]
     text = "".join(drawn_text(drawing.svg) for drawing in drawn if drawing)
     return (
         templates()
@@ -99,7 +99,7 @@ def render(template: str, title: str, chapters: Sequence[Chapter], **more: Any) 
             title=title,
             chapters=chapters,
             font=font_face_rule(FONT, "".join(sorted(set(text)))),
-            players=sorted({block.player.kind for block in blocks if block.player}),
+            is_animated=any(block.player for block in blocks),
             **more,
         )
     )

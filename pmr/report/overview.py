@@ -73,6 +73,8 @@ def system_rows(result: RunResult) -> Rows:
     elif moving_part(result) == "mouth":
         low, high = scene.path_bounds
         yield "out of its mouth", format_range(reach(result) - high, reach(result) - low, f"{SPACE}m")
+    elif moving_part(result) == "slider":
+        yield "slider at", f"s = {format_range(*scene.path_bounds, f'{SPACE}m')}"
     yield from _tip_rows(result)
     yield "time", format_input(scene.time.end, "s")
 

@@ -11,7 +11,6 @@ which are a fraction of the size of X, and computes each picture as a sum of sha
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,193 +31,11 @@ from pmr.report.bodies import (
     mouth_positions,
     times,
 )
-from pmr.report.columns import (
-    AxisPoints,
-    axis_points,
-    body_axes,
-    encode_array,
-    interpolate,
-    playback_speeds,
-    ring_forces,
-    rope_axis,
-    rope_places,
-    spread_indices,
-)
-from pmr.report.figures import shapes
-from pmr.report.figures.canvas import PENS, section_colours
-from pmr.report.figures.histories import responses_in_drawing_order
-from pmr.report.figures.space import slews
-from pmr.report.numbers import enlargement, format_input, format_percent, format_quantity
+from pmr.report.columns import encode_array, playback_speeds
+from pmr.report.numbers import format_input, format_percent
 from pmr.report.renderer import RAMP
-from pmr.report.subject import fixtures, input_loads, is_alone, reach, slider_offsets
+from pmr.report.subject import is_alone, reach
 from pmr.results import RunResult
-
-FRAMES = 1500  # largest number of frames of an animation
-POINTS = 26  # largest number of points along the axis of a body
-REACH = 0.1  # largest deflection in the drawing, as a share of the length of the beam
-
-
-def axis_motion(result: RunResult) -> dict[str, Any]:
-    """Data of the animation of the bodies' axes, ready for JSON.
-
-    Values over the frames are encoded by `pmr.report.columns.encode_array`.  The data have
-
-    - `lanes`, one for each model: for each body the points x in m, their displacements (frames, points) in m and, for
-      a section of a boom, the position of its tail (frames,) in m;
-    - `pads`, one for all pads of a ring on one face: position (frames,) along x in m, and force (frames,) divided by
-      the largest of all pad forces;
-    - `loads`: forces (frames, 3) or moments (frames,), each divided by its largest value;
-    - the slider's positions `s` (frames,) in m, the `offsets` in m of sliders or pads from s, and the `supports`;
-    - the head sheaves and the hook of a `hoist` (frames, 2, 3) in m in the boom's axes, None without one;
-    - `largest`, the largest displacement in m, and `scale`, the factor by which displacements are drawn;
-    - `views`: for the ``side`` the least and the largest coordinate in m to the right, then upwards, of all that is
-      drawn, and for the ``plan`` from above if a frame slews; `label` is the text below the side view;
-    - the position in m of the `pivot`, and luffing and slewing `angles` in rad, empty without a moving frame.
-
-    With a moving frame, only the reduced model has a lane, with lateral displacements too, and there are neither
-    offsets nor supports.
-    """
-    response, frame = result.responses["reduced"], result.frame
-    t, axis, aside = response.t, axis_points(result, response), dict[str, Array]()
-    frames, models = spread_indices(len(t), FRAMES), responses_in_drawing_order(result)
-    if frame is not None:
-        aside = {of.body: of.displacements(response) for of in axis_points(result, response, "y")}
-        models = {"reduced": response}
-    every = [of.displacements(response) for response in models.values() for of in axis_points(result, response)]
-    largest = max(float(np.abs(deflection).max()) for deflection in (*every, *aside.values()))
-    end, alone = reach(result), is_alone(result)
-    scale = enlargement(largest, (REACH if alone and frame is None else shapes.REACH) * end)
-    data = {
-        "largest": largest,
-        "scale": scale,
-        "times": [float(t[0]), float(t[-1])],
-        "frames": len(frames),
-        "lanes": [_lane_data(result, name, frames, aside) for name in models],
-        "pads": _pad_data(result, axis, frames),
-        "loads": _load_data(result, axis, frames),
-        "speeds": playback_speeds(float(t[-1] - t[0])),
-        "s": encode_array(result.abscissa[frames]),
-        "hoist": _hoist_data(result, frames, scale),
-    }
-    if frame is None:
-        reached = [scale * of(0.0, *(float(extent(w)) for w in every)) for of, extent in ((min, np.min), (max, np.max))]
-        hung = rope_places(result, frames, scale)
-        ends = [] if hung is None else [hung[:, 1, [0, 2]].min(axis=0), hung[:, 1, [0, 2]].max(axis=0)]
-        low, high = (of([[0.0, reached[0]], [end, reached[1]], *ends], axis=0).tolist() for of in (np.min, np.max))
-        return data | {
-            "label": "x in m" if alone else "along the boom in m",
-            "views": {"side": [low[0], high[0], low[1], high[1]]},
-            "offsets": slider_offsets(result),
-            "supports": [{"at": fixture.position, "kind": fixture.kind} for fixture in fixtures(result)],
-            "pivot": [0.0, 0.0, 0.0],
-            "angles": [],
-        }
-    few = spread_indices(len(t), 300)
-    drawn_axes = [*body_axes(result, few, scale), *filter(None, (rope_axis(result, few, scale),))]
-    plan = {"plan": _view_extent([drawn_axis.plan for drawn_axis in drawn_axes])} if slews(result) else {}
-    return data | {
-        "label": "distance and height in m",
-        "views": {"side": _view_extent([drawn_axis.side for drawn_axis in drawn_axes])} | plan,
-        "offsets": [],
-        "supports": [],
-        "pivot": list(frame.tail_position),
-        "angles": [encode_array(angle.value(t[frames])) for angle in frame.angles],
-    }
-
-
-def _hoist_data(result: RunResult, frames: NDArray[np.int64], scale: float) -> dict[str, Any] | None:
-    """Data of a hoist: its head sheaves and its hook (frames, 2, 3) in m in the boom's axes; None without a hoist."""
-    places = rope_places(result, frames, scale)
-    return None if places is None else encode_array(places.ravel())
-
-
-def _load_data(result: RunResult, axis: list[AxisPoints], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
-    """Data of the loads on the bodies, ready for JSON.
-
-    The components of a force along the axes of the boom form one vector (frames, 3).
-    """
-    by_load, sections = dict[tuple[str, str], dict[str, Any]](), [of.body for of in axis]
-    forces = dict[tuple[str, str], Array]()
-    for load in [load for load in input_loads(result) if load.direction != "whole"]:
-        turns = load.direction == "turn"
-        key, values = (load.body, load.name if turns else load.axis_of), load.values[frames]
-        by_load.setdefault(key, {"name": key[1], "section": sections.index(load.body), "at": load.position})
-        if turns:
-            by_load[key]["moment"] = encode_array(values / (np.abs(values).max() or 1.0))
-        else:
-            axes = forces.setdefault(key, np.zeros((len(frames), 3)))
-            axes[:, ("along", "aside", "up").index(load.direction)] = values
-    for key, force in forces.items():
-        by_load[key]["force"] = encode_array(force.ravel() / (float(np.linalg.norm(force, axis=1).max()) or 1.0))
-    return list(by_load.values())
-
-
-def _view_extent(views: list[Array]) -> list[float]:
-    """Least and largest coordinate to the right, then least and largest coordinate upwards, in m.
-
-    They cover the points (S, n, 2) of all `views`, and the pivot at 0.
-    """
-    every = np.concatenate([np.zeros((1, 2)), *(view.reshape(-1, 2) for view in views)])
-    return [float(end) for k in (0, 1) for end in (every[:, k].min(), every[:, k].max())]
-
-
-def _lane_data(result: RunResult, name: str, frames: NDArray[np.int64], lateral: Mapping[str, Array]) -> dict[str, Any]:
-    """Data of one model's lane: the axis of each body with its colour and width, and its displacements.
-
-    `name` is the model's; `frames` are numbers of the reduced response's times.  Sections of a boom have their own
-    colours, and outer sections are drawn thicker; a body alone is drawn in the style of the model.  `lateral` has the
-    lateral displacements (times, points) in m, by body.
-    """
-    response, t, pen = result.responses[name], result.responses["reduced"].t, PENS[name]
-    lines_of_model = axis_points(result, response)
-    beams, colours = [], section_colours(of.body for of in lines_of_model)
-    for k, of in enumerate(lines_of_model):
-        points = spread_indices(len(of.x), POINTS)
-        beam = {
-            "label": of.body or pen.label,
-            "colour": colours[of.body] if of.body else pen.colour,
-            "width": 3 + 3 * (len(lines_of_model) - 1 - k) if of.body else pen.width,
-            "dash": pen.dash,
-            "x": of.x[points].round(6).tolist(),
-            "w": encode_array(interpolate(t, response.t, of.displacements(response)[:, points])[frames]),
-        }
-        if of.body:
-            beam["tail"] = encode_array(interpolate(t, response.t, of.tail)[frames])
-        if of.body in lateral:
-            beam["v"] = encode_array(lateral[of.body][:, points][frames])
-        beams.append(beam)
-    return {"label": pen.label, "beams": beams}
-
-
-def _pad_data(result: RunResult, axis: list[AxisPoints], frames: NDArray[np.int64]) -> list[dict[str, Any]]:
-    """Data of the pads of each ring on one face, at the times with the numbers `frames`.
-
-    ``section`` is the number of the body that the pads touch; rings on bodies without a drawn axis are left out.
-    """
-    rings_of_run, names = list(ring_forces(result)), [of.body for of in axis]
-    largest = max((float(np.abs(ring.force).max()) for ring in rings_of_run), default=0.0) or 1.0
-    return [
-        {
-            "section": names.index(ring.body),
-            "way": 1 if ring.above else -1,
-            "at": encode_array(ring.positions[frames]),
-            "force": encode_array(ring.force[frames] / largest),
-        }
-        for ring in rings_of_run
-        if ring.body in names
-    ]
-
-
-def scale_words(data: dict[str, Any]) -> str:
-    """Sentence on the factor by which deflections are enlarged, and on how large they are."""
-    if data["largest"] == 0.0:
-        return "Nothing moves across the axis."
-    factor = data["scale"]
-    drawn_as = "at its true size" if factor == 1.0 else f"{format_input(factor)} times its size"
-    bars = " Bars are the forces of pads above and below." if data["pads"] else ""
-    bars += " The square is the payload on its rope." if data.get("hoist") else ""
-    return f"Deflection is drawn {drawn_as}; it reaches {format_quantity(data['largest'], 'm')}.{bars}"
-
 
 EXACT = 1e-4  # size of a shape, as a share of the size of the largest one, below which the shape is left out
 MOST_SHAPES = 32
@@ -227,11 +44,11 @@ MOST_VALUES = 400_000  # most values in all shapes of a quantity: two bytes each
 
 
 def body_motion(result: RunResult) -> dict[str, Any]:
-    """Data of the animation of bodies with fields, ready for JSON; empty for a single time or for too many faces.
+    """Data of the animation of bodies, ready for JSON; empty for a single time, for too many faces or without bodies.
 
     Its keys are the number of ``frames``, first and last of the ``times`` in s, ``speeds`` of playback, the ``first``
     frame shown (that of the peak), the ``length`` of what is drawn, the ``path`` of the mouth, the ``scale`` of
-    displacements, ``bodies``, the least x of the section's blocks (``back``), the ``ramp`` of colours, the blocks
+    displacements, ``bodies``, the least x that is seen (``back``), the ``ramp`` of colours, the blocks
     ``section``, ``near`` and ``tail`` of the surroundings, the largest share ``lost`` of a motion, and ``pose``.
 
     Each body has its P points in m, its triangles, and its shift along x in m.  Its displacement in m is the product of
@@ -252,6 +69,8 @@ def body_motion(result: RunResult) -> dict[str, Any]:
         _body_data(result, name, surface, alongs[name], MOST_VALUES // len(bodies)) for name, surface in bodies.items()
     ]
     back = min([0.0, *(float(block.corners[:, 0].min()) for block in around.section)])
+    if is_alone(result) and not around.section:
+        back = float(next(iter(bodies.values())).points[:, 0].min() - mouth_positions(result).max())
     return {
         "frames": len(t),
         "times": [float(t[0]), float(t[-1])],

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from pmr.files.arrays import Array
 from pmr.report import first_page, forces, player, scene_tables, sentences, stresses, subject
 from pmr.report.album import Album, start_album
 from pmr.report.blocks import Block, Chapter, Drawing, Figures, Grid, Player, Table, signed_deviation
-from pmr.report.bodies import largest_colour_stress
+from pmr.report.bodies import fields_by_body, has_stresses, largest_colour_stress
 from pmr.report.columns import (
     axis_points,
     invisible_difference,
@@ -25,7 +26,7 @@ from pmr.report.columns import (
 )
 from pmr.report.errors import error_table, is_compared
 from pmr.report.errors import rows as error_rows
-from pmr.report.figures import histories, shapes, sketch, space
+from pmr.report.figures import histories, shapes, space
 from pmr.report.figures.canvas import colour_scale, drawing, section_colours
 from pmr.report.figures.loads import line_figure
 from pmr.report.numbers import SPACE, format_input, significant, with_sign
@@ -60,7 +61,7 @@ def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> C
         anchor=anchor,
         title=result.scene.title,
         opening=sentences.opening_sentences(result),
-        sketch=drawing(f"{anchor}-sketch", sketch.draw_sketch, sketch.sketch_caption(result), result),
+        sketch=system_drawing(result, anchor),
         overloads=first_page.overload_sentences(result),
         first=first_page.first_page_tables(result),
         key_numbers=list(sentences.key_numbers(result)),
@@ -68,6 +69,13 @@ def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> C
         warnings=[warning[:1].upper() + warning[1:] for warning in result.summary.get("warnings", ())],
         blocks=[*filter(None, (error_block(result), accuracy_block(result, anchor))), *figures.blocks],
     )
+
+
+def system_drawing(result: RunResult, prefix: str) -> Drawing | None:
+    """Draw the system from the side; None if the run has no outputs along an axis."""
+    if not axis_points(result, result.responses["reduced"]):
+        return None
+    return drawing(f"{prefix}-sketch", space.side_view, space.view_caption(result, "from the side"), result)
 
 
 def error_block(result: RunResult) -> Block | None:
@@ -131,35 +139,39 @@ def input_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def motion_block(result: RunResult, prefix: str, pictures: Callable[[], Album]) -> Block | None:
-    """Build the block with the animation of the motion; None if the run has neither fields nor outputs along an axis.
+    """Build the block with the animation of the motion, and pictures if the run has fields, for which `pictures` waits.
 
-    If the run has fields, the block shows whole bodies and the album of pictures, for which `pictures` waits; if not,
-    it shows the axes of the bodies.  `prefix` begins the identifiers of the figures.
+    It is None if the run has neither fields nor outputs along an axis.  `prefix` begins the identifiers of the figures.
     """
-    fields = [body.fields for body in result.bodies.values() if body.fields is not None]
-    if not fields:
-        if not axis_points(result, result.responses["reduced"]):
-            return None
-        data, still, drawings = player.axis_motion(result), None, space.space_drawings(result, prefix)
-        if result.frame is None:
-            still = drawing(f"{prefix}-snapshots", shapes.snapshot_figure, shapes.snapshots_caption(result), result)
-        shown = Player("axis", data, player.scale_words(data), still)
-        return Block(heading="Motion", player=shown, drawings=drawings)
-    data, picture_album = player.body_motion(result), pictures()
+    if not fields_by_body(result):
+        return None
+    data, picture_album, scale = player.body_motion(result), pictures(), list[Drawing]()
     absent = f"There are no pictures: {picture_album.absent}." if picture_album.absent else ""
-    scale = list[Drawing]()
-    if fields[0].von_mises and (data or picture_album.pictures):
+    if has_stresses(result) and (data or picture_album.pictures):
         caption = "Colours of the pictures: the largest von Mises stress of each cell."
         scale.append(drawing(f"{prefix}-ramp", colour_scale, caption, largest_colour_stress(result) / 1e6))
-    turned = Player("body", data, player.drawing_sentence(data)) if data else None
-    return Block(heading="Motion", text=absent, player=turned, pictures=picture_album.pictures, drawings=scale)
+    shown = Player(data, player.drawing_sentence(data)) if data else None
+    tip, still = tip_drawings(result, prefix)
+    return Block(
+        heading="Motion",
+        text=" ".join(filter(None, (absent, undrawn_sentence(still)))),
+        player=shown,
+        pictures=picture_album.pictures,
+        drawings=[*scale, *space.space_drawings(result, prefix), *tip],
+    )
 
 
-def tip_block(result: RunResult, prefix: str) -> Block:
-    """Build the block with the displacement of the tip in each direction across the axis, and its estimated error.
+class TipDrawings(NamedTuple):
+    """Figures of the tip's displacements, and the directions in which it moves by round-off only."""
 
-    Directions in which the tip moves by round-off only are named in a sentence.  `prefix` begins the identifiers of the
-    figures.
+    drawings: list[Drawing]
+    still: list[str]
+
+
+def tip_drawings(result: RunResult, prefix: str) -> TipDrawings:
+    """Draw the displacement of the tip in each direction across the axis, and its estimated error.
+
+    `prefix` begins the identifiers of the figures.
     """
     drawings, still, quantities = [], [], tip_displacements(result)
     of = subject.crossing(result) or "the tip"
@@ -179,7 +191,7 @@ def tip_block(result: RunResult, prefix: str) -> Block:
             caption = f"Estimated error of {of}, {called}{inside}."
             band = drawing(f"{prefix}-band-{direction}", histories.estimate_band, caption, result, what, wide)
             drawings.append(band)
-    return Block(heading=f"Motion of {of}", drawings=drawings, text=undrawn_sentence(still))
+    return TipDrawings(drawings, still)
 
 
 def energy_block(result: RunResult, prefix: str) -> Block:
@@ -293,7 +305,7 @@ def origin_block(result: RunResult) -> Block:
 
 #: Functions of the blocks between that about the motion and that about the origin, in the order of the page.
 SECTIONS: tuple[Show, ...] = (
-    space.space_block, input_block, tip_block, stresses.stress_block,
+    input_block, stresses.stress_block,
     stresses.section_force_block, stresses.probe_block, forces.contact_block,
     forces.cylinder_block, forces.support_block, forces.pivot_block, forces.ground_block, forces.driven_block,
     forces.hoist_block, energy_block, constraint_block, basis_block, response_block,

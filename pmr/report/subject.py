@@ -86,7 +86,7 @@ def is_raised(result: RunResult) -> bool:
 class Fixture:
     """Support at `position` m that acts across the axis and does not move along it.
 
-    `kind` is its symbol: ``clamped``, or a symbol of a support at a point.
+    `kind` is its symbol: ``clamped``, a symbol of a support at a point, or ``pad``.
     """
 
     position: float
@@ -238,11 +238,6 @@ def crossing(result: RunResult) -> str:
     return "" if part.body.mover is None else last
 
 
-def axial_supports(result: RunResult) -> list[str]:
-    """Names of the supports that hold a body alone in the direction of its axis only."""
-    return [support.name for support in result.scene.supports if support.held_directions == ("x",)]
-
-
 def changing_angles(result: RunResult) -> dict[str, SignalBase]:
     """Signals of those angles, luffing and slewing, that change during the run, by name; empty without a frame."""
     frame, end = result.frame, result.scene.time.end
@@ -321,7 +316,7 @@ def fixtures(result: RunResult) -> list[Fixture]:
         for support in of.supports
         if {"y", "z"} & set(support.held_directions)
     ]
-    return supports + [Fixture(ring.at, "roller") for ring in of.pads if not ring.moving]
+    return supports + [Fixture(ring.at, "pad") for ring in of.pads if not ring.moving]
 
 
 def field_times(result: RunResult, body: BodyResult) -> Array:

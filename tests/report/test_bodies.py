@@ -1,17 +1,13 @@
-"""Bodies in pictures; and the sketch: all that holds a body, moves along it or acts on it is named or drawn."""
+"""Bodies in pictures; and the system from the side: what holds a body, moves along it or acts on it is drawn."""
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
-from html import unescape
 
 import numpy as np
 import pytest
 
 from pmr import RunResult
-from pmr.report import sentences
-from pmr.report.blocks import Drawing
 from pmr.report.bodies import (
     Block,
     body_surface,
@@ -24,8 +20,9 @@ from pmr.report.bodies import (
     mouth_positions,
     place_of_peak,
 )
-from pmr.report.figures import sketch
-from pmr.report.figures.canvas import drawing
+from pmr.report.figures import space
+from pmr.report.figures.canvas import style
+from pmr.report.player import body_motion
 from pmr.results.field_series import Grid
 from pmr.results.pads import THICK
 from pmr.scene.box import Box
@@ -176,57 +173,49 @@ def test_each_edge_is_drawn_once(make_fields) -> None:
     assert len(body.edges) == 7 * 4 + 6 * 4
 
 
-LOAD, GREY, INK = "#7b2d8e", "#5b6875", "#1c2733"
+def arrows(result: RunResult) -> dict[str, str]:
+    """Styles of the arrows of loads in the drawing of the system, by the loads' names."""
+    with style():
+        texts = space.side_view(result).axes[0].texts
+    drawn = [text.arrow_patch.get_arrowstyle() for text in texts if not text.get_text() and text.arrow_patch]
+    names = [text.get_text() for text in texts if text.get_color() == space.LOAD and text.get_text()]
+    return {name: type(arrow).__name__ for name, arrow in zip(names, drawn, strict=True)}
 
 
-def drawn(result: RunResult) -> Drawing:
-    return drawing("case-1-sketch", sketch.draw_sketch, sketch.sketch_caption(result), result)
+def markers(result: RunResult) -> list[tuple[str, float]]:
+    """Markers of supports, pads and sliders in the drawing of the system, with their places along the body."""
+    with style():
+        lines = space.side_view(result).axes[0].lines
+    return sorted((line.get_marker(), float(line.get_xdata()[0])) for line in lines if line.get_markersize() == 5.0)
 
 
-def texts(result: RunResult) -> list[str]:
-    return [
-        unescape(text).replace("\u00a0", " ") for text in re.findall(r"<text[^>]*>([^<]+)</text>", drawn(result).svg)
-    ]
-
-
-def coloured(result: RunResult, colour: str) -> int:
-    """Filled shapes of a colour: heads of arrows, points, masses."""
-    svg = drawn(result).svg
-    return svg.count(f'fill="{colour}"') + svg.count(f"fill: {colour}")
-
-
-def test_a_beam_has_its_length_its_sliders_way_and_its_loads(whole: RunResult, make_result) -> None:
-    assert texts(whole) == ["s = 1.25 m … 3.75 m", "5 m", "F"]
+def test_a_beam_has_its_support_its_slider_and_its_loads(whole: RunResult, make_result) -> None:
+    assert markers(whole) == [("^", 0.0), ("s", 1.25), ("s", 3.75)] and list(arrows(whole)) == ["F"]
     still = make_result(slider={"path": 2.0})
-    assert texts(still) == ["5 m", "F"] and "hollow" not in sketch.sketch_caption(still)
-    assert "hollow" in sketch.sketch_caption(whole)
+    assert markers(still) == [("^", 0.0), ("s", 2.0)]
+    assert "hollow" in space.view_caption(whole, "from the side")
+    assert "hollow" not in space.view_caption(still, "from the side")
 
 
-def test_a_boom_has_what_is_attached_to_it(boom: RunResult, make_space) -> None:
-    assert texts(boom) == [
-        *("cylinder", "2 m … 4.5 m beyond the mouth", "g", "payload, 250 kg", "tip force", "gust", "49.0 MPa")
-    ]
-    bare = make_space(loads=[], masses=[], supports=[])
-    assert texts(bare) == ["2 m … 4.5 m beyond the mouth", "g", "49.0 MPa"] and coloured(bare, LOAD) == 0
-
-
-def test_the_weight_points_where_it_does(boom: RunResult, make_space) -> None:
-    raised = make_space(gravity={"inclination": 60.0})
-    assert drawn(raised).svg != drawn(boom).svg and texts(raised) == texts(boom)
-    assert ", raised by 60°," in sentences.opening_sentences(raised) and "raised" not in sentences.opening_sentences(
-        boom
-    )
+def test_a_boom_has_its_pads_and_its_load_along_z(boom: RunResult, make_space) -> None:
+    assert markers(boom)[0] == ("s", 0.15) and arrows(boom) == {"tip force": "CurveFilledAB"}
+    assert arrows(make_space(loads=[])) == {}
 
 
 @pytest.mark.parametrize(
     ("signal", "heads"),
-    [(-50.0, 1), (50.0, 1), ({"kind": "sine", "amplitude": 5.0, "frequency": 3.0}, 2), (0.0, 1)],
-)
-def test_a_load_that_acts_both_ways_has_two_heads(make_result, signal: object, heads: int) -> None:
-    result = make_result(loads=[{"name": "F", "on": 5.0, "signal": signal}])
-    assert coloured(result, LOAD) == heads + 1  # and the name
+    [(-50.0, "CurveFilledB"), (50.0, "CurveFilledB"),
+     ({"kind": "sine", "amplitude": 5.0, "frequency": 3.0}, "CurveFilledAB")],
+)  # fmt: skip
+def test_a_load_that_acts_both_ways_has_two_heads(make_result, signal: object, heads: str) -> None:
+    assert arrows(make_result(loads=[{"name": "F", "on": 5.0, "signal": signal}])) == {"F": heads}
 
 
-def test_a_load_along_the_span_is_named_above_it(make_result) -> None:
-    loads = [{"name": "M", "on": 2.0, "direction": "ry", "signal": 1.0}, {"name": "P", "on": 5.0, "signal": 1.0}]
-    assert texts(make_result(loads=loads)) == ["s = 1.25 m … 3.75 m", "5 m", "M", "P"]
+def test_what_slides_and_holds_is_played_without_fields(whole: RunResult) -> None:
+    """The slider keeps its place, the support moves with the body: it is at -s while the slider is at 0."""
+    data = body_motion(whole)
+    assert [np.mean(block["corners"][0::3]) for block in data["near"]] == [0.0]
+    assert [np.mean(block["corners"][0::3]) for block in data["tail"]] == [0.0]
+    assert data["section"] == [] and data["back"] == pytest.approx(-3.75)
+    (body,) = data["bodies"]
+    assert body["stress"] is None and body["motion"]["count"] == 1

@@ -35,7 +35,7 @@ def text(page: str) -> str:
 
 def test_every_figure_is_there_once(page: str) -> None:
     assert figures(page) == [
-        *("snapshots", "position", "loads-0", "tip-y", "tip-z", "stress", "forces-1", "forces-2"),
+        *("tip-y", "tip-z", "position", "loads-0", "stress", "forces-1", "forces-2"),
         *("energy", "energy-parts", "frequencies"),
     ]
 
@@ -63,7 +63,7 @@ def test_models_that_differ_by_nothing_along_a_direction_have_no_difference_ther
         moved = own.displacement.copy()
         moved[:, -2] += share * largest
         result = replace(boom, responses={"full": replace(own, displacement=moved), "reduced": own})
-        tip = next(of for of in sections.tip_block(result, "run").drawings if of.name == "run-tip-y")
+        tip = next(of for of in sections.tip_drawings(result, "run").drawings if of.name == "run-tip-y")
         assert ("Difference in " in tip.svg) == is_drawn
         assert ("that of the full model differs by " in tip.caption) != is_drawn
 
@@ -165,7 +165,7 @@ def test_kinds_of_cases_mix_in_one_report(boom: RunResult, whole: RunResult, tmp
     boom.save(tmp_path / "saved")
     files = write_report([whole, RunResult.load(tmp_path / "saved")], tmp_path)
     html = files.html.read_text()
-    assert 'id="case-1-snapshots"' in html and 'id="case-2-forces-1"' in html and files.pdf.is_file()
+    assert 'id="case-1-position"' in html and 'id="case-2-forces-1"' in html and files.pdf.is_file()
 
 
 def test_a_zero_has_no_sign() -> None:

@@ -79,14 +79,12 @@ def test_what_rests_is_no_error(boom_in_motion: RunResult) -> None:
     assert "NaN" not in json.dumps(data)
 
 
-def test_without_fields_with_one_time_or_too_many_faces_nothing_is_played(
-    monkeypatch, boom: RunResult, boom_in_motion: RunResult
-) -> None:
+def test_with_one_time_or_too_many_faces_nothing_is_played(monkeypatch, boom_in_motion: RunResult) -> None:
     fields = boom_in_motion.body.fields
     once = replace(
         fields, t=fields.t[:1], displacement=fields.displacement[:1], von_mises={"outer": fields.von_mises["outer"][:1]}
     )
-    assert body_motion(boom) == body_motion(replace(boom_in_motion, bodies={"": BodyResult(None, once)})) == {}
+    assert body_motion(replace(boom_in_motion, bodies={"": BodyResult(None, once)})) == {}
     monkeypatch.setattr(players, "MOST_FACES", 10)
     assert body_motion(boom_in_motion) == {}
     assert drawing_sentence({}) == ""
@@ -99,8 +97,7 @@ def test_scale_and_what_is_left_out_are_said(data: dict[str, Any]) -> None:
 
 
 def test_script_reads_what_is_there(data: dict[str, Any]) -> None:
-    folder = resources.files("pmr.report").joinpath("templates")
-    script = "".join(folder.joinpath(name).read_text("utf-8") for name in ("playback.js", "body_player.js"))
+    script = resources.files("pmr.report").joinpath("templates", "player.js").read_text("utf-8")
     asked = set(re.findall(r"this\.data\.(\w+)", script))
     assert asked <= set(data) and {"bodies", "tail", "back"} <= asked
     assert set(re.findall(r"\bbody\.(\w+)", script)) - {"rest"} <= set(data["bodies"][0])
@@ -113,7 +110,7 @@ def test_the_page_plays_offline_and_pictures_stand_beside(monkeypatch, boom_in_m
 
     monkeypatch.setattr(pictures, "render_shots", refuse)
     page = render([case(boom_in_motion, "case-1")])
-    assert page.count("<canvas") == page.count("class BodyPlayer") == 1 and "LinePlayer" not in page
+    assert page.count("<canvas") == page.count("class Player") == 1
     assert re.search(r'<option value="50" selected>50 ×</option>', page)
     assert "http:" not in page and "https:" not in page and 'id="case-1-ramp"' in page
     assert ".animation { display: none; }" in page  # in print

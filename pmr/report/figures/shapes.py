@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -16,22 +15,18 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from pmr.report.columns import axis_points, interpolate, spread_indices, tip_displacements
+from pmr.report.columns import spread_indices
 from pmr.report.errors import error_name
 from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, WIDE, add_legend, log_axis, make_sheet, octave_axis
-from pmr.report.figures.histories import responses_in_drawing_order
-from pmr.report.numbers import enlargement, share_captured, unit_for
+from pmr.report.numbers import share_captured
 from pmr.report.renderer import RAMP
-from pmr.report.subject import crossing, fixtures, moving_part, reach, slider_offsets
+from pmr.report.subject import crossing, moving_part, reach
 from pmr.results import FrequencyResponse, RunResult, Shapes
 
 MOST_SHAPES = 25
 COLUMNS = 5
 CELL, GAP = 3.1, 1.1  # of a small panel: height over the largest value, and width over the beam's length
 FLAT = 1e-6  # share of the largest transverse amplitude below which a vector moves the beam along its axis only
-SNAPSHOTS = 6
-#: Largest deflection of a boom in a drawing, as a share of its reach.
-REACH = 0.05
 
 
 def basis_figure(result: RunResult, body_shapes: Shapes) -> Figure:
@@ -66,72 +61,10 @@ def basis_figure(result: RunResult, body_shapes: Shapes) -> Figure:
     return figure
 
 
-def snapshot_figure(result: RunResult) -> Figure:
-    """Draw the deflected beams at the time of the largest tip displacement in each of `SNAPSHOTS` parts of the run."""
-    reduced, beams = result.responses["reduced"], responses_in_drawing_order(result)
-    farthest, parts = (
-        np.abs(tip_displacements(result)["z"](reduced)),
-        np.array_split(np.arange(len(reduced.t)), SNAPSHOTS),
-    )
-    chosen = [int(part[np.argmax(farthest[part])]) for part in parts if len(part)]
-    axis = axis_points(result, reduced)
-    deflected = {
-        name: [
-            (of, interpolate(reduced.t, response.t, of.displacements(response))[chosen])
-            for of in axis_points(result, response)
-        ]
-        for name, response in beams.items()
-    }
-    unit = unit_for(max(float(np.abs(w).max()) for curves in deflected.values() for _, w in curves), "m")
-    gaps = {"wspace": 0.05, "hspace": 0.4}
-    figure, axes = make_sheet(
-        WIDE, 2.8, SNAPSHOTS // 2, 2, margins={"top": 0.45}, sharex=True, sharey=True, gridspec_kw=gaps
-    )
-    for i, ax in enumerate(axes.flat[: len(chosen)]):
-        for order, (name, deflected_lines) in enumerate(deflected.items()):
-            for axis_line, (of, w) in zip(axis, deflected_lines, strict=True):
-                at = axis_line.tail[chosen[i]] + of.x
-                ax.plot(at, w[i] / unit.size, zorder=2.0 + order / 10.0, **PENS[name].line())
-        _fixtures(ax, result, float(result.abscissa[chosen[i]]))
-        ax.set_title(f"t = {float(reduced.t[chosen[i]]):.4g} s", loc="left", pad=2.0)
-    end = reach(result)
-    axes[0, 0].set_xlim(-0.03 * end, 1.02 * end)
-    figure.supxlabel("x in m", fontsize=7.5, y=0.02)
-    figure.supylabel(f"Transverse displacement in {unit.name}", fontsize=7.5, x=0.004)
-    markers = {moving_part(result): ("s", MUTED)} if slider_offsets(result) else {}
-    markers |= {"support": ("^", INK)}
-    add_legend(
-        figure,
-        [Line2D([], [], label=PENS[name].label, **PENS[name].line()) for name in beams]
-        + [
-            Line2D([], [], linestyle="none", marker=marker, markersize=4.5, color=colour, label=label)
-            for label, (marker, colour) in markers.items()
-        ],
-    )
-    return figure
-
-
-def _fixtures(ax: Axes, result: RunResult, s: float) -> None:
-    """Draw supports, and sliders with the path coordinate at `s` m."""
-    for offset in slider_offsets(result):
-        ax.plot([s + offset], [0.0], marker="s", markersize=5.0, color=MUTED, zorder=1.9)
-    for support in fixtures(result):
-        ax.plot([support.position], [0.0], marker="^", markersize=5.0, color=INK, zorder=1.9)
-
-
 def _is_axial(shapes: Shapes) -> NDArray[np.bool_]:
     """Whether each of the r basis vectors moves the body along its axis only, as a mask (r,)."""
     amplitude = np.abs(shapes.shapes).max(axis=0)
     return np.asarray(amplitude <= FLAT * amplitude.max())
-
-
-def exaggeration(result: RunResult) -> float:
-    """Factor, a round number, by which a boom's deflection is enlarged in the drawing."""
-    response = result.responses["reduced"]
-    largest = max(
-        float(np.abs(line.displacements(response)).max(initial=0.0)) for line in axis_points(result, response)
-    )
-    return enlargement(largest, REACH * reach(result))
 
 
 CLOSED_FORM_POINTS = 11
@@ -300,13 +233,6 @@ def budget_figure(result: RunResult) -> Figure:
         handles.append(Line2D([], [], label="tolerance", **look))
     add_legend(figure, handles)
     return figure
-
-
-def snapshots_caption(result: RunResult) -> str:
-    """Caption of the figure of deflected beams."""
-    moments = f"at the largest tip displacement in each of {SNAPSHOTS} equal parts of the time"
-    what = "boom" if moving_part(result) == "boom" else "body"
-    return f"The deflected {what} {moments}. The transverse scale is exaggerated."
 
 
 def basis_caption(shapes: Shapes) -> str:

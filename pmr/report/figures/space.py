@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from pmr.files.arrays import Array
-from pmr.report.blocks import Block, Drawing
+from pmr.report.blocks import Drawing
 from pmr.report.columns import Axis, axis_points, body_axes, frame_rotations, rope_axis, spread_indices
 from pmr.report.figures.canvas import (
     HALF,
@@ -31,14 +31,23 @@ from pmr.report.figures.canvas import (
     section_colours,
 )
 from pmr.report.figures.loads import line_figure
-from pmr.report.figures.shapes import exaggeration
-from pmr.report.numbers import SPACE, format_input, format_quantity
-from pmr.report.subject import abscissa_label, changing_angles, reach
+from pmr.report.numbers import SPACE, enlargement, format_input, format_quantity
+from pmr.report.subject import (
+    abscissa_label,
+    changing_angles,
+    fixtures,
+    input_loads,
+    is_alone,
+    is_raised,
+    reach,
+    slider_offsets,
+)
 from pmr.results import RunResult
 from pmr.results.quantities import stress_name, wall_stress, wall_stress_on_short_cells
 
 #: Number of moments at which a boom is drawn; they are evenly spaced along the path of its tip.
 MOMENTS = 4
+LARGEST = 0.05  # largest deflection in a drawing, as a share of the reach
 WAY = 600  # number of points by which the path of a tip is measured
 TALLEST, FLATTEST = 3.4, 1.0  # in, height of axes of one scale
 LEFT, RIGHT, TOP, BOTTOM = 0.6, 0.16, 0.28, 0.42  # in
@@ -46,12 +55,17 @@ GROUND = "#9aa5b1"
 RAISING: Mapping[str, Any] = {"color": MUTED, "linewidth": 1.6}  # style of a luffing cylinder
 ROPE: Mapping[str, Any] = {"color": INK, "linewidth": 0.8, "marker": "s", "markersize": 4.0, "markevery": [-1]}
 FAINT = 0.3  # share of a section's colour in the mixture with white, at moments without the largest stress
+LOAD, ARROW = "#7b2d8e", 0.3  # colour of loads, and length of their arrows in inches
+SYMBOLS = {"clamped": "s", "pad": "s"}  # markers of supports; others are triangles
 CLEAR = 0.06  # in, between a label and what is drawn
 
 
 def side_view(result: RunResult) -> Figure:
-    """Draw the boom from the side at a few moments: height over the radius from the pivot, in the plane of luffing."""
-    return _draw_boom(result, "side", "Radius from the pivot in m", "Height over the pivot in m", ground=True)
+    """Draw the structure from the side at a few moments: height over the radius from the pivot, or from its tail."""
+    labels = ("x in m", "Height in m")
+    if result.frame is not None:
+        labels = ("Radius from the pivot in m", "Height over the pivot in m")
+    return _draw_boom(result, "side", *labels, from_side=True)
 
 
 def plan_view(result: RunResult) -> Figure:
@@ -94,26 +108,31 @@ def view_caption(result: RunResult, view: str) -> str:
     mark = "" if worst is None else f"; the ring is the place of the {ringed_stress_name(result)}"
     if worst is not None and len(steps) > 1:
         mark += f", at {float(t[worst.step]):.3g}{SPACE}s; other moments are paler"
-    way = "; dashed: the path of its tip" if float(np.ptp(result.abscissa)) > 0.0 or len(steps) > 1 else ""
+    moves_tip = result.frame is not None or (not is_alone(result) and float(np.ptp(result.abscissa)) > 0.0)
+    way = "; dashed: the path of its tip" if moves_tip else ""
     way += "; square: the payload on its rope" if rope_axis(result, steps) is not None else ""
-    return f"The boom {view} {when}{way}; deflection is drawn {scale} times its size{mark}."
+    moves = result.frame is None and slider_offsets(result) and float(np.ptp(result.abscissa)) > 0.0
+    way += "; hollow: the other end of the way" if moves and view == "from the side" else ""
+    what = "body" if is_alone(result) else "boom"
+    return f"The {what} {view} {when}{way}; deflection is drawn {scale} times its size{mark}."
 
 
-def _draw_boom(result: RunResult, view: str, across: str, up: str, ground: bool = False) -> Figure:
+def _draw_boom(result: RunResult, view: str, across: str, up: str, from_side: bool = False) -> Figure:
     """Draw the boom in a `view`, ``side`` or ``plan``, at the steps of `drawn_steps`.
 
-    `across` and `up` are the labels of the axes.  If `ground`, the ground and the luffing cylinder are drawn too.
+    `across` and `up` are the labels of the axes.  If `from_side`, ground, luffing cylinder, supports, sliders and loads
+    are drawn too.
     """
     steps, t, scale = drawn_steps(result, view), result.responses["reduced"].t, exaggeration(result)
     bodies = body_axes(result, steps, scale)
     way = getattr(body_axes(result, spread_indices(len(t), WAY), scale)[-1], view)[:, -1]
-    raising, rope = _cylinders(result, steps) if ground else [], rope_axis(result, steps, scale)
+    raising, rope = _cylinders(result, steps) if from_side else [], rope_axis(result, steps, scale)
     ropes = [] if rope is None else [*getattr(rope, view)]
     worst, colours = largest_stress(result), section_colours(item.body for item in bodies)
     named = [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()]
     named = named * (len(bodies) > 1) + [Line2D([], [], **RAISING, label="luffing cylinder")] * bool(raising)
     named += [Line2D([], [], **ROPE, label="rope and payload")] * bool(ropes)
-    stand = result.frame.ground if ground and result.frame is not None else None
+    stand = result.frame.ground if from_side and result.frame is not None else None
     level = 0.0 if stand is None else -stand.height
     drawn = [np.array([[0.0, level]]), way, *(getattr(item, view).reshape(-1, 2) for item in bodies), *raising, *ropes]
     figure = _make_paper(drawn, across, up, rows := legend_rows([str(item.get_label()) for item in named], HALF))
@@ -132,13 +151,56 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, ground: bool 
         ax.plot(*places.T, **{**RAISING, "color": mix_with_white(MUTED, share)}, zorder=1.8)
     for places, share in zip(ropes, faint, strict=False):
         ax.plot(*places.T, **{**ROPE, "color": mix_with_white(INK, share)}, zorder=1.9)
-    if ground:
+    if from_side and (result.frame is not None or is_raised(result)):
         ax.plot(ax.get_xlim(), [level, level], color=GROUND, linewidth=1.2, zorder=1.0)
     labels = _label_times(ax, getattr(bodies[-1], view), t[steps], moment)
     if worst is not None:
         _draw_stress_ring(ax, worst, next(item for item in bodies if item.body == worst.body), view, moment, labels)
-    ax.plot([0.0], [0.0], marker="^" if ground else "o", markersize=6.0, color=INK, zorder=4.0)
+    if from_side and result.frame is None:
+        _draw_fixtures(ax, result, int(steps[moment]))
+    else:
+        ax.plot([0.0], [0.0], marker="^" if from_side else "o", markersize=6.0, color=INK, zorder=4.0)
+    if from_side:
+        _draw_loads(ax, result, {item.body: (item.x, item.side[moment]) for item in bodies})
     return figure
+
+
+def _draw_fixtures(ax: Axes, result: RunResult, step: int) -> None:
+    """Draw supports as triangles and pads and sliders as squares, where they are at the time step number `step`."""
+    direction = frame_rotations(result, result.responses["reduced"].t[[step]])[0, [0, 2], 0]
+    places = [(fixture.position, SYMBOLS.get(fixture.kind, "^"), INK) for fixture in fixtures(result)]
+    low, high = result.scene.path_bounds if is_alone(result) else (0.0, 0.0)
+    now = float(result.abscissa[step])
+    far = low if now - low > high - now else high
+    for ahead in slider_offsets(result):
+        places += [(far + ahead, "s", "white")] * (high > low) + [(now + ahead, "s", MUTED)]
+    for place, marker, colour in places:
+        look = {"markeredgecolor": MUTED if marker == "s" else INK, "markerfacecolor": colour, "markersize": 5.0}
+        ax.plot(*(place * direction[:, None]), marker=marker, **look, zorder=3.5)
+
+
+def _draw_loads(ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Array]]) -> None:
+    """Draw each force in the plane of the view as an arrow, with two heads if it changes its sign, and its name.
+
+    `axes` are the points x (n,) in m of each body's axis, and their places (n, 2) in m in the view.
+    """
+    inch = float(np.ptp(ax.get_xlim())) / (HALF - LEFT - RIGHT)
+    for load in input_loads(result):
+        if load.body not in axes or load.direction not in ("along", "up") or not np.any(load.values):
+            continue
+        x, places = axes[load.body]
+        at = np.array([np.interp(load.position, x, places[:, k]) for k in (0, 1)])
+        ahead = (places[-1] - places[0]) / max(float(np.linalg.norm(places[-1] - places[0])), 1e-300)
+        way = ahead if load.direction == "along" else np.array([-ahead[1], ahead[0]])
+        low, high = load.values.min(), load.values.max()
+        foot = at - ARROW * inch * way * (-1.0 if high <= 0.0 else 1.0)
+        style = "<|-|>" if low < 0.0 < high else "-|>"
+        arrow = {"arrowstyle": f"{style},head_length=4.5,head_width=1.9", "color": LOAD, "linewidth": 0.9,
+                 "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 1.0}  # fmt: skip
+        ax.annotate("", at, foot, arrowprops=arrow, annotation_clip=False)
+        side = "bottom" if foot[1] >= at[1] else "top"
+        ax.annotate(load.name, foot, (0.0, 2.0 if side == "bottom" else -2.0), textcoords="offset points",
+                    color=LOAD, ha="right", va=side, fontsize=7.0)  # fmt: skip
 
 
 def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
@@ -269,12 +331,22 @@ def _make_paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> Figu
     return figure
 
 
+def exaggeration(result: RunResult) -> float:
+    """Factor, a round number, by which a structure's deflection is enlarged in the drawing."""
+    response = result.responses["reduced"]
+    largest = max(
+        float(np.abs(line.displacements(response)).max(initial=0.0)) for line in axis_points(result, response)
+    )
+    return enlargement(largest, LARGEST * reach(result))
+
+
 def drawn_steps(result: RunResult, view: str) -> NDArray[np.intp]:
     """Time steps at which the boom is drawn in a `view`, ``side`` or ``plan``, evenly spaced along its tip's path.
 
-    The first and the last step are among them.  If the tip is at rest in this view there is one step.  If the boom
-    does not turn in this view there is one step too, that of the largest extension, as the drawings at
-    other extensions would lie on top of each other.  The step of the largest stress replaces the step nearest to it.
+    The first and the last step are among them.  If the tip is at rest in this view, they are those of the largest
+    deflection in equal parts of the time.  If the boom extends but does not turn in this view there is one step, that
+    of the largest extension, as the drawings at other extensions would lie on top of each other.  The step of the
+    largest stress replaces the step nearest to it.
     """
     t, out, worst = result.responses["reduced"].t, _tip_distance(result), largest_stress(result)
     along = frame_rotations(result, t)[:, :, 0]
@@ -282,13 +354,18 @@ def drawn_steps(result: RunResult, view: str) -> NDArray[np.intp]:
         along = np.stack([np.hypot(along[:, 0], along[:, 1]), along[:, 2]], axis=1)
     way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(along * out[:, None], axis=0), axis=1)))
     if way[-1] <= 1e-9 * reach(result):
-        steps = np.array([0])
+        response = result.responses["reduced"]
+        deflection = np.abs(axis_points(result, response)[-1].displacements(response)[:, -1])
+        parts = np.array_split(deflection, MOMENTS)
+        firsts = np.cumsum([0, *map(len, parts[:-1])])
+        steps = np.array([first + int(part.argmax()) for first, part in zip(firsts, parts, strict=True) if len(part)])
     elif np.ptp(along, axis=0).max() <= 1e-12:
         steps = np.array([int(np.argmax(out))])
     else:
         steps = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1] * (1.0 - 1e-9), MOMENTS)))
     if worst is not None:
-        steps[np.argmin(np.abs(way[steps] - way[worst.step]))] = worst.step
+        away = np.abs(way[steps] - way[worst.step]) if way[-1] > 1e-9 * reach(result) else np.abs(steps - worst.step)
+        steps[np.argmin(away)] = worst.step
     return steps
 
 
@@ -330,16 +407,6 @@ def slews(result: RunResult) -> bool:
     """Whether the boom turns about the vertical during the run, so that a view from above shows its motion."""
     angle = result.summary.get("frame", {}).get("slewing", {"min": 0.0, "max": 0.0})
     return bool(angle["max"] > angle["min"])
-
-
-def space_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block with the boom in true position; None unless the boom is in a frame and has recovered fields.
-
-    `prefix` begins the identifiers of its figures.
-    """
-    played = any(body.fields is not None for body in result.bodies.values())
-    drawings = space_drawings(result, prefix) if played else []
-    return Block(heading="The boom in space", drawings=drawings) if drawings else None
 
 
 def space_drawings(result: RunResult, prefix: str) -> list[Drawing]:

@@ -1,4 +1,10 @@
 // The player of bodies: WebGL 2, seen without perspective, in the frame of what does not slide.
+// Series are of 16 bits; a button starts time, and a slider sets it.
+const unpack = (series) => {
+  const bytes = Uint8Array.from(atob(series.data), (c) => c.charCodeAt(0));
+  const counts = new DataView(bytes.buffer);
+  return Float32Array.from({ length: bytes.length / 2 }, (_, i) => counts.getInt16(2 * i, true) * series.count);
+};
 const SHADERS = [
   `#version 300 es
   uniform vec3 right, above, towards, centre;
@@ -36,9 +42,18 @@ const indices = (text) => new Uint32Array(Uint8Array.from(atob(text), (c) => c.c
 const series = (packed) => ({ coefficients: packed.coefficients.map(unpack), shapes: packed.shapes.map(unpack) });
 const HOME = { azimuth: -1.2, elevation: 0.31, zoom: 1 };
 
-class BodyPlayer extends Playback {
+// Reads the JSON in its figure; `draw` shows the frame, which may lie between two.
+class Player {
   constructor(figure) {
-    super(figure);
+    const find = (selector) => figure.querySelector(selector);
+    this.data = JSON.parse(find("script").textContent);
+    this.canvas = find("canvas");
+    this.button = find("button");
+    this.slider = find("input[type=range]");
+    this.output = find("output");
+    this.speed = find("select");
+    this.frame = 0;
+    this.playing = false;
     this.pen = this.canvas.getContext("webgl2", { alpha: false, preserveDrawingBuffer: true });
     if (!this.pen) {
       for (const part of figure.querySelectorAll("canvas, .controls, figcaption")) part.hidden = true;
@@ -64,6 +79,42 @@ class BodyPlayer extends Playback {
     this.prepare();
     this.listen();
     new ResizeObserver(() => this.draw()).observe(this.canvas);
+  }
+
+  get last() { return this.data.frames - 1; }
+
+  get time() {
+    const [start, end] = this.data.times;
+    return start + (end - start) * this.frame / Math.max(this.last, 1);
+  }
+
+  get clock() { return `t = ${this.time.toFixed(this.data.times[1] < 1 ? 4 : 2)} s`; }
+
+  say(text) {
+    this.output.textContent = text;
+    this.slider.setAttribute("aria-valuetext", text);
+  }
+
+  toggle() {
+    this.playing = !this.playing;
+    this.button.textContent = this.playing ? "❚❚" : "▶";
+    this.button.setAttribute("aria-label", this.playing ? "Pause" : "Play");
+    if (!this.playing) return;
+    if (this.frame >= this.last) this.frame = 0;
+    this.before = null;
+    requestAnimationFrame((now) => this.step(now));
+  }
+
+  step(now) {
+    if (!this.playing) return;
+    const [start, end] = this.data.times;
+    const elapsed = this.before === null ? 0 : Math.min(now - this.before, 100) / 1000;
+    this.before = now;
+    this.frame = Math.min(this.frame + elapsed * Number(this.speed.value) * this.last / (end - start), this.last);
+    this.slider.value = Math.round(this.frame);
+    this.draw();
+    if (this.frame >= this.last) this.toggle();
+    else requestAnimationFrame((next) => this.step(next));
   }
 
   prepare() {
@@ -92,6 +143,8 @@ class BodyPlayer extends Playback {
   }
 
   listen() {
+    this.button.addEventListener("click", () => this.toggle());
+    this.slider.addEventListener("input", () => { this.frame = Number(this.slider.value); this.draw(); });
     const held = new Map(), canvas = this.canvas;
     const apart = () => { const [a, b] = [...held.values()]; return Math.hypot(a.x - b.x, a.y - b.y); };
     canvas.addEventListener("pointerdown", (event) => {
@@ -298,4 +351,4 @@ class BodyPlayer extends Playback {
   }
 }
 
-document.querySelectorAll("figure.animation.body").forEach((figure) => new BodyPlayer(figure));
+document.querySelectorAll("figure.animation").forEach((figure) => new Player(figure));
