@@ -170,7 +170,7 @@ def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
         return Drawing(name, "<svg></svg>", caption)
 
     monkeypatch.setattr(drawing, "__code__", empty.__code__)  # many modules have the function itself
-    monkeypatch.setattr(background, "has_free_core", lambda: False)  # another process would draw
+    monkeypatch.setattr(background, "has_free_core", lambda: False)  # another process would help
     monkeypatch.setattr(album, "render_shots", lambda shots: [b""] * len(shots))
 
 

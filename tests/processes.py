@@ -22,7 +22,7 @@ COMMAND = "import sys; from pmr.cli import main; sys.argv[0] = 'pmr'; main()"
 _NO_FIGURES = (
     "from pmr.report import album, background, blocks\nfrom pmr.report.figures import canvas\n"
     "album.render_shots = lambda shots: [b''] * len(shots)\n"
-    "background.has_free_core = lambda: False\n"  # another process would draw
+    "background.has_free_core = lambda: False\n"  # another process would help
     "canvas.drawing = lambda name, draw, caption, *_: blocks.Drawing(name, '<svg></svg>', caption)\n"
 )
 #: The command whose reports have empty figures, in a real PDF.

@@ -26,7 +26,6 @@ from pmr.files.whole import remove_matching, replacement_folder
 if TYPE_CHECKING:
     from pmr.errors.environment import Progress as Report
     from pmr.pipeline import Outcome
-    from pmr.report.background import BackgroundReport
     from pmr.report.blocks import Row
     from pmr.scene import Scene
 
@@ -104,13 +103,13 @@ def run(
         environment.check_installed("dolfinx")
     environment.check_report()  # before the work, not after it
     folder = out_dir or Path("reports", names[0])
-    from pmr.report.background import BackgroundReport, helper_process
+    from pmr.report.background import helper_process
     from pmr.results import RESULT_FILES
 
     for where in {folder, *(folder / name for name in names if len(names) > 1)}:
         console.prepare_folder(where, RESULT_FILES)
     outcomes = []
-    with BackgroundReport() as report, helper_process() as helper:
+    with helper_process() as helper:
         import numpy as np
 
         from pmr.errors.environment import Clock
@@ -129,7 +128,7 @@ def run(
                         checkpoint=checkpoint,
                         cache=cache,
                         measures=cache or user_cache_folder(),
-                        keep=partial(_save_results, where, folder, report),
+                        keep=partial(_save_results, where, folder),
                         helper=helper,
                     )
                 except (InputError, SimulationError, ConvergenceError) as error:
@@ -148,8 +147,10 @@ def run(
                 _print_outcome(outcome)
             with _progress("report", shown=first) as progress:
                 progress("write", 0.0)
+                from pmr.report.document import write_report
+
                 try:
-                    written = report.write([outcome.result for outcome in outcomes], folder)
+                    written = write_report([outcome.result for outcome in outcomes], folder)
                 except Exception as error:  # any error of the report; the computed results are stored
                     console.exit_with_message(console.report_failure_message(error, folder), 1)
             out.text(f"report  {written.html}")
@@ -164,7 +165,7 @@ def _print_hints(scene: Scene) -> None:
         err.sentences(f"warning: {hint}")
 
 
-def _save_results(folder: Path, of_all: Path, report: BackgroundReport, outcome: Outcome) -> None:
+def _save_results(folder: Path, of_all: Path, outcome: Outcome) -> None:
     """Write all results other than the report into `folder`, and remove old reports in `folder` and `of_all`.
 
     `of_all` is the folder of the report about all scenes of the run.
@@ -176,7 +177,6 @@ def _save_results(folder: Path, of_all: Path, report: BackgroundReport, outcome:
     from pmr.results.tables import write_tables
 
     result = outcome.result
-    report.draw(result)
     recovery = result.scene.recovery
     if folder != of_all:
         remove_matching(of_all, REPORT_FILES)

@@ -256,13 +256,6 @@ class Block:
         return rows
 
 
-@dataclass(frozen=True)
-class Figures:
-    """All figures of a run but its sketch, in the blocks that follow the blocks about errors."""
-
-    blocks: Sequence[Block]
-
-
 @dataclass(frozen=True, kw_only=True)
 class Chapter:
     """A run or a study as a chapter of a page.

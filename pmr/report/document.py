@@ -15,9 +15,9 @@ import jinja2
 from pmr.errors.environment import import_package
 from pmr.errors.text import escape_controls
 from pmr.files.whole import replacement_folder
-from pmr.report.blocks import END_OF_SCREEN, REPORT_FILES, SCREEN, Chapter, Drawing, Figures, ReportFiles
+from pmr.report.blocks import END_OF_SCREEN, REPORT_FILES, SCREEN, Chapter, Drawing, ReportFiles
 from pmr.report.figures.canvas import FONT, drawn_text, font_face_rule
-from pmr.report.sections import chapter, figures_of
+from pmr.report.sections import chapter
 from pmr.results import RunResult
 
 KIND = "Simulation report"
@@ -25,12 +25,11 @@ KIND = "Simulation report"
 _log = logging.getLogger(__name__)
 
 
-def write_report(results: Sequence[RunResult], folder: Path, figures: Sequence[Figures] = ()) -> ReportFiles:
+def write_report(results: Sequence[RunResult], folder: Path) -> ReportFiles:
     """Write report.html and report.pdf of one or several runs into `folder` and return their paths.
 
     The folder is created if it does not exist.  The page holds its figures, fonts, styles and scripts, and loads
-    nothing from outside.  Equal results give equal pages, byte by byte.  `figures` are the figures that `draw_figures`
-    returned for each result; if they are not given, they are drawn now.
+    nothing from outside.  Equal results give equal pages, byte by byte.
 
     Raises
     ------
@@ -42,26 +41,8 @@ def write_report(results: Sequence[RunResult], folder: Path, figures: Sequence[F
     for result in results:
         if "reduced" not in result.responses:
             raise ValueError(f"{result.scene.title}: a report needs the response of the reduced model")
-    figures = figures or [draw_figures(result, number) for number, result in enumerate(results, start=1)]
-    pairs = zip(results, figures, strict=True)
-    chapters = [
-        chapter(result, _anchor(number), drawn_figures) for number, (result, drawn_figures) in enumerate(pairs, start=1)
-    ]
+    chapters = [chapter(result, f"case-{number}") for number, result in enumerate(results, start=1)]
     return write_page(render_runs(chapters, with_date(KIND, [result.summary for result in results])), folder)
-
-
-def draw_figures(result: RunResult, number: int) -> Figures:
-    """Draw the figures of a result, which takes most of a report's time.
-
-    `number` is the number of the result in its report, from 1; identifiers in the page begin with ``case-`` and this
-    number.
-    """
-    return figures_of(result, _anchor(number))
-
-
-def _anchor(number: int) -> str:
-    """Identifier of the chapter about a result; `number` is the number of the result in its report."""
-    return f"case-{number}"
 
 
 def write_page(text: str, folder: Path) -> ReportFiles:

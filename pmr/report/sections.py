@@ -14,7 +14,7 @@ import numpy as np
 from pmr.files.arrays import Array
 from pmr.report import first_page, forces, player, scene_tables, sentences, stresses, subject
 from pmr.report.album import Album, start_album
-from pmr.report.blocks import Block, Chapter, Drawing, Figures, Grid, Player, Table, signed_deviation
+from pmr.report.blocks import Block, Chapter, Drawing, Grid, Player, Table, signed_deviation
 from pmr.report.bodies import fields_by_body, has_stresses, largest_colour_stress
 from pmr.report.columns import (
     axis_points,
@@ -38,25 +38,11 @@ from pmr.scene.keys import qualified_name
 Show = Callable[[RunResult, str], Block | None]
 
 
-def figures_of(result: RunResult, anchor: str) -> Figures:
-    """Draw all figures of a run that need no ``budget`` of the summary, which is known last: it has errors of models.
-
-    The sketch needs it for the stress in walls.
-
-    `anchor` is put before every identifier.
-    """
-    pictures = start_album(result, anchor)  # another process renders them meanwhile
-    sections = [show(result, anchor) for show in SECTIONS]
-    shown = [motion_block(result, anchor, pictures), *sections, origin_block(result)]  # the first one needs pictures
-    return Figures([*filter(None, shown)])
-
-
-def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> Chapter:
-    """Build the chapter about a run; if `figures` is None, the figures of `figures_of` are drawn now.
-
-    `anchor` begins all identifiers in the chapter.
-    """
-    figures, rows = figures or figures_of(result, anchor), error_rows(result)
+def chapter(result: RunResult, anchor: str) -> Chapter:
+    """Build the chapter about a run; `anchor` begins all identifiers in it."""
+    pictures, rows = start_album(result, anchor), error_rows(result)  # another process renders them meanwhile
+    sections = [error_block(result), accuracy_block(result, anchor), *(show(result, anchor) for show in SECTIONS)]
+    sections.insert(2, motion_block(result, anchor, pictures))  # the pictures are there by now
     return Chapter(
         anchor=anchor,
         title=result.scene.title,
@@ -67,7 +53,7 @@ def chapter(result: RunResult, anchor: str, figures: Figures | None = None) -> C
         key_numbers=list(sentences.key_numbers(result)),
         points=sentences.sentence_points(result, rows),
         warnings=[warning[:1].upper() + warning[1:] for warning in result.summary.get("warnings", ())],
-        blocks=[*filter(None, (error_block(result), accuracy_block(result, anchor))), *figures.blocks],
+        blocks=[*filter(None, sections), origin_block(result)],
     )
 
 

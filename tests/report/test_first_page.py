@@ -15,7 +15,7 @@ from boom_results import SUMMARY, MakeSpace
 from matplotlib.patches import Rectangle
 
 from pmr.report import columns
-from pmr.report.blocks import Chapter, Drawing, Figures, KeyNumber, Table
+from pmr.report.blocks import Chapter, Drawing, KeyNumber, Table
 from pmr.report.document import render_runs as rendered
 from pmr.report.errors import rows as error_rows
 from pmr.report.errors import summed_errors, trust_table
@@ -437,7 +437,7 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     assert over == f"largest von Mises stress in walls: {said}"
     page = rendered([Chapter(anchor="case-1", title="Boom", overloads=[over], first=first_page_tables(grown))])
     assert page.index("More than is allowed") < page.index("What was asked")
-    sketched = chapter(grown, "case-1", Figures([])).sketch  # figures are drawn before the shell is known
+    sketched = chapter(grown, "case-1").sketch
     assert sketched is not None and f"426{SPACE}MPa" in drawn_text(sketched.svg) and "in walls" in sketched.caption
 
 

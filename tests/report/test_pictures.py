@@ -85,7 +85,7 @@ def test_all_else_is_drawn_while_pictures_are_made(monkeypatch, make_space, make
     drawn = Event()
     monkeypatch.setattr(sections, "SECTIONS", (lambda result, prefix: drawn.set(),))
     monkeypatch.setattr(pictures, "render_shots", lambda shots: [b"late" if drawn.wait(PATIENCE) else b""] * len(shots))
-    block = sections.figures_of(make_space(fields=make_fields("line")), "case-1").blocks[0]
+    (block,) = [of for of in case(make_space(fields=make_fields("line")), "case-1").blocks if of.pictures]
     assert {one.data for one in block.pictures} == {base64.b64encode(b"late").decode()}
 
 
