@@ -12,5 +12,5 @@ with style():
     result = RunResult.load(REPORTS / "paper" / "paper_evolved")
     time = Timeline(result)
     tip = time.signals(lambda response: response.tip)
-    figure = history_figure(time, tip, "Displacement", "m", time.detail(tip))
+    figure = history_figure(time, tip, "Displacement", "m")
     figure.savefig(REPORTS / "readme.png", dpi=160, facecolor="white")

@@ -114,7 +114,6 @@ class _Views:
             yield View(f"view-{number}", shot, self._caption(moment))
         if self.stressed:
             yield self._peak_view(moment_of_peak(self.result))
-        yield self._mesh_view()
 
     def _body_pieces(self, moment: Moment, edges: float = 0.6) -> Iterator[Piece]:
         """Yield the bodies at a moment, with displacements enlarged by the factor `self.scale`.
@@ -256,24 +255,6 @@ class _Views:
         if abs(peak - moment.t) <= 0.005:
             return f"At {at}; {displacements}"
         return f"At {at}, of the times whose fields are kept the nearest to {peak:.2f}{SPACE}s; {displacements}"
-
-    def _mesh_view(self) -> View:
-        """Build the view of the meshes, with bodies and pads in their positions at the first stored time."""
-        bodies = [
-            Piece(surface.points + (self.places[name][0], 0.0, 0.0), surface.faces, None, "#eef2f5", edges=0.9)
-            for name, surface in self.surfaces.items()
-        ]
-        at = float(self.result.abscissa[0])
-        tail, near = _pieces(self.stage.tail, PAD, np.array([at, 0.0, 0.0])), _pieces(self.stage.near, MOVING)
-        (shot,) = frame_shots([Shot((*bodies, *tail, *near), SIDE)], WIDTH)
-        cells, vertices = (
-            sum(len(getattr(fields, of)) for fields in self.fields.values()) for of in ("cells", "points")
-        )
-        where = (
-            f"grey the pads that stay on the body, orange those that move along it, at s = {format_input(round(at, 3))}"
-        )
-        pads = f"; {where}{SPACE}m" if self.stage.near or self.stage.tail else ""
-        return View("mesh", shot, f"The mesh: {format_input(cells)} cells, {format_input(vertices)} vertices{pads}.")
 
     def _caption(self, moment: Moment) -> str:
         """Return the caption of a view.

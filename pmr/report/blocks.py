@@ -51,6 +51,11 @@ class Row:
     absolute: str | None = None
 
 
+def deviating_rows(table: Sequence[Row]) -> list[Row]:
+    """Rows of the table whose value differs from the published one by more than 5 %."""
+    return [row for row in table if row.mark not in (None, WITHIN)]
+
+
 @dataclass(frozen=True)
 class ErrorTable:
     """Error table: rows, the caption above them and the sentences below them.
@@ -63,29 +68,14 @@ class ErrorTable:
     reasons: Sequence[str] = ()
 
     @property
-    def has_published(self) -> bool:
-        """Whether any row has a published value."""
-        return any(row.published for row in self.rows)
-
-    @property
-    def has_deviations(self) -> bool:
-        """Whether any row has a deviation from a published value."""
-        return any(row.deviation for row in self.rows)
-
-    @property
-    def has_norms(self) -> bool:
-        """Whether any row has the norm of a difference."""
-        return any(row.absolute for row in self.rows)
-
-    @property
     def marks(self) -> list[Mark]:
         """Verdicts that occur in the table, in the order from the best to the worst."""
         return [mark for mark in RANKED if any(row.mark is mark for row in self.rows)]
 
     @property
-    def has_deviating_rows(self) -> bool:
-        """Whether the value of any row differs from the published one by more than 5 %."""
-        return bool(deviating_rows(self.rows))
+    def deviating_rows(self) -> list[Row]:
+        """Rows whose value differs from the published one by more than 5 %."""
+        return deviating_rows(self.rows)
 
 
 def mark_for(value: float, published: float, is_error: bool = True) -> Mark:
@@ -109,11 +99,6 @@ def count_verdicts(table: Sequence[Row]) -> dict[str, int]:
     """
     marks = [row.mark for row in table if row.mark]
     return {mark.text: marks.count(mark) for mark in RANKED if mark in marks}
-
-
-def deviating_rows(table: Sequence[Row]) -> list[Row]:
-    """Rows of the table whose value differs from the published one by more than 5 %."""
-    return [row for row in table if row.mark not in (None, WITHIN)]
 
 
 def _deviation(value: float, published: float) -> float:
@@ -193,7 +178,6 @@ class Grid:
     caption: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    half: bool = False  # whether two such tables stand side by side on paper
 
 
 @dataclass(frozen=True)

@@ -194,8 +194,6 @@ DISPLACED = 0.08  # largest displacement in a picture, as a share of the length 
 FRAMES = 1500  # largest number of times of an animation of axes
 KNOB = 0.012  # half the size of a slider or support in pictures, as a share of the length of the body
 EXTENSIONS = 3  # parts of the mouth's range, each with a picture
-#: Relative difference up to which two stresses count as equal: they are stored in single precision.
-SINGLE = 1e-5
 ALMOST_ALL = 0.98  # share of the cells within the colour scale: a few peaks must not leave all others in one colour
 
 
@@ -266,13 +264,10 @@ def drawn_moments(result: RunResult) -> list[Moment]:
     s, t = mouth_positions(result), times(result)
     weight = _peak_stresses(result) if has_stresses(result) else _largest_displacements(result)
     parts = np.clip(((s - s.min()) / max(np.ptp(s), 1e-12) * EXTENSIONS).astype(int), 0, EXTENSIONS - 1)
-    named = _summary_peak_frame(result)
-    frames = [
-        _largest(weight, inside, named) for part in np.unique(parts) if len(inside := np.flatnonzero(parts == part))
-    ]
+    chosen = [int(inside[np.argmax(weight[inside])]) for part in np.unique(parts)
+              if len(inside := np.flatnonzero(parts == part))]  # fmt: skip
     largest = weight if has_stresses(result) else np.zeros_like(weight)
-    chosen = sorted(frames)
-    return [Moment(k, float(t[k]), float(s[k]), reach(result) - float(s[k]), float(largest[k])) for k in chosen]
+    return [Moment(k, float(t[k]), float(s[k]), reach(result) - float(s[k]), float(largest[k])) for k in sorted(chosen)]
 
 
 def moment_of_peak(result: RunResult) -> Moment:
@@ -315,30 +310,10 @@ def place_of_peak(result: RunResult, moment: Moment) -> PointOfBody:
     return PointOfBody(body, stressed_fields.points[cell].mean(axis=0))
 
 
-def _largest(values: Array, candidates: Indices, preferred: int | None) -> int:
-    """Index of the largest of `values` among the indices `candidates`, or `preferred` if its value is equally large.
-
-    Two values count as equally large if they differ by no more than the share `SINGLE`.
-    """
-    largest = int(candidates[np.argmax(values[candidates])])
-    if preferred is not None and preferred in candidates and values[preferred] >= (1.0 - SINGLE) * values[largest]:
-        return int(preferred)
-    return largest
-
-
 def _summary_peak(result: RunResult) -> Mapping[str, Any]:
     """Largest stress of the reduced model in the summary, with time and position; empty if the summary has none."""
     peak: Mapping[str, Any] = result.summary.get("stress_peak", {}).get("reduced") or {}
     return peak
-
-
-def _summary_peak_frame(result: RunResult) -> int | None:
-    """Index of the stored time at which the summary's largest stress occurs; None if that time is not stored."""
-    t, field_times = _summary_peak(result).get("t"), times(result)
-    if t is None:
-        return None
-    near = int(np.argmin(np.abs(field_times - t)))
-    return near if abs(field_times[near] - t) <= 1e-9 * max(1.0, abs(t)) else None
 
 
 def mouth_positions(result: RunResult) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -47,22 +48,11 @@ def extreme_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
     count = len(values)
     if count <= 2 * bins + 2:
         return np.arange(count)
-    pieces = _pieces(count, bins)
+    edges = np.linspace(0, count, bins + 1).astype(int)
+    pieces = list(pairwise(edges))
     low = [start + int(np.argmin(values[start:stop])) for start, stop in pieces]
     high = [start + int(np.argmax(values[start:stop])) for start, stop in pieces]
     return np.unique([0, *low, *high, count - 1])
-
-
-def envelope_indices(values: ArrayLike, bins: int) -> NDArray[np.intp]:
-    """Indices of the largest of the `values` (n,) in each of `bins` intervals of about as many values.
-
-    If there are at most `bins` values, the indices of all of them are returned.
-    """
-    values = np.asarray(values, dtype=float)
-    count = len(values)
-    if count <= bins:
-        return np.arange(count)
-    return np.array([start + int(np.argmax(values[start:stop])) for start, stop in _pieces(count, bins)])
 
 
 def spread_indices(count: int, limit: int) -> NDArray[np.intp]:
@@ -80,12 +70,6 @@ def interpolate(t: Array, times: Array, values: Array) -> Array:
     if values.ndim == 1:
         return np.interp(t, times, values)
     return np.stack([np.interp(t, times, column) for column in values.T], axis=1)
-
-
-def _pieces(count: int, bins: int) -> list[tuple[int, int]]:
-    """Split ``range(count)`` into `bins` intervals of about equal length, each returned as (start, stop)."""
-    edges = np.linspace(0, count, bins + 1).astype(int).tolist()
-    return list(zip(edges[:-1], edges[1:], strict=True))
 
 
 def encode_array(values: Array) -> dict[str, Any]:

@@ -39,7 +39,6 @@ from pmr.results.quantities import (
     QUANTITIES,
     error_label,
     reduction_error,
-    stress_name,
     stress_remark,
     wall_stress,
 )
@@ -83,11 +82,10 @@ def is_compared(result: RunResult) -> bool:
 def rows(result: RunResult) -> list[Row]:
     """Rows of the error table.
 
-    Errors against other models come first, then estimates, the largest displacement, the largest difference and the
-    largest stress.
+    Errors against other models come first, then estimates, the largest displacement and the largest difference.
     """
-    errors = (*_error_rows(result), *_missing_rows(result), *_section_rows(result), *_estimate_rows(result))
-    return [*errors, *_length_rows(result), *_stress_rows(result)]
+    errors = (*_error_rows(result), *_further_rows(result), *_section_rows(result), *_estimate_rows(result))
+    return [*errors, *_length_rows(result)]
 
 
 def error_notes(result: RunResult, table: Sequence[Row]) -> list[str]:
@@ -152,10 +150,13 @@ def _error_rows(result: RunResult) -> Iterator[Row]:
             yield row
 
 
-def _missing_rows(result: RunResult) -> Iterator[Row]:
-    """Yield a row for each reference that could not be used for comparison; warnings of the run give the reasons."""
+def _further_rows(result: RunResult) -> Iterator[Row]:
+    """Yield rows on forces beside impacts, and on references that could not be used; warnings give the reasons."""
     for kind in result.summary.get("not_judged", {}):
         yield Row("reduced against full", error_name(result, kind), "not judged")
+    if (impacts := result.summary.get("impacts")) is not None:
+        band = f"{significant(impacts['band'], 2)}{SPACE}Hz, where the tip moves"
+        yield Row("reduced against full", f"{force_words(result)} below {band}", format_percent(impacts["pad_force"]))
     for name in result.summary.get("no_reference", {}):
         yield Row(f"reduced against {NAMES.get(name, name)}", "", "no reference")
 
@@ -195,20 +196,6 @@ def _format_norm(unit: str, value: float) -> str:
         if unit in ("N", "Pa")
         else f"{significant(value)}{SPACE}{unit}".removesuffix(f"{SPACE}1")
     )
-
-
-def _stress_rows(result: RunResult) -> Iterator[Row]:
-    """Yield rows with the largest von Mises stress of the reduced and the full model, and with their difference."""
-    largest: Mapping[str, float] = result.summary.get("max_von_mises", {})
-    called = stress_name(result.scene)
-    for name in ("reduced", "full"):
-        if name in largest:
-            yield Row(called, NAMES[name], format_quantity(largest[name], "Pa", 4))
-    if {"full", "reduced"} <= set(largest) and largest["full"] > 0.0:
-        apart = signed_deviation(largest["reduced"], largest["full"])
-        yield Row(called, "reduced to full", apart)
-    if (walls := wall_stress(result.summary)) is not None:
-        yield Row("largest von Mises stress in walls", "a shell", format_quantity(walls["value"], "Pa", 4))
 
 
 def _comparison_row(comparison: str, place: str, error: float, other: float, decimals: int) -> Row:

@@ -11,8 +11,9 @@ import numpy as np
 from pmr.files.arrays import Summary
 from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.columns import Force, forces_of
-from pmr.report.figures import loads as figures
 from pmr.report.figures.canvas import drawing
+from pmr.report.figures.histories import panel_figure
+from pmr.report.figures.loads import output_figure
 from pmr.report.numbers import (
     NOTHING,
     SPACE,
@@ -35,12 +36,13 @@ from pmr.report.subject import (
     shown_force_name,
 )
 from pmr.results import RunResult
-from pmr.results.quantities import QUANTITIES
+from pmr.results.quantities import QUANTITIES, UNIT_QUANTITIES
 from pmr.results.response import ROUND_OFF, Extremes, Output
 from pmr.results.tables import REACTION_OF, reaction_extremes
 from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.scene.mechanism import AT_PIVOT
 
+MOST_FORCES = 6  # largest number of panels in one figure
 #: Sentences on the sign of forces, by the kind of output, for forces whose signs seem to contradict another table.
 SIGNS = {
     "support": " Positive along the axes: a support that is pressed down has a negative force, and so has one in place "
@@ -215,7 +217,7 @@ def hoist_block(result: RunResult, prefix: str) -> Block | None:
 def _draw_panels(result: RunResult, prefix: str, panels: Iterable[Panel]) -> list[Drawing]:
     """Draw each panel that has outputs; `prefix` begins the identifiers."""
     return [
-        drawing(f"{prefix}-{panel.anchor}", figures.output_figure, panel.caption, result, panel.outputs)
+        drawing(f"{prefix}-{panel.anchor}", output_figure, panel.caption, result, panel.outputs)
         for panel in panels
         if panel.outputs
     ]
@@ -261,9 +263,10 @@ def _force_block(result: RunResult, prefix: str, kind: str, heading: str) -> Blo
     bearing = [force for force in forces if exceeds_round_off(result, force)]
     for unit in ("N", "N m"):
         shown = [force for force in bearing if force.unit == unit]
-        for first in range(0, len(shown), figures.MOST_FORCES):
-            panels, name = shown[first : first + figures.MOST_FORCES], f"{prefix}-{anchor}-{len(drawn) + 1}"
-            drawn.append(drawing(name, figures.force_figure, _caption(result, kind, unit), result, panels))
+        for first in range(0, len(shown), MOST_FORCES):
+            panels = {force.name: force.history for force in shown[first : first + MOST_FORCES]}
+            name, quantity = f"{prefix}-{anchor}-{len(drawn) + 1}", UNIT_QUANTITIES[unit].capitalize()
+            drawn.append(drawing(name, panel_figure, _caption(result, kind, unit), result, panels, unit, quantity))
     idle = [force.name for force in forces if force not in bearing]
     text = f"No force at any time on {', '.join(idle)}." if idle else ""
     grids = (_force_grid(result, kind, bearing),) if bearing else ()

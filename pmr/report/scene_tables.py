@@ -254,6 +254,11 @@ def size_rows(result: RunResult) -> Rows:
         if "mean_parts" in contact:
             parts_text = f"at most {parts_text}; {format_input(round(contact['mean_parts'], 1))} in the mean"
         yield "parts of a step, for pads that only push", parts_text
+    for name, response in result.responses.items():
+        position, velocity = (np.abs(of).max() for of in (response.residual_position, response.residual_velocity))
+        if np.isfinite(velocity):
+            text = f"{format_quantity(position, 'm')}, {format_quantity(velocity, 'm/s')}"
+            yield f"largest violation of constraints, {name}", text
     basis = result.summary.get("basis", {})
     if basis.get("carriers"):
         yield "carriers that the rows touch along the path", format_input(basis["carriers"])

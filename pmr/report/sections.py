@@ -41,12 +41,11 @@ Show = Callable[[RunResult, str], Block | None]
 def chapter(result: RunResult, anchor: str) -> Chapter:
     """Build the chapter about a run; `anchor` begins all identifiers in it."""
     pictures, rows = start_album(result, anchor), error_rows(result)  # another process renders them meanwhile
-    sections = [error_block(result), accuracy_block(result, anchor), *(show(result, anchor) for show in SECTIONS)]
+    sections = [error_block(result), accuracy_block(result), *(show(result, anchor) for show in SECTIONS)]
     sections.insert(2, motion_block(result, anchor, pictures))  # the pictures are there by now
     return Chapter(
         anchor=anchor,
         title=result.scene.title,
-        opening=sentences.opening_sentences(result),
         sketch=system_drawing(result, anchor),
         overloads=first_page.overload_sentences(result),
         first=first_page.first_page_tables(result),
@@ -73,21 +72,17 @@ def error_block(result: RunResult) -> Block | None:
     return Block(heading="Errors" if is_compared(result) else "Largest values", errors=table) if table.rows else None
 
 
-def accuracy_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block on the choices that meet a tolerance, the reasons for them, and the parts of the error.
+def accuracy_block(result: RunResult) -> Block | None:
+    """Build the block on the choices that meet a tolerance and the reasons for them; None if the run has no tolerance.
 
-    It is None if the run has no tolerance or budget.  `prefix` begins the identifiers of its figures.
+    The parts of the error are bars on the first page.
     """
-    accuracy_part, budgeted = result.summary.get("accuracy"), result.summary.get("budget", {})
-    if accuracy_part is None:
+    if (accuracy := result.summary.get("accuracy")) is None:
         return None
-    caption = "What reduction, step and mesh are off by"
-    caption += f"; the {budgeted['first']} is to be improved first." if "first" in budgeted else "."
-    missing = budgeted.get("mesh_reason")
-    unknown = f" The part of the mesh is not known: {missing}." if missing else ""
-    drawn = drawing(f"{prefix}-budget", shapes.budget_figure, caption + unknown, result)
-    text = "; ".join(accuracy_part.get("reasons", ()))
-    return Block(heading="Accuracy on order", drawings=(drawn,), text=f"{text[:1].upper()}{text[1:]}." if text else "")
+    reasons, budget = "; ".join(accuracy.get("reasons", ())), result.summary.get("budget", {})
+    texts = [f"{reasons[:1].upper()}{reasons[1:]}."] if reasons else []
+    texts += [f"Of all parts of the error, the {budget['first']} is to be improved first."] if "first" in budget else []
+    return Block(heading="Accuracy on order", text=" ".join(texts))
 
 
 def input_block(result: RunResult, prefix: str) -> Block | None:
@@ -184,21 +179,12 @@ def energy_block(result: RunResult, prefix: str) -> Block:
     """Build the block with the total energy and its parts; `prefix` begins the identifiers of its figures."""
     total, caption = attrgetter("energy.total"), "Total energy: kinetic and strain energy less the work of the loads"
     first = histories.drawn_history(f"{prefix}-energy", result, total, caption, "Total energy", "J")
-    parts = histories.energy_drawing(f"{prefix}-energy-parts", result)
-    return Block(heading="Energy", drawings=(first, parts), text=sentences.energy_sentence(result))
-
-
-def constraint_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block on how well moving constraints hold, as positions and as velocities.
-
-    It is None if nothing slides, and for a formulation that leaves velocities free, as then positions hold to
-    round-off.  `prefix` begins the identifiers of the figures.
-    """
-    if not moving_part(result) or not np.isfinite(result.responses["reduced"].residual_velocity).all():
-        return None
-    levels = {"position": "m", "velocity": "m/s"}.items()
-    drawings = [histories.residual_drawing(f"{prefix}-residual-{level}", result, level, unit) for level, unit in levels]
-    return Block(heading="Constraint", drawings=drawings)
+    caption = "Strain, kinetic and external energy, which is minus the work of the loads"
+    if result.scene.hoist is not None:
+        caption += "; the strain energy includes the kinetic energy of the payload and the elastic energy of the rope"
+    parts = {f"{part} energy": attrgetter(f"energy.{part}") for part in ("strain", "kinetic", "external")}
+    drawn = drawing(f"{prefix}-energy-parts", histories.panel_figure, f"{caption}.", result, parts, "J", "Energy")
+    return Block(heading="Energy", drawings=(first, drawn), text=sentences.energy_sentence(result))
 
 
 def basis_block(result: RunResult, prefix: str) -> Block | None:
@@ -294,7 +280,7 @@ SECTIONS: tuple[Show, ...] = (
     input_block, stresses.stress_block,
     stresses.section_force_block, stresses.probe_block, forces.contact_block,
     forces.cylinder_block, forces.support_block, forces.pivot_block, forces.ground_block, forces.driven_block,
-    forces.hoist_block, energy_block, constraint_block, basis_block, response_block,
+    forces.hoist_block, energy_block, basis_block, response_block,
 )  # fmt: skip
 
 

@@ -4,32 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from pmr.report import errors as error_sentences
 from pmr.report.blocks import KeyNumber, Point, Row, count_verdicts
 from pmr.report.numbers import (
     MINUS,
     SPACE,
-    TINY,
     format_input,
-    format_length,
     format_percent,
     format_quantity,
     format_time,
     significant,
 )
+from pmr.report.subject import reach as reach
 from pmr.report.subject import (
-    crossing,
-    force_words,
-    moving_part,
     reduced_size,
     scope_words,
-    slider_offsets,
-    structural_model,
     wall_stress_words,
 )
-from pmr.report.subject import reach as reach
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
 from pmr.results.quantities import QUANTITIES, stress_name, wall_stress, wall_stress_on_short_cells
@@ -51,43 +42,6 @@ def sentence_points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]
     return [Point(topic, text) for topic, texts in texts_by_topic.items() if (text := " ".join(filter(None, texts)))]
 
 
-def opening_sentences(result: RunResult) -> str:
-    """Describe the structure and its reach in one or two sentences."""
-    if result.reach is not None:
-        names = list(result.scene.bodies)
-        low, high = float(result.reach.min()), float(result.reach.max())
-        out = f"{low:.4g}{SPACE}m to {high:.4g}{SPACE}m" if high > low else f"{low:.4g}{SPACE}m"
-        if mover := crossing(result):
-            return f"{mover.capitalize()} crosses {names[-2]}: it is {out} from the tail of {names[0]}."
-        bend = f"A boom of {len(names)} sections, all of which bend: {', '.join(names)}."
-        return f"{bend} Its length is {out}, from the tail of the base to the tip."
-    low, high = result.scene.path_bounds
-    low, high, end = (round(x, 3) for x in (low, high, reach(result)))
-    model = structural_model(result)
-    if not moving_part(result):
-        what = f"A body of {format_input(end, 'm')} that does not slide."
-    elif moving_part(result) == "mouth":
-        out = (
-            f"{format_input(end - high, 'm')} to {format_input(end - low, 'm')}"
-            if high > low
-            else format_input(end - low, "m")
-        )
-        gravity = result.scene.gravity
-        raised = round(gravity.elevation, 1) if gravity is not None else 0.0
-        where = f", raised by {format_input(raised)}°," if raised else ""
-        what = f"A section of {format_input(end, 'm')}{where} slides through a mouth, beyond which {out} of it reach."
-    else:
-        count = len(slider_offsets(result))
-        where = (
-            f"between {format_input(low, 'm')} and {format_input(high, 'm')}"
-            if high > low
-            else f"at {format_input(low, 'm')}"
-        )
-        sliders = f"{count} sliders support" if count > 1 else "a slider supports"
-        what = f"A beam of {format_input(end, 'm')}, which {sliders} {where}."
-    return f"{what} It is modelled as {model.name}, {model.reason}."
-
-
 def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     """Yield the key numbers of a run: coordinates, errors, largest stress and speed.
 
@@ -101,15 +55,7 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
     totals = error_sentences.summed_errors(summary)
     if totals.by_label:
         yield _total_error(totals)
-    elif (most := summary.get("max_error")) is not None:
-        largest = summary.get("max_displacement")
-        share = (
-            f"{format_percent(most / largest, 2)} of {format_length(largest)}, the largest displacement"
-            if largest
-            else ""
-        )
-        yield KeyNumber(format_length(most), "largest difference to full", share)
-    if not totals.by_label:
+    else:
         yield from _error_key_numbers(result)
     yield from error_sentences.model_key_number(result)
     peak = summary.get("max_von_mises", {})
@@ -137,7 +83,7 @@ def _total_error(totals: error_sentences.SummedErrors) -> KeyNumber:
 
 
 def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield the errors along the beam (or their estimate), in the pad forces and in the cylinder forces."""
+    """Yield the error along the beam, or its estimate."""
     errors = result.summary.get("errors", {}).get("reduced_vs_full", {})
     estimated = result.summary.get("estimate", {}).get("beam")
     without = "" if estimated is None else f"estimated without the full model {format_percent(estimated)}"
@@ -148,14 +94,6 @@ def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:
         )
     elif estimated is not None:
         yield KeyNumber(format_percent(estimated), f"estimated error {scope_words(result)}", "without the full model")
-    if "pad_force" in errors:
-        yield KeyNumber(
-            format_percent(errors["pad_force"]),
-            f"RMS error of the {force_words(result)}",
-            _clauses_on_impacts(result),
-        )
-    if errors.get("cylinder_force", 0.0) >= TINY:  # a smaller error is round-off: a cylinder's force may be prescribed
-        yield KeyNumber(format_percent(errors["cylinder_force"]), "RMS error of the cylinder forces")
 
 
 def _simulation_time(result: RunResult) -> Iterator[KeyNumber]:
@@ -189,19 +127,6 @@ def comparison_sentence(table: Sequence[Row]) -> str:
     counts = count_verdicts(table)
     counted = ", ".join(f"{number} {text}" for text, number in counts.items())
     return f"Beside {sum(counts.values())} published figures: {counted}." if counts else ""
-
-
-def _clauses_on_impacts(result: RunResult) -> str:
-    """Text on the error of forces below the frequency of the tip's motion, and on impacts at kinks of the path.
-
-    It is empty if no slider strikes, and has neither a capital nor a full stop.
-    """
-    impacts = result.summary.get("impacts")
-    if impacts is None:
-        return ""
-    below = f"below {significant(impacts['band'], 2)}{SPACE}Hz, where the tip moves"
-    strikes = "at each kink of the path the slider strikes, harder in a shorter step"
-    return f"{below}, {format_percent(impacts['pad_force'])}; {strikes}"
 
 
 def peak_clause(peak: PeakSummary) -> str:
@@ -239,11 +164,6 @@ def frame_sentences(result: RunResult) -> str:
     motion = result.summary.get("frame")
     if motion is None:
         return ""
-    angles = {"raised": motion["luffing"], "slewed": motion["slewing"]}
-    angle_texts = [
-        f"{way} {_angle_range(angle)}" for way, angle in angles.items() if angle["max"] > angle["min"] or angle["max"]
-    ]
-    turns = f"The boom is {' and '.join(angle_texts)}. " if angle_texts else ""
     axes = "Deflections are measured in its own axes, which turn with it: x along it, z perpendicular to it. "
     buckling = result.summary.get("buckling", {"factor": None})
     if not motion["second_order"]:
@@ -253,14 +173,13 @@ def frame_sentences(result: RunResult) -> str:
             turning = f"{format_percent(motion['gyroscopic'])}) and centrifugal forces ("
             turning += format_percent(motion["centrifugal"])
             left_out += f", and gyroscopic forces ({turning} of the stiffness at the lowest frequency)"
-        return f"{turns}{axes}Second order is left out: {left_out}; frame.second_order includes it."
+        return f"{axes}Second order is left out: {left_out}; frame.second_order includes it."
     factor = buckling["factor"]
     if factor is None:
-        return f"{turns}{axes}Second order is included; no axial force compresses the boom."
+        return f"{axes}Second order is included; no axial force compresses the boom."
     return (
-        f"{turns}{axes}Second order is included: the boom would buckle under {significant(factor)} times its "
+        f"{axes}Second order is included: the boom would buckle under {significant(factor)} times its "
         f"axial forces, at t = {format_time(buckling['t'])}, with every pad closed; open pads lower it."
-        f"{_deflection_sentence(factor)}"
     )
 
 
@@ -276,21 +195,3 @@ def energy_sentence(result: RunResult) -> str:
         f"of frame and extensions do {size['drives']}, loads and travelling pads {size['others']}, and damping and the "
         f"error of the steps take {size['lost']}."
     )
-
-
-def _deflection_sentence(factor: float) -> str:
-    r"""Sentence on how much effects of second order add to the deflection of a boom at rest.
-
-    At the buckling factor :math:`\lambda` the added share is about :math:`1 / (1 - 1/\lambda) - 1 = 1 / (\lambda - 1)`.
-    The sentence is empty for a factor of at most 1.
-    """
-    if factor <= 1.0:
-        return ""
-    further = format_percent(1.0 / (factor - 1.0), 2)
-    return f" At rest second order adds about {further} to its deflection then: 1/(λ − 1) of the buckling factor λ."
-
-
-def _angle_range(angle: dict[str, float]) -> str:
-    """Clause with the range of an angle in degrees; `angle` has its ``min`` and ``max`` in rad."""
-    low, high = (format_input(round(float(np.rad2deg(angle[end])), 1)) for end in ("min", "max"))
-    return f"by {high}°" if low == high else f"between {low}° and {high}°"

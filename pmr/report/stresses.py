@@ -14,9 +14,8 @@ from pmr.report.figures import loads as figures
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.histories import Timeline, difference_clause, drawn_history
 from pmr.report.forces import extremes_grid, summary_extremes
-from pmr.report.numbers import NOTHING, SPACE, Unit, format_time, significant, unit_for
+from pmr.report.numbers import NOTHING, SPACE, format_time, significant, unit_for
 from pmr.results import Response, RunResult
-from pmr.results.fatigue import rainflow_cycles
 from pmr.results.quantities import stress_remark
 from pmr.results.response import Extremes
 from pmr.results.tables import WHOLE, probe_extremes, stress_by_part, summaries_by_section
@@ -69,9 +68,11 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def _part_grids(result: RunResult) -> Iterator[Grid]:
-    """Yield a table with the largest stress of each part of each body in each model; nothing for a single part."""
+    """Yield a table with the largest stress of each part of each body in each model; nothing for a single part
+    in a single model.
+    """
     peaks = stress_by_part(result.summary)
-    if len(peaks.get("reduced", {})) < 2:
+    if len(peaks.get("reduced", {})) < (1 if "full" in peaks else 2):
         return
     unit = unit_for(max(peak["value"] for peak in peaks["reduced"].values()), "Pa")
     full, rows = peaks.get("full", {}), []
@@ -89,8 +90,6 @@ def _part_grids(result: RunResult) -> Iterator[Grid]:
 MOST_DRAWN = 4
 #: A measurement of a probe is round-off up to this share of the largest measurement with the same unit.
 UNSEEN = 1e-5
-#: Number of intervals into which a rainflow table divides the ranges of load cycles.
-CLASSES = 10
 
 
 def probe_block(result: RunResult, prefix: str) -> Block | None:
@@ -109,11 +108,9 @@ def probe_block(result: RunResult, prefix: str) -> Block | None:
     extremes = {name: extreme for name, extreme in extremes.items() if extreme.size > UNSEEN * largest[units[name]]}
     grid = extremes_grid(result, f"Least and largest values of {_places_of(probes.values())}", extremes, units)
     drawn = _drawn_measurements(extremes)
-    counted = [_rainflow_grid(result, name, unit_for(largest[units[name]], units[name])) for name in drawn
-               if units[name] != "mm"]  # fmt: skip
     figures = [_history_drawing(result, f"{prefix}-probe-{k}", name, units[name]) for k, name in enumerate(drawn)]
-    text = "All load cycles stand in tables/cycles.csv." if counted else ""
-    return Block("Probes", figures, text=text, grids=(grid, *counted, *_damage_grids(result)))
+    text = "All load cycles, counted by rainflow, stand in tables/cycles.csv."
+    return Block("Probes", figures, text=text, grids=(grid, *_damage_grids(result)))
 
 
 def _damage_grids(result: RunResult) -> list[Grid]:
@@ -161,23 +158,3 @@ def _places_of(probes: Iterable[Summary]) -> str:
         place = ", ".join(significant(round(x, 4) + 0.0, 3) for x in probe["at"])
         texts[name] = f"{name} at ({place}){SPACE}m" + (f", {probe['face']}" if probe["face"] else "")
     return "; ".join(texts.values())
-
-
-def _rainflow_grid(result: RunResult, name: str, unit: Unit) -> Grid:
-    """Build a table of a measurement's load cycles, counted by rainflow, in `CLASSES` intervals of their range.
-
-    `name` is the name of the measurement.  Intervals without cycles are left out.
-    """
-    response = result.responses["reduced"]
-    load_cycles = rainflow_cycles(response.t, response.other(name))
-    top = float(load_cycles[:, 0].max(initial=0.0))
-    rows = []
-    for k in range(CLASSES, 0, -1):
-        low, high = (k - 1) / CLASSES * top, k / CLASSES * top
-        inside = load_cycles[(load_cycles[:, 0] > low) & (load_cycles[:, 0] <= high)]
-        if len(inside):
-            mean = float(np.average(inside[:, 1], weights=inside[:, 2]))
-            span = f"{significant(low / unit.size, 3)} to {significant(high / unit.size, 3)}"
-            rows.append((span, f"{inside[:, 2].sum():g}", significant(mean / unit.size, 3)))
-    caption = f"Load cycles of {name}, counted by rainflow: classes of the range, and the mean within each."
-    return Grid(caption, (f"range in {unit.name}", "cycles", f"mean in {unit.name}"), tuple(rows), half=True)

@@ -15,11 +15,11 @@ from pmr.report.numbers import format_input, format_percent, format_quantity
 from pmr.results import BodyResult, RunResult
 from pmr.results.quantities import wall_stress, wall_stress_on_short_cells
 from pmr.scene.built import PadRing
-from pmr.scene.choice import choose_model, input_directions
+from pmr.scene.choice import input_directions
 from pmr.scene.joints import JointPads
 from pmr.scene.keys import ALONE, LUFFING_CYLINDER, input_name, qualified_name
 from pmr.scene.mechanism import AT_PIVOT, pin_and_cylinder, supports_at_lug
-from pmr.scene.members import member_at, members
+from pmr.scene.members import members
 from pmr.scene.model_traits import model_traits
 from pmr.scene.scene import BoomSection
 from pmr.scene.signals import SignalBase
@@ -93,14 +93,6 @@ class Fixture:
     kind: str
 
 
-@dataclass(frozen=True)
-class Model:
-    """Name of a body's structural model in words, and a clause with the reason for which it was chosen."""
-
-    name: str
-    reason: str
-
-
 def reduced_size(result: RunResult) -> int:
     """Number of coordinates of the reduced model, from the summary or, if the summary lacks it, from its basis."""
     shapes = result.body.shapes
@@ -127,17 +119,6 @@ def choice_clause(measured: Summary) -> str:
     ]
     of = format_percent(measured["tolerance"])
     return f"as measured: beside a shell {', '.join(tried)} off, where {of} is allowed"
-
-
-def structural_model(result: RunResult) -> Model:
-    """Structural model of a body alone, and the reason for which it was chosen."""
-    scene = result.scene
-    if (measured := result.summary.get("chosen_model")) is not None:
-        return Model(structural_model_words(scene.body.model, scene.body.walls), choice_clause(measured))
-    if scene.body.model != "auto":
-        return Model(structural_model_words(scene.body.model, scene.body.walls), "as the scene asks")
-    chosen = choose_model(member_at(scene))
-    return Model(structural_model_words(chosen.model), f"since {'; '.join(chosen.reasons)}")
 
 
 def is_alone(result: RunResult) -> bool:
@@ -191,11 +172,9 @@ def input_loads(result: RunResult) -> list[AppliedLoad]:
     for member, (body, section) in zip(members(result.scene), result.scene.bodies.items(), strict=True):
         end = reach(result) if body == ALONE else section.length
         inputs = [(load, *part) for load in section.loads for part in input_directions(member, load).items()]
-        for number, (load, name, direction) in enumerate(inputs):
+        for load, name, direction in inputs:
             if (full_name := input_name(body, name)) in names:
                 values = result.loads.values[:, names.index(full_name)]
-            elif body == ALONE and not names:  # results of earlier versions have no names of loads
-                values = result.loads.values[:, number]
             else:
                 continue
             where = f"{place_words(load.on)} along {direction}"

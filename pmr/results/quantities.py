@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pmr.files.arrays import Array, Summary
+from pmr.results.field_stress import FIBRE, PLANE, SPATIAL
 from pmr.results.response import Extreme, Extremes, Output, Response
 from pmr.scene.built import force_name, reaction_name
 from pmr.scene.choice import traits_of
@@ -37,12 +38,10 @@ _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 REACTION, PIVOT, FORCE = reaction_name(""), reaction_name(f"{AT_PIVOT} "), force_name("")
 #: Matrices A by which the square of the von Mises stress is s^T A s, by the names of the stress components s.
 MISES: Mapping[tuple[str, ...], Array] = {
-    ("axial",): np.eye(1),
-    ("axial", "torsion"): np.diag([1.0, 3.0]),
-    ("along", "across", "shear"): np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 3.0]]),
-    ("xx", "yy", "zz", "yz", "xz", "xy"): np.block(
-        [[1.5 * np.eye(3) - 0.5, np.zeros((3, 3))], [np.zeros((3, 3)), 3.0 * np.eye(3)]]
-    ),
+    ("axial",): FIBRE[:1, :1],
+    ("axial", "torsion"): FIBRE,
+    ("along", "across", "shear"): PLANE,
+    ("xx", "yy", "zz", "yz", "xz", "xy"): SPATIAL,
 }
 
 

@@ -140,7 +140,7 @@ class BodyResult:
 #: replaced together.
 RESULT_FILES = (
     "scene.json", "summary.json", "trajectories.npz", "reduced.npz", "system.npz", "fields*.npz", "fields.pvd",
-    "fields/*.vtu", "tables/*.csv", "reduced-*.npz",  # earlier versions wrote reduced-*.npz
+    "fields/*.vtu", "tables/*.csv",
 )  # fmt: skip
 #: Factor from a frequency in Hz to a circular frequency in rad/s; files store those of a body alone in rad/s.
 TURN = 2.0 * np.pi
@@ -389,8 +389,7 @@ def _read_paths(data: Data, columns: Columns) -> Paths:
         return Paths((SLIDER,), data["s"][:, None], data["s_rate"][:, None])
     values = data["extensions"]
     names = tuple(column.removesuffix(" [m]") for column in columns["extensions"])
-    rates = data.get("extension_rates")  # earlier files have none
-    return Paths(names, values, np.gradient(values, axis=0) if rates is None else rates)
+    return Paths(names, values, data["extension_rates"])
 
 
 def _read_loads(values: Array, columns: Columns) -> Loads:

@@ -295,7 +295,7 @@ def test_fields_of_every_section_are_what_its_outputs_say_and_stand_where_it_is(
     by_section = [one["max_von_mises"]["reduced"] for one in result.summary["sections"]]
     assert max(by_section) == largest["reduced"]
     page = write_report([result], tmp_path).html.read_text(encoding="utf-8")
-    assert "Largest von Mises stress of each section" in page and "fly, full" in page
+    assert "Largest von Mises stress of each part" in page and "full model" in page
     along = {name: one[1] for name, one in result.moving_fields.items()}
     assert along["fly"][[0, -1]] == pytest.approx([2.0, 3.2]) and not along["base"].any()
     listing = write_series(tmp_path, "fields", {name: MovingFields(*one) for name, one in result.moving_fields.items()})

@@ -80,12 +80,10 @@ def test_what_lies_within_the_error_of_the_step_has_no_panel_and_is_said(boom: R
         with style():
             labels = [ax.get_ylabel() for ax in stress_figure(result, body).axes]
         energy = histories.drawn_history("a", result, total, "Total energy", "Total energy", "J")
-        parts = histories.energy_drawing("a", result)
         assert any(label.startswith("Difference") for label in labels) == (step == 0.0)
-        assert ("Difference in " in energy.svg) == ("Difference in " in parts.svg) == (step == 0.0)
+        assert ("Difference in " in energy.svg) == (step == 0.0)
         assert said in energy.caption
         assert said in histories.difference_clause(histories.Timeline(result), stress_histories(result, body))
-        assert ("on the right" in parts.caption) == (step == 0.0)
 
 
 def test_a_figure_has_a_name_without_spaces_whatever_a_section_is_called(make_space) -> None:
@@ -97,27 +95,14 @@ def test_a_figure_has_a_name_without_spaces_whatever_a_section_is_called(make_sp
     assert len(set(drawn)) == 2 and all(re.fullmatch(r"[\w-]+", name) for name in drawn)
 
 
-def test_parts_of_the_energy_have_one_unit(boom: RunResult) -> None:
-    small = {
-        name: replace(one, energy=replace(one.energy, kinetic=1e-3 * one.energy.kinetic))
-        for name, one in boom.responses.items()
-    }
-    labels = re.findall(
-        "<text[^>]*>([^<]+ in [^<]+)</text>", histories.energy_drawing("a", replace(boom, responses=small)).svg
-    )
-    units = {of: {label for label in labels if label.startswith(of)} for of in ("Difference", "Kinetic")}
-    assert units == {"Difference": {"Difference in mJ"}, "Kinetic": {"Kinetic energy in J"}}
-
-
 @pytest.mark.parametrize(
     "said",
     [
-        "A section of 6 m slides through a mouth, beyond which 2 m to 4.5 m of it reach.",
-        "It is modelled as a shell, as the scene asks.",
+        "out of its mouth 2 to 4.5 m",
+        "modelled as a shell",
         "17 766 → 3 coordinates 99.98 % fewer",
         "reduced against full, pad forces 0.300 %",
         "The dot is the largest of all, at 0.50 s and (1.50, 0.10, −0.20) m, outer face of bottom.",
-        "error of the pad forces",
         "49.0 MPa largest von Mises stress full model 50.0 MPa",
         "pad mouth moving yes, faces bottom (−100, 100) mm, top 0 m",
         "load gust on tip, direction y, signal constant, amount 500 N",
@@ -129,10 +114,9 @@ def test_page_says(page: str, said: str) -> None:
     assert said in text(page)
 
 
-def test_the_error_table_has_pad_forces_in_newtons_and_stresses(boom: RunResult) -> None:
+def test_the_error_table_has_pad_forces_in_newtons(boom: RunResult) -> None:
     table = {(row.comparison, row.place): (row.value, row.absolute) for row in errors.rows(boom)}
     assert table["reduced against full", "pad forces"] == ("0.300\u00a0%", "450\u00a0N")
-    assert table["largest von Mises stress", "reduced to full"] == ("−2.0\u00a0%", None)
 
 
 @pytest.mark.slow

@@ -51,7 +51,6 @@ def test_nothing_is_said_of_a_frame_that_there_is_not() -> None:
 
 def test_what_is_left_out_is_said_with_its_size() -> None:
     text = said(frame={**TURNING, "second_order": False})
-    assert "raised between 0° and 60°" in text and "slewed" not in text
     assert "left out" in text and "gyroscopic forces (2.00\u00a0%)" in text
 
 
@@ -187,17 +186,6 @@ def test_labels_of_moments_do_not_cover_each_other(make_space: MakeSpace) -> Non
         assert len(found) == count
         for k, one in enumerate(found):
             assert not any((one[0] < other[1]).all() and (other[0] < one[1]).all() for other in found[:k])
-
-
-def test_the_largest_stress_is_written_where_nothing_is_drawn(turned: RunResult) -> None:
-    with style():
-        figure = figures.side_view(turned)
-        ((low, high),) = boxes(figure, "MPa")
-    for curve in figure.axes[0].lines:
-        x, y = figure.axes[0].transData.transform(curve.get_xydata()).T
-        along = np.linspace(0.0, len(x) - 1.0, 2000)
-        places = np.stack([np.interp(along, np.arange(len(x)), values) for values in (x, y)], axis=1)
-        assert not ((places > low) & (places < high)).all(axis=1).any()
 
 
 @pytest.mark.usefixtures("undrawn")

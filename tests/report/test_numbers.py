@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,8 @@ from pmr.report.blocks import (
     SAME,
     WITHIN,
     WORSE,
+    Block,
+    Chapter,
     ErrorTable,
     Mark,
     Row,
@@ -22,7 +25,8 @@ from pmr.report.blocks import (
     deviating_rows,
     mark_for,
 )
-from pmr.report.columns import envelope_indices, extreme_indices, interpolate, spread_indices
+from pmr.report.columns import extreme_indices, interpolate, spread_indices
+from pmr.report.document import render_runs
 from pmr.report.errors import error_notes, rows
 from pmr.report.numbers import SPACE, Unit, format_input, format_quantity, format_time
 
@@ -191,10 +195,11 @@ def test_a_run_without_reference_has_no_error_to_show(make_result) -> None:
 
 def test_columns_that_all_lines_leave_empty_are_left_out() -> None:
     full = Row("a", "b", "1", "2", "+3", WITHIN, "4 m")
-    table = ErrorTable("", [replace(full, published=None, deviation=None, mark=None), full])
-    assert (table.has_published, table.has_deviations, table.has_norms, table.marks) == (True, True, True, [WITHIN])
-    words = ErrorTable("", [replace(full, deviation=None, mark=None, absolute=None)])
-    assert (words.has_published, words.has_deviations, words.has_norms, words.marks) == (True, False, False, [])
+    words = replace(full, deviation=None, mark=None, absolute=None)
+    for lines, heads in (([words, full], ["here", "norm", "published", "deviation"]), ([words], ["here", "published"])):
+        block = Block("Errors", errors=ErrorTable("", lines))
+        page = render_runs([Chapter(anchor="case-1", title="Case", blocks=[block])])
+        assert re.findall(r'<th scope="col" class="number[^"]*">([^<]*)</th>', page) == heads
 
 
 def test_marks_stand_in_the_order_of_their_worth() -> None:
@@ -243,13 +248,6 @@ def test_samples_stay_in_order_with_both_ends() -> None:
 @pytest.mark.parametrize("count", [1, 2, 50, 202])
 def test_short_signals_are_left_whole(count: int) -> None:
     assert extreme_indices(np.zeros(count), 100).tolist() == list(range(count))
-
-
-def test_envelope_holds_the_largest_of_each_interval() -> None:
-    signal = np.tile([0.0, 3.0, 1.0, 2.0], 250)
-    kept = envelope_indices(signal, 100)
-    assert len(kept) == 100
-    assert np.all(signal[kept] == 3.0)
 
 
 def test_spread_has_both_ends_and_no_more_than_asked() -> None:

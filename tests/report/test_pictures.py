@@ -74,7 +74,7 @@ def test_pictures_stand_in_the_page(monkeypatch, make_space, make_fields) -> Non
     images = re.findall(
         r'<figure id="case-1-([^"]+)" class="picture">\s*<img src="data:image/png;base64,cGljdHVyZQ=="', page
     )
-    assert images == ["view-1", "view-2", "view-3", "close", "mesh"]
+    assert images == ["view-1", "view-2", "view-3", "close"]
     assert 'id="case-1-ramp"' in page
     assert "displacements 50 times their size" in page
     assert "largest von Mises stress 47.2\u00a0MPa" in page

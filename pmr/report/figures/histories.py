@@ -1,10 +1,9 @@
-"""Figures over time with their captions: histories beside a reference model, energies, residuals and error bands."""
+"""Figures over time: histories beside a reference model, panels of several quantities, and error bands."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -12,29 +11,23 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
 
 from pmr.files.arrays import Array
 from pmr.report import subject
 from pmr.report.blocks import Drawing
-from pmr.report.columns import ResponseFunction, envelope_indices, extreme_indices, interpolate, invisible_difference
+from pmr.report.columns import ResponseFunction, extreme_indices, interpolate, invisible_difference
 from pmr.report.figures.canvas import (
-    HALF,
-    INK,
     PENS,
     SHADE,
-    STEPS,
     WIDE,
     add_legend,
     bins_of,
     drawing,
-    log_axis,
     make_sheet,
 )
-from pmr.report.numbers import NOTHING, SPACE, format_length, format_percent, unit_for
+from pmr.report.numbers import NOTHING, format_length, format_percent, unit_for
 from pmr.results import Response, RunResult
 
-SHORT = 400  # samples; in a history with fewer samples no part is enlarged
 PAUSE = 2  # samples; a standstill of so many samples does not divide a motion
 FLATTEST = 1e-3  # least range of an axis as a share of its largest value, so that labels of ticks stay short
 BAND = "#f2d6c2"  # colour of an error band
@@ -126,23 +119,6 @@ class Timeline:
             differences if largest_of(*differences) > invisible_difference(self.result) * most else [{} for _ in panels]
         )
 
-    def detail(self, signals: Mapping[str, Array], largest: float = 0.0) -> Span | None:
-        """Window of a twentieth of the time about the largest visible difference of the reduced model.
-
-        If no difference is visible, the window is about the largest value of the reduced model.  It is None for a
-        motion of fewer than `SHORT` samples.
-        """
-        signal = self.visible_differences(signals, largest=largest)[0].get("reduced", signals["reduced"])
-        return self.window(int(np.argmax(np.abs(signal))))
-
-    def window(self, step: int) -> Span | None:
-        """Window of a twentieth of the time about a time step; None for a motion of fewer than `SHORT` samples."""
-        if len(self.t) < SHORT:
-            return None
-        half = (self.whole.end - self.whole.start) / 40.0
-        middle = float(np.clip(self.t[step], self.whole.start + half, self.whole.end - half))
-        return Span(middle - half, middle + half)
-
     def trace(
         self, ax: Axes, curves: Mapping[str, Array], size: float, span: Span | None = None, weight: float = 1.0
     ) -> None:
@@ -197,7 +173,7 @@ def drawn_history(
     base: str,
     largest: float | None = None,
 ) -> Drawing:
-    """Draw a quantity over time for every simulator, with a caption that names the difference and the enlarged part.
+    """Draw a quantity over time for every simulator, with a caption that names the difference.
 
     Parameters
     ----------
@@ -211,20 +187,12 @@ def drawn_history(
         For displacements, the largest displacement in m in all directions.  Differences that are too small beside it
         are not drawn, but the caption states their size.
     """
-    time = Timeline(result)
+    time, most = Timeline(result), largest or 0.0
     signals = time.signals(quantity)
-    window, most = time.detail(signals, largest or 0.0), largest or 0.0
-    differs = bool(time.visible_differences(signals, largest=most)[0])
-    apart = largest_of(time.differences(signals))
-    clause = difference_clause(time, signals, most)
-    if largest is not None and not differs and apart > 0.0:
+    clause, apart = difference_clause(time, signals, most), largest_of(time.differences(signals))
+    if largest is not None and not time.visible_differences(signals, largest=most)[0] and apart > 0.0:
         clause = f"; that of {model_words(time.reference or '')} differs by {format_length(apart, 2)} at most"
-    caption = f"{description}{clause}."
-    if window is not None:
-        where = "" if largest is None else f", where it {'deviates' if differs else 'moves'} most"
-        span = f"{window.start:.2f}{SPACE}s to {window.end:.2f}{SPACE}s{where}"
-        caption += f" The frame, {span}, is enlarged on the right."
-    return drawing(name, history_figure, caption, time, signals, label, base, window, most)
+    return drawing(name, history_figure, f"{description}{clause}.", time, signals, label, base, most)
 
 
 def difference_clause(time: Timeline, signals: Mapping[str, Array], largest: float = 0.0) -> str:
@@ -258,104 +226,46 @@ def model_words(simulator: str) -> str:
     return "ANCF" if simulator == "ancf" else f"the {simulator} model"
 
 
-def history_figure(
-    time: Timeline, signals: Mapping[str, Array], label: str, base: str, window: Span | None, largest: float = 0.0
-) -> Figure:
+def history_figure(time: Timeline, signals: Mapping[str, Array], label: str, base: str, largest: float = 0.0) -> Figure:
     """Draw signals (T,) over time, and below them their differences to the reference if these are visible.
 
-    On the right, signals and differences are enlarged within `window`, if this is not None.  `label` and `base` are the
-    quantity and its unit without prefix; `largest` is that of `Timeline.visible_differences`.
+    `label` and `base` are the quantity and its unit without prefix; `largest` is that of
+    `Timeline.visible_differences`.
     """
     panels = [(label, signals)]
     panels += [("Difference", of) for of in time.visible_differences(signals, largest=largest) if of]
-    widths, heights = ((3.6, 1.0) if window else (1.0,)), (1.35, 1.0)[: len(panels)]
-    gaps = {"width_ratios": widths, "height_ratios": heights, "wspace": 0.05, "hspace": 0.12}
-    tall = 2.75 if len(panels) > 1 else 1.9
-    figure, axes = make_sheet(WIDE, tall, len(panels), len(widths), sharey="row", gridspec_kw=gaps)
-    for number, (row, (name, panel)) in enumerate(zip(axes, panels, strict=True), start=1):
+    gaps = {"height_ratios": (1.35, 1.0)[: len(panels)], "hspace": 0.12}
+    figure, axes = make_sheet(WIDE, 2.75 if len(panels) > 1 else 1.9, len(panels), gridspec_kw=gaps)
+    for ax, (name, panel) in zip(axes[:, 0], panels, strict=True):
         unit = unit_for(largest_of(panel), base)
-        for ax, span in zip(row, (time.whole, window), strict=False):
-            time.trace(ax, panel, unit.size, span)
-            time.frame(ax, f"{name} in {unit.name}" if ax is row[0] else "", span, last=number == len(panels))
-        _widen_limits(row[0], panel, unit.size)
-        if window:
-            # no label at the place of the last label of the axes on the left
-            row[1].xaxis.set_major_locator(MaxNLocator(3, steps=STEPS, prune="lower"))
-            row[0].axvspan(window.start, window.end, facecolor="none", edgecolor=INK, linewidth=0.6, zorder=4.0)
+        time.trace(ax, panel, unit.size)
+        time.frame(ax, f"{name} in {unit.name}", last=ax is axes[-1, 0])
+        _widen_limits(ax, panel, unit.size)
     add_legend(figure, time.legend(list(signals)))
     return figure
 
 
-def energy_drawing(name: str, result: RunResult) -> Drawing:
-    """Draw strain, kinetic and external energy over time, and on the right their differences to the reference model.
+def panel_figure(result: RunResult, panels: Mapping[str, ResponseFunction], base: str, quantity: str) -> Figure:
+    """Draw quantities of one unit over time, each in a panel with its name above it; all panels have the same scale.
 
-    `name` is the identifier of the drawing.
-    """
-    time, parts = Timeline(result), ("strain", "kinetic", "external")
-    signals = [time.signals(attrgetter(f"energy.{part}")) for part in parts]
-    differences = time.visible_differences(*signals)
-    caption = "Strain, kinetic and external energy, which is minus the work of the loads"
-    if result.scene.hoist is not None:
-        caption += "; the strain energy includes the kinetic energy of the payload and the elastic energy of the rope"
-    if any(differences):
-        caption += f"; on the right, the differences to {model_words(time.reference or '')}"
-    return drawing(name, _energies, f"{caption}.", time, parts, signals, differences)
-
-
-def _energies(
-    time: Timeline,
-    parts: Sequence[str],
-    signals: Sequence[Mapping[str, Array]],
-    differences: Sequence[dict[str, Array]],
-) -> Figure:
-    """Draw a row of axes for each part of the energy.
-
-    All signals (T,) in J share one unit, and all differences share another.
-    """
-    columns = [([f"{part.capitalize()} energy" for part in parts], signals)]
-    columns += [(["Difference"] * len(parts), differences)] if any(differences) else []
-    gaps = {"wspace": 0.24, "hspace": 0.14}
-    figure, axes = make_sheet(WIDE, 3.9, len(parts), len(columns), sharex=True, gridspec_kw=gaps)
-    for column, (labels, panels) in zip(axes.T, columns, strict=True):
-        unit = unit_for(largest_of(*panels), "J")
-        for ax, label, panel in zip(column, labels, panels, strict=True):
-            time.trace(ax, panel, unit.size, weight=0.6)
-            time.frame(ax, f"{label} in {unit.name}", last=ax is column[-1])
-            _widen_limits(ax, panel, unit.size)
-    add_legend(figure, time.legend(list(signals[-1])))
-    return figure
-
-
-def residual_drawing(name: str, result: RunResult, level: str, unit: str) -> Drawing:
-    """Draw the residual of the moving constraint over time, in `unit`.
-
-    `name` is the identifier of the drawing.  `level` says whether it is the residual of the ``position`` or of the
-    ``velocity``.
+    `base` is their unit without prefix, and `quantity` the name on the axes.
     """
     time = Timeline(result)
-    signals = {of: np.abs(signal) for of, signal in time.signals(attrgetter(f"residual_{level}")).items()}
-    unknown = [PENS[of].label for of in responses_in_drawing_order(result) if of not in signals]
-    missing = f" It is not known for {' and '.join(unknown)}." if unknown else ""
-    caption = f"Constraint residual at {level} level, the largest value of each interval.{missing}"
-    return drawing(name, _residuals, caption, time, signals, f"Residual of {level} in {unit}")
-
-
-def _residuals(time: Timeline, signals: Mapping[str, Array], label: str) -> Figure:
-    """Draw the upper envelopes of signals (T,) on a logarithmic axis with the given label."""
-    figure, axes = make_sheet(HALF, 2.0)
-    ax, drawn_values = axes[0, 0], [0.0]
-    for order, (name, signal) in enumerate(signals.items()):
-        shown = envelope_indices(signal, bins_of(ax))
-        shown = shown[signal[shown] > 0.0]
-        ax.plot(time.t[shown], signal[shown], zorder=2.0 + order / 10.0, **PENS[name].line())
-        drawn_values.extend(signal[shown])
-    time.frame(ax, label)
-    if max(drawn_values) > 0.0:
-        log_axis(ax, min(value for value in drawn_values if value > 0.0), max(drawn_values))
-    else:
-        ax.set_ylim(0.0, 1.0)
-        ax.text(0.5, 0.5, "zero at all times" if signals else "not known", transform=ax.transAxes, ha="center")
-    add_legend(figure, time.legend(list(signals)))
+    signals = {name: time.signals(of) for name, of in panels.items()}
+    unit, columns = unit_for(largest_of(*signals.values()), base), min(len(panels), 2)
+    rows = -(-len(panels) // columns)
+    gaps, margins = {"hspace": 0.3, "wspace": 0.09}, {"top": 0.42}  # each panel has a title below the legend
+    tall = 0.66 + (0.76 if columns > 1 else 1.39) * rows
+    figure, axes = make_sheet(WIDE, tall, rows, columns, margins=margins, sharex=True, sharey=True, gridspec_kw=gaps)
+    for k, (name, panel) in enumerate(signals.items()):
+        ax, last = axes.flat[k], k >= len(panels) - columns
+        time.trace(ax, panel, unit.size, weight=0.6 if columns > 1 else 1.0)
+        time.frame(ax, "" if k % columns else f"{quantity} in {unit.name}", last=last)
+        ax.tick_params(labelbottom=last)
+        ax.set_title(name, loc="left", pad=2.0)
+    for ax in axes.flat[len(panels) :]:
+        ax.set_visible(False)
+    add_legend(figure, time.legend(list(next(iter(signals.values())))))
     return figure
 
 
@@ -367,7 +277,7 @@ def estimate_band(result: RunResult, quantity: ResponseFunction, error_bound: Ar
     time = Timeline(result)
     off = {name: values for name, values in time.differences(time.signals(quantity)).items() if name == "reduced"}
     figure, axes = make_sheet(WIDE, 1.7)
-    ax, shown = axes[0, 0], envelope_indices(error_bound, bins_of(axes[0, 0]))
+    ax, shown = axes[0, 0], extreme_indices(error_bound, bins_of(axes[0, 0]))
     unit = unit_for(max(float(error_bound.max()), largest_of(off)), "m")
     edge = error_bound[shown] / unit.size
     ax.fill_between(time.t[shown], -edge, edge, color=BAND, linewidth=0.0, zorder=1.0)

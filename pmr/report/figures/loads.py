@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pmr.files.arrays import Array
-from pmr.report.columns import Force, extreme_indices, interpolate
+from pmr.report.columns import extreme_indices, interpolate
 from pmr.report.figures.canvas import (
     HALF,
     INK,
@@ -68,32 +68,6 @@ def output_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
     return line_figure(result, lines, unit, UNIT_QUANTITIES[unit].capitalize())
 
 
-MOST_FORCES = 6  # largest number of panels in one figure
-
-
-def force_figure(result: RunResult, group: Sequence[Force]) -> Figure:
-    """Draw up to `MOST_FORCES` forces, or moments, over time, each in its own panel; all panels have the same scale."""
-    time = Timeline(result)
-    signals = [time.signals(force.history) for force in group]
-    unit, columns = unit_for(largest_of(*signals), group[0].unit), min(len(group), 2)
-    rows = -(-len(group) // columns)
-    gaps, what = {"hspace": 0.3, "wspace": 0.09}, UNIT_QUANTITIES[group[0].unit].capitalize()
-    tall, margins = 0.76 if columns > 1 else 1.39, {"top": 0.42}  # each panel has a title below the legend
-    figure, axes = make_sheet(
-        WIDE, 0.66 + tall * rows, rows, columns, margins=margins, sharex=True, sharey=True, gridspec_kw=gaps
-    )
-    for k, (force, panel) in enumerate(zip(group, signals, strict=True)):
-        ax, last = axes.flat[k], k >= len(group) - columns
-        time.trace(ax, panel, unit.size, weight=0.6 if columns > 1 else 1.0)
-        time.frame(ax, "" if k % columns else f"{what} in {unit.name}", last=last)
-        ax.tick_params(labelbottom=last)
-        ax.set_title(force.name, loc="left", pad=2.0)
-    for ax in axes.flat[len(group) :]:
-        ax.set_visible(False)
-    add_legend(figure, time.legend(list(signals[0])))
-    return figure
-
-
 def stress_histories(result: RunResult, body: BodyResult) -> dict[str, Array]:
     """Largest stress (T,) of a body in Pa over time, by model, in the order in which the models are drawn."""
     names, t = [name for name in ("full", "reduced") if name in body.peak_stress], field_times(result, body)
@@ -103,15 +77,14 @@ def stress_histories(result: RunResult, body: BodyResult) -> dict[str, Array]:
 def stress_figure(result: RunResult, body: BodyResult) -> Figure:
     """Draw the largest von Mises stress of a body over time, and its difference to the reference model.
 
-    On the right the time about the peak is enlarged.
+    A dot is at the peak.
     """
     time, signals = Timeline(result), stress_histories(result, body)
     peak = int(np.argmax(signals["reduced"]))
-    figure = history_figure(time, signals, "Stress", "Pa", time.window(peak))
-    unit = unit_for(largest_of(signals), "Pa")
-    for ax in figure.axes[: 2 if time.window(peak) else 1]:
-        ax.plot(time.t[peak], signals["reduced"][peak] / unit.size, "o", markersize=4.0, color=INK, zorder=5.0)
-        ax.set_ylim(bottom=0.0)
+    figure, unit = history_figure(time, signals, "Stress", "Pa"), unit_for(largest_of(signals), "Pa")
+    ax = figure.axes[0]
+    ax.plot(time.t[peak], signals["reduced"][peak] / unit.size, "o", markersize=4.0, color=INK, zorder=5.0)
+    ax.set_ylim(bottom=0.0)
     return figure
 
 

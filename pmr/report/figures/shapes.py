@@ -6,17 +6,14 @@ from math import floor, log10
 from typing import Any
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from pmr.report.columns import spread_indices
-from pmr.report.errors import error_name
 from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, WIDE, add_legend, log_axis, make_sheet, octave_axis
 from pmr.report.numbers import share_captured
 from pmr.report.renderer import RAMP
@@ -201,36 +198,6 @@ def gain_figure(response: FrequencyResponse, load: int) -> Figure:
     log_axis(ax, max(float(positive.min()), 1e-6 * float(positive.max())), float(positive.max()))
     ax.set_xlabel("Frequency in Hz")
     ax.set_ylabel(f"Gain in {response.units[load]}")
-    add_legend(figure, handles)
-    return figure
-
-
-PARTS = {"reduction": "#d55e00", "step": "#56b4e9", "mesh": "#00664b", "model": "#cc79a7"}
-
-
-def budget_figure(result: RunResult) -> Figure:
-    """Draw the parts of the error as bars in %, for each kind of output, and a line at the tolerance."""
-    summary = result.summary
-    kinds, errors = summary["accuracy"]["outputs"], summary["budget"]
-    parts = [name for name in PARTS if any((errors.get(name) or {}).get(kind) is not None for kind in kinds)]
-    height = 0.16 * len(kinds) * (len(parts) + 1)
-    figure, axes = make_sheet(WIDE, 0.7 + height, margins={"left": 1.3, "top": 0.3, "bottom": 0.4})
-    ax, pitch, ticks = axes[0, 0], len(parts) + 1, []
-    for row, kind in enumerate(kinds):
-        for number, name in enumerate(parts):
-            share = 100.0 * (errors[name].get(kind) or 0.0)
-            ax.barh(-row * pitch - number, share, height=0.85, color=PARTS[name], linewidth=0.0)
-        ticks.append(-row * pitch - (len(parts) - 1) / 2.0)
-    handles: list[Artist] = [Patch(color=PARTS[name], label=name) for name in parts]
-    tolerance = summary["accuracy"]["tolerance"]
-    ax.set_yticks(ticks, [error_name(result, kind) for kind in kinds])
-    ax.grid(False, axis="y")
-    ax.set_xlim(left=0.0, right=max(105.0 * (tolerance or 0.0), ax.get_xlim()[1]))
-    ax.set_xlabel("Part of the error in %")
-    if tolerance is not None:
-        look: dict[str, Any] = {"color": INK, "linewidth": 0.9, "linestyle": (0, (4, 2))}
-        ax.axvline(100.0 * tolerance, **look)
-        handles.append(Line2D([], [], label="tolerance", **look))
     add_legend(figure, handles)
     return figure
 

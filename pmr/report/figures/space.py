@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from pmr.files.arrays import Array
 from pmr.report.blocks import Drawing
-from pmr.report.columns import Axis, axis_points, body_axes, frame_rotations, rope_axis, spread_indices
+from pmr.report.columns import axis_points, body_axes, frame_rotations, rope_axis, spread_indices
 from pmr.report.figures.canvas import (
     HALF,
     INK,
-    LETTER,
     LIMIT,
     MUTED,
     ROW,
@@ -57,7 +56,10 @@ ROPE: Mapping[str, Any] = {"color": INK, "linewidth": 0.8, "marker": "s", "marke
 FAINT = 0.3  # share of a section's colour in the mixture with white, at moments without the largest stress
 LOAD, ARROW = "#7b2d8e", 0.3  # colour of loads, and length of their arrows in inches
 SYMBOLS = {"clamped": "s", "pad": "s"}  # markers of supports; others are triangles
-CLEAR = 0.06  # in, between a label and what is drawn
+APART = 0.35  # in, least distance between the ends of two axes that both have a label
+#: Style of the ring at the largest stress.
+RING: Mapping[str, Any] = {"marker": "o", "linestyle": "none", "markersize": 9.0, "markerfacecolor": "none",
+                           "markeredgecolor": LIMIT, "markeredgewidth": 1.4}  # fmt: skip
 
 
 def side_view(result: RunResult) -> Figure:
@@ -132,6 +134,7 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, from_side: bo
     named = [Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in colours.items()]
     named = named * (len(bodies) > 1) + [Line2D([], [], **RAISING, label="luffing cylinder")] * bool(raising)
     named += [Line2D([], [], **ROPE, label="rope and payload")] * bool(ropes)
+    named += [] if worst is None else [Line2D([], [], **RING, label=format_quantity(worst.value, "Pa"))]
     stand = result.frame.ground if from_side and result.frame is not None else None
     level = 0.0 if stand is None else -stand.height
     drawn = [np.array([[0.0, level]]), way, *(getattr(item, view).reshape(-1, 2) for item in bodies), *raising, *ropes]
@@ -153,9 +156,12 @@ def _draw_boom(result: RunResult, view: str, across: str, up: str, from_side: bo
         ax.plot(*places.T, **{**ROPE, "color": mix_with_white(INK, share)}, zorder=1.9)
     if from_side and (result.frame is not None or is_raised(result)):
         ax.plot(ax.get_xlim(), [level, level], color=GROUND, linewidth=1.2, zorder=1.0)
-    labels = _label_times(ax, getattr(bodies[-1], view), t[steps], moment)
+    _label_times(ax, getattr(bodies[-1], view), t[steps], moment)
     if worst is not None:
-        _draw_stress_ring(ax, worst, next(item for item in bodies if item.body == worst.body), view, moment, labels)
+        body = next(item for item in bodies if item.body == worst.body)
+        places = getattr(body, view)[moment]
+        at = [np.interp(worst.x, body.x, places[:, k]) for k in (0, 1)]
+        ax.plot(*at, **RING, zorder=5.0)
     if from_side and result.frame is None:
         _draw_fixtures(ax, result, int(steps[moment]))
     else:
@@ -216,95 +222,23 @@ def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
     ]
 
 
-def _label_times(ax: Axes, axes: Array, t: Array, first: int) -> list[Array]:
+def _label_times(ax: Axes, axes: Array, t: Array, first: int) -> None:
     """Write the time beside the end of each of the drawn `axes` (S, n, 2) in m, at times t (S,) in s.
 
-    Return the corners (2, 2) in inches of each label's box.  A label that would cover another one is left out.  The
-    moment number `first`, that of the largest stress, always has a label; the last moment comes next, and the moments
-    in between come last.
+    A label that would come near another one is left out.  The moment number `first`, that of the largest stress, always
+    has a label; the last moment comes next, and the moments in between come last.
     """
-    boxes = list[Array]()
+    labelled = list[Array]()
     for k in dict.fromkeys([first, len(t) - 1, *range(len(t))]):
-        way, text = axes[k, -1] - axes[k, -2], f"{float(t[k]):.3g}{SPACE}s"
-        aside = 6.0 * way / max(float(np.linalg.norm(way)), 1e-300)
-        where = "left" if aside[0] > 2.0 else "right" if aside[0] < -2.0 else "center"
-        up = "center" if abs(aside[1]) < 4.0 else "bottom"
-        box = _text_box(_to_inches(ax, axes[k, -1]) + aside / 72.0, text, where, up)
-        if not any((box[0] < other[1]).all() and (other[0] < box[1]).all() for other in boxes):
-            boxes.append(box)
-            ax.annotate(
-                text, axes[k, -1], xytext=aside, textcoords="offset points", ha=where, va=up, fontsize=7.0, zorder=3.0,
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
-            )  # fmt: skip
-    return boxes
-
-
-def _draw_stress_ring(
-    ax: Axes, worst: LargestStress, body: Axis, view: str, moment: int, labels: Sequence[Array]
-) -> None:
-    """Draw a ring around the point of the largest stress, and its value beside it, clear of all lines and `labels`.
-
-    `view` is the name of the view.  It shows the body at several times; the ring is drawn at the one numbered `moment`.
-    """
-    places = getattr(body, view)[moment]
-    at = np.array([np.interp(worst.x, body.x, places[:, 0]), np.interp(worst.x, body.x, places[:, 1])])
-    drawn = [_subdivide(_to_inches(ax, np.asarray(line.get_xydata()))) for line in ax.lines]
-    corners = [np.array([(x, y) for x in box[:, 0] for y in box[:, 1]]) for box in labels]
-    ax.plot(*at, "o", markersize=9.0, markerfacecolor="none", markeredgecolor=LIMIT, markeredgewidth=1.4, zorder=5.0)
-    text = format_quantity(worst.value, "Pa")
-    ring, low, high = (
-        _to_inches(ax, at),
-        _to_inches(ax, np.array(ax.viewLim.min)),
-        _to_inches(ax, np.array(ax.viewLim.max)),
-    )
-    aside = _free_offset(ring, text, np.concatenate([*drawn, *corners, ring[None]]), low, high)
-    leader = {"arrowstyle": "-", "color": LIMIT, "linewidth": 0.6, "shrinkA": 0.0, "shrinkB": 5.0}
-    ax.annotate(
-        text, (at[0], at[1]), xytext=(72.0 * aside[0], 72.0 * aside[1]), textcoords="offset points", ha="center",
-        va="center", fontsize=7.0, color=LIMIT, zorder=5.0, arrowprops=leader,
-    )  # fmt: skip
-
-
-def _free_offset(point: Array, text: str, drawn: Array, low: Array, high: Array) -> Array:
-    """Offset (2,) from a point to the middle of a text that covers none of the points `drawn` (P, 2); all in inches.
-
-    It is the shortest of several offsets that keeps the text between the corners `low` and `high` and at least `CLEAR`
-    away from all points.  If no offset does, it is the one that keeps the text farthest from the points.
-    """
-    turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    clearest, best = np.zeros(2), -1.0
-    for aside in (far * np.array([np.cos(turn), np.sin(turn)]) for far in np.arange(0.3, 3.0, 0.1) for turn in turns):
-        box = _text_box(point + aside, text, "center", "center")
-        if (box[0] < low).any() or (box[1] > high).any():
-            continue
-        away = float(np.linalg.norm(np.maximum(np.maximum(box[0] - drawn, drawn - box[1]), 0.0), axis=1).min())
-        if away >= CLEAR:
-            return aside
-        clearest, best = (aside, away) if away > best else (clearest, best)
-    return clearest
-
-
-def _to_inches(ax: Axes, places: Array) -> Array:
-    """Positions (..., 2) in inches on the sheet of the points `places` (..., 2) in m."""
-    return np.asarray(ax.transData.transform(places)) / ax.figure.dpi
-
-
-def _subdivide(line: Array) -> Array:
-    """Points along the polyline `line` (n, 2) in inches, with at most `CLEAR` / 2 between neighbours."""
-    steps = np.maximum(np.ceil(np.linalg.norm(np.diff(line, axis=0), axis=1) / (CLEAR / 2.0)).astype(int), 1)
-    pieces = [np.linspace(line[k], line[k + 1], count, endpoint=False) for k, count in enumerate(steps)]
-    return np.concatenate([*pieces, line[-1:]])
-
-
-def _text_box(centre: Array, text: str, across: str, up: str) -> Array:
-    """Lower left and upper right corner (2, 2) of the box of a text at the point `centre` (2,), all in inches.
-
-    `across` and `up` are the alignments of the text at this point: ``left``, ``center`` or ``right``, and ``bottom`` or
-    ``center``.
-    """
-    size, share = np.array([LETTER * len(text), ROW]), {"left": 0.0, "bottom": 0.0, "center": 0.5, "right": 1.0}
-    low = centre - size * [share[across], share[up]]
-    return np.stack([low, low + size])
+        at = np.asarray(ax.transData.transform(axes[k, -1])) / ax.figure.dpi
+        if all(float(np.linalg.norm(at - other)) >= APART for other in labelled):
+            labelled.append(at)
+            aside = 6.0 * (axes[k, -1] - axes[k, -2]) / max(float(np.linalg.norm(axes[k, -1] - axes[k, -2])), 1e-300)
+            where = "left" if aside[0] > 2.0 else "right" if aside[0] < -2.0 else "center"
+            up = "center" if abs(aside[1]) < 4.0 else "bottom"
+            text, box = f"{float(t[k]):.3g}{SPACE}s", {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
+            ax.annotate(text, axes[k, -1], aside, textcoords="offset points", ha=where, va=up, fontsize=7.0,
+                        zorder=3.0, bbox=box)  # fmt: skip
 
 
 def _make_paper(drawn: Sequence[Array], across: str, up: str, rows: int) -> Figure:

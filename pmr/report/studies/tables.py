@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
@@ -223,116 +223,71 @@ ROOMS = (
 
 #: A value is round-off if it is less than this share of the largest value with the same unit.
 NOTHING = 1e-6
-#: For the heading of each table: the beginning of the names of its values, their unit, and how the caption begins.
-_SPANS = {
-    "Forces of pads, sliders and supports": ("forces.", "N", "Least … largest"),
-    "Forces of ropes, and of what pulls them": ("ropes.", "N", "Least … largest"),
-    "Forces on rigid supports": ("reactions.", "N", "Least … largest"),
-    "Moments on rigid supports": ("moments.", "N m", "Least … largest"),
-    "Stress by region": ("stress.", "Pa", "Largest von Mises stress"),
-    "Forces along beams": ("beam_forces.", "N", "Least … largest"),
-    "Moments along beams": ("beam_moments.", "N m", "Least … largest"),
-}
-#: For the unit of each measurement of a probe: the word for it in names, and whether the unit takes a prefix.
-_BASE = {"Pa": ("stress", True), "1": ("strain", False), "mm": ("displacement", False)}
+#: Ends of the names of values in tables: kinds of extremes, and numbers of frequencies.
+_ENDS = re.compile(r"\.(min|max|range)$|(\.\d+)$")
+#: For each table its heading, the pattern of the names of its values with the name of a row as group, and their unit.
+_TABLES = (
+    ("Forces of pads, sliders and supports", r"forces\.(.*)", "N"),
+    ("Forces of ropes, and of what pulls them", r"ropes\.(.*)", "N"),
+    ("Forces on rigid supports", r"reactions\.(.*)", "N"),
+    ("Moments on rigid supports", r"moments\.(.*)", "N m"),
+    ("Stress by region", r"stress\.(.*)", "Pa"),
+    ("Forces along beams", r"beam_forces\.(.*)", "N"),
+    ("Moments along beams", r"beam_moments\.(.*)", "N m"),
+    ("Frequencies, while pads and sliders rest", r"frequencies\.(.*)", "Hz"),
+    ("Stresses at probes", r"probes\.(.* stress .*)", "Pa"),
+    ("Strains at probes", r"probes\.(.* strain .*)", "strain"),
+    ("Displacements at probes", r"probes\.(.* displacement .*)", "mm"),
+)
 
 
 def value_blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
     """Yield blocks with tables of forces, stresses, frequencies and probes; nothing for more than `MOST_RUNS` runs."""
-    if not (done := few_runs(runs)):
-        return
-    tables = {heading: _span_rows(done, *of) for heading, of in _SPANS.items()}
-    tables |= {
-        "Frequencies": (f"In Hz, while pads and sliders rest{_path_clause(done)}.", _frequency_rows(done)),
-        "Probes": ("Least … largest, and the largest range of a load cycle.", _probe_rows(done)),
-    }
-    head = ("", *(run_name(run) for run in done))
-    for heading, (caption, rows) in tables.items():
-        if rows:
-            yield Block(heading, grids=(Grid(caption, head, tuple(rows)),))
+    if done := few_runs(runs):
+        for heading, pattern, base in _TABLES:
+            if (grid := _value_grid(done, re.compile(pattern), base)).rows:
+                yield Block(heading, grids=(grid,))
+
+
+def _value_grid(runs: Sequence[RunRecord], pattern: re.Pattern[str], base: str) -> Grid:
+    """Table of the values whose names match the `pattern`, each from least to largest, without round-off.
+
+    `base` is the unit of these values without prefix.  Ranges of load cycles have rows of their own.
+    """
+    keys = dict.fromkeys(key for run in runs for key in run.figures if _ENDS.search(key))
+    names = {_ENDS.sub(r"\2", key): None for key in keys if pattern.fullmatch(_ENDS.sub(r"\2", key))}
+    sizes = {name: max((abs(value) for run in runs for value in _span(run, name)), default=0.0) for name in names}
+    largest, rows = max(sizes.values(), default=0.0), list[tuple[str, ...]]()
+    unit = Unit(1.0, base) if base == "Hz" else unit_for(largest, base)
+    for name in (name for name in names if sizes[name] > NOTHING * largest):
+        spans = (f"{SPACE}…{SPACE}".join(_format_value(v, unit.size) for v in _span(run, name)) for run in runs)
+        found = pattern.fullmatch(name)
+        rows.append((_row_name(found[1] if found else name, base), *(span or "–" for span in spans)))
+        if any(f"{name}.range" in run.figures for run in runs):
+            ranges = (_format_value(run.figures.get(f"{name}.range"), unit.size) for run in runs)
+            rows.append((f"{SPACE}{SPACE}range of the largest load cycle", *ranges))
+    caption = f"Least … largest in {unit.name}; times and places are in runs.csv."
+    return Grid(caption, ("", *map(run_name, runs)), tuple(rows))
+
+
+def _row_name(name: str, base: str) -> str:
+    """Name of a row: that of a value, or for a frequency its number and the place on the path."""
+    if base != "Hz":
+        return name
+    place, number = name.split(".")
+    return f"frequency {number}, {PLACES[place]}"
+
+
+def _span(run: RunRecord, name: str) -> list[float]:
+    """The least and the largest value called `name` of a run, as far as it has them, or its only one."""
+    values = (number_of(run.figures.get(key)) for key in (f"{name}.min", f"{name}.max", name))
+    return [value for value in values if value is not None]
 
 
 def few_runs(runs: Sequence[RunRecord]) -> list[RunRecord]:
     """Runs with a result; an empty list if there are more than `MOST_RUNS` of them."""
     done = [run for run in runs if run.status == "done"]
     return done if len(done) <= MOST_RUNS else []
-
-
-def _span_rows(runs: Sequence[RunRecord], room: str, base: str, caption: str) -> tuple[str, list[tuple[str, ...]]]:
-    """Caption and rows of the values whose names begin with `room`, each from least to largest, without round-off.
-
-    `base` is the unit of these values without prefix, and `caption` is how the caption begins.
-    """
-    sizes = {
-        name: max(map(abs, _numbers_called(runs, room + name, "min", "max")), default=0.0)
-        for name in _value_names(runs, room, ".max")
-    }
-    largest = max(sizes.values(), default=0.0)
-    unit, names = unit_for(largest, base), [name for name, size in sizes.items() if size > NOTHING * largest]
-    rows = [(name, *(_format_span(run, room + name, unit.size) for run in runs)) for name in names]
-    return f"{caption} in {unit.name}; times and places are in runs.csv.", rows
-
-
-def _frequency_rows(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
-    """Rows of the natural frequencies in Hz."""
-    keys = dict.fromkeys(key for run in runs for key in run.figures if key.startswith("frequencies."))
-    rows = []
-    for key in keys:
-        _, place, number = key.split(".")
-        cells = (_format_value(run.figures.get(key), 1.0) for run in runs)
-        rows.append((f"frequency {number}, {PLACES[place]}", *cells))
-    return rows
-
-
-def _path_clause(runs: Sequence[RunRecord]) -> str:
-    """Clause on the range of the path; empty if this range differs between runs."""
-    ends = {(number_of(run.figures.get("path.s_min")), number_of(run.figures.get("path.s_max"))) for run in runs}
-    low, high = ends.pop()
-    if ends or low is None or high is None:
-        return ""
-    return f"; s is {format_input(round(low, 6), 'm')} at least and {format_input(round(high, 6), 'm')} at most"
-
-
-def _probe_rows(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
-    """Rows of the measurements of probes; each is followed by a row with the largest range of its load cycles."""
-    rows, names = [], _value_names(runs, "probes.", ".range")
-    for base, (word, prefix) in _BASE.items():
-        of_kind = [name for name in names if f" {word} " in name]
-        sizes = {
-            name: max(map(abs, _numbers_called(runs, f"probes.{name}", "min", "max")), default=0.0) for name in of_kind
-        }
-        largest = max(sizes.values(), default=0.0)
-        unit = unit_for(largest, base) if prefix else Unit(1.0, base)
-        for name in of_kind:
-            if sizes[name] <= NOTHING * largest:
-                continue
-            of = f"{name} in {unit.name}" if unit.name != "1" else name
-            rows.append((of, *(_format_span(run, f"probes.{name}", unit.size) for run in runs)))
-            ranges = (_format_value(run.figures.get(f"probes.{name}.range"), unit.size) for run in runs)
-            rows.append((f"{SPACE}{SPACE}range", *ranges))
-    return rows
-
-
-def _value_names(runs: Sequence[RunRecord], first: str, last: str) -> list[str]:
-    """Return the names of values that begin with `first` and end with `last`, with both of these cut off."""
-    keys = dict.fromkeys(key for run in runs for key in run.figures)
-    return [key[len(first) : -len(last)] for key in keys if key.startswith(first) and key.endswith(last)]
-
-
-def _numbers_called(runs: Sequence[RunRecord], name: str, *keys: str) -> Iterator[float]:
-    """Yield, from all runs, the numbers whose names are `name` with one of `keys` appended."""
-    for run in runs:
-        for key in keys:
-            if (value := number_of(run.figures.get(f"{name}.{key}"))) is not None:
-                yield value
-
-
-def _format_span(run: RunRecord, name: str, size: float) -> str:
-    """Format the least and the largest value of `name` in a unit of size `size`; the least value may be missing."""
-    figures: Mapping[str, Scalar] = run.figures
-    least, most = figures.get(f"{name}.min"), figures.get(f"{name}.max")
-    first = "" if least is None else f"{_format_value(least, size)}{SPACE}…{SPACE}"
-    return f"{first}{_format_value(most, size)}"
 
 
 def _format_value(value: Scalar, size: float) -> str:

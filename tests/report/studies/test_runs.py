@@ -168,18 +168,20 @@ def payloads(*masses: float, **figures: float) -> list[RunRecord]:
 def test_a_few_runs_stand_side_by_side() -> None:
     blocks = {block.heading: block.grids[0] for block in said(*payloads(100.0, 250.0)).blocks if block.grids}
     headings = ["Forces of pads, sliders and supports", "Moments on rigid supports", "Stress by region"]
-    assert list(blocks) == ["At a glance", "Runs", *headings, "Frequencies", "Probes"]
-    forces, moments, stress, frequencies, probes = list(blocks.values())[2:]
+    headings += ["Frequencies, while pads and sliders rest", "Stresses at probes", "Strains at probes"]
+    assert list(blocks) == ["At a glance", "Runs", *headings]
+    forces, moments, stress, frequencies, stresses, strains = list(blocks.values())[2:]
     assert moments.rows == (("clamp ry", *["0\u00a0…\u00a02.00"] * 2),) and " in kN m;" in moments.caption
-    assert stress.rows == (("top", "25.0", "25.0"),) and stress.caption.startswith("Largest von Mises stress in MPa")
+    assert stress.rows == (("top", "25.0", "25.0"),) and " in MPa;" in stress.caption
     assert forces.head == ("", "payload mass 100\u00a0kg", "payload mass 250\u00a0kg")
     assert forces.rows == (("tail left", *["\u22125.00\u00a0…\u00a00"] * 2),)
     assert frequencies.rows == (("frequency 1, s least", "10.2", "10.2"), ("frequency 1, s largest", "26.5", "26.5"))
-    assert "s is 1.5\u00a0m at least and 4\u00a0m at most" in frequencies.caption
-    assert [row[:2] for row in probes.rows] == [
-        ("weld stress along in MPa", "\u22121.00\u00a0…\u00a025.0"), ("\u00a0\u00a0range", "26.0"),
-        ("weld strain along", "0\u00a0…\u00a00.000125"), ("\u00a0\u00a0range", "0.000125"),
+    cycle = "\u00a0\u00a0range of the largest load cycle"
+    assert [row[:2] for row in (*stresses.rows, *strains.rows)] == [
+        ("weld stress along", "\u22121.00\u00a0…\u00a025.0"), (cycle, "26.0"),
+        ("weld strain along", "0\u00a0…\u00a0125"), (cycle, "125"),
     ]  # fmt: skip
+    assert " in µm/m;" in strains.caption
     assert not any("forces" in name for name in blocks["Runs"].head)
 
 
