@@ -42,7 +42,7 @@ from pmr.scene.members import body_ring
 WIDTH = 1500  # px, of a picture
 SIDE = (0.34, -0.88, 0.30)  # direction from the body to the camera
 NEAR = 1.0  # m, height of the part of the body that the close picture shows
-STEEL, PAD, MOVING, SECTION = "#b9c4cd", "#3b4a57", "#d55e00", "#9fb0bd"
+STEEL, PAD, SECTION = "#b9c4cd", "#3b4a57", "#9fb0bd"
 GROUND, CYLINDER = "#d9d2c5", "#5b6875"
 ROD, ROPE, PAYLOAD = 0.06, 0.02, 0.2  # m, half the thickness of a luffing cylinder, of a rope and of a payload
 

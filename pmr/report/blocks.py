@@ -17,7 +17,7 @@ class Mark:
     """Verdict on a value beside a published one.
 
     `kind` names its style, and `symbol` tells the verdict without colour.  `text` is the word for the verdict in the
-    table and in counts, `explanation` is its text in the legend.
+    table, `explanation` is its text in the legend.
     """
 
     kind: str
@@ -72,11 +72,6 @@ class ErrorTable:
         """Verdicts that occur in the table, in the order from the best to the worst."""
         return [mark for mark in RANKED if any(row.mark is mark for row in self.rows)]
 
-    @property
-    def deviating_rows(self) -> list[Row]:
-        """Rows whose value differs from the published one by more than 5 %."""
-        return deviating_rows(self.rows)
-
 
 def mark_for(value: float, published: float, is_error: bool = True) -> Mark:
     """Return the verdict on a value beside the published one.
@@ -90,15 +85,6 @@ def mark_for(value: float, published: float, is_error: bool = True) -> Mark:
     if not is_error:
         return DIFFERENT
     return BETTER if deviation < 0.0 else WORSE
-
-
-def count_verdicts(table: Sequence[Row]) -> dict[str, int]:
-    """Number of rows with each verdict, by the text of the verdict, the best verdict first.
-
-    Rows without a verdict are not counted.
-    """
-    marks = [row.mark for row in table if row.mark]
-    return {mark.text: marks.count(mark) for mark in RANKED if mark in marks}
 
 
 def _deviation(value: float, published: float) -> float:
@@ -146,14 +132,6 @@ class KeyNumber:
     value: str
     label: str
     note: str = ""
-
-
-@dataclass(frozen=True)
-class Point:
-    """One or two sentences about a topic."""
-
-    topic: str
-    text: str
 
 
 @dataclass(frozen=True)
@@ -251,8 +229,6 @@ class Chapter:
     opening : str
         Text at the top of the chapter that describes the system.  `sketch` shows the system, and the short tables
         `first` hold the main results.
-    points : sequence of Point
-        Sentences by topic.
     overloads : sequence of str
         Texts on values above what is allowed, which stand before everything else.
     warnings : sequence of str
@@ -268,7 +244,6 @@ class Chapter:
     key_numbers: Sequence[KeyNumber] = ()
     sketch: Drawing | None = None
     first: Sequence[Table] = ()
-    points: Sequence[Point] = ()
     paragraphs: Sequence[str] = ()
     overloads: Sequence[str] = ()
     warnings: Sequence[str] = ()

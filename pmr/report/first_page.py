@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pmr.files.arrays import Summary
-from pmr.report import errors, overview
+from pmr.report import errors, overview, sentences
 from pmr.report.blocks import Table
 from pmr.report.columns import axis_points, is_round_off, tip_displacements
 from pmr.report.extremes import (
@@ -73,6 +73,8 @@ def _left_out_rows(result: RunResult) -> Rows:
     if "loads" in rows:
         rows["loads"] += ", factors of a standard (dynamic, safety)"
     yield from rows.items()
+    if text := sentences.frame_sentences(result):
+        yield "second order", text
 
 
 def overload_sentences(result: RunResult) -> list[str]:
@@ -232,9 +234,8 @@ def _further_output_rows(result: RunResult) -> LargestValues:
     for name, values in QUANTITIES["probe"].histories(response).items():
         if name not in probes:
             most = Extremes.from_history(values, response.t, result.abscissa_at(response.t)).largest
-            is_angle, value = units[name] == "rad", most.value
-            size = f"{significant(np.rad2deg(value))}°" if is_angle else format_quantity(value, units[name])
-            yield LargestValue(f"largest {name}", f"{size}, {extreme_clause(result, most)}")
+            text = f"{format_quantity(most.value, units[name])}, {extreme_clause(result, most)}"
+            yield LargestValue(f"largest {name}", text)
 
 
 def _deflection_text(direction: str, value: float) -> str:

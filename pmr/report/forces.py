@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pmr.files.arrays import Summary
 from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.columns import Force, forces_of
 from pmr.report.figures.canvas import drawing
@@ -382,8 +381,3 @@ def _extreme_cells(of: Extremes, unit: Unit, nothing: float, placed: bool) -> It
         place = f", {format_input(round(extreme.s, 2), 'm')}" if placed else ""
         value = f"{significant(extreme.value / unit.size)}{SPACE}{unit.name}".rstrip(SPACE)
         yield f"{value} at {format_time(extreme.t)}{place}" if abs(extreme.value) > nothing else "0"
-
-
-def summary_extremes(force: Summary) -> Extremes:
-    """Extremes of a section force from its entry in summary.json, whose places are distances from the tail."""
-    return Extremes(*(float(force[f"{what}{end}"]) for end in ("min", "max") for what in ("", "t_", "x_")))

@@ -135,10 +135,9 @@ def _hoist_rows(result: RunResult) -> LargestValues:
     swings = {way: Extremes.from_summary(hoist[f"swing_{way}"]).largest for way in ("along", "across")}
     way = max(swings, key=lambda name: abs(swings[name].value))
     largest = swings[way]
-    degrees = f"{significant(np.rad2deg(abs(largest.value)))}° {way} the boom"
     side = SWING_SIDES[way][int(largest.value > 0.0)]
-    text = f"{degrees}, the hook {side} the head, {extreme_clause(result, largest)}"
-    yield LargestValue(QUANTITIES["swing"].reported, text)
+    text = f"{format_quantity(abs(largest.value), 'rad')} {way} the boom, the hook {side} the head"
+    yield LargestValue(QUANTITIES["swing"].reported, f"{text}, {extreme_clause(result, largest)}")
 
 
 def _forces_by_kind_rows(result: RunResult) -> LargestValues:

@@ -11,7 +11,7 @@ which are a fraction of the size of X, and computes each picture as a sum of sha
 from __future__ import annotations
 
 import base64
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +85,7 @@ def body_motion(result: RunResult) -> dict[str, Any]:
         "section": [_block_data(block) for block in around.section],
         "near": [_block_data(block) for block in around.near],
         "tail": [_block_data(block) for block in around.tail],
-        "lost": max(body_surface["lost"] for body_surface in shown),
+        "lost": max(body["motion"]["lost"] for body in shown),
         "pose": _frame_motion(result),
     }
 
@@ -127,9 +127,7 @@ def _body_data(result: RunResult, name: str, surface: Surface, shifts: Array, mo
     `most_values` limits the number of values in all shapes of a quantity.
     """
     fields = fields_by_body(result)[name]
-    motion, lost = compress(
-        surface.point_displacements(fields, fields.displacement).reshape(len(fields.t), -1), most_values
-    )
+    motion = compress(surface.point_displacements(fields, fields.displacement).reshape(len(fields.t), -1), most_values)
     stress = cell_stresses(fields)[:, surface.cell] / largest_colour_stress(result) if fields.von_mises else None
     return {
         "points": encode_array(surface.points.ravel()),
@@ -138,8 +136,7 @@ def _body_data(result: RunResult, name: str, surface: Surface, shifts: Array, mo
         "faces": len(surface.faces),
         "along": encode_array(shifts),
         "motion": motion,
-        "stress": None if stress is None else compress(stress, most_values).factors,
-        "lost": lost,
+        "stress": None if stress is None else compress(stress, most_values),
     }
 
 
@@ -153,17 +150,10 @@ def drawing_sentence(data: dict[str, Any]) -> str:
     return f"{drawn}, from {shapes} out {lost} of the motion."
 
 
-class CompressedFrames(NamedTuple):
-    """Factors of frames, ready for JSON, and the share of the frames missing in their product."""
-
-    factors: dict[str, Any]
-    lost: float
-
-
-def compress(frames: NDArray[np.float32], most_values: int) -> CompressedFrames:
+def compress(frames: NDArray[np.float32], most_values: int) -> dict[str, Any]:
     """Factorise frames (F, n) into coefficients (F, k) and shapes (k, n), and encode both for a page.
 
-    The factors and the error are returned.  The error is the RMS difference between the product and the frames, divided
+    The entry ``lost`` is the error: the RMS difference between the product and the frames, divided
     by the RMS value of the frames.  The number k n of values in the shapes is at most `most_values`.
     """
     X = frames.astype(float)
@@ -176,8 +166,7 @@ def compress(frames: NDArray[np.float32], most_values: int) -> CompressedFrames:
     shapes = A.T @ X
     lost = float(np.sqrt(squares[count:].sum() / squares.sum())) if squares[0] > 0.0 else 0.0
     each = [encode_array(shape) for shape in shapes]
-    factors = {"count": count, "coefficients": [encode_array(column) for column in A.T], "shapes": each}
-    return CompressedFrames(factors, lost)
+    return {"count": count, "coefficients": [encode_array(column) for column in A.T], "shapes": each, "lost": lost}
 
 
 def _encode_indices(values: NDArray[np.int64]) -> str:

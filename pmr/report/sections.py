@@ -25,7 +25,6 @@ from pmr.report.columns import (
     undrawn_sentence,
 )
 from pmr.report.errors import error_table, is_compared
-from pmr.report.errors import rows as error_rows
 from pmr.report.figures import histories, shapes, space
 from pmr.report.figures.canvas import colour_scale, drawing, section_colours
 from pmr.report.figures.loads import line_figure
@@ -40,7 +39,7 @@ Show = Callable[[RunResult, str], Block | None]
 
 def chapter(result: RunResult, anchor: str) -> Chapter:
     """Build the chapter about a run; `anchor` begins all identifiers in it."""
-    pictures, rows = start_album(result, anchor), error_rows(result)  # another process renders them meanwhile
+    pictures = start_album(result, anchor)  # another process renders them meanwhile
     sections = [error_block(result), accuracy_block(result), *(show(result, anchor) for show in SECTIONS)]
     sections.insert(2, motion_block(result, anchor, pictures))  # the pictures are there by now
     return Chapter(
@@ -50,7 +49,6 @@ def chapter(result: RunResult, anchor: str) -> Chapter:
         overloads=first_page.overload_sentences(result),
         first=first_page.first_page_tables(result),
         key_numbers=list(sentences.key_numbers(result)),
-        points=sentences.sentence_points(result, rows),
         warnings=[warning[:1].upper() + warning[1:] for warning in result.summary.get("warnings", ())],
         blocks=[*filter(None, sections), origin_block(result)],
     )

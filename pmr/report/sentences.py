@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from pmr.report import errors as error_sentences
-from pmr.report.blocks import KeyNumber, Point, Row, count_verdicts
+from pmr.report.blocks import KeyNumber
 from pmr.report.numbers import (
     MINUS,
     SPACE,
@@ -28,18 +28,6 @@ from pmr.results.quantities import QUANTITIES, stress_name, wall_stress, wall_st
 #: Largest number of further points with the largest stress that are named; if there are more, only their number is
 #: stated.
 MOST_PLACES = 2
-SIMULATORS = {"march": "compiled", "petsc": "by PETSc"} | dict.fromkeys(
-    ("exudyn", "exudyn-multiplier", "exudyn-callback"), "by Exudyn"
-)
-
-
-def sentence_points(result: RunResult, table: Sequence[Row] = ()) -> list[Point]:
-    """Sentences about a run by topic, from its size to the published values; topics without a sentence are left out.
-
-    `table` are the rows of the error table.
-    """
-    texts_by_topic = {"Frame": [frame_sentences(result)], "Published": [comparison_sentence(table)]}
-    return [Point(topic, text) for topic, texts in texts_by_topic.items() if (text := " ".join(filter(None, texts)))]
 
 
 def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
@@ -99,34 +87,22 @@ def _error_key_numbers(result: RunResult) -> Iterator[KeyNumber]:
 def _simulation_time(result: RunResult) -> Iterator[KeyNumber]:
     """Yield how many times as fast as the full model the reduced model is, if the same simulator computed both.
 
-    If not, yield the simulation time of the reduced model.  The note has both times and the simulators, and compares
-    the time of the reduced model with the simulated time.
+    If not, yield the simulation time of the reduced model.  The note has both times, and compares the time of the
+    reduced model with the simulated time.
     """
     reduced, full = (
         result.responses[name].seconds if name in result.responses else 0.0 for name in ("reduced", "full")
     )
     if reduced <= 0.0:
         return
-    names = result.summary.get("simulators", {})
-    who = {name: SIMULATORS.get(names.get(name, ""), names.get(name, "")) for name in ("reduced", "full")}
-    end, pace = result.scene.time.end, result.scene.time.end / reduced
-    paced = f"{significant(pace, 2)} times faster than real time" if pace > 1.0 else "slower than real time"
-    took, motion = format_quantity(reduced, "s", 2), f"for {format_input(end, 's')} of motion, {paced}"
-    full_took = f"full model {format_quantity(full, 's', 2)}" if full > 0.0 else ""
+    end, names, took = result.scene.time.end, result.summary.get("simulators", {}), format_quantity(reduced, "s", 2)
+    paced = f"{significant(end / reduced, 2)} times faster" if end > reduced else "slower"
+    motion = f"for {format_input(end, 's')} of motion, {paced} than real time"
+    motion += f"; full model {format_quantity(full, 's', 2)}" if full > 0.0 else ""
     if full > 0.0 and names.get("reduced") == names.get("full"):
-        by = f"both {who['full']}" if who["full"] else ""
-        note = "; ".join(filter(None, (by, f"{took} {motion}", full_took)))
-        yield KeyNumber(f"{significant(full / reduced, 2)}{SPACE}×", "as fast as full", note)
+        yield KeyNumber(f"{significant(full / reduced, 2)}{SPACE}×", "as fast as full", f"{took} {motion}")
     else:
-        full_took += f", {who['full']}" if full_took and who["full"] else ""
-        yield KeyNumber(took, "one simulation", "; ".join(filter(None, (motion, full_took))))
-
-
-def comparison_sentence(table: Sequence[Row]) -> str:
-    """Sentence that counts values better than, equal to and worse than published ones; empty if none is published."""
-    counts = count_verdicts(table)
-    counted = ", ".join(f"{number} {text}" for text, number in counts.items())
-    return f"Beside {sum(counts.values())} published figures: {counted}." if counts else ""
+        yield KeyNumber(took, "one simulation", motion)
 
 
 def peak_clause(peak: PeakSummary) -> str:
@@ -160,7 +136,7 @@ def _format_point(position: Sequence[float]) -> str:
 
 
 def frame_sentences(result: RunResult) -> str:
-    """Sentences on the motion of the boom's frame and on effects of second order; empty if the scene has no frame."""
+    """Sentences on the axes of a boom in a frame and on effects of second order; empty if the scene has no frame."""
     motion = result.summary.get("frame")
     if motion is None:
         return ""

@@ -13,7 +13,7 @@ from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.figures import loads as figures
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.histories import Timeline, difference_clause, drawn_history
-from pmr.report.forces import extremes_grid, summary_extremes
+from pmr.report.forces import extremes_grid
 from pmr.report.numbers import NOTHING, SPACE, format_time, significant, unit_for
 from pmr.results import Response, RunResult
 from pmr.results.quantities import stress_remark
@@ -62,7 +62,7 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
         for what, force in part.get("section_forces", {}).get("reduced", {}).items():
             if what in shown and (force["min"] or force["max"]):
                 called = qualified_name(name, what)
-                extremes[called], units[called] = summary_extremes(force), force["unit"]
+                extremes[called], units[called] = Extremes.from_summary(force, "x_"), force["unit"]
     grid = extremes_grid(result, "Least and largest of them", extremes, units, where=", and where from the tail")
     return Block(heading="Forces along beams", drawings=(drawn,), grids=(grid,))
 

@@ -324,9 +324,9 @@ class Extremes:
         return abs(self.largest.value)
 
     @classmethod
-    def from_summary(cls, summary: Mapping[str, float]) -> Extremes:
-        """Return the extremes from a mapping that `Extremes.summary` returned."""
-        return cls(*(float(summary[f"{what}{end}"]) for end in ("min", "max") for what in ("", "t_", "s_")))
+    def from_summary(cls, summary: Mapping[str, float], place: str = "s_") -> Extremes:
+        """Return the extremes from a mapping as `Extremes.summary` returns; `place` begins the keys of places."""
+        return cls(*(float(summary[f"{what}{end}"]) for end in ("min", "max") for what in ("", "t_", place)))
 
     def summary(self) -> dict[str, float]:
         """Return the extremes with the keys ``min``, ``t_min``, ``s_min``, ``max``, ``t_max`` and ``s_max``."""

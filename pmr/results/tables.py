@@ -84,7 +84,7 @@ def force_table(result: RunResult) -> Table:
         for model, response in result.responses.items()
         for name, extremes in force_extremes(response, result.abscissa_at(response.t)).items()
     ]
-    return Table(("model", "force of", *_extreme_heads("N")), tuple(rows))
+    return Table(("model", "force of", *_extreme_heads(" [N]")), tuple(rows))
 
 
 def force_extremes(response: Response, path: Array) -> dict[str, Extremes]:
@@ -135,7 +135,7 @@ def reaction_table(result: RunResult) -> Table:
         for model, response in result.responses.items()
         for of, extremes in reaction_extremes(response, result.abscissa_at(response.t)).items()
     ]
-    return Table(("model", "reaction of", "unit", *_extreme_heads_without_unit()), tuple(rows))
+    return Table(("model", "reaction of", "unit", *_extreme_heads()), tuple(rows))
 
 
 def frequency_table(result: RunResult) -> Table:
@@ -191,9 +191,7 @@ def probe_table(result: RunResult) -> Table:
         for probe in _measured_probes(result, response):
             head = (model, probe["name"], probe["unit"], *probe["at"], probe["face"])
             rows.append((*head, *extremes[probe["name"]].summary().values()))
-    return Table(
-        ("model", "probe", "unit", "x [m]", "y [m]", "z [m]", "face", *_extreme_heads_without_unit()), tuple(rows)
-    )
+    return Table(("model", "probe", "unit", "x [m]", "y [m]", "z [m]", "face", *_extreme_heads()), tuple(rows))
 
 
 def load_cycle_table(result: RunResult) -> Table:
@@ -230,14 +228,9 @@ _TABLES: Mapping[str, Callable[[RunResult], Table]] = {
 }
 
 
-def _extreme_heads(unit: str) -> tuple[str, ...]:
-    """Return the headings of the columns of extremes in this unit."""
-    return f"min [{unit}]", "t_min [s]", "s_min [m]", f"max [{unit}]", "t_max [s]", "s_max [m]"
-
-
-def _extreme_heads_without_unit() -> tuple[str, ...]:
-    """Return the headings of the columns of extremes for tables with the unit in its own column."""
-    return tuple(name.removesuffix(" []") for name in _extreme_heads(""))
+def _extreme_heads(unit: str = "") -> tuple[str, ...]:
+    """Return the headings of the columns of extremes: ``" [N]"`` is behind values in N, or the unit has a column."""
+    return f"min{unit}", "t_min [s]", "s_min [m]", f"max{unit}", "t_max [s]", "s_max [m]"
 
 
 def _measured_probes(result: RunResult, response: Response) -> Iterator[Summary]:

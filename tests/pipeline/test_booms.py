@@ -234,7 +234,7 @@ def test_a_result_is_read_as_it_was_saved_and_reported(outcome: Outcome, tmp_pat
     assert np.array_equal(again.frequencies.models["full"], outcome.result.frequencies.models["full"])
     assert again.frequencies.over_joints is not None and again.frequencies.over_joints.joints == ("middle", "fly")
     page = write_report([again], tmp_path).html.read_text(encoding="utf-8")
-    terms = ["A boom of 3 sections", "fly mouth top", "cylinder of middle", "hold both ways and pull"]
+    terms = ["boom length", "fly mouth top", "cylinder of middle", "hold both ways and pull"]
     as_of_one_body = (
         "Total energy",
         "joint tail",

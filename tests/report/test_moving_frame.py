@@ -125,7 +125,7 @@ def test_axes_stand_where_the_frame_has_turned_them(turned: RunResult) -> None:
 @pytest.mark.slow
 def test_a_page_shows_the_boom_in_space_and_only_with_a_frame(turned: RunResult, boom: RunResult) -> None:
     here, there = render_runs([chapter(turned, "case-1")]), render_runs([chapter(boom, "case-1")])
-    for figure in ("plan", "tip-in-space", "buckling-reach", "buckling-angle", "pivot-forces", "pivot-moments"):
+    for figure in ("plan", "tip-in-space", "buckling", "pivot-forces", "pivot-moments"):
         assert f'id="case-1-{figure}"' in here and f'id="case-1-{figure}"' not in there
     assert "Height over the pivot in m" in here and '"pose": {' in here
     assert "Height over the pivot in m" not in there and '"pose": null' in there
@@ -139,7 +139,7 @@ def test_no_panel_is_empty_and_round_off_is_not_drawn(turned: RunResult) -> None
         views = [
             figures.side_view(turned),
             figures.plan_view(turned),
-            *(figures.buckling_figure(turned, over) for over in ("reach", "angle")),
+            figures.buckling_figure(turned),
         ]
     (ax,) = drawn.axes
     curve, (low, high) = ax.lines[0].get_ydata(), ax.get_ylim()

@@ -21,7 +21,6 @@ from pmr.report.blocks import (
     ErrorTable,
     Mark,
     Row,
-    count_verdicts,
     deviating_rows,
     mark_for,
 )
@@ -163,7 +162,8 @@ def test_only_published_figures_are_marked(whole: RunResult) -> None:
     table = {(row.comparison, row.place): row for row in rows(whole)}
     unpublished = table["reduced against ANCF", "tip"]
     assert (unpublished.published, unpublished.deviation, unpublished.mark) == (None, None, None)
-    assert count_verdicts(rows(whole)) == {WITHIN.text: 2, SAME.text: 1, BETTER.text: 1, WORSE.text: 1}
+    marks = [row.mark for row in rows(whole)]
+    assert [marks.count(mark) for mark in (WITHIN, SAME, BETTER, WORSE)] == [2, 1, 1, 1]
 
 
 def test_published_figures_keep_the_decimals_of_their_publication(whole: RunResult) -> None:
@@ -207,7 +207,6 @@ def test_marks_stand_in_the_order_of_their_worth() -> None:
     table = ErrorTable("", [found[mark] for mark in sorted(RANKED, key=lambda mark: mark.symbol)])
     words = [mark.text for mark in table.marks]
     assert words == ["better", "same when rounded", "within 5\u00a0%", "different", "worse"]
-    assert list(count_verdicts(table.rows)) == words
 
 
 def test_times_volumes_and_large_inputs_have_no_more_digits_than_they_need() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from os.path import commonprefix
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -50,7 +51,7 @@ def line_figure(
     ax, handles = axes[0, 0], list[Line2D]()
     for k, (name, line) in enumerate(lines.items()):
         width = 0.8 if len(lines) > MOST_THICK else 0.7 + 0.3 * (len(lines) - 1 - k)
-        look = {"color": colours[k % len(colours)], "linewidth": width}
+        look: dict[str, Any] = {"color": colours[k % len(colours)], "linewidth": width}
         shown = extreme_indices(line, bins_of(ax))
         ax.plot(time.t[shown], line[shown] / unit.size, **look)
         handles += [Line2D([], [], label=name, **look)] if name else []

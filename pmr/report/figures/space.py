@@ -33,7 +33,6 @@ from pmr.report.figures.loads import line_figure
 from pmr.report.numbers import SPACE, enlargement, format_input, format_quantity
 from pmr.report.subject import (
     abscissa_label,
-    changing_angles,
     fixtures,
     input_loads,
     is_alone,
@@ -75,14 +74,14 @@ def plan_view(result: RunResult) -> Figure:
     return _draw_boom(result, "plan", "X in m", "Y in m")
 
 
-def buckling_figure(result: RunResult, abscissa: str) -> Figure:
-    """Draw the buckling factor during the run over `abscissa`: the ``reach``, or the ``angle`` of luffing."""
+def buckling_figure(result: RunResult) -> Figure:
+    """Draw the buckling factor during the run over the length of the boom, or over its angle if the length stays."""
     over_way, frame, times = result.summary["buckling"]["over"], result.frame, result.responses["reduced"].t
     assert frame is not None  # only a boom in a frame has a factor
     t, factor = np.array(over_way["t"]), np.array([np.nan if value is None else value for value in over_way["factor"]])
     figure, axes = make_sheet(HALF, 2.0)
     ax: Axes = axes[0, 0]
-    if abscissa == "angle":
+    if not np.ptp(result.abscissa):
         x, label = np.rad2deg(frame.angles[0].value(t)), "Luffing angle in degrees"
     else:
         x, label = np.interp(t, times, result.abscissa_at(times)), f"{abscissa_label(result).capitalize()} in m"
@@ -181,7 +180,11 @@ def _draw_fixtures(ax: Axes, result: RunResult, step: int) -> None:
     for ahead in slider_offsets(result):
         places += [(far + ahead, "s", "white")] * (high > low) + [(now + ahead, "s", MUTED)]
     for place, marker, colour in places:
-        look = {"markeredgecolor": MUTED if marker == "s" else INK, "markerfacecolor": colour, "markersize": 5.0}
+        look: dict[str, Any] = {
+            "markeredgecolor": MUTED if marker == "s" else INK,
+            "markerfacecolor": colour,
+            "markersize": 5.0,
+        }
         ax.plot(*(place * direction[:, None]), marker=marker, **look, zorder=3.5)
 
 
@@ -203,9 +206,10 @@ def _draw_loads(ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Arr
         style = "<|-|>" if low < 0.0 < high else "-|>"
         arrow = {"arrowstyle": f"{style},head_length=4.5,head_width=1.9", "color": LOAD, "linewidth": 0.9,
                  "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 1.0}  # fmt: skip
-        ax.annotate("", at, foot, arrowprops=arrow, annotation_clip=False)
-        side = "bottom" if foot[1] >= at[1] else "top"
-        ax.annotate(load.name, foot, (0.0, 2.0 if side == "bottom" else -2.0), textcoords="offset points",
+        (x_foot, z_foot), (x_tip, z_tip) = foot.tolist(), at.tolist()
+        ax.annotate("", (x_tip, z_tip), (x_foot, z_foot), arrowprops=arrow, annotation_clip=False)
+        side = "bottom" if z_foot >= z_tip else "top"
+        ax.annotate(load.name, (x_foot, z_foot), (0.0, 2.0 if side == "bottom" else -2.0), textcoords="offset points",
                     color=LOAD, ha="right", va=side, fontsize=7.0)  # fmt: skip
 
 
@@ -361,8 +365,5 @@ def space_drawings(result: RunResult, prefix: str) -> list[Drawing]:
     if any(result.summary.get("buckling", {}).get("over", {}).get("factor", ())):
         caption = "Factor by which all axial forces would have to grow until the boom buckles, with every pad closed, "
         caption += "along the way of this run, which begins at the larger dot."
-        over = ["reach"] if np.ptp(result.abscissa) > 0.0 else []
-        over += ["angle"] if not over or "luffing" in changing_angles(result) else []
-        captions = zip(over, (caption, "The same over the angle of luffing."), strict=False)
-        drawings += [drawing(f"{prefix}-buckling-{x}", buckling_figure, caption, result, x) for x, caption in captions]
+        drawings.append(drawing(f"{prefix}-buckling", buckling_figure, caption, result))
     return drawings

@@ -149,21 +149,16 @@ def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error:
 
 
 def _key_numbers(study: FinishedStudy, least_loads: Array, error: Array, parts: Parts) -> list[KeyNumber]:
-    """Key numbers: number of points, largest and least of `least_loads` in kg.
+    """Key numbers: number of points, and the largest of `least_loads` in kg.
 
     If any `error` bar is finite, the largest one follows with what it contains, and the number of points where another
     limit may govern within them.
     """
-    count = len(study.study_file["limits"]) + 1
+    count, most = len(study.study_file["limits"]) + 1, float(np.nanmax(least_loads))
     key_numbers = [KeyNumber(str(least_loads.size), "points", f"{count} limit{'s' if count > 1 else ''}")]
-    governed = "most that a limit governs" if np.isnan(least_loads).any() else "most"
-    if np.nanmax(least_loads) > 0.0:
-        key_numbers.append(KeyNumber(format_load(np.nanmax(least_loads)), governed))
-    empty, permitted = int((least_loads <= 0.0).sum()), least_loads[least_loads > 0.0]
-    if empty:
-        key_numbers.append(KeyNumber(str(empty), f"points {NOT_PERMITTED}"))
-    if len(permitted):
-        key_numbers.append(KeyNumber(format_load(permitted.min()), "least, where permitted" if empty else "least"))
+    if most > 0.0:
+        governed = "most that a limit governs" if np.isnan(least_loads).any() else "most"
+        key_numbers.append(KeyNumber(format_load(most), governed))
     if np.isfinite(error).any():
         largest, doubt = format_load(float(f"{np.nanmax(error):.2g}")), str(study.figures["in_doubt"])
         key_numbers.append(KeyNumber(largest, "error bar, at most", covered_parts(parts)))
