@@ -297,7 +297,10 @@ def test_the_machine_below_the_pivot_is_among_what_was_asked(make_space: MakeSpa
     frame["base"] = {"z": {"kind": "sine", "amplitude": 0.02, "frequency": 1.0}}
     one = {"unit": "N", "min": -9e4, "t_min": 0.2, "s_min": 2.0, "max": 0.0, "t_max": 0.0, "s_max": 1.5}
     moved = {"x": {"min": 0.0, "max": 44.6}, "y": {"min": 0.0, "max": 0.0}, "ry": {"min": -0.07, "max": 1.24}}
-    summary = SUMMARY | {"reactions": [{"name": "machine z", **one}], "frame": {"base": moved}}
+    summary = SUMMARY | {
+        "reactions": [{"name": "machine z", **one}],
+        "frame": {"base": moved, "second_order": False, "gyroscopic": None},
+    }
     result = make_space(frame=frame, summary=summary)
     asked, carries = rows(result, "What was asked"), rows(result, "Largest values of this motion")
     machine = (

@@ -191,26 +191,34 @@ def _draw_fixtures(ax: Axes, result: RunResult, step: int) -> None:
 def _draw_loads(ax: Axes, result: RunResult, axes: Mapping[str, tuple[Array, Array]]) -> None:
     """Draw each force in the plane of the view as an arrow, with two heads if it changes its sign, and its name.
 
-    `axes` are the points x (n,) in m of each body's axis, and their places (n, 2) in m in the view.
+    `axes` are the points x (n,) in m of each body's axis, and their places (n, 2) in m in the view.  Forces at one
+    place in one direction share an arrow.
     """
     inch = float(np.ptp(ax.get_xlim())) / (HALF - LEFT - RIGHT)
-    for load in input_loads(result):
-        if load.body not in axes or load.direction not in ("along", "up") or not np.any(load.values):
-            continue
-        x, places = axes[load.body]
-        at = np.array([np.interp(load.position, x, places[:, k]) for k in (0, 1)])
-        ahead = (places[-1] - places[0]) / max(float(np.linalg.norm(places[-1] - places[0])), 1e-300)
-        way = ahead if load.direction == "along" else np.array([-ahead[1], ahead[0]])
-        low, high = load.values.min(), load.values.max()
-        foot = at - ARROW * inch * way * (-1.0 if high <= 0.0 else 1.0)
-        style = "<|-|>" if low < 0.0 < high else "-|>"
+    forces, names = dict[tuple[str, str, float, bool], Array](), dict[tuple[float, ...], list[str]]()
+    for load in input_loads(result):  # a force along an axis of the ground has two parts
+        if load.body in axes and load.direction in ("along", "up") and np.any(load.values):
+            key = (load.body, load.axis_of, load.position, load.name != load.axis_of)
+            force = forces.setdefault(key, np.zeros((len(load.values), 2)))
+            force[:, ("along", "up").index(load.direction)] = load.values
+    for (body, name, position, is_of_ground), force in forces.items():
+        x, places = axes[body]
+        at = np.array([np.interp(position, x, places[:, k]) for k in (0, 1)])
+        along = (places[-1] - places[0]) / max(float(np.linalg.norm(places[-1] - places[0])), 1e-300)
+        k = int(np.linalg.norm(force, axis=1).argmax())
+        largest = force[k] / np.linalg.norm(force[k])
+        if is_of_ground:  # it has the direction that it has at its largest, whatever the posture that is drawn
+            along = frame_rotations(result, result.responses["reduced"].t[[k]])[0, 2, [2, 0]]
+        foot = at - ARROW * inch * (largest[0] * along + largest[1] * np.array([-along[1], along[0]]))
+        style = "<|-|>" if (force @ largest).min() < 0.0 else "-|>"
         arrow = {"arrowstyle": f"{style},head_length=4.5,head_width=1.9", "color": LOAD, "linewidth": 0.9,
                  "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 1.0}  # fmt: skip
         (x_foot, z_foot), (x_tip, z_tip) = foot.tolist(), at.tolist()
         ax.annotate("", (x_tip, z_tip), (x_foot, z_foot), arrowprops=arrow, annotation_clip=False)
-        side = "bottom" if z_foot >= z_tip else "top"
-        ax.annotate(load.name, (x_foot, z_foot), (0.0, 2.0 if side == "bottom" else -2.0), textcoords="offset points",
-                    color=LOAD, ha="right", va=side, fontsize=7.0)  # fmt: skip
+        names.setdefault((round(x_foot, 1), round(z_foot, 1), float(z_foot > z_tip + 0.1 * inch)), []).append(name)
+    for (x_foot, z_foot, is_above), of_place in names.items():
+        ax.annotate(", ".join(of_place), (x_foot, z_foot), (0.0, 2.0 if is_above else -2.0), color=LOAD, ha="right",
+                    textcoords="offset points", va="bottom" if is_above else "top", fontsize=7.0)  # fmt: skip
 
 
 def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
