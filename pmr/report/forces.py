@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pmr.files.arrays import Summary
 from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.columns import Force, forces_of
 from pmr.report.figures.canvas import drawing
@@ -312,19 +313,18 @@ def _caption(result: RunResult, kind: str, unit: str) -> str:
 def _force_grid(result: RunResult, kind: str, forces: Sequence[Force]) -> Grid:
     """Build the table of extremes of forces and moments of one kind, with the largest friction if it is known."""
     response = result.responses["reduced"]
-    t, path = response.t, result.abscissa_at(response.t)
-    by_name = {force.name: Extremes.from_history(force.history(response), t, path) for force in forces}
+    friction = {of["name"]: f", friction up to {format_quantity(of['friction'], 'N')}"
+                for of in result.summary.get("cylinders", ()) if "friction" in of}  # fmt: skip
+    extremes, units = dict[str, Extremes](), dict[str, str]()
+    for force in forces:
+        name = f"{force.name}{friction.get(force.name, '')}"
+        extremes[name] = Extremes.from_history(force.history(response), response.t, result.abscissa_at(response.t))
+        units[name] = force.unit
     on, signs = " on supports that give way" if kind == "support" else "", SIGNS.get(kind, "")
     if kind == "support" and is_luffing_cylinder_alone(result):
         on, signs = " of the luffing cylinder", " Positive where it pushes."
-    units, floor = {force.name: force.unit for force in forces}, ROUND_OFF * float(np.abs(response.slider_force).max())
-    grid = extremes_grid(result, f"Least and largest forces{on}", by_name, units, signs, floor)
-    friction = {of["name"]: format_quantity(of["friction"], "N") for of in result.summary.get("cylinders", ())
-                if "friction" in of}  # fmt: skip
-    if not friction.keys() & by_name.keys():
-        return grid
-    rows = tuple((*row, friction.get(name, "")) for row, name in zip(grid.rows, by_name, strict=True))
-    return Grid(grid.caption, (*grid.head, "friction up to"), rows)
+    floor = ROUND_OFF * float(np.abs(response.slider_force).max())
+    return extremes_grid(result, f"Least and largest forces{on}", extremes, units, signs, floor)
 
 
 def _reaction_grids(result: RunResult, at_pivot: bool, caption: str) -> tuple[Grid, ...]:

@@ -61,15 +61,17 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     load = np.where(np.isnan(table.load), np.inf, table.load)
     which = governing_limit(table.load.reshape(-1, len(names))).reshape(load.shape[:2])
     least = np.where(which >= 0, load.min(axis=2), np.nan)
+    blocks = [
+        _statement_block("What load and radius are", parts[0]["at.definitions"]),
+        _statement_block("What is not in this chart", parts[0]["at.left_out"]),
+        Block("Limits", grids=(_limit_grid(study, names, parts),)),
+        Block("Load cases", grids=(_case_grid(study),)),
+    ]
+    chapter = Chapter(
+        anchor=prefix, title=study.title, headline=headline(study, least, parts[0]["at.slewing"]), blocks=blocks
+    )
     if not np.isfinite(least).any():  # the picture and the table of loads would be empty
-        limits, cases = (
-            Block("Limits", grids=(_limit_grid(study, names, parts),)),
-            Block("Load cases", grids=(_case_grid(study),)),
-        )
-        blocks = [_definition_block(parts), _left_out_block(parts), limits, cases]
-        return Chapter(
-            anchor=prefix, title=study.title, headline=headline(study, least, parts[0]["at.slewing"]), blocks=blocks
-        )
+        return chapter
     error = np.where(which >= 0, np.take_along_axis(table.error, np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
     up_to = float(study.study_file["up_to"])
     shown_names = [*names[:-1], STABILITY_WORDS]
@@ -90,37 +92,23 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     texts = [_cell_text(study, table, chart, error, number) for number in range(least.size)]
     shown = f"{SCREEN}{pointer_cells(chart, texts)}{END_OF_SCREEN}</svg>"
     picture = replace(picture, svg=picture.svg.removesuffix("</svg>") + shown)
-    return Chapter(
-        anchor=prefix,
-        title=study.title,
-        headline=headline(study, least, parts[0]["at.slewing"]),
+    explained = replace(
+        blocks[2],
+        text=" ".join(_paragraphs(study, parts)),
+        grids=(*blocks[2].grids, *_error_bar_grids(study, names, parts)),
+    )
+    over_radius = Block("Load over radius", (lines,), grids=tuple(_duty_grids(study, duty, not_covered)))
+    pages = governing_pages(study, shown_names, parts, prefix)
+    return replace(
+        chapter,
         key_numbers=_key_numbers(study, least, error, parts),
-        blocks=[
-            Block("Load chart", (picture,)),
-            _definition_block(parts),
-            _left_out_block(parts),
-            Block("Load over radius", (lines,), grids=tuple(_duty_grids(study, duty, not_covered))),
-            Block(
-                "Limits",
-                text=" ".join(_paragraphs(study, parts)),
-                grids=(_limit_grid(study, names, parts), *_error_bar_grids(study, names, parts)),
-            ),
-            Block("Load cases", grids=(_case_grid(study),)),
-            *governing_pages(study, shown_names, parts, prefix),
-        ],
+        blocks=[Block("Load chart", (picture,)), *blocks[:2], over_radius, explained, blocks[3], *pages],
     )
 
 
-def _left_out_block(parts: Parts) -> Block:
-    """Build the block with what the chart leaves out, by subject."""
-    rows = tuple((str(subject), str(clauses)) for subject, clauses in parts[0]["at.left_out"])
-    return Block("What is not in this chart", table=Table("", rows))
-
-
-def _definition_block(parts: Parts) -> Block:
-    """Build the block that says what load, radius, height and boom length are."""
-    rows = tuple((str(subject), str(clauses)) for subject, clauses in parts[0]["at.definitions"])
-    return Block("What load and radius are", table=Table("", rows))
+def _statement_block(heading: str, statements: Array) -> Block:
+    """Build a block of statements (n, 2), each a subject and clauses about it."""
+    return Block(heading, table=Table("", tuple((str(subject), str(clauses)) for subject, clauses in statements)))
 
 
 def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error: Array, number: int) -> str:
