@@ -270,7 +270,7 @@ def test_what_given_matrices_hold_by_themselves_is_not_free(tmp_path: Path) -> N
 def test_supports_close_to_each_other_and_short_overlaps_hold() -> None:
     """Pins 10 mm apart, 0.35 m of overlap in every joint of a boom of five sections; one pin of them is too few."""
     pins = [f"{{name='{d} {x}',on={x},directions=['{d}']}}" for d, x in (("x", 0.0), ("z", 0.0), ("z", 0.01))]
-    pads = ring(SIDES[:2], 0.15)
+    pads = ring(SIDES[:2], 0.15).replace("width=", "length=0.04,width=")
     joint = f"joint={{extension=11.65,tail=[{pads}],mouth=[{pads}]}}}}"
     parts = [
         f"{{name='{k}',body.box={{width={0.36 - 0.03 * k},height={0.4 - 0.03 * k}}},"
