@@ -93,14 +93,14 @@ def extension_part(scene: Scene, response: Response) -> SummaryPart:
     ``speed`` in m/s with which it was met; a warning tells of them.  Others say where a pressure is so low that the oil
     would boil, or higher than that of the supply.  The part is empty unless an extension was computed.
     """
-    name = next((name for name, path in scene.paths.items() if isinstance(path, ComputedMotion)), None)
-    if name is None:
+    computed = {name: path for name, path in scene.paths.items() if isinstance(path, ComputedMotion)}
+    if (name := next(iter(computed), None)) is None:
         return SummaryPart()
     names = {of: column_name(name, of) for of in (*CYLINDER_UNITS, ACCELERATION, STOP)}
     histories = {of: response.other(column) for of, column in names.items() if column in response.other_names}
     if STOP not in histories:
         return SummaryPart()
-    drive = _Drive(EXTENSION_CYLINDER, name, "extension", scene.paths[name].samples.oil)
+    drive = _Drive(EXTENSION_CYLINDER, name, "extension", computed[name].samples.oil)
     return _driven_part(drive, histories, histories[STOP], response, scene.path_positions(response.t), [])
 
 
