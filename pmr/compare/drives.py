@@ -23,7 +23,15 @@ from pmr.scene.frame_checks import distance_along
 from pmr.scene.hoist import HEIGHT, KEYS, KINDS, Hoist
 from pmr.scene.keys import LUFFING_CYLINDER, input_name
 from pmr.scene.luffing_checks import misplaced_supports
-from pmr.scene.mechanism import CYLINDER, NEAR, FrameTerm, frame_terms, pin_and_cylinder, supports_at_lug
+from pmr.scene.mechanism import (
+    CYLINDER,
+    NEAR,
+    FrameTerm,
+    PinAndCylinder,
+    frame_terms,
+    pin_and_cylinder,
+    supports_at_lug,
+)
 from pmr.simulation import Excitation
 from pmr.simulation.balance import row_products, step_means
 from pmr.simulation.frame_motion import ComputedMotion, FrameRotation
@@ -198,7 +206,8 @@ def turning_warnings(scene: Scene, angles: Array) -> list[str]:
         f"{lug:g} m: if it stands for the cylinder, the base bends in another place, deflections and stress are off"
         for k, place in misplaced_supports(scene).items()
     ]
-    warnings += _pin_warnings(scene)
+    held = pin_and_cylinder(scene)
+    warnings += _pin_warnings(scene, held)
     if not at_lug:
         return warnings
     differences = list[str]()
@@ -221,12 +230,14 @@ def turning_warnings(scene: Scene, angles: Array) -> list[str]:
     remedy = "frame.cylinder.stiffness, in place of the support, turns with the boom"
     if scene.frame.cylinder.drives:  # of a free angle, which takes no stiffness
         remedy = "a run at a given angle with frame.cylinder.stiffness in place of the support has that force"
+    if held is not None and np.hypot(*held.offset) > NEAR:
+        remedy += ", with the pin at the pivot"
     return [*warnings, f"the support {at_lug[0].row_name('z')!r} {'; it '.join(differences)}; {remedy}"]
 
 
-def _pin_warnings(scene: Scene) -> list[str]:
+def _pin_warnings(scene: Scene, held: PinAndCylinder | None) -> list[str]:
     """A warning where forces of the base's supports are not those of a pin at the pivot, or the pin is not there."""
-    base, held = scene.names[0], pin_and_cylinder(scene)
+    base = scene.names[0]
     if scene.holding_cylinder is not None:
         return []
     if held is None:

@@ -174,6 +174,7 @@ def test_a_pin_off_the_pivot_bears_the_thrust_of_the_cylinder(at: float) -> None
     assert response.other("reaction of s0: pin z")[0] == pytest.approx(pin.imag, rel=1e-5)
     warnings = turning_warnings(scene, np.array([angle]))
     assert any("the pin of 's0' is 0.3 m ahead of the pivot and 0.1 m above it" in line for line in warnings)
+    assert (at == 1.5) == any(line.endswith("turns with the boom, with the pin at the pivot") for line in warnings)
 
 
 def test_a_pin_off_the_pivot_is_refused_beside_a_stiffness() -> None:
