@@ -164,6 +164,10 @@ def check_frame(scene: Scene) -> None:
     for key, angle in angles.items():
         frame.refuse_without_unit(f"frame.{key}", angle.bounds(0.0, scene.time.end))
         _check_smooth(scene, key, "an angle", angle)
+    for number, part in enumerate(scene.sections):
+        prefix = f"sections[{number}]." if scene.sections[0].name else ""
+        for k, load in enumerate(part.loads):
+            frame.refuse_without_unit(f"{prefix}loads[{k}].azimuth", load.azimuth)
     check_luffing(scene, frame)
     if frame.machine is not None:
         check_machine(scene, frame, frame.machine)

@@ -54,6 +54,15 @@ REFUSED = [
     ((PIVOT, "frame.base={acceleration={y=0.0}}"), r"frame.base.acceleration.y: models in space are allowed with it"),
     ((PIVOT, "frame.base={rx=7.0}"), r"frame.base.rx = 7.0: its unit has to be said"),
     (("frame.base={z=0.0}",), r"frame.pivot: a place is needed"),
+    (
+        (
+            PIVOT,
+            LUFFING,
+            "section.body.model='beam3d'",
+            "sections.fly.loads=[{name='w',acts='wind',azimuth=180.0,signal=400.0}]",
+        ),
+        r"sections\[2\].loads\[0\].azimuth = 180.0: its unit has to be said where an angle goes beyond a turn",
+    ),
     ((PIVOT, "frame.luffing={kind='step', time=2.0, after=1.0}"), r"frame.luffing: .* here is a jump at 2 s"),
     ((PIVOT, SLEWING), r"frame.slewing: models in space are allowed with it"),
     ((PIVOT, LUFFING, "sections.fly.loads.0.name=inertia x"), r"loads\[0\].name = 'inertia x': another name"),
