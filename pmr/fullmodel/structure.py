@@ -277,7 +277,7 @@ def couple(structure: Structure) -> Coupling:
     R, clamped = model.rigid_motions(), owner != ""
     blocks, carried = [], []
     for mass in rigid:
-        on = model.coordinates_on(mass.on, model.directions)
+        on = model.coordinates_on(str(mass.on), model.directions)
         taken = next((name for name in owner[on] if name), "")
         if taken:
             raise InputError("scene", f"masses.{mass.name}.on", mass.on, f"shares coordinates with {taken}")

@@ -40,7 +40,7 @@ class UnitState:
 
     acceleration: Array  # (3,) m/s^2, of the frame in which the body rests
     stretch: float  # 1/s^2: increase of the frame's acceleration along x per metre along x
-    forces: Sequence[tuple[str, Array]]  # pairs of a place on the body and the force (3,) in N that acts there
+    forces: Sequence[tuple[str | float, Array]]  # pairs of a place on the body and the force (3,) in N that acts there
     solve: Callable[[UnitState], Function]  # displacement under the loads of this state; collective
 
     def displacement(self, space: FunctionSpace) -> Function:

@@ -366,13 +366,14 @@ class Beam(FiniteElementModel, ABC):
     def _sums_beyond(self, mesh: Mesh, state: UnitState, component: int) -> list[Function]:
         """Sums of the state's forces beyond each element, and of forces times their coordinates x, in UFL.
 
-        Only one `component` of the forces is summed: 0, 1 or 2 for x, y or z.
+        Only one `component` of the forces is summed: 0, 1 or 2 for x, y or z.  A force within an element counts by the
+        share of the element before it.
         """
-        middle = self.node_stations[self.grid.cells].mean(axis=1)
-        sums = np.zeros((2, len(middle)))
+        first, last = self.node_stations[self.grid.cells].T
+        sums = np.zeros((2, len(first)))
         for place, force in state.forces:
             at = self.station(place)
-            sums += np.array([[1.0], [at]]) * force[component] * (at > middle)
+            sums += np.array([[1.0], [at]]) * force[component] * np.clip((at - first) / (last - first), 0.0, 1.0)
         return [cellwise(mesh, values) for values in sums]
 
     def displacement(self, *places: str | float) -> sp.csr_matrix:

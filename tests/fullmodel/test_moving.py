@@ -125,6 +125,15 @@ def test_a_mass_at_the_tip_presses_as_a_load_there(kind: str) -> None:
         assert np.abs(difference - expected).max() < 1e-12 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("share", [0.5, 0.53, 0.6])
+@pytest.mark.parametrize("kind", BEAMS)
+def test_a_mass_between_nodes_presses_on_what_is_before_it(kind: str, share: float) -> None:
+    """q of the beam is small beside it: m a = pi^2 / 4 EI / (share L)^2, to 2 % within one of eight elements."""
+    mass = PointMass(name="load", on=share * LENGTH, mass=1e4 * RHO_A * LENGTH)
+    found = factors(held(BEAMS[kind](), (mass,)), {"axial uniform": 1.0})
+    assert found * mass.mass == pytest.approx(np.pi**2 / 4.0 * EI / (share * LENGTH) ** 2, rel=0.02)
+
+
 def test_a_column_buckles_first_where_it_is_softer() -> None:
     softer, stiffer = factors(held(spatial(ratio=1.7)), {"axial tip": -1.0}, 2)
     assert stiffer / softer == pytest.approx(1.7, rel=1e-6)
