@@ -415,6 +415,7 @@ def test_a_field_of_walls_is_that_of_probes_at_its_points() -> None:
     changes = ["sections.fly.masses=[]", "frame.second_order=true", "section.mesh.elements=4"]
     # pads three times as long, with a third of the stations on each path
     changes += [f"section.joint.{ring}.0.{key}" for ring in ("tail", "mouth") for key in ("length=0.9", "at=0.45")]
+    changes += [f"{of}.joint.extension.values=[0.6, 4.2]" for of in ("section", "sections.fly")]  # no pads overlap
     scene = load_any(plain_machines.CRANE_SHELL, [*changes, "sections.fly.mesh={size=0.32,along=2.0}"])
     found = with_fields(with_hook(scene), ["fly"], 1)
     points = found.sections[-1].probes
