@@ -10,6 +10,7 @@ import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, cast
 
 import numpy as np
@@ -130,7 +131,10 @@ class AtRest:
     luffing: float  # rad
     slewing: float  # rad
     outputs: Mapping[str, float]  # by name: the tip along the boom's axes, probes, forces of supports and at the pivot
-    forces: Mapping[str, float]  # N or N m of pads and cylinders, positive where they push, and of supports, by name
+    forces: Mapping[str, float]  # N or N m of pads and cylinders by name, positive where they push
+    supports: Mapping[
+        str, float
+    ]  # N or N m by name: forces of supports, those of rigid ones too, with the sign of runs
 
 
 LimitFunction = Callable[[AtRest], float]
@@ -161,13 +165,13 @@ def expression_function(text: str) -> LimitFunction:
     def evaluate(at: AtRest) -> float:
         """Return the expression's value in the state `at`."""
         numbers = {"load": at.load, "luffing": at.luffing, "slewing": at.slewing}
-        return value(numbers | {"output": at.outputs, "force": at.forces})
+        return value(numbers | {"output": at.outputs, "force": {**at.forces, **at.supports}})
 
     return evaluate
 
 
 def names_in_tables(scene: Scene) -> dict[str, list[str]]:
-    """Return the names in the tables ``output`` and ``force`` of a user's limit on a scene, without a model.
+    """Return the names in the tables ``output`` and ``force`` of expressions on a scene, without a model.
 
     Names of probes lack what they measure, which follows them after a space.
     """
@@ -210,15 +214,15 @@ def amounts_of_states(
     """
     luffing, slewing = float(at.place.luffing[k]), float(at.place.slewing[k])
 
-    def amount(load: float, outputs: Mapping[str, float], forces: Mapping[str, float]) -> float:
-        """Return the limit function's value under `load` in kg, from outputs and forces by name.
+    def amount(load: float, *tables: Mapping[str, float]) -> float:
+        """Return the limit function's value under `load` in kg, from `tables` by name: outputs, forces and supports.
 
         Raises InputError if the function fails or returns NaN.
         """
         try:
-            value = float(limit_function(AtRest(load, luffing, slewing, outputs, forces)))
+            value = float(limit_function(AtRest(load, luffing, slewing, *tables)))
         except KeyError as error:
-            name, names = str(error.args[0]), [*outputs, *forces]
+            name, names = str(error.args[0]), list(chain(*tables))
             allowed = f"it asks for {name!r}: {similar_name_hint(name, names)}{', '.join(names)} are allowed"
             raise InputError("study", key, text, allowed) from None
         except (ArithmeticError, TypeError, ValueError) as error:
@@ -231,14 +235,15 @@ def amounts_of_states(
         """Return the limit function's values (p,) in all states."""
         supports = [k for k in at.columns.support_columns() if k < len(at.output_names)]
         of_supports = [support_names(at.columns, k)[1] for k in supports]
-        outputs, forces = (
+        tables = (
             [dict(zip(names, row, strict=True)) for row in of.tolist()]
             for names, of in (
                 (at.output_names, states.outputs),
-                ((*at.force_names, *of_supports), np.hstack([states.forces, states.outputs[:, supports]])),
+                (at.force_names, states.forces),
+                (of_supports, states.outputs[:, supports]),
             )
         )
-        return np.array(list(map(amount, states.load.tolist(), outputs, forces)))
+        return np.array(list(map(amount, states.load.tolist(), *tables)))
 
     return amounts
 

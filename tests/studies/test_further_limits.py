@@ -98,16 +98,17 @@ def test_names_that_are_checked_without_a_model_are_those_of_its_states(file: Pa
 
     amounts_of_states(record, "limits.own", None, at, 0)(place.equilibria.states([100.0]))
     ((state,), names) = states, names_in_tables(scene)
-    assert set(state.forces) == set(names["force"])
+    forces = {**state.forces, **state.supports}
+    assert set(forces) == set(names["force"]) and not any("pin" in name for name in state.forces)
     probes = {
         name for name in names["output"] if any(name == f"fly: {probe.name}" for probe in scene.sections[-1].probes)
     }
     assert {name for name in state.outputs if " stress " not in name} == set(names["output"]) - probes
-    for table, of in (("force", state.forces), ("output", state.outputs)):
+    for table, of in (("force", forces), ("output", state.outputs)):
         for name in of:
             check_names("own", f"{table}[{name!r}]", scene)
         with pytest.raises(InputError, match=rf"nowhere': {table} has "):
             check_names("own", f"{table}['nowhere']", scene)
     for axis in ("x", "z"):
         reaction = state.outputs[f"reaction of base: pin {axis}"]
-        assert state.forces[f"base pin {axis}"] == reaction and abs(reaction) > 1.0
+        assert state.supports[f"base pin {axis}"] == reaction and abs(reaction) > 1.0
