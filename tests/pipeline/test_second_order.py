@@ -32,7 +32,10 @@ CANTILEVER, LUFFING = (Path(__file__).parent / name for name in ("cantilever.tom
 CRANE = plain_machines.CRANE
 LENGTH, EI, RHO_A = 5.0, 5.0e4, 78.0
 #: Three times as long as in the scene, with a third of the stations on their paths: few loads to answer.
-LONG_PADS = tuple(f"section.joint.{ring}.0.{key}" for ring in ("tail", "mouth") for key in ("length=0.9", "at=0.45"))
+LONG_PADS = (
+    *(f"section.joint.{ring}.0.{key}" for ring in ("tail", "mouth") for key in ("length=0.9", "at=0.45")),
+    *(f"{of}.joint.extension.values=[0.6, 4.2]" for of in ("section", "sections.fly")),  # no pads overlap
+)
 #: Of time in bending, s.
 UNIT = np.sqrt(RHO_A * LENGTH**4 / EI)
 PHASE = 2.0 * np.pi / 15.0  # 1/s
