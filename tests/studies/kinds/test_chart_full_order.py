@@ -77,6 +77,7 @@ def test_a_boom_with_a_shell() -> None:
     changes += ["sections.fly.mesh={size=0.32,along=1.5}"]
     # pads three times as long, with a third of the stations on each path
     changes += [f"section.joint.{ring}.0.{key}" for ring in ("tail", "mouth") for key in ("length=0.9", "at=0.45")]
+    changes += [f"{of}.joint.extension.values=[0.6, 4.2]" for of in ("section", "sections.fly")]  # no pads overlap
     changes += ["sections.fly.probes=[{name='top',at=[2.0,0.0,0.163],measures=['stress']}]"]
     limits = [
         Limit(name="pads", of="pad", most=40e3),
@@ -85,7 +86,7 @@ def test_a_boom_with_a_shell() -> None:
         Limit(name="field", of="field", which=("fly",), most=100e6),
     ]
     rng = np.random.default_rng(2611)
-    along = [rng.uniform(0.7, 4.5, 10) for _ in range(2)]
+    along = [rng.uniform(0.7, 4.2, 10) for _ in range(2)]
     places = np.column_stack([*along, rng.uniform(0.0, 1.3, 10)])
     some = places if os.environ.get("PMR_SWEEP") == "full" else places[:1]
     found = beside(load_any(plain_machines.CRANE_SHELL, changes), some, limits, 3e4)
