@@ -44,7 +44,8 @@ def test_cylinder_s_force_is_that_of_the_moment_at_the_pivot(result: RunResult) 
 def test_summary_has_the_range_of_angle_pressures_flows_and_power(result: RunResult) -> None:
     response, summary = result.responses["reduced"], result.summary
     angle = response.other("luffing angle")
-    assert summary["frame"]["luffing"] == {"min": angle.min(), "max": angle.max(), "unit": "rad"}
+    shown = dict(summary["frame"]["luffing"])
+    assert shown.pop("unit") == "rad" and shown == pytest.approx({"min": angle.min(), "max": angle.max()}, rel=1e-15)
     cylinder = summary["luffing_cylinder"]
     for quantity in ("driven_pressure", "driven_flow", "driven_power"):
         for name, history in QUANTITIES[quantity].histories(response).items():
