@@ -20,7 +20,7 @@ logger = logging.getLogger(__name__)
 #: without a warning of a jump.  Least change in m or rad without a second rate that is warned of: it has no inertia.
 WHOLE_TURN, JUMP, LEFT_OUT = 2.0 * np.pi, 0.1, 1e-6
 #: Largest float that is taken without further checks; entry of an unknown name, with limits that refuse every value.
-LARGEST, NOWHERE = 1e300, (0, 1.0, 0.0, 0.0)
+LARGEST, NOWHERE = 1e300, (0, 1.0, 0.0, 0.0, 0.0)
 #: Types of the entries of motions with rates that are read without further checks.
 FLOATS = [float] * 2, [float] * 3
 #: Value of a motion; or a sequence of its value and rate, or of its value, rate and second rate.
@@ -28,8 +28,8 @@ Motion = float | Sequence[float]
 Values = Mapping[str, float] | Mapping[str, Motion] | ArrayLike
 #: A motion's number, its value, rate and second rate (zero if not given), and how many of these three were given.
 Reading = tuple[int, float, float, float, int]
-#: By name and number: a motion's number, its least and largest value, and its largest change in a step.
-Limits = dict[str | int, tuple[int, float, float, float]]
+#: By name and number: a motion's number, its least and largest value, its largest change in a step, its fastest rate.
+Limits = dict[str | int, tuple[int, float, float, float, float]]
 
 
 class Drivers:
@@ -74,10 +74,14 @@ class Drivers:
         self._fill_in_start, self._begun_rows = motions.copy(), rows.copy()  # motions at the end of the last step
 
         # by name: numbers of motions, and limits of values and changes that are taken without further checks
-        limits = [(low, high, JUMP * (high - low)) for low, high in self._ranges]
+        unlimited = (-LARGEST, LARGEST, 2.0 * LARGEST, LARGEST)
+        limits = [(low, high, JUMP * (high - low), (high - low) / step) for low, high in self._ranges]
         self._limits: Limits = {name: (k, *limits[k]) for name, k in self._path_numbers.items()}
-        unlimited = (-LARGEST, LARGEST, 2.0 * LARGEST)
         self._limits_of_loads: Limits = {name: (k, *unlimited) for name, k in self._load_numbers.items()}
+        turn = (-WHOLE_TURN, WHOLE_TURN, JUMP * WHOLE_TURN, LARGEST)
+        self._limits_of_frame: Limits = {
+            name: (k, *(turn if k in self._angles else unlimited)) for name, k in self._frame_numbers.items()
+        }
 
     @property
     def path_coordinates(self) -> dict[str, float]:
@@ -112,20 +116,56 @@ class Drivers:
         self._write(readings)
 
     def _take_at_once(self, values: dict[Any, Any], limits: Limits) -> bool:
-        """Take all values at once if each is a float within `limits`, outside of a frame; return whether taken.
+        """Take all values at once if each is a float (in a frame three floats) within `limits`; return whether taken.
 
-        A step then takes two thirds of the time.  Values that are refused here are read again by methods with a message
-        for each error.
+        This takes a third of the time.  Values that are refused here are read again by methods with a message for each
+        error.
         """
-        if self._in_parts or self._in_frame or not self._started:
+        if self._in_parts or not self._started:
             return False
+        if self._in_frame:
+            return self._take_motions_at_once(values, limits)
         written = self._values
         for name, value in values.items():
-            k, low, high, jump = limits.get(name, NOWHERE)
+            k, low, high, jump, _ = limits.get(name, NOWHERE)
             if type(value) is not float or not (low <= value <= high and -jump <= value - written[k] <= jump):
                 return False
         for name, value in values.items():
             written[limits[name][0]] = value
+        return True
+
+    def _take_motions_at_once(self, motions: dict[Any, Any], limits: Limits) -> bool:
+        """Take all `motions` of a frame at once and return True; or take none and return False.
+
+        They are taken if each is a float or a tuple of two or three floats, value, rate and second rate, within its
+        `limits`, with a second rate where inertia needs one.  Otherwise the caller takes one after the other.
+        """
+        written, rates, seconds, counts = self._values, self._rates, self._seconds, self._counts
+        for name, motion in motions.items():
+            k, low, high, jump, fastest = limits.get(name, NOWHERE)
+            if type(motion) is float:
+                if not (low <= motion <= high and -jump <= motion - written[k] <= jump) or k in self._unwarned:
+                    return False
+                continue
+            if type(motion) is not tuple or not 2 <= len(motion) <= 3:
+                return False
+            value, rate, second = motion if len(motion) == 3 else (*motion, 0.0)
+            if not (type(value) is type(rate) is type(second) is float):
+                return False
+            change = value - written[k]
+            if not (low <= value <= high and -jump <= change <= jump and -fastest <= rate <= fastest):
+                return False
+            if not -LARGEST <= second <= LARGEST or (second == 0.0 == seconds[k] and self._lacks_inertia(k, change)):
+                return False
+        for name, motion in motions.items():
+            k = limits[name][0]
+            if type(motion) is float:
+                written[k] = motion
+                rates[k] = seconds[k] = 0.0
+                counts[k] = 1
+                continue
+            written[k], rates[k], seconds[k] = motion if len(motion) == 3 else (*motion, 0.0)
+            counts[k] = len(motion)
         return True
 
     def take_loads(self, F: Values) -> None:
@@ -139,6 +179,8 @@ class Drivers:
 
         A warning is logged, once for each angle, if it jumps in a step.
         """
+        if type(frame) is dict and self._take_at_once(frame, self._limits_of_frame):
+            return
         readings = self._read(frame, self._frame_numbers, "frame", "")
         for k, value, *_ in readings:
             name = self._angles.get(k)
@@ -169,6 +211,10 @@ class Drivers:
             self.rows.fill(1)
         self._started = True
 
+    def _lacks_inertia(self, k: int, change: float) -> bool:
+        """Whether to warn of motion k, which changes by `change` in a step without a second rate."""
+        return k in self._unwarned and abs(change - self._step * self._rates[k]) > LEFT_OUT
+
     def _warn_of_jump(self, name: str, change: float, unit: str) -> None:
         """Warn, once for each name, of a motion that changes by `change` in a step; `unit` is its unit."""
         if name in self._told:
@@ -183,8 +229,7 @@ class Drivers:
         A warning is logged, once for each motion, if it moves without a second rate where inertia depends on it.
         """
         for k, value, rate, second, count in readings:
-            left_out = k in self._unwarned and self._started and second == 0.0 == self._seconds[k]
-            if left_out and abs(value - self._values[k] - self._step * self._rates[k]) > LEFT_OUT:
+            if self._started and second == 0.0 == self._seconds[k] and self._lacks_inertia(k, value - self._values[k]):
                 message = (
                     "%s moves without a second rate, so the inertia of what moves is left out: both rates are needed"
                 )
