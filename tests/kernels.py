@@ -95,7 +95,7 @@ def evaluate(state: State, motions: Array, seed: Sequence[Array] = ()) -> dict[s
     """What pmr_evaluate finds under motions of a frame, or its derivatives along changes of motions, z and v."""
     kernel, arrays = state.kernel, [np.ascontiguousarray(array) for array in (motions, *seed)]
     sizes = {"accelerations": kernel.modes, "outputs": kernel.outputs, "further": kernel.further}
-    found = {name: np.zeros(size) for name, size in (sizes | {"forces": kernel.contacts}).items()}
+    found = {name: np.zeros(size) for name, size in (sizes | {"forces": kernel.forces}).items()}
     out = ffi.new("pmr_values *", {name: pointer(array) for name, array in found.items()})
     law = lib.pmr_evaluate_along if seed else lib.pmr_evaluate
     state.raise_unless_done(law(state.pointer, *map(pointer, arrays), 0, out), "an evaluation")

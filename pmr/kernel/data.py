@@ -28,6 +28,7 @@ from pmr.kernel.further import (
     with_reactions,
 )
 from pmr.scene.mechanism import CYLINDER
+from pmr.system.from_scene import CombinedRings, combine_rings
 from pmr.system.rows import Row
 from pmr.system.system import System
 
@@ -44,45 +45,46 @@ class SystemData:
 
 
 def system_data(
-    system: System, forms: Mapping[str, Modal], frame: Frame | None = None, reactions: bool = True
+    system: System, forms: Mapping[str, Modal], frame: Frame | None = None, reduced: CombinedRings | None = None
 ) -> SystemData:
     """Arrays of a system for the kernel, from the modal forms of its bodies by name and its moving `frame`, if any.
 
-    Reactions of rigid supports are further outputs unless `reactions` is false.
+    `reduced` is the system in modes with combined rings if the caller has it; then there are no reactions of supports.
     """
-    supports = [supports_of(system, name, form, reactions) for name, form in forms.items()]
-    modal = system_in_modes(system, forms, supports)
-    rows = arrange(modal)
+    supports = [supports_of(system, name, form, reduced is None) for name, form in forms.items()]
+    reduced = reduced or combine_rings(system_in_modes(system, forms, supports))
+    modal, rows = reduced.system, arrange(reduced.system)
     used = np.concatenate([part.modes.start + np.arange(part.body.size) for part in rows.parts])
     motions = 0 if frame is None else len(frame.drivers)
     split = Outputs.of(rows, supports)
     arrays = _sizes(system, modal, rows, motions, len(split.outputs)) | _bodies(rows, split)
     arrays |= _contacts(modal, rows, split) | _blocks(rows, split) | _terms(modal, rows) | _friction(rows)
     arrays |= frame_arrays(frame, rows.paths) | _hoist(system, rows.paths)
-    modes, reaction_names = [part.modes for part in rows.parts], [name for of in supports for name in of.names]
-    arrays |= support_arrays(system, supports, [*forms.values()], modes, round_up(len(reaction_names)) + LANES)
+    modes, reactions = [part.modes for part in rows.parts], [name for of in supports for name in of.names]
+    arrays |= support_arrays(system, supports, [*forms.values()], modes, round_up(len(reactions)) + LANES)
     scene = None if frame is None else frame.scene
-    arrays |= frame_output_arrays(scene, system, rows.paths, reaction_names, motions)
-    further = further_names(reaction_names, arrays)
-    of_ground = {} if frame is None else ground_arrays(frame, system, rows.paths, reaction_names)
+    arrays |= frame_output_arrays(scene, system, rows.paths, reactions, motions)
+    further = further_names(reactions, arrays)
+    of_ground = {} if frame is None else ground_arrays(frame, system, rows.paths, reactions)
     arrays |= of_ground
     ground = {} if frame is None or not of_ground else ground_outputs(frame.scene)
     computed = None if frame is None else frame.computed
     behind = ground | dict(system.hoist.outputs) | ({} if computed is None else dict(computed.outputs))
     arrays |= {} if computed is None else dict(computed.arrays)
+    shares = np.eye(len(system.contacts)) if reduced.shares is None else reduced.shares
     arrays |= {
+        "shares": _fill_rows(shares, len(rows.F)),
         "names_drivers": lines([*rows.paths, *system.input_names, *system.term_names, *system.hoist.drivers]),
         "names_outputs": lines(system.output_names),
-        "names_contacts": lines(system.contact_names),
+        "names_contacts": lines(modal.contact_names),
+        "names_forces": lines(system.contact_names),
         "names_further": lines([*further, *behind]),
     }
     units = [unit for of in supports for unit in of.units]
     outputs_behind = [(name, unit, False) for name, unit in behind.items()]
-    further_outputs = [
-        (name, "N" if name == CYLINDER else "m", name != CYLINDER) for name in further[len(reaction_names) :]
-    ]
+    further_outputs = [(name, "N" if name == CYLINDER else "m", name != CYLINDER) for name in further[len(reactions) :]]
     modes_of = {name: part.modes for name, part in zip(forms, rows.parts, strict=True)}
-    listed = (*((name, unit, False) for name, unit in zip(reaction_names, units, strict=True)), *further_outputs)
+    listed = (*((name, unit, False) for name, unit in zip(reactions, units, strict=True)), *further_outputs)
     return SystemData(arrays, used, modes_of, rows, (*listed, *outputs_behind))
 
 
@@ -142,6 +144,7 @@ def _sizes(system: System, modal: System, rows: Arrangement, motions: int, outpu
         rows.parts[-1].modes.stop,
         len(rows.F),
         m,
+        len(system.contacts),
         inputs,
         outputs,
         len(rows.paths),

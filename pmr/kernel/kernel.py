@@ -15,6 +15,7 @@ from pmr.kernel._native import ffi, lib
 from pmr.kernel.blocks import LINE, pack, seal
 from pmr.kernel.data import Modal, system_data
 from pmr.kernel.further import Frame
+from pmr.system.from_scene import CombinedRings
 from pmr.system.system import System
 
 Integers = NDArray[np.int32]
@@ -77,14 +78,18 @@ class Kernel:
 
     @classmethod
     def of(
-        cls, system: System, forms: Mapping[str, Modal], frame: Frame | None = None, reactions: bool = True
+        cls,
+        system: System,
+        forms: Mapping[str, Modal],
+        frame: Frame | None = None,
+        reduced: CombinedRings | None = None,
     ) -> Kernel:
         """Kernel of a system whose bodies have these modal forms, by name (`pmr.simulation.modal.modal_form`).
 
         If there is a moving `frame` (`pmr.simulation.moving.MovingFrame`), the motions of the frame drive the system.
-        Reactions of rigid supports are further outputs unless `reactions` is false.
+        `reduced` is as for `pmr.kernel.data.system_data`.
         """
-        data = system_data(system, forms, frame, reactions)
+        data = system_data(system, forms, frame, reduced)
         block = pack(data.arrays)
         seal(block, checksum(block[LINE:]))
         return cls(block)
@@ -107,7 +112,7 @@ class Kernel:
         lib.pmr_frame(self._system, *map(pointer, (at, u, derivatives, work)))
         return FrameDrivers(u, derivatives)
 
-    def names(self, kind: Literal["drivers", "motions", "outputs", "further", "contacts"]) -> tuple[str, ...]:
+    def names(self, kind: Literal["drivers", "motions", "outputs", "further", "contacts", "forces"]) -> tuple[str, ...]:
         """Names of drivers, motions and so on (`kind`), in the order of their numbers; empty if there are none."""
         count = ffi.new("size_t *")
         text = lib.pmr_system_names(self._system, kind.encode(), count)

@@ -260,7 +260,7 @@ class State:
 
     def outputs(self) -> StateOutputs:
         """Outputs of the system, and forces of all contacts, at the end of the last step."""
-        y, forces = np.zeros(self.kernel.outputs), np.zeros(self.kernel.contacts)
+        y, forces = np.zeros(self.kernel.outputs), np.zeros(self.kernel.forces)
         lib.pmr_outputs(self._state, pointer(y), pointer(forces))
         return StateOutputs(y, forces)
 

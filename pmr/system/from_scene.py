@@ -1,18 +1,31 @@
-"""Systems of a boom's sections: contacts between them and with the ground.
+r"""Systems of a boom's sections: contacts between them and with the ground, and rings of pads as fewer contacts.
 
 A cylinder or rope holds the tail of a section along the boom against the tail of the next outer section, so the forces
 along the boom of all sections add up to what the base carries.  The cylinder's compliance acts under the forces of all
 sections beyond it.  If the outer section has no coordinates along the boom, the cylinder's contact is with the ground.
+
+Rings of pads become fewer contacts, as six pads hold the stiff cross-section of a beam in three directions only.  Pads
+rho that hold both ways, have the stiffnesses k, and are at the same place of the same bodies, have the rows
+
+.. math:: c_\rho(x) = \sum_\kappa S_{\rho\kappa}\, \hat c_\kappa(x), \qquad
+    S^T \mathrm{diag}(k)\, S = \bar k\, 1, \quad \bar k \text{ the mean of } k
+
+with a matrix S and rows :math:`\hat c_\kappa`, fewer than the pads if the cross-section does not deform between the
+pads.  Gap and force of each pad are proportional, so contacts :math:`\hat c` of stiffness :math:`\bar k` have the same
+effect on both bodies, whatever these are.  From the forces :math:`\mu` of these contacts, the forces of the pads follow
+exactly, :math:`\lambda = \mathrm{diag}(k / \bar k)\, S \mu`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
+import scipy.sparse as sp
 
+from pmr.files.arrays import Array, Indices
 from pmr.scene import Scene
 from pmr.scene.built import force_name
 from pmr.scene.choice import has_driven_tail, motion_directions, pad_faces
@@ -21,8 +34,11 @@ from pmr.scene.keys import ALONE, LUFFING, LUFFING_CYLINDER, cylinder_name, qual
 from pmr.scene.mechanism import Drive, rope_shares
 from pmr.scene.members import AROUND, POINT, TAIL, WITHIN, body_ring, footprint, member_at, members
 from pmr.system.body import SlidingBody
+from pmr.system.carriers import CarrierFlexibility, CarrierRows
 from pmr.system.contacts import Contact, Place, pad_at_mouth, pad_at_tail
 from pmr.system.hoist import hoist_of
+from pmr.system.reduced_model import ReducedModel
+from pmr.system.rows import Row, dense_entries
 from pmr.system.system import Body, System, ground_contacts
 from pmr.system.terms import terms_of
 
@@ -202,3 +218,205 @@ def _first_break(body: Body, row: str) -> float:
     """Lowest coordinate in m at which a row that does not travel is defined: its first break."""
     assert body.carriers is not None
     return float(body.carriers.row(body.row_names.index(row), row).breaks[0])
+
+
+#: Singular value of a ring's rows, over the largest one, up to which it is round-off of modes and flexibility.
+DEPENDENT = 1e-10
+#: Number of random sums that show dependent rows: several times the number of pads of a ring.
+SUMS = 32
+
+
+@dataclass(frozen=True)
+class CombinedRings:
+    """System in which each ring of pads has fewer contacts: m' contacts instead of m."""
+
+    system: System
+    # S (m, m'): the original contacts have the forces S mu for forces mu (m',) of this system; None: nothing is
+    # combined
+    shares: Array | None = None
+
+    def original_forces(self, reduced_forces: Array) -> Array:
+        """Forces (..., m) in N of the original contacts, from those of the contacts of `system`.
+
+        The latter are `reduced_forces` (..., m') in N.
+        """
+        return reduced_forces if self.shares is None else reduced_forces @ self.shares.T
+
+
+def combine_rings(system: System) -> CombinedRings:
+    """Combine the rings of pads of a system of reduced bodies into as few contacts as possible.
+
+    A system on one path (`System.on_one_path`), or without rings that can be combined, is returned unchanged.
+    """
+    if system.on_one_path:
+        return CombinedRings(system)
+    numbers, contacts, shares = np.eye(len(system.contacts)), list[Contact](), list[Array]()
+    bodies = {name: _BodyRows(body) for name, body in system.reduced.items()}
+    for ring, S in _rings(system.contacts, bodies):
+        pads = [system.contacts[k] for k in ring]
+        scaled = np.sqrt(_relative_stiffness(pads))
+        for n, share in enumerate(S.T):
+            measured = share if len(ring) == 1 else share * scaled * [pad.direction for pad in pads]
+            places = [
+                replace(same[0], row=bodies[same[0].body].combine([place.row for place in same], measured))
+                for same in zip(*map(_places, pads), strict=True)
+            ]
+            contact = replace(pads[n], inner=places[0], outer=(*places, None)[1])
+            if len(ring) > 1:
+                mean = float(np.mean([1.0 / pad.compliance for pad in pads]))
+                contact = replace(contact, direction=1.0, compliance=1.0 / mean)
+            contacts.append(contact)
+            shares.append((share * scaled) @ numbers[ring])
+    if len(contacts) == len(numbers):
+        return CombinedRings(system)
+    models = {name: rows.model for name, rows in bodies.items()}
+    return CombinedRings(System(models, tuple(contacts), terms=system.terms), np.array(shares).T)
+
+
+def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _BodyRows]) -> list[tuple[list[int], Array]]:
+    """Numbers of the contacts of each ring, and its matrix S (pads, fewer); [[1]] for a contact that stays single."""
+    groups = dict[object, list[int]]()
+    for number, contact in enumerate(contacts):
+        combines = contact.clearance is None and contact.compliance > 0.0 and not contact.friction
+        where = tuple((place.body, place.at, place.path, place.rate) for place in _places(contact))
+        groups.setdefault(where if combines else number, []).append(number)
+    rings = list[tuple[list[int], Array]]()
+    for ring in groups.values():
+        S = _ring_basis(bodies, [contacts[k] for k in ring]) if len(ring) > 1 else None
+        rings.extend([([k], np.ones((1, 1))) for k in ring] if S is None else [(ring, S)])
+    return rings
+
+
+def _places(contact: Contact) -> list[Place]:
+    """Inner place of a contact, followed by the outer place unless the contact is with the ground."""
+    return [contact.inner] if contact.outer is None else [contact.inner, contact.outer]
+
+
+def _relative_stiffness(pads: Sequence[Contact]) -> Array:
+    """Stiffness (pads,) of each pad over the mean stiffness; 1 for a single pad, which may be rigid."""
+    if len(pads) == 1:
+        return np.ones(1)
+    stiffness = 1.0 / np.array([pad.compliance for pad in pads])
+    return np.asarray(stiffness / np.mean(stiffness))
+
+
+def _ring_basis(bodies: Mapping[str, _BodyRows], pads: Sequence[Contact]) -> Array | None:
+    """Orthonormal basis (pads, fewer) of the pads' rows, each multiplied by the root of its pad's relative stiffness.
+
+    None is returned if the basis has as many columns as there are pads, or if the rows can't be combined.
+    """
+    measured = []
+    for same in zip(*map(_places, pads), strict=True):
+        measures = bodies[same[0].body].measures([place.row for place in same])
+        if measures is None:
+            return None
+        measured.append(measures)
+    signed = np.sqrt(_relative_stiffness(pads)) * [pad.direction for pad in pads]
+    S, size, _ = np.linalg.svd(signed[:, None] * np.hstack(measured), full_matrices=False)
+    fewer = S[:, size > DEPENDENT * size[0]]
+    return None if len(fewer.T) == len(pads) else fewer
+
+
+class _BodyRows:
+    """Rows of a body and linear combinations of them, on as few carriers as these combinations need.
+
+    Rows that differ only in their carriers, as on a mesh whose cross-section deforms, are combined by sums of carriers.
+    Other rows on the same breaks are combined by sums of coefficients.
+    """
+
+    def __init__(self, body: ReducedModel) -> None:
+        assert body.carriers is not None  # each body of a system with several paths has carriers
+        self._body, self._carriers = body, body.carriers
+        self._size = len(body.carriers.values)  # number of carriers: the body's own, then sums of them
+        self._parts = list[tuple[Indices, Indices, Array]]()
+        self._rows = dict[tuple[object, ...], Row]()
+
+    def measures(self, names: Sequence[str]) -> Array | None:
+        """Values (rows, any) of the rows with these `names` on modes, flexibility and inputs, for comparing the rows.
+
+        None is returned if the rows have different breaks or degrees.  Random sums stand for many coefficients: only
+        the dependence of rows on each other matters.
+        """
+        rows = [self._row(name) for name in names]
+        if not all(np.array_equal(row.breaks, rows[0].breaks) for row in rows):
+            return None
+        if len({len(row.coefficients) for row in rows}) > 1:
+            return None
+        if (offsets := _carrier_offsets(rows)) is not None:
+            used = np.unique(rows[0].touched)
+            return np.array([self._carrier_measures[used + offset].ravel() for offset in offsets])
+        powers = np.arange(len(rows[0].coefficients))[::-1, None]
+        size = np.diff(rows[0].breaks) ** powers  # to give all coefficients the same unit
+        sums = np.random.default_rng(12).standard_normal((SUMS, size.size)) * size.ravel()
+        return np.array([((row.entries.T @ sums.T).T @ self._carrier_measures).ravel() for row in rows])
+
+    @cached_property
+    def _carrier_measures(self) -> Array:
+        """Values (K, any) of the K carriers on modes, flexibility and inputs, each kind over its largest value.
+
+        The many columns of the flexibility are replaced by a few sums with random weights, which show dependent rows
+        just as well.
+        """
+        parts, rng = [self._carriers.values], np.random.default_rng(11)
+        if (flexibility := self._carriers.flexibility) is not None:
+            parts += [flexibility.rows, flexibility.inputs, flexibility.outputs.T]
+        for k, part in enumerate(parts):
+            parts[k] = part / (np.abs(part).max(initial=0.0) or 1.0)
+            if part.shape[1] > SUMS:
+                parts[k] = parts[k] @ rng.standard_normal((part.shape[1], SUMS))
+        return np.hstack(parts)
+
+    def combine(self, names: Sequence[str], shares: Array) -> str:
+        """Add a row, the sum of the rows with these `names` times `shares` (rows,), if it is new; return its name."""
+        key = (*names, shares.tobytes())
+        if key not in self._rows:
+            rows, name = [self._row(name) for name in names], f"{names[0]}, {len(self._rows) + 1}"
+            offsets = _carrier_offsets(rows)
+            if offsets is None or len(rows) == 1:
+                entries = sum(share * row.entries for share, row in zip(shares, rows, strict=True))
+                touched, coefficients = dense_entries(sp.csr_matrix(entries), len(rows[0].coefficients))
+            else:
+                used, coefficients = np.unique(rows[0].touched), rows[0].coefficients
+                where = used + np.array(offsets)[:, None]
+                numbers = np.broadcast_to(self._size + np.arange(len(used)), where.shape)
+                self._parts.append((numbers.ravel(), where.ravel(), np.repeat(shares, len(used))))
+                touched = self._size + np.searchsorted(used, rows[0].touched)
+                self._size += len(used)
+            self._rows[key] = replace(rows[0], name=name, touched=touched, coefficients=coefficients)
+        return self._rows[key].name
+
+    @property
+    def model(self) -> ReducedModel:
+        """Body with the combined rows, on their carriers."""
+        old, rows = self._carriers, list(self._rows.values())
+        each = np.arange(len(old.values))
+        numbers, where, shares = map(np.concatenate, zip((each, each, np.ones(len(each))), *self._parts, strict=True))
+        P = sp.csr_matrix((shares, (numbers, where)), (self._size, len(each)))
+        used = np.unique(np.concatenate([row.touched.ravel() for row in rows]))
+        P, old_flexibility = P[used], old.flexibility
+        flexibility = old_flexibility and CarrierFlexibility(
+            rows=np.asarray((P @ (P @ old_flexibility.rows).T).T),
+            inputs=P @ old_flexibility.inputs,
+            outputs=np.asarray((P @ old_flexibility.outputs.T).T),
+            direct=old_flexibility.direct,
+            energy=old_flexibility.energy,
+        )
+        rows = [replace(row, touched=np.searchsorted(used, row.touched)) for row in rows]
+        names = tuple(row.name for row in rows)
+        return replace(self._body, row_names=names, carriers=CarrierRows.from_rows(rows, P @ old.values, flexibility))
+
+    def _row(self, name: str) -> Row:
+        """Row of the body with that name."""
+        return self._carriers.row(self._body.row_names.index(name), name)
+
+
+def _carrier_offsets(rows: Sequence[Row]) -> list[int] | None:
+    """Difference of each row's carrier numbers from those of the first row; None if rows differ in anything else."""
+    first, offsets = rows[0], list[int]()
+    for row in rows:
+        offset = int(row.touched.min() - first.touched.min())
+        same = np.array_equal(row.breaks, first.breaks) and np.array_equal(row.coefficients, first.coefficients)
+        if not (same and np.array_equal(row.touched - offset, first.touched)):
+            return None
+        offsets.append(offset)
+    return offsets

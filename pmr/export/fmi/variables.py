@@ -12,7 +12,7 @@ import numpy as np
 
 from pmr.errors import BEYOND_ENDS, InputError
 from pmr.files.arrays import Array
-from pmr.kernel.data import SystemData, system_data
+from pmr.kernel.data import SystemData, system_data, system_in_modes
 from pmr.kernel.further import AXES
 from pmr.scene.built import force_name
 from pmr.scene.hoist import ROPE, WIND
@@ -23,6 +23,7 @@ from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, GRAVITY, MovingFrame, 
 from pmr.simulation.native.luffing import stepped_frame
 from pmr.system.body import force_outputs, names_of, units_of
 from pmr.system.contacts import ALONE, SLIDER, qualified_name
+from pmr.system.from_scene import combine_rings
 from pmr.system.system import System
 
 #: Name of the only angle without a range.
@@ -61,7 +62,8 @@ class Drivers:
                 "system", "paths", of_scene, f"paths that pads travel on are allowed in the pads' order: {of_pads}"
             )
         forms = {name: modal_form(body) for name, body in system.reduced.items()}
-        return cls(system, forms, frame, system_data(system, forms, frame, reactions))
+        reduced = None if reactions else combine_rings(system_in_modes(system, forms))
+        return cls(system, forms, frame, system_data(system, forms, frame, reduced))
 
     @property
     def paths(self) -> tuple[str, ...]:

@@ -56,8 +56,8 @@ static int linear_part(pmr_state *st, const pmr_scheme *scheme, const pmr_chosen
                 *entry = 0.0; /* rates follow where they are known */
             else if (c->columns[k] < o)
                 *entry = d.y[c->columns[k]];
-            else
-                *entry = d.lambda[c->columns[k] - o];
+            else /* a force: of all multipliers */
+                *entry = dot_loose(y->shares + (c->columns[k] - o) * y->mp, d.lambda, y->contacts);
         }
     }
     return PMR_DONE;

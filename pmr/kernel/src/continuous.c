@@ -89,7 +89,7 @@ static void copy_values(pmr_state *st, const pmr_values *to, const double *all, 
     if (to->accelerations) copy(to->accelerations, accelerations, y->modes);
     if (to->outputs) copy(to->outputs, all, y->outputs);
     if (to->further) copy(to->further, all + y->op, y->reactions);
-    if (to->forces) copy(to->forces, all + y->op + y->hp, y->contacts);
+    if (to->forces) copy(to->forces, all + y->op + y->hp, y->forces);
 }
 
 /* How all of it changes along a seed. */

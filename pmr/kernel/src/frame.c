@@ -250,7 +250,7 @@ int pmr_ground_outputs(const pmr_system *y, const double *motions, const double 
     const int32_t *of = y->ground_numbers;
     number boom[6], wrench[6] = {{0.0, 0.0}}, falling[3], direction[2];
     int i, j, k;
-    for (j = 0; j < 6; j++) boom[j] = constant(values[y->op + y->hp + y->contacts + j]); /* no derivatives with a hoist */
+    for (j = 0; j < 6; j++) boom[j] = constant(values[y->op + y->hp + y->forces + j]); /* no derivatives with a hoist */
     for (k = 0; k < y->ground_sources; k++)
         for (j = 0; j < 6; j++) {
             const number lever = lever_of(&c, y->ground_wrenches + (size_t)(6 * k + j) * (1 + y->paths));

@@ -60,7 +60,7 @@ struct pmr_system {
     size_t bytes;
     uint64_t checksum;
     /* sizes: `rows` are contacts and, behind them, the moments of pads that rub */
-    int32_t modes, rows, contacts, inputs, outputs, paths, terms, pads, joints, drivers, blocks, pairs;
+    int32_t modes, rows, contacts, forces, inputs, outputs, paths, terms, pads, joints, drivers, blocks, pairs;
     int32_t whole;   /* all rows are those of one block, so that its tables are the rows */
     int32_t coupled; /* damping couples modes */
     int32_t ropes;   /* paths by which ropes get longer */
@@ -85,6 +85,7 @@ struct pmr_system {
     const double *weights, *between;
     const int32_t *rope_paths; /* (ropes) */
     const double *rope_slopes; /* (ropes, rows, mp) 1/N: dA/ds */
+    const double *shares;      /* (forces, mp): forces of all contacts from multipliers */
     const int32_t *of_modes;   /* (quasi_static): modes without inertia */
     /* terms: registers of four rows, of which those of one block of rows stand together, those on z before those on
        z' */

@@ -55,14 +55,16 @@ static void find_outputs(pmr_state *st, const pmr_observed *set, int first, int 
     }
 }
 
-/* Forces (contacts,) of all contacts from multipliers; cylinders bear the friction of their joints too. */
+/* Forces (forces,) of all contacts from multipliers; cylinders bear the friction of their joints too. */
 static void forces_of(pmr_state *st, const double *lambda, const double *friction, double *forces)
 {
     const pmr_system *y = st->system;
+    double *borne = st->entries;
     int k;
-    memcpy(forces, lambda, y->contacts * sizeof(double));
+    for (k = 0; k < y->mp; k++) borne[k] = k < y->contacts ? lambda[k] : 0.0;
     for (k = 0; friction && k < y->joints; k++)
-        if (y->joint_cylinders[k] >= 0) forces[y->joint_cylinders[k]] += total_friction(y, friction, k);
+        if (y->joint_cylinders[k] >= 0) borne[y->joint_cylinders[k]] += total_friction(y, friction, k);
+    for (k = 0; k < y->forces; k++) forces[k] = dot(y->shares + k * y->mp, borne, 0, y->mp);
 }
 
 static void outputs(pmr_state *st, double *y_out, double *forces)
@@ -97,8 +99,8 @@ static void find_all(pmr_state *st, double *values)
     find_outputs(st, y->observed + 1, 0, y->hp, st->z, f, NULL, NULL, values + y->op);
     add_supports(y, st->v, f + y->inputs, st->z, st->v, values + y->op);
     forces_of(st, st->lambda, st->friction, values + y->op + y->hp);
-    memset(values + y->op + y->hp + y->contacts, 0, 6 * sizeof(double));
-    if (y->hoist) show_winch_wrench(st, values + y->op + y->hp + y->contacts);
+    memset(values + y->op + y->hp + y->forces, 0, 6 * sizeof(double));
+    if (y->hoist) show_winch_wrench(st, values + y->op + y->hp + y->forces);
 }
 
 /* Outputs of a hoist, and behind them those of a free luffing angle or extension. */
@@ -123,7 +125,7 @@ static int observe(pmr_state *st, int count, const int32_t *numbers, double *val
 {
     const pmr_system *y = st->system;
     const int outputs = y->outputs, to_forces = y->op - outputs;
-    const int ground = outputs + y->contacts + (y->hoist ? PMR_HOIST_OUTPUTS : 0) + y->computed;
+    const int ground = outputs + y->forces + (y->hoist ? PMR_HOIST_OUTPUTS : 0) + y->computed;
     int first = outputs, last = -1, forces = 0, stands = 0, failed, k;
     for (k = 0; k < count; k++) {
         const int n = numbers[k];
@@ -136,7 +138,7 @@ static int observe(pmr_state *st, int count, const int32_t *numbers, double *val
         find_outputs(st, y->observed, first / PMR_SPAN * PMR_SPAN, PMR_UP(last + 1), st->z, st->u + y->paths, NULL,
                      NULL, st->values);
     if (forces) forces_of(st, st->lambda, st->friction, st->values + y->op);
-    if (forces) show_behind(st, st->values + y->op + y->contacts);
+    if (forces) show_behind(st, st->values + y->op + y->forces);
     for (k = 0; k < count; k++)
         if (numbers[k] < ground) values[k] = st->values[numbers[k] + (numbers[k] < outputs ? 0 : to_forces)];
     if (!stands) return PMR_DONE;

@@ -66,6 +66,7 @@ enum { PMR_MESSAGE = 160 };
 typedef struct {
     int32_t modes;     /* r': all bodies' modes, filled up */
     int32_t contacts;  /* m: multipliers */
+    int32_t forces;    /* contacts as the user names them: rings of pads are solved for as fewer multipliers */
     int32_t inputs;    /* i: loads on the bodies */
     int32_t outputs;   /* o */
     int32_t paths;     /* P */
@@ -89,8 +90,8 @@ typedef struct {
 int pmr_system_open(const void *block, size_t bytes, pmr_system **system, char *why);
 void pmr_system_close(pmr_system *system);
 void pmr_system_sizes(const pmr_system *system, pmr_sizes *sizes);
-/* Names of "drivers", "motions", "outputs", "further" or "contacts", one a line, in `*count` bytes; NULL where there is no
-   such list. */
+/* Names of "drivers", "motions", "outputs", "further", "contacts" or "forces", one a line, in `*count` bytes; NULL where there is no such
+   list. */
 const char *pmr_system_names(const pmr_system *system, const char *list, size_t *count);
 /* An array of the block, which may hold more than the kernel asks for, and how many entries it has; NULL without one. */
 const double *pmr_system_numbers(const pmr_system *system, const char *name, int64_t *count);
@@ -327,7 +328,7 @@ int pmr_advance(pmr_state *state, const pmr_signals *signals, int64_t count, int
 int pmr_advance_sampled(pmr_state *state, const double *u, int per, int64_t count, int64_t every, const int32_t *parts,
                         const pmr_record *record, int64_t *taken, int *needed);
 
-/* Outputs y (o,) and forces (contacts,) of all contacts, either NULL, where the state stands. */
+/* Outputs y (o,) and forces (forces,) of all contacts, either NULL, where the state stands. */
 void pmr_outputs(pmr_state *state, double *y, double *forces);
 /* Some of them, by their numbers (count,): of outputs, behind these of forces, and behind these of outputs of a hoist, of
    a free luffing angle and of outriggers; PMR_LIFTED or PMR_NOT_FINITE where those of outriggers are not found. */
@@ -361,7 +362,7 @@ int pmr_linearize(pmr_state *state, const double *u, const pmr_jacobian *jacobia
    PMR_REFUSED without it. */
 typedef struct {
     double *accelerations;              /* (r'), of modes without inertia as if they had it */
-    double *outputs, *further, *forces; /* (o), (further), (contacts) */
+    double *outputs, *further, *forces; /* (o), (further), (forces) */
     int32_t *closed;                    /* (m) */
 } pmr_values;
 

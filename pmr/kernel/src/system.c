@@ -151,7 +151,7 @@ static int read_further(pmr_system *y, char *why)
         return pmr_say(why, "damaged: sizes of further outputs"), 1;
     y->reactions = sizes[0], y->has_tip = sizes[1], y->sources = sizes[2];
     y->hp = PMR_UP(y->reactions) + PMR_LANES;
-    sources = (int64_t)y->outputs + y->reactions + y->contacts;
+    sources = (int64_t)y->outputs + y->reactions + y->forces;
     TAKE(reaction_shapes, PMR_NUMBERS, (int64_t)y->modes * y->hp);
     TAKE(reaction_rates, PMR_NUMBERS, (int64_t)y->modes * y->hp);
     TAKE(reaction_direct, PMR_NUMBERS, (int64_t)y->inputs * y->hp);
@@ -185,7 +185,7 @@ static int read_further(pmr_system *y, char *why)
 /* Outriggers, and what presses on them. */
 static int read_ground(pmr_system *y, char *why)
 {
-    const int64_t count = pmr_block_count(y, "ground_stand"), forces = (int64_t)y->outputs + y->reactions + y->contacts;
+    const int64_t count = pmr_block_count(y, "ground_stand"), forces = (int64_t)y->outputs + y->reactions + y->forces;
     pmr_stand *s = &y->stand;
     const double *numbers;
     if (!count || count > 1 << 20) return count ? (pmr_say(why, "damaged: outriggers"), 1) : 0;
@@ -316,10 +316,12 @@ static int read_luffing(pmr_system *y, char *why)
 
 static int read_arrays(pmr_system *y, char *why)
 {
-    static const char *const names[] = {"modes", "rows", "contacts", "inputs",  "outputs", "paths",   "terms",
-                                        "pads",  "joints", "drivers", "whole", "coupled", "ropes", "motions"};
-    int32_t *const to[] = {&y->modes, &y->rows,   &y->contacts, &y->inputs, &y->outputs, &y->paths, &y->terms,
-                           &y->pads,  &y->joints, &y->drivers,  &y->whole,  &y->coupled, &y->ropes, &y->motions};
+    static const char *const names[] = {"modes",   "rows",  "contacts", "forces", "inputs",
+                                        "outputs", "paths", "terms",    "pads",   "joints",
+                                        "drivers", "whole", "coupled",  "ropes",  "motions"};
+    int32_t *const to[] = {&y->modes,   &y->rows,  &y->contacts, &y->forces, &y->inputs,
+                           &y->outputs, &y->paths, &y->terms,    &y->pads,   &y->joints,
+                           &y->drivers, &y->whole, &y->coupled,  &y->ropes,  &y->motions};
     enum { SIZES = sizeof names / sizeof *names };
     const int32_t *sizes = pmr_block_take(y, "sizes", PMR_INTEGERS, SIZES, why);
     const int64_t most = 1 << 20;
@@ -369,6 +371,7 @@ static int read_arrays(pmr_system *y, char *why)
     TAKE(between, PMR_NUMBERS, -1);
     TAKE(rope_paths, PMR_INTEGERS, y->ropes);
     TAKE(rope_slopes, PMR_NUMBERS, y->ropes * m * y->mp);
+    TAKE(shares, PMR_NUMBERS, (int64_t)y->forces * y->mp);
     TAKE(of_modes, PMR_INTEGERS, y->quasi_static);
     TAKE(of_rows, PMR_INTEGERS, y->registers ? 3 * (r / PMR_LANES) : 0);
     TAKE(columns, PMR_INTEGERS, y->registers);
@@ -496,6 +499,7 @@ void pmr_system_sizes(const pmr_system *y, pmr_sizes *sizes)
 {
     const pmr_sizes found = {.modes = y->modes,
                              .contacts = y->contacts,
+                             .forces = y->forces,
                              .inputs = y->inputs,
                              .outputs = y->outputs,
                              .paths = y->paths,

@@ -34,6 +34,7 @@ from pmr.simulation.start import (
 from pmr.simulation.statics.equilibrium import equilibrium
 from pmr.system.assembly import Assembly
 from pmr.system.contacts import ALONE
+from pmr.system.from_scene import CombinedRings, combine_rings
 from pmr.system.system import System
 
 #: Most modes for which the kernel computes the equilibrium at the start; for more modes it is computed sparsely.
@@ -75,7 +76,7 @@ class SystemForm:
     @cached_property
     def kernel(self) -> Kernel:
         """Kernel of the system and of its `frame`, if there is one."""
-        return Kernel.of(self.system, self.forms, self.frame, reactions=False)
+        return Kernel.of(self.system, self.forms, self.frame, self.combined)
 
     @cached_property
     def frame(self) -> MovingFrame | None:
@@ -90,13 +91,13 @@ class SystemForm:
         """Matrix B^T B (i, i) in 1/kg of modal B: accelerations at the inputs' points by loads on free bodies."""
         return np.asarray(block_diag(*(form.body.B.T @ form.body.B for form in self.forms.values())))
 
-    @cached_property
+    @property
     def modal(self) -> System:
-        """System in modal coordinates.
+        """System in modal coordinates, in which each ring of pads is replaced by combined contacts (`combined`).
 
         A system of one body on one path has no carriers, as its tables describe all rows.
         """
-        return system_in_modes(self.system, self.forms)
+        return self.combined.system
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -111,6 +112,16 @@ class SystemForm:
         needs = needs_of(self.modal, self.assembly.contact_rows(x[0], effects=False).rigid, x, rho_inf)
         refuse_unsupported("march", needs)
         return needs
+
+    @cached_property
+    def combined(self) -> CombinedRings:
+        """System in modal coordinates with combined contacts, and how the forces of all contacts follow from theirs."""
+        return combine_rings(self.in_modes)
+
+    @cached_property
+    def in_modes(self) -> System:
+        """System in modal coordinates with each pad of its rings."""
+        return system_in_modes(self.system, self.forms)
 
     def initial_states(self, z: Array, v: Array) -> dict[str, InitialState]:
         """Coordinates and rates of each body by its name, from the kernel's modal ones z and v (r',)."""

@@ -86,6 +86,7 @@ def _trajectory(march: March, first: int, steps: Steps, every: int = 1, modal: b
     The coordinates are those of the bodies, or the kernel's if `modal`.
     """
     form, P, i = march.form, march.form.kernel.paths, march.form.kernel.inputs
+    to_original = form.combined.original_forces
     rows = slice(first * every, (first + len(steps.z) - 1) * every + 1, every)
     states = {
         name: (z, v) if modal else (z @ form.forms[name].X.T, v @ form.forms[name].X.T)
@@ -97,15 +98,15 @@ def _trajectory(march: March, first: int, steps: Steps, every: int = 1, modal: b
         march.t[rows],
         states,
         march.x[rows],
-        steps.multipliers,
-        steps.peaks,
+        to_original(steps.multipliers),
+        None if steps.peaks is None else to_original(steps.peaks),
         steps.energy.T,
         steps.friction,
         loads=steps.drivers[:, P : P + i],
         seconds=0.0,
         surplus=np.nan,
         parts=np.ones(len(steps.z), np.int64) if steps.parts is None else steps.parts.astype(np.int64),
-        impulses=steps.impulses,
+        impulses=None if steps.impulses is None else to_original(steps.impulses),
         amplitudes=steps.drivers[:, P + i : P + i + len(form.system.terms)] if form.system.terms else None,
         rates=march.excitation.rates[rows],
         hoist=steps.hoist,
@@ -131,7 +132,7 @@ def observe(
         nonlocal evaluated
         begun, rows = perf_counter(), slice(first, first + len(steps.z))
         part = _trajectory(march, first, steps, every, modal=True)
-        y[rows], forces[rows] = np.hstack([*displacements(form.modal, part, outputs).values()]), part.forces
+        y[rows], forces[rows] = np.hstack([*displacements(form.in_modes, part, outputs).values()]), part.forces
         evaluated += perf_counter() - begun
 
     seconds = march.observe(every, record_outputs)

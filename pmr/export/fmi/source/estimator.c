@@ -47,7 +47,7 @@ static int read_arrays(Unit *unit, Estimator *e)
 {
     enum { STATES, OUTPUTS, SENSORS, INPUTS, LOADS, PARAMETERS, BIASED, SCALED, OFF, PAYLOAD, ACCELERATION, UNKNOWNS, SIZES };
     pmr_filter *f = &e->filter;
-    int sound = 1, forces = unit->sizes.contacts;
+    int sound = 1, forces = unit->sizes.forces;
     const int32_t *s = integers(unit, "observer_sizes", SIZES, -1, 1 << 20, &sound);
     const double *numbers_of = numbers(unit, "observer_numbers", 7, &sound);
     if (!sound || s[STATES] != 3 * unit->modes || s[OUTPUTS] < 1 || s[SENSORS] < 1 || s[PAYLOAD] >= s[INPUTS] ||

@@ -124,7 +124,7 @@ static int open_memory(Unit *unit)
     at->outputs = at->derivatives + 2 * r;
     at->rates = at->outputs + unit->outputs;
     at->forces = at->rates + unit->outputs;
-    at->all = at->forces + unit->sizes.contacts;
+    at->all = at->forces + unit->sizes.forces;
     count = 3 * (size_t)at->all + 2 * (size_t)r + 6 * (size_t)n + 8 * (size_t)unit->sizes.modes;
     unit->memory = next = calloc(count, sizeof(double));
     unit->warned = calloc((size_t)n + unit->sizes.contacts + 1, sizeof(int32_t));
