@@ -266,7 +266,9 @@ def read_harwell_boeing(path: Path) -> sp.csr_matrix:
     formats = re.sub(r"\d?P,?", "", formats.upper()).replace("D", "E")
     head = f"{title:<72}", f"{sizes[:56]}{0:>14}", f"RUA{kind[3:]:<67}", f"{formats[:52]:<72}"
     body = [re.sub(r"(?<=[\d.])[dD](?=[+-])", "E", line) for line in lines]
-    return sp.csr_matrix(scipy.io.hb_read(StringIO("\n".join([*head, *body, ""]))))
+    matrix = sp.csc_matrix(scipy.io.hb_read(StringIO("\n".join([*head, *body, ""]))))
+    matrix.check_format(full_check=True)  # of a damaged file, numbers of rows may lead beyond the matrix
+    return sp.csr_matrix(matrix)
 
 
 def read_mapping(path: Path) -> Indices:

@@ -553,6 +553,17 @@ def test_files_of_ansys_that_are_not_read_are_refused(name: str, old: str, new: 
         read_foreign(files)
 
 
+def test_a_row_beyond_the_matrix_is_refused(tmp_path: Path) -> None:
+    """A damaged file of Harwell and Boeing: the process died of it."""
+    files = as_harwell_boeing(tmp_path)
+    lines = files.stiffness.read_text().splitlines()
+    pointers = int(lines[1][14:28])  # lines of where columns begin; numbers of rows follow
+    lines[4 + pointers] = f"999{lines[4 + pointers][3:]}"
+    files.stiffness.write_text("\n".join([*lines, ""]))
+    with pytest.raises(InputError, match="K.rb: a readable .rb file is allowed"):
+        read_foreign(files)
+
+
 EQUATIONS = "".join(f"*EQUATION\n2\n900, {d}, 1.0, 12, {d}, -1.0\n" for d in (1, 2, 3))
 
 
