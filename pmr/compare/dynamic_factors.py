@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from pmr.compare.simulated import simulate
@@ -9,6 +11,9 @@ from pmr.errors import SimulationError
 from pmr.results import Response
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
+from pmr.scene.built import Load
+from pmr.scene.keys import SLIDER
+from pmr.scene.signals import Constant
 from pmr.simulation.at_rest import scene_at_rest
 from pmr.system.system import System
 
@@ -27,7 +32,7 @@ def dynamic_factors_part(scene: Scene, system: System, response: Response) -> Su
     frame = scene.frame
     if frame is None or scene.hoist is not None or scene.computed_key is not None or frame.base is not None:
         return SummaryPart()
-    names, rows = [output.name for output in response.outputs], []
+    names, rows = [output.name for output in response.outputs], list[dict[str, Any]]()
     for kind in KINDS:
         of_kind = [k for k, output in enumerate(response.outputs) if output.kind == kind and output.unit == "N"]
         largest, number = max(((float(np.abs(response.column(k)).max()), k) for k in of_kind), default=(0.0, -1))
@@ -54,8 +59,19 @@ def _still(scene: Scene, t: float) -> Scene:
         for number, part in enumerate(scene.sections)
         if part.joint is not None
     }
+    if len(scene.sections) == 1 and scene.sections[0].slider is not None:
+        extensions[SLIDER] = np.array([scene.sections[0].slider.path.value(t)])
     luffing, slewing = (float(signal.value(t)) for signal in scene.frame.angles)
-    loads = {load.name: float(load.signal.value(t)) for part in scene.sections for load in part.loads}
-    still = scene_at_rest(scene, extensions, luffing, slewing, loads)
+    names = {load.name for part in scene.sections for load in part.loads}
+    still = scene_at_rest(scene, extensions, luffing, slewing, dict.fromkeys(names, 0.0))
+    sections = tuple(
+        rest.model_copy(update={"loads": tuple(_steady(load, t) for load in part.loads)})  # names may occur twice
+        for rest, part in zip(still.sections, scene.sections, strict=True)
+    )
     time = still.time.model_copy(update={"end": 2.0 * still.time.step})
-    return still.model_copy(update={"start": "equilibrium", "time": time})
+    return still.model_copy(update={"sections": sections, "start": "equilibrium", "time": time})
+
+
+def _steady(load: Load, t: float) -> Load:
+    """The load with its value at the time `t` for ever."""
+    return load.model_copy(update={"signal": Constant(amount=float(load.signal.value(t)))})

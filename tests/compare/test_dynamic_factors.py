@@ -55,6 +55,35 @@ def test_rest_is_that_of_the_posture_and_the_loads_at_the_time_of_the_largest_fo
     assert abs(load) > 1e3 and 0.5 < extension < 0.9
 
 
+def test_loads_of_one_name_on_two_sections_keep_their_own_values() -> None:
+    """The boom stands still, so each force is the one at rest."""
+    _, middle, fly = pmr.load_scene("boom_three").names
+    load = "{name='push', on='tip', direction='z', signal={kind='constant', amount=%s}}"
+    loads = [f"sections.{name}.loads=[{load % amount}]" for name, amount in ((middle, 5e4), (fly, 1e3))]
+    still = [f"sections.{name}.joint.extension={{kind='constant', amount=1.5}}" for name in (middle, fly)]
+    frame = ("frame={pivot=[0.0,0.0,0.0], luffing=0.1}", "start='equilibrium'", "compare.against=[]", "time.end=0.02")
+    scene = pmr.load_scene("boom_three", [*frame, *still, *loads, "gravity.rise=0.0"])
+    model = pmr.reduce(scene).system
+    found = dynamic_factors_part(scene, model, pmr.simulate(scene, model)).figures["dynamic_factors"]
+    assert [row["kind"] for row in found] == ["pad", "cylinder"]
+    assert all(row["largest"] / row["rest"] == pytest.approx(1.0, abs=1e-9) for row in found)
+
+
+def test_a_body_on_a_moving_slider_rests_where_it_is_at_the_largest_force() -> None:
+    still = ("frame={pivot=[0.0,0.0,0.0], luffing=0.1}", "start='equilibrium'", "compare.against=[]")
+    path = "slider.path={kind='smooth_ramp', times=[0.0, 2.5], values=[4.0, 1.5]}"
+    scene = pmr.load_scene("boom_beam", [*still, path, "time.end=3.0"])
+    model = pmr.reduce(scene).system
+    found = dynamic_factors_part(scene, model, pmr.simulate(scene, model)).figures["dynamic_factors"][0]
+    place = float(scene.slider.path.value(found["t"]))
+    loads = [f"loads.{load.name}.signal={float(load.signal.value(found['t']))!r}" for load in scene.sections[0].loads]
+    there = pmr.load_scene("boom_beam", [*still, "time.end=0.02", "gravity.rise=0.0", f"slider.path={place!r}", *loads])
+    response = pmr.simulate(there, model)
+    (number,) = [k for k, output in enumerate(response.outputs) if output.name == found["name"]]
+    assert found["rest"] == pytest.approx(response.column(number)[0], rel=1e-9)
+    assert abs(place - float(scene.slider.path.value(0.0))) > 0.1
+
+
 @pytest.mark.parametrize("key", ["frame.base={z={kind='sine', amplitude=0.1, frequency=1.0}}"])
 def test_a_base_that_moves_has_no_factor(key: str) -> None:
     assert rows(*STANDS, key, "time.end=0.02") == {}
