@@ -238,6 +238,7 @@ def chart(
 
         pmr chart crane --up-to 20000
     """
+    environment.check_report()  # before a folder is made, and before what needs the packages is imported
     from pmr.scene import load_any
     from pmr.scene.choice import traits_of
     from pmr.scene.members import members

@@ -103,8 +103,9 @@ def _probe_remarks(scene: Scene) -> Iterator[str]:
     frame = scene.frame
     for number, member in enumerate(members(scene)):
         part = member.part
-        jumps = {float(of.on): f"the support {of.name}" for of in part.supports if not isinstance(of.on, str)}
-        jumps |= {float(of.on): f"the mass {of.name}" for of in part.masses if not isinstance(of.on, str)}
+        jumps = dict[float, str]()
+        for kind, group in (("support", part.supports), ("mass", part.masses), ("load", part.loads)):
+            jumps |= {float(of.on): f"the {kind} {of.name}" for of in group if isinstance(of.on, float)}
         jumps |= {of.at[0]: f"the mass {of.name}" for of in part.masses if of.at is not None}
         jumps |= {of.point[0]: f"the load {of.name}" for of in part.loads if of.point is not None}
         if frame is not None and frame.cylinder is not None and not number:

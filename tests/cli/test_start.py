@@ -374,3 +374,11 @@ def test_info_says_what_a_study_will_compute() -> None:
     shown = " ".join(RUN.invoke(app, ["info", "workflows/studies/chart_crane.toml"]).output.split())
     assert "kind chart" in shown and "runs 40" in shown and "extension.fly 0.6, 0.7, 0.8" in shown
     assert "computed by pmr study" in shown
+
+
+def test_a_chart_without_what_reports_need_is_refused_by_the_package(tmp_path: Path, monkeypatch, capsys) -> None:
+    find = util.find_spec
+    monkeypatch.setattr("pmr.errors.environment.util.find_spec", lambda name: None if name == "jinja2" else find(name))
+    done = called(monkeypatch, capsys, "chart", "crane", "--out", str(tmp_path / "out"))
+    assert done.returncode == 2 and "installation: jinja2: not found; it writes reports" in done.stderr, done.stderr
+    assert not (tmp_path / "out").exists()

@@ -328,3 +328,10 @@ def test_a_probe_beside_a_support_or_a_mass_of_a_body_is_named() -> None:
     probe = "probes=[{name='gauge', at=[6.0, 0.05, 0.1], measures=['stress', 'displacement']}]"
     (remark,) = hints(scenes.load_any("boom_beam", [probe, "masses.payload.at=[6.0,0.0,-0.4]"]))
     assert "probe gauge of the body is where the mass payload acts, at 6 m" in remark
+
+
+def test_a_probe_at_a_load_along_a_body_is_named() -> None:
+    probe = "probes=[{name='gauge', at=[4.0, 0.05, 0.1], measures=['stress']}]"
+    load = "loads=[{name='push', on=4.0, direction='z', signal={kind='constant', amount=1e3}}]"
+    (remark,) = hints(scenes.load_any("boom_beam", [probe, load]))
+    assert "probe gauge of the body is where the load push acts, at 4 m" in remark
