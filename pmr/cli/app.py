@@ -23,8 +23,7 @@ from pmr.cli.info import info
 from pmr.cli.observe import identify, observe
 from pmr.cli.run import run
 from pmr.cli.study import chart, study
-from pmr.errors import ConvergenceError, InputError, SimulationError, environment
-from pmr.errors.text import escape_controls, similar_name_hint
+from pmr.errors import ConvergenceError, InputError, SimulationError, environment, escape_controls, similar_name_hint
 from pmr.files.whole import FULL, NotWrittenError
 
 

@@ -16,8 +16,7 @@ from typing import Annotated, Any, NoReturn
 from rich.console import Console
 from typer import Argument, Option
 
-from pmr.errors import InputError
-from pmr.errors.text import escape_controls
+from pmr.errors import InputError, escape_controls
 from pmr.files.whole import NotWrittenError, ensure_ordinary
 
 Model = Annotated[

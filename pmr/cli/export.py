@@ -11,8 +11,7 @@ from typer import Argument, Option
 
 from pmr.cli import console
 from pmr.cli.console import Folder, Model, MotionScene, Overrides, SceneFile, err, out
-from pmr.errors import InputError, TooManyModesError
-from pmr.errors.text import escape_controls
+from pmr.errors import InputError, TooManyModesError, escape_controls
 from pmr.export.formats import BODY_FORMATS, FORMATS, ONE_BODY, Options, write
 from pmr.files.whole import finish_swap, replacement_folder
 

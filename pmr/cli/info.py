@@ -14,8 +14,7 @@ from rich.table import Table
 from typer import Argument
 
 from pmr.cli.console import is_study, out, scene_file, study_file
-from pmr.errors import environment
-from pmr.errors.text import escape_controls
+from pmr.errors import environment, escape_controls
 from pmr.files.whole import finish_swap
 
 if TYPE_CHECKING:

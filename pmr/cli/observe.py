@@ -15,8 +15,7 @@ from typer import Argument, Option
 
 from pmr.cli.console import Folder, MotionScene, Overrides, out, scene_file
 from pmr.cli.export import Model
-from pmr.errors import InputError
-from pmr.errors.text import escape_controls
+from pmr.errors import InputError, escape_controls
 from pmr.files.whole import finish_swap, write_text
 
 if TYPE_CHECKING:

@@ -19,8 +19,7 @@ from typer import Argument, Option
 
 from pmr.cli import console
 from pmr.cli.console import NAMES, QUIET, Folder, Overrides, err, out
-from pmr.errors import ConvergenceError, InputError, SimulationError, environment
-from pmr.errors.text import duration_text, escape_controls
+from pmr.errors import ConvergenceError, InputError, SimulationError, duration_text, environment, escape_controls
 from pmr.files.whole import remove_matching, replacement_folder
 
 if TYPE_CHECKING:

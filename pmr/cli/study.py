@@ -17,8 +17,7 @@ from typer import Argument, Option
 
 from pmr.cli import console
 from pmr.cli.console import QUIET, Folder, Jobs, Overrides, SceneFile, err, out
-from pmr.errors import InputError, environment
-from pmr.errors.text import escape_controls
+from pmr.errors import InputError, environment, escape_controls
 
 if TYPE_CHECKING:
     from pmr.studies import workers

@@ -22,8 +22,7 @@ from pmr.compare.accuracy_search import (
 from pmr.compare.attachment_loads import reason_without_estimate
 from pmr.compare.trials import Trial, Trials
 from pmr.compare.trust import LOAD_JUMPS, SLIDER_IMPACTS
-from pmr.errors import InputError
-from pmr.errors.text import percent, two_digits
+from pmr.errors import InputError, percent, two_digits
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import frame_terms

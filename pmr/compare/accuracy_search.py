@@ -14,8 +14,7 @@ import numpy as np
 
 from pmr.compare.step_error import ROUGH
 from pmr.compare.trials import Sizes, Trial, Trials
-from pmr.errors import InputError
-from pmr.errors.text import percent, two_digits
+from pmr.errors import InputError, percent, two_digits
 from pmr.scene.run_settings import Budget
 
 Allowed = Mapping[str, float]  # error by kind of output, a fraction

@@ -29,9 +29,8 @@ from pmr.compare.trust import (
     quantities_not_covered,
     unsettled_force_clauses,
 )
-from pmr.errors import InputError, SimulationError
+from pmr.errors import InputError, SimulationError, percent, two_digits
 from pmr.errors.environment import Clock
-from pmr.errors.text import percent, two_digits
 from pmr.files.arrays import Array
 from pmr.results import Response
 from pmr.results.quantities import QUANTITIES

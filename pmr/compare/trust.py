@@ -10,7 +10,7 @@ import numpy as np
 from pmr.compare.errors import band_of_response, error_below_frequency, force_histories, relative_error
 from pmr.compare.model_part import largest_model_error
 from pmr.compare.round_off import Pair
-from pmr.errors.text import percent, two_digits
+from pmr.errors import percent, two_digits
 from pmr.files.arrays import Array, Summary
 from pmr.results import Response
 from pmr.results.quantities import QUANTITIES, error_label, reduction_error, wall_stress_on_short_cells

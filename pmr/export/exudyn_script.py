@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PPoly
 
-from pmr.errors import InputError
-from pmr.errors.text import escape_controls
+from pmr.errors import InputError, escape_controls
 from pmr.files import npz
 from pmr.files.arrays import Array
 from pmr.files.whole import replacement_file

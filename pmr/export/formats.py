@@ -8,8 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pmr.errors import InputError, environment
-from pmr.errors.text import similar_name_hint
+from pmr.errors import InputError, environment, similar_name_hint
 
 if TYPE_CHECKING:
     from pmr.export.fmi.observer import UnitObserver

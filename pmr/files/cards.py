@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pmr.errors import InputError
-from pmr.errors.text import missing_file_reason
+from pmr.errors import InputError, missing_file_reason
 from pmr.files.arrays import Array
 
 #: Largest depth to which files include others, as in Abaqus, and largest number of inclusions in a deck.

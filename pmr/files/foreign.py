@@ -19,8 +19,7 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
-from pmr.errors import InputError
-from pmr.errors.text import missing_file_reason
+from pmr.errors import InputError, missing_file_reason
 from pmr.files import labelled
 from pmr.files.arrays import Array, Indices
 from pmr.files.cards import Place, turned_axes

@@ -14,8 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from pmr.errors import InputError
-from pmr.errors.text import NAMED, is_name, missing_file_reason
+from pmr.errors import NAMED, InputError, is_name, missing_file_reason
 from pmr.files import npz
 from pmr.files.arrays import Array, Indices, Mask
 from pmr.files.fit import centre_of_mass, indefinite_superelement, is_uncheckable, misfit, negative_damping

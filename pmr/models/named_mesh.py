@@ -15,8 +15,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from pmr.errors import InputError
-from pmr.errors.text import NAMED, is_name
+from pmr.errors import NAMED, InputError, is_name
 from pmr.fem.compat import MPI, cell_topology, create_mesh
 from pmr.files.arrays import Array, Indices, Mask
 from pmr.files.cards import Place

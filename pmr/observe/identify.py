@@ -22,8 +22,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.optimize
 
-from pmr.errors import InputError
-from pmr.errors.text import missing_file_reason
+from pmr.errors import InputError, missing_file_reason
 from pmr.files.arrays import Array
 from pmr.results.quantities import QUANTITIES, unit_text
 from pmr.system.assembly import Assembly

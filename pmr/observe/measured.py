@@ -14,8 +14,7 @@ import numpy as np
 import pydantic
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
-from pmr.errors.text import missing_file_reason
+from pmr.errors import InputError, missing_file_reason
 from pmr.export.fmi.observer import UnitObserver
 from pmr.files.arrays import Array, Summary
 from pmr.files.whole import replacement_file, write_text

@@ -12,8 +12,8 @@ from typing import Any
 
 import jinja2
 
+from pmr.errors import escape_controls
 from pmr.errors.environment import import_package
-from pmr.errors.text import escape_controls
 from pmr.files.whole import replacement_folder
 from pmr.report.blocks import END_OF_SCREEN, REPORT_FILES, SCREEN, Chapter, Drawing, ReportFiles
 from pmr.report.figures.canvas import FONT, drawn_text, font_face_rule

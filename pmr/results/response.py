@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pmr.errors.text import overview
+from pmr.errors import overview
 from pmr.files.arrays import Array
 
 #: Kinds of outputs, in this order: displacements of points along a body and of its tip; forces of pads (a slider counts

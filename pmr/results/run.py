@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
-from pmr.errors.text import non_finite_remarks, overview
+from pmr.errors import InputError, non_finite_remarks, overview
 from pmr.files import npz
 from pmr.files.arrays import Array
 from pmr.files.whole import finish_swap

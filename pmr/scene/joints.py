@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 from numpy.typing import ArrayLike
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from pmr.errors.text import LONGEST_NAME
+from pmr.errors import LONGEST_NAME
 from pmr.scene import run_settings
 from pmr.scene.built import ENDS, Body, Face, Load, MeshChoice, PadRing, Slider, Support, clearance_on
 from pmr.scene.extension import FreeExtension

@@ -33,8 +33,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from pmr.errors import InputError, environment
-from pmr.errors.text import NAMED, escape_controls, is_name, missing_file_reason, similar_name_hint
+from pmr.errors import NAMED, InputError, environment, escape_controls, is_name, missing_file_reason, similar_name_hint
 
 Location = Sequence[str | int]
 Schema = dict[str, Any]

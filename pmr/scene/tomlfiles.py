@@ -14,8 +14,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from pmr.errors import InputError
-from pmr.errors.text import missing_file_reason, similar_name_hint
+from pmr.errors import InputError, missing_file_reason, similar_name_hint
 from pmr.scene.keys import Refusal, dotted_key, iterate_keys
 
 Model = TypeVar("Model", bound=BaseModel)

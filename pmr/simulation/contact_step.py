@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse.linalg as spla
 
-from pmr.errors.text import two_digits, two_digits_below
+from pmr.errors import two_digits, two_digits_below
 from pmr.files.arrays import Array, Indices
 from pmr.kernel.laws import SchemeFactors
 from pmr.simulation.excitation import Excitation, side_positions

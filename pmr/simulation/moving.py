@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import TypeAdapter
 
-from pmr.errors import InputError
-from pmr.errors.text import escape_controls
+from pmr.errors import InputError, escape_controls
 from pmr.files.arrays import Array
 from pmr.kernel.further import ANGLES, AXES, ComputedData
 from pmr.scene import Scene

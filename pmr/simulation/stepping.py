@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pmr.errors import InputError
-from pmr.errors.text import two_digits, two_digits_below
+from pmr.errors import InputError, two_digits, two_digits_below
 from pmr.files.arrays import Array, Indices
 from pmr.scene.signals import SignalBase, Table
 from pmr.system.states import SystemTrajectory

@@ -18,8 +18,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field
 
-from pmr.errors import InputError, environment
-from pmr.errors.text import duration_text, similar_name_hint
+from pmr.errors import InputError, duration_text, environment, similar_name_hint
 from pmr.scene.keys import SceneTable
 from pmr.scene.tomlfiles import Change, Dialect, TomlFile, override
 from pmr.studies import kinds

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.errors import InputError
-from pmr.errors.text import two_digits
+from pmr.errors import InputError, two_digits
 from pmr.files import npz
 from pmr.files.arrays import Array, Summary
 from pmr.results.quantities import stress_remark

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.interpolate import PchipInterpolator
 
-from pmr.errors import InputError
+from pmr.errors import InputError, letters
 from pmr.errors.environment import import_package
-from pmr.errors.text import letters
 from pmr.files.arrays import Array
 from pmr.scene.keys import SceneTable, Usual
 from pmr.studies.charting import lower_bounds

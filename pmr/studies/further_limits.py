@@ -15,8 +15,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from pmr.errors import InputError, environment
-from pmr.errors.text import similar_name_hint
+from pmr.errors import InputError, environment, similar_name_hint
 from pmr.files.arrays import Array
 from pmr.results.quantities import support_names
 from pmr.scene import Scene

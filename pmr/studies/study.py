@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from pmr.errors.text import warning_kind
+from pmr.errors import warning_kind
 from pmr.files import npz
 from pmr.files.whole import finish_swap, replacement_folder
 from pmr.scene.keys import SceneTable

@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
-from pmr.errors import InputError
-from pmr.errors.text import missing_file_reason, overview
+from pmr.errors import InputError, missing_file_reason, overview
 from pmr.files import npz
 from pmr.files.arrays import Array, Indices
 from pmr.scene.signals.base import Interval

@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
-from pmr.errors import InputError
-from pmr.errors.text import missing_file_reason
+from pmr.errors import InputError, missing_file_reason
 from pmr.files import npz
 from pmr.system import stored
 from pmr.system.contacts import ALONE, Contact

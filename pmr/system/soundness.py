@@ -14,7 +14,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from pmr.errors.text import LONGEST_NAME, is_name
+from pmr.errors import LONGEST_NAME, is_name
 from pmr.files.arrays import Array
 
 #: Deviation from symmetry, and size of a negative eigenvalue, that are allowed relative to the largest entry.
@@ -65,7 +65,7 @@ def describe_misshapen(field: str, matrices: Mapping[str, NDArray[np.float64]], 
 
 
 def describe_names(field: str, names: object) -> str | None:
-    """Description of the first entry of `names` that is no name (`pmr.errors.text.is_name`); None if there is none.
+    """Description of the first entry of `names` that is no name (`pmr.errors.is_name`); None if there is none.
 
     `field` is what holds them.  None is also returned if `names` is no tuple.
     """

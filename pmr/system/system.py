@@ -21,8 +21,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pmr.errors import BEYOND_ENDS, InputError
-from pmr.errors.text import overview
+from pmr.errors import BEYOND_ENDS, InputError, overview
 from pmr.files.arrays import Array
 from pmr.scene.signals.base import Interval
 from pmr.system import saved

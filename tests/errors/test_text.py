@@ -12,7 +12,7 @@ from processes import called
 
 from pmr import InputError
 from pmr.cli import console
-from pmr.errors.text import escape_controls, overview, two_digits, two_digits_below, warning_kind
+from pmr.errors import escape_controls, overview, two_digits, two_digits_below, warning_kind
 
 PLAIN = ["[/red]", "[bold]x", "root:x:0", ":smile:", "$x^2$", "\\frac", "<b>&amp;", "ä ß 漢 שלום 😀 F²", "{0} %s", "_F"]
 STEERING = {

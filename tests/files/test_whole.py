@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from pmr import InputError
-from pmr.errors.text import non_finite_names, non_finite_remarks
+from pmr.errors import non_finite_names, non_finite_remarks
 from pmr.files import npz, whole
 from pmr.files.whole import NotWrittenError, finish_swap, remove_matching, replacement_file, replacement_folder
 

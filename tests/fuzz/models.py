@@ -28,7 +28,7 @@ def case(number: int, rng: Random, folder: Path) -> str:
     """Read a mutation of a model file and use it if it is accepted; return the outcome in a few words."""
     from pmr import ReducedModel, System
     from pmr.cli.info import describe_model
-    from pmr.errors.text import escape_controls
+    from pmr.errors import escape_controls
     from pmr.export.exudyn_script import script_data
 
     file = folder / "model.npz"

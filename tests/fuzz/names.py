@@ -16,7 +16,7 @@ from fuzz.scenes import prepare as warm
 from fuzz.verdict import NonsenseError, strictly_read
 
 from pmr import scene as scenes
-from pmr.errors.text import LONGEST_NAME, escape_controls, is_name
+from pmr.errors import LONGEST_NAME, escape_controls, is_name
 
 RANGES = (
     (0, 32),

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pmr import ConvergenceError, InputError, SimulationError
-from pmr.errors.text import escape_controls
+from pmr.errors import escape_controls
 
 LONGEST = 60.0  # s of processor time that one may take; they take one or two, on a slow machine several
 PATIENCE = 1200  # s of wall time, on a machine that others use too

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import pytest
 from fuzz.names import fit
 
-from pmr.errors.text import escape_controls
+from pmr.errors import escape_controls
 from pmr.report.blocks import Chapter
 from pmr.report.document import render_runs as render
 from pmr.report.document import write_report

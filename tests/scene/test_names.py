@@ -13,7 +13,7 @@ from fuzz.names import fit, hostile
 from pydantic import TypeAdapter, ValidationError
 
 from pmr import InputError, from_matrices
-from pmr.errors.text import LONGEST_NAME, escape_controls, is_name
+from pmr.errors import LONGEST_NAME, escape_controls, is_name
 from pmr.scene import Load, Support
 from pmr.scene.built import PadRing
 from pmr.scene.joints import FileName, JointPads

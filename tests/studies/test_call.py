@@ -18,7 +18,7 @@ from study_tasks import COUNT, FREE, SLEPT, Squares, run
 from waiting import is_alive, wait_until
 
 from pmr.cli import study as cli_study
-from pmr.errors.text import duration_text
+from pmr.errors import duration_text
 from pmr.files import npz
 from pmr.studies.call import Progress
 from pmr.studies.study import Store, StudyBase, StudyResults

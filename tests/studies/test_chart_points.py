@@ -15,7 +15,7 @@ from fuzz import toml
 from ways.kinds import RAISED, SPACE, boom, rings
 
 import pmr
-from pmr.errors.text import two_digits
+from pmr.errors import two_digits
 from pmr.report.studies import render_studies
 from pmr.report.studies.chart import covered_parts
 from pmr.scene import load_any

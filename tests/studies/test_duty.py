@@ -8,7 +8,7 @@ import io
 import numpy as np
 import pytest
 
-from pmr.errors.text import letters
+from pmr.errors import letters
 from pmr.studies.duty import NOT_LIMITED, DutyTable, LeastLoads
 
 UP_TO = 5000.0

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pmr import __version__
-from pmr.errors.text import escape_controls
+from pmr.errors import escape_controls
 from pmr.export.fmi.variables import STARTS, Variable, rate_unit
 
 #: Exponents of the SI base units of each unit, and its factor where that is not 1.

@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from pmr.errors.text import escape_controls
+from pmr.errors import escape_controls
 from pmr.report.blocks import Drawing
 from pmr.report.numbers import format_input, power_of_ten
 from pmr.report.renderer import RAMP

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
-from pmr.errors.text import escape_controls, letters
+from pmr.errors import escape_controls, letters
 from pmr.files.arrays import Array
 from pmr.report.columns import spread_indices
 from pmr.report.figures.canvas import (

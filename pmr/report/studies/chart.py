@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pmr.errors.text import letters, two_digits
+from pmr.errors import letters, two_digits
 from pmr.files.arrays import Array
 from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Table
 from pmr.report.columns import spread_indices

@@ -19,8 +19,7 @@ from numpy.typing import ArrayLike
 from pydantic import BeforeValidator, ConfigDict, Field, SerializeAsAny, WrapValidator, field_validator, model_validator
 from scipy.interpolate import Akima1DInterpolator, PPoly
 
-from pmr.errors import environment
-from pmr.errors.text import missing_file_reason
+from pmr.errors import environment, missing_file_reason
 from pmr.scene.keys import Schema
 from pmr.scene.signals.base import Array, Chirp, Constant, Floats, Interval, Seconds, SignalBase, Sine, Step, Strand
 

@@ -10,8 +10,7 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pmr.errors import BEYOND_ENDS, InputError
-from pmr.errors.text import similar_name_hint
+from pmr.errors import BEYOND_ENDS, InputError, similar_name_hint
 from pmr.files.arrays import Array
 from pmr.kernel.further import AXES
 

@@ -13,7 +13,7 @@ import pytest
 from oracle import project
 
 from pmr import InputError, ReducedModel, System
-from pmr.errors.text import escape_controls, is_name
+from pmr.errors import escape_controls, is_name
 from pmr.export.exudyn_script import script_data, write_exudyn_script
 from pmr.scene.signals import SignalBase, Sine, SmoothRamp, Step, Table
 from pmr.system.body import FullBody
