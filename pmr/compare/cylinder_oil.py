@@ -31,13 +31,16 @@ def boiling_warnings(cylinder: str, extremes: Mapping[str, Extremes], response: 
 def supply_warnings(
     cylinder: str, oil: Oil, histories: Mapping[str, Array], stop: Array, response: Response
 ) -> list[str]:
-    """Warnings where the oil in a chamber of a `cylinder` has a higher pressure than the supply.
+    """Warnings where the oil in a chamber of a `cylinder` has a higher pressure than the supply; two at most a chamber.
 
-    Where the valve connects the chamber to the supply, oil flows back, or a counterbalance valve stops it: the supply
-    is too weak for the load.  Elsewhere a real relief valve might open, which the model does not have.  `histories`
-    (T,) are by ``pressure bore`` and ``pressure rod``.  `stop` (T,) is how far a stop gives way: above 0 at the
-    greatest length, below 0 at the smallest.  Times on a stop do not count, nor those after it for as long as the valve
-    feeds the same chamber, as the cylinder may rebound.  Without a valve there is no supply, and no warning.
+    The first warning is for times at which the valve connects the chamber to the supply: the supply is too weak for the
+    load, and oil flows back unless a counterbalance valve stops it.  The second is for all other times: a real relief
+    valve might open, which the model does not have.  The pressure has to exceed the supply by the valve's laminar
+    pressure drop or the share `ABOVE`, whichever is larger.
+
+    `histories` (T,) are by ``pressure bore`` and ``pressure rod``.  `stop` (T,) is how far a stop gives way: above 0 at
+    the greatest length, below 0 at the smallest.  Times on a stop are ignored, and so are the times after a stop until
+    the valve closes next, because the cylinder may rebound.  Without a valve there is no supply, and the list is empty.
     """
     if oil.valve is None:
         return []

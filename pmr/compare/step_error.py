@@ -118,7 +118,11 @@ class ConvergenceSeries(Generic[Compared]):
         return part * (1.0 + remainder / difference) if np.isfinite(remainder) and difference > 0.0 else part
 
     def halvings_needed(self, limit: float) -> int | None:
-        """How often the step has to be halved for an error below `limit`; None if the runs don't show it."""
+        """Number of halvings of the first run's step after which the estimated error, a fraction, is at most `limit`.
+
+        It is 0 if the first run's error is.  None if the differences have not settled, or if no run of the series has
+        so small an error.
+        """
         if not self.is_settled:
             return None
         remainder = self.remainder if np.isfinite(self.remainder) else self.differences[-1]

@@ -113,7 +113,12 @@ class Trials:
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of outputs of the system: displacements, its forces, ``velocity``, and ``probe`` if it has any."""
+        """Kinds of the system's outputs in order.
+
+        The first two are of displacements, ``beam`` and ``tip``; the kinds of the system's forces and ``velocity``
+        follow.  A single body has the force ``pad_force`` alone.  ``probe`` comes last if a body has probes or
+        rotations.
+        """
         alone, system = ALONE in self._wholes, self.system(self.own)
         forces = dict.fromkeys(["pad_force"] if alone else force_kinds_of_system(system))
         probes = ["probe"] * any(np.any(other_outputs(model)) for model in self._wholes.values())

@@ -47,9 +47,9 @@ UNCHECKED = (
 
 
 def misfit(M: sp.csr_matrix, body: Resistance) -> Reason | None:
-    """Return (name, reason) of the first check that fails, or None if the matrices fit their nodes and directions.
+    """Check a mass and a stiffness matrix of given nodes and directions, and return the first misfit.
 
-    The name is that of the wrong input: ``M``, ``K``, ``points`` or ``direction``.
+    The misfit is (input, reason); the input is ``M``, ``K``, ``points`` or ``direction``.  None if all checks pass.
     """
     checks: tuple[Callable[[sp.csr_matrix, Resistance], Iterator[Reason]], ...] = (
         _vanishing_entries,

@@ -71,9 +71,11 @@ def foreign_files(
 ) -> ForeignFiles:
     """Return the files of a model, and the names of its matrices in them.
 
-    A file that is None gets its default name beside `stiffness`, or is `stiffness` itself if files of this kind hold
-    more than a matrix.  The nodes of a .pch file are in the .inp file of the same name, if there is one.  A damping is
-    read only if its file or its name is given; a name alone is that of a matrix in the file of the stiffness.
+    Mass, degrees of freedom (`dofs`) and nodes that are None are in the file `stiffness` itself if files of its format
+    hold them: the mass in .op4, `dofs` in .mtx, all three in files of DMIG cards.  Otherwise each has a file of the
+    same name with the suffix .mas, .dof (.mapping for .matrix) or .inp.  For a .pch file the .inp file of the same name
+    has the nodes, if it exists.  A damping is read only if its file or its name is given; a name alone is that of a
+    matrix in `stiffness`.
     """
     suffix = stiffness.suffix.lower()
     combined = {".op4": ("mass",), ".mtx": ("dofs",), **dict.fromkeys(_DMIG, ("mass", "dofs", "nodes"))}

@@ -241,9 +241,9 @@ class FullSystem(BodySystem[FullModel]):
         return np.concatenate([np.concatenate(part, 1) for part in parts], 1) if self.comm.rank == 0 else local
 
     def with_supports(self) -> FullSystem:
-        """System in which each support of a single coordinate is a contact with the ground too, after all others.
+        """System in which each support of a single coordinate is also a contact with the ground.
 
-        A support whose row a contact uses already adds none.
+        These contacts are listed after all others.  A support is skipped if a contact uses its row already.
         """
         used = {(side.place.body, side.place.row) for side in self.sides}
         held = [

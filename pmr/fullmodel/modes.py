@@ -121,9 +121,10 @@ class _Block:
 
 
 def _orthonormalise(W: Array, MW: Array, comm: MPI.Comm, most: int) -> _Block:
-    """M-orthonormalise the columns of W, given the product `MW`; collective.
+    """Return M-orthonormal vectors that span the columns of W, given the product `MW`; collective.
 
-    At most `most` directions are kept, the longest ones.
+    Directions shorter than `SPANNED` times the longest are left out, and at most `most` directions are kept, the
+    longest ones.  `lengths` of the result are those of all directions.
     """
     values, turned = np.linalg.eigh(inner(W, MW, comm))
     is_spanned = values > SPANNED**2 * np.max(values, initial=0.0)
@@ -268,7 +269,7 @@ def finish_modes(model: FullModel, s: float, omega2: Array, phi: Array, cut: boo
 def _residuals(model: FullModel, s: float, omega2: Array, phi: Array) -> Array:
     """Backward errors (k,) of k eigenpairs `omega2` (k,), `phi` (n_local, k) at path coordinate s.
 
-    The part of a residual that constraint forces balance is no error.
+    The part of a residual that is in equilibrium with forces of constraints does not count as an error.
     """
     comm = model.comm
     first, last = model.M.getOwnershipRange()

@@ -380,9 +380,10 @@ class Bending:
         return np.array([value + gamma * h * (X - 3 * X**2 + 2 * X**3), slope + gamma * (-6 * X + 6 * X**2)])
 
     def deflection(self, w: Expr, h: Expr, X: Expr, of_elements: Callable[[Array], Expr]) -> Deflection:
-        """Deflection in UFL from the cubic w in elements of length h, at the share X in [0, 1] along each element.
+        """Deflection in UFL: the cubic w with the part that shear adds, and its derivatives.
 
-        `of_elements` turns a property (K,) of the K sections into UFL.
+        The elements have the length h; X in [0, 1] is the share along each of them.  Without shear stiffness, value and
+        rotation are w and its derivative.  `of_elements` turns a property (K,) of the K sections into UFL.
         """
         first = w.dx(0)  # UFL looks through the whole expression for each derivative
         second = first.dx(0)

@@ -59,7 +59,10 @@ class ObserverFile:
             raise InputError(str(file), ".".join(map(str, first["loc"])), value, first["msg"].lower()) from None
 
     def observer(self, scene: Scene, system: System, summary: Summary) -> Observer:
-        """Observer of a system along the paths of a scene, with the error budget of a run's `summary`."""
+        """Observer of a system along the paths of a scene.
+
+        The errors of outputs in a run's `summary` count as errors of the model.
+        """
         inputs = [load.input for load in self.loads] + ([] if self.payload is None else [self.payload.input])
         outputs = [*self.estimate, *(sensor.output for sensor in self.sensors)]
         model = linearize(scene, system, outputs, tuple(dict.fromkeys(inputs)), self.step)

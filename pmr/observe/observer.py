@@ -210,7 +210,11 @@ class Observer:
         return 3 * self.model.matrices.modes
 
     def _unknown_deviations(self) -> Array:
-        """Standard deviations (u,) of loads, payload, parameters, biases and gains before the motion."""
+        """Standard deviations (u,) of the unknowns before the motion.
+
+        The order is loads, payload, parameters, biases and gains; sensors without a bias or without a gain have no
+        entry for it.
+        """
         deviations = [load.deviation for load in self.loads]
         deviations += [] if self.payload is None else [self.payload.deviation]
         deviations += [parameter.deviation for parameter in self.parameters]

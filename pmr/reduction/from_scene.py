@@ -254,11 +254,14 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, ob
 
 
 def enrichment_of(scene: Scene, choice: Reduction, model: FullModel) -> int:
-    """Number of modes beyond the coordinates, which serve to estimate the error or become modes without inertia.
+    """Number of modes to compute beyond the coordinates, for the estimate of the error or as modes without inertia.
 
-    If a tolerance or a budget is given, the number is large.  On a coarse mesh it leaves a quarter of all modes unused,
-    unless the number falls below `ENRICHMENT_MODES`: attachment modes, rigid sliders and pads need the flexibility of
-    unused modes (`pmr.reduction.snapshots`).
+    - If errors are estimated for a tolerance or a budget: `SEARCHED_MODES`, or `SEARCHED_OF_SECTIONS` for a section
+      of a boom.  A coarse mesh has fewer, so that a quarter of its modes stays unused, but never fewer than
+      `ENRICHMENT_MODES`: attachment modes, rigid sliders and pads need the flexibility of unused modes
+      (`pmr.reduction.snapshots`).
+    - If errors are estimated without a tolerance or a budget: `ENRICHMENT_MODES`.
+    - Otherwise `QUASI_STATIC` if the body may be stressed and its basis can be extended, and 0 if not.
     """
     if choice.estimable and scene.goal is not None:
         searched = SEARCHED_MODES if ALONE in scene.bodies else SEARCHED_OF_SECTIONS

@@ -273,9 +273,10 @@ def drawn_moments(result: RunResult) -> list[Moment]:
 def moment_of_peak(result: RunResult) -> Moment:
     """Return the stored moment nearest to the time of the largest stress in the summary.
 
-    The time in the summary may not be stored, as fields may be kept at fewer times than stresses.  If the summary has
-    no such time, the moment with the largest stress in the fields is returned.  If the fields have no stresses, `peak`
-    is the largest displacement in m.
+    That time itself may not be stored, as fields may be kept at fewer times than stresses.  If the summary has no such
+    time, the moment with the largest stress in the fields is returned, or with the largest displacement if the fields
+    have no stresses.  `peak` is the largest stress in Pa at the returned moment, or the largest displacement in m if
+    the fields have no stresses.
     """
     t, s, named = times(result), mouth_positions(result), _summary_peak(result).get("t")
     largest = _peak_stresses(result) if has_stresses(result) else _largest_displacements(result)

@@ -172,7 +172,10 @@ def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
 
 
 def _closed_pads_clause(result: RunResult) -> str:
-    """Clause that a figure is computed with every pad closed, and how many pads of the run lift off."""
+    """Clause to append to a figure that is computed with every pad closed, and how many pads of the run lift off.
+
+    It begins with a semicolon and says that pads that lift off lower the figure.  Empty if no pad only pushes.
+    """
     if not has_pushing_pads(result):
         return ""
     forces = [Extremes.from_summary(pad) for pad in result.summary.get("pads", ())]

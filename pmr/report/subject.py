@@ -166,7 +166,8 @@ def reach(result: RunResult) -> float:
 def input_loads(result: RunResult) -> list[AppliedLoad]:
     """Loads in the order of the model's inputs, without weight.
 
-    A force along an axis of the ground is returned as its components along the axes of the body.
+    A force along an axis of the ground has one entry for each of its components along the axes of the body.  Loads that
+    the run did not store are left out.
     """
     acting, names = list[AppliedLoad](), result.loads.names
     for member, (body, section) in zip(members(result.scene), result.scene.bodies.items(), strict=True):

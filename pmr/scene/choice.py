@@ -195,10 +195,10 @@ def has_axial_motion(member: Member) -> bool:
 
 
 def has_driven_tail(member: Member) -> bool:
-    """Whether a cylinder may act on a body's tail: the body's own cylinder or, on the base, that of the next section.
+    """Whether the model needs loads along x on the tail, as a cylinder could act there, even if the scene has none.
 
-    The result is False if the body has no displacement along x, or a support holds every point of the base's tail along
-    x.
+    This is so for each section of a boom of several sections that has displacements along x.  On the base, the cylinder
+    is that of the next section; the result is False if a support holds every point of the base's tail along x.
     """
     # a support of every point removes the tail's coordinates along x from the model
     at_tail = [support for support in member.part.supports if support.on == "tail" and support.points == "all"]

@@ -128,7 +128,10 @@ class DrivenCylinder(SceneTable):
 
     @property
     def drive_signals(self) -> dict[str, SignalBase]:
-        """Signal of what drives, by ``force``, ``length`` or ``opening``; empty without one."""
+        """Signal by which the cylinder is driven, under the name ``force``, ``length`` or ``opening`` (of the valve).
+
+        Empty if nothing drives the cylinder, or if its oil has no valve.
+        """
         valve = None if self.oil is None else self.oil.valve
         signals: dict[str, SignalBase | None] = {"force": self.force, "length": self.length}
         signals["opening"] = None if valve is None else valve.opening

@@ -75,7 +75,10 @@ def stored_scene(data: Mapping[str, object], source: str, context: Mapping[str, 
 
 
 def _leave_out(data: object, keys: Sequence[str]) -> None:
-    """Remove a key, given as a list of words, from nested tables in place; it is removed from each table of a list."""
+    """Remove a key from nested tables, in place; `keys` is the path to it, such as ["joint", "tail"].
+
+    In a list of tables, it is removed from each of them.  A key that is missing is ignored.
+    """
     first, *inner_keys = keys
     if isinstance(data, list):
         for entry in data:

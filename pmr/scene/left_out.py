@@ -31,9 +31,10 @@ def left_out(scene: Scene, at_rest: bool = False) -> dict[str, str]:
 
 
 def hung_forces(scene: Scene) -> dict[str, float]:
-    """Return forces that pull the last section's tip down in space and lack a mass, as mass in kg by name of the load.
+    """Return the mass in kg that would weigh as much as each force, by load name, that only pulls the tip down.
 
-    Masses at the tip count as the mass of these forces from the share `HAS_MASS` of it on.
+    These are forces on the last section along the vertical whose largest pull during the run counts.  The result is
+    empty without gravity, and if the masses at the tip are at least the share `HAS_MASS` of the sum.
     """
     part = scene.sections[-1]
     gravity = scene.gravity.acceleration if scene.gravity is not None else 0.0

@@ -148,7 +148,8 @@ def support_forces(body: SlidingBody, trajectory: Trajectory, loads: Array) -> A
         \lambda_f = (\Phi^T - P V^T) B f - (\Phi^T D V - P D_r) \dot p - (\Phi^T K V - P K_r) p
         - (C \Phi - C_r P^T)^T \lambda, \qquad P = \Phi^T M V M_r^{-1}
 
-    The result is (T, 0) if the body has no rigid supports with known forces.
+    Column j belongs to ``body.reactions.names[j]`` and has the unit ``body.reactions.units[j]``.  The result is (T, 0)
+    if `body.reactions` is None.
     """
     reactions = body.reactions
     if reactions is None:

@@ -222,7 +222,11 @@ def allow_row(arguments: Arguments, needs: Needs) -> TaskResult:
 
 
 def _remark(scene: Scene, limit: Limit) -> str:
-    """Return what the report says behind a limit: its own note; of stress at probes where these are."""
+    """Return the remark that the report prints after a limit.
+
+    It is the limit's note.  For a limit on the stress at probes, the names of the probes and the remark on stresses in
+    the walls of boxes come before the note.
+    """
     if limit.of != "stress" or limit.kind.names is None:
         return limit.note
     places = ", ".join(filter(limit.concerns, limit.kind.names(scene)))

@@ -338,7 +338,7 @@ class Limit(SceneTable):
     def tipping_moments(self, at: PostureMatrices, k: int, amounts: Sequence[float]) -> TippingMoments:
         """Return the moments about the edges of the support polygon at the k-th posture of `at`.
 
-        `amounts` (w,) are the amounts by which the w components ``at.loads`` act.
+        `amounts` (w,) are the factors of the w components ``at.loads``.
         """
         of_components = np.asarray(amounts)
         if self.polygon:

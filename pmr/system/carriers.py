@@ -204,7 +204,10 @@ class CarrierRows:
     def from_rows(
         cls, rows: Sequence[Row], values: Array, flexibility: CarrierFlexibility | None = None
     ) -> CarrierRows:
-        """Rows on common carriers U, without enrichment modes; `values` are U V (K, r) for the basis V."""
+        """Rows on common carriers U, without enrichment modes; `values` are U V (K, r) for the basis V.
+
+        Row number k is stored under the text of k: "0", "1" and so on.
+        """
         breaks, touched, coefficients = (
             {str(k): getattr(row, name) for k, row in enumerate(rows)} for name in ("breaks", "touched", "coefficients")
         )

@@ -429,10 +429,11 @@ class System(BodySystem[SlidingBody]):
 
     @classmethod
     def of(cls, body: SlidingBody) -> System:
-        """Return the system of a single body, whose rows are contacts with the ground.
+        """Return the system of a single body.
 
-        Places whose rows depend on s travel on the path ``slider``.  An InputError is raised if the body is a section
-        of a boom, because the joints that hold it are missing.
+        Each of its rows is a contact with the ground, unless it is in `body.held`.  Places whose rows depend on s
+        travel on the path ``slider``.  An InputError is raised if the body is a section of a boom, because the joints
+        that hold it are missing.
         """
         body.ensure_whole("system")
         provenance = body.provenance if isinstance(body, ReducedModel) else {}

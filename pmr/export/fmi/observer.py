@@ -59,7 +59,11 @@ class UnitObserver:
         return {f"observer_{name}": array for name, array in arrays.items() if len(array)}
 
     def variables(self, names: Identifiers, first: int) -> Iterator[Variable]:
-        """Yield inputs for measurements, then estimates, from the value reference `first` on (source/estimator.c)."""
+        """Yield the observer's variables, numbered from the value reference `first` on, as in source/estimator.c.
+
+        An input for each sensor comes first.  Estimates of the outputs follow, then their standard deviations, the same
+        for the unknowns, and the innovation and the alarm of each sensor.
+        """
         listed = list[Variable]()
         for name in self.sensors:
             what = f"measured {name}; NaN where nothing was measured"

@@ -271,7 +271,11 @@ def _value_grid(runs: Sequence[RunRecord], pattern: re.Pattern[str], base: str) 
 
 
 def _row_name(name: str, base: str) -> str:
-    """Name of a row: that of a value, or for a frequency its number and the place on the path."""
+    """Title of a table's row of values with the unit `base`: the key `name` itself, except for frequencies in Hz.
+
+    The key of a frequency has its place on the path and its number, such as ``s_min.2``, from which follows "frequency
+    2, s least".
+    """
     if base != "Hz":
         return name
     place, number = name.split(".")

@@ -118,7 +118,10 @@ class SmoothRamp(_Knots):
     )
 
     def _coefficients(self) -> Array:
-        """Return the coefficients of the transitions between knots."""
+        """Coefficients (degree + 1, knots - 1) of the polynomial between each two knots, highest power first.
+
+        The variable is the time since the first of the two knots.
+        """
         duration, rise = self._rises
         transition = np.array(TRANSITIONS[self.degree])
         coefficients = transition[:, None] * rise / duration ** np.arange(len(transition) - 1, -1, -1)[:, None]

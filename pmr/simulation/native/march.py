@@ -184,9 +184,10 @@ class March:
         return Steps(**arrays)
 
     def _advance(self, first: int, rows: int, every: int, record: Record) -> None:
-        """Take the steps after number `first` that fill `rows` rows of a record, from the second row on.
+        """Take `rows` times `every` steps after the step number `first`, and record every `every`-th of them.
 
-        A row has `every` steps.
+        They are recorded in the rows 1 to `rows` of `record`; row 0 is the state at the step `first`, which does not
+        change.
         """
         steps = rows * every
         schedule = None if self._schedule is None else self._schedule[first : first + steps]

@@ -253,7 +253,12 @@ class StoredAnswers:
         self._of_powers = np.zeros((len(answers), len(self._powers)), order="F")
 
     def correction(self, rows: PathRows, multipliers: Array) -> Array:
-        """This rank's rows (n_local,) of S^{-1} C^T lambda on the body, at the current step."""
+        """This rank's rows (n_local,) of S^{-1} C^T lambda on the body, from the stored solutions S^{-1} E.
+
+        S is the effective matrix of a step, C holds the contact rows at `rows`, and lambda is `multipliers`, one for
+        each contact.  The solutions of a side are computed again when the side has entered another interval of its
+        path.
+        """
         self._update(rows)
         weights = rows.X * multipliers[rows.layout.contact_of_power]
         return np.asarray(self._of_powers @ weights[self._powers])

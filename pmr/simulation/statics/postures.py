@@ -225,11 +225,11 @@ class PostureMatrices:
 
     @classmethod
     def from_scene(cls, scene: Scene, system: System, postures: PostureSet) -> PostureMatrices:
-        """Matrices of a scene made by `with_hook`, of its system of reduced or full bodies, in these postures.
+        """Return the matrices of a system of reduced or full bodies in the given postures.
 
-        Outputs are the system's probes, springs of supports and displacements of the last body's tip, in the system's
-        order; then what `rest_rows` adds; then the forces of contacts.  Left out are terms that have no stiffness, and
-        terms whose amplitudes are 0 in all postures.
+        `scene` is made by `with_hook`.  Outputs are the system's probes, springs of supports and displacements of the
+        last body's tip, in the system's order; then what `rest_rows` adds; then the forces of contacts.  Terms that
+        have no stiffness are left out, and so are terms whose amplitudes are 0 in all postures.
         """
         assert scene.frame is not None and scene.gravity is not None  # as `with_hook` says
         assembly, x = Assembly(system), side_positions(system, postures)
