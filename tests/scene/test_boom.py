@@ -53,68 +53,6 @@ def test_pads_measure_a_section_wherever_joints_take_them() -> None:
     assert [len(one.ring_ranges) for one in members(mixed)] == [1, 2, 2]
 
 
-REFUSED = [
-    ("sections.fly.loads.0.name=gravity", r"sections\[2\].loads\[0\].name = 'gravity': another name is allowed"),
-    ("sections.fly.loads.0.name=extension", r"sections\[2\].loads\[0\].name = 'extension': another name is allowed"),
-    ("sections.fly.joint.mouth.0.clearance=0.5", r"mouth\[0\].clearance = 0\.5: at most 0\.0135 m is allowed"),
-    ("section.joint.tail.0.clearance=0.0136", r"sections\[1\].*clearance = 0.0136: at most 0\.0125 m"),
-    ("section.joint.tail.0.clearance=0.0124", ""),
-    ("section.joint.friction_speed=0.1", "joint.friction_speed = 0.1: this key is no longer allowed: pads stick"),
-    ("section.joint.tail.0.friction=50", r"friction = 50.0: a number from 0 to 1 is allowed"),
-    ("section.joint.tail.0.static_friction=0.2", "static_friction = 0.2 is allowed beside a smaller friction"),
-    ("sections.fly.supports=[{on='tip',kind='clamped'}]", r"supports\[0\].kind = 'clamped': directions"),
-    ("sections.middle.supports=[{on='tip',directions=['x'],stiffness=1e5}]", "directions: directions without x"),
-    ("sections.fly.supports=[{on='tip',kind='roller'}]", ""),
-    ("sections.base.pads=[{name='p',moving=true,faces={bottom=[0.0]}}]", r"pads\[0\].moving = True: false"),
-    ("sections.fly.joint.extension=6.2", r"sections\[2\].joint.extension: it pulls fly out of middle: .* 5\.7 m"),
-    ("sections.fly.joint.extension=5.75", r"joint.extension: the overlap of fly and middle gets down to 0\.25 m"),
-    ("sections.fly.joint.extension=5.41", r"tail\[0\] and mouth\[0\] overlap on the bottom at .* 5\.41 m.* 5\.4 m"),
-    ("sections.fly.joint.extension=5.4", ""),
-    ("sections.fly.joint.extension=-0.1", r"the tail of fly gets 0\.1 m behind that of middle"),
-    ("sections.fly.body.box.length=0.9", r"at an extension of 0\.6 m fly ends before a pad at the mouth of middle"),
-    ("sections.fly.joint.overlap=7.0", r"sections\[2\].joint.overlap: the tail of fly gets 1 m behind"),
-    ("sections.fly.body.box.width=0.256", r"outside fly is 0\.262 m, inside middle there are 0\.253 m"),
-    ("sections.fly.joint.tail.0.at=0.1", r"sections\[2\].joint.tail\[0\].at = 0\.1: these pads reach from -0\.05"),
-    ("sections.fly.joint.follows=fly", r"joint.follows = 'fly': middle are allowed"),
-    (
-        "sections.fly.joint.follows=base",
-        r"joint.follows = 'base': middle are allowed, which do not follow it: the base, base, does not extend",
-    ),
-    ("sections.fly.joint.extension={kind='step',time=1.0,before=1.0,after=2.0}", r"fly jumps from 1 m to 2 m at 1 s"),
-    ("sections.fly.name=middle", r"sections = 'middle': names that differ are allowed"),
-    ("sections.fly.observe.frequency_response=true", r"sections\[2\].observe.frequency_response = True: true is"),
-    ("sections.base.observe.frequency_response=true", r"sections\[0\].observe.frequency_response = True: false"),
-    ("sections.fly.reduction.basis=file", r"sections\[2\].reduction.basis = 'file': 'free_modes'"),
-    ("sections.fly.reduction.basis=eigenmodes", r"sections\[2\].reduction.basis = 'eigenmodes': 'free_modes'"),
-    ("sections.fly.body.model=beam3d", r"planar beams \(base, middle\) beside others"),
-    ("sections.fly.loads.0.on=12.0", r"sections\[2\].loads\[0\].on = 12\.0: on the body, 0 to 6 m"),
-    ("section.joint.tail.0.faces.bottom=[0.2]", r"sections\[1\].joint.tail\[0\].faces.bottom = 0\.2: the pad"),
-    ("sections.fly.joint.tail=[{at=0.15}]", r"sections\[2\].joint.tail\[0\].faces: faces are needed: other pads on"),
-    ("section.joint.tail.0.unilateral=false", ""),
-    ("section.joint.tail=[{at=0.15,unilateral=false,clearance=0.01}]", r"a clearance goes with unilateral = true"),
-    ("simulation.simulators=['exudyn-callback']", r"simulators = 'exudyn-callback': march or exudyn is .* only push"),
-    ("compare.against=['ancf']", r"compare.against = \['ancf'\]: \['full'\] or \[\] is allowed"),
-    ("time.step=1e-320", r"time.step = 1e-320: a number from 1e-12 to 1e\+09 is allowed"),
-    ("sections.fly.joint.tail.0.length=1e9", r"sections\[2\].joint.tail\[0\].length = 1000000000.0: a number from"),
-    ("time.step=3e-3", r"time.step = 0\.003: a whole number of steps"),
-    ("recovery.every=1.5e-3", r"recovery.every = 0\.0015: a multiple of time.step"),
-    ("sections.fly.bodi=1", r"unknown key; did you mean 'body'\?"),
-    ("mesh.elements=3", r"unknown key; did you mean 'sections.mesh'\? allowed: title, gravity, .* and 10 more$"),
-    ("simulaton.repeats=3", r"did you mean 'simulation'\? allowed: simulation, title, [a-z, ]{,60} and 10 more$"),
-    ("sections.fly.joint.strnds=1", r"did you mean 'sections.joint.rope.strands'\? allowed: extension, overlap"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("change", "said"), REFUSED)
-def test_what_contradicts_itself_is_refused_with_key_and_numbers(change: str, said: str) -> None:
-    if not said:
-        load(change)
-        return
-    with pytest.raises(InputError, match=said) as caught:
-        load(change)
-    assert "\n" not in str(caught.value)
-
-
 def test_pads_beside_each_other_on_a_face_do_not_overlap() -> None:
     """Pads of the tail and of the mouth are 0.08 m and 0.04 m wide, their centres 0.061 m or 0.059 m apart."""
     faces = ["section.body.model=beam3d", "sections.fly.joint.tail.0.faces={bottom=[0.0],top=[0.0]}"]

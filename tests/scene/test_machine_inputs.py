@@ -87,31 +87,6 @@ def test_limits_on_what_a_machine_stands_on_need_a_ground() -> None:
         Limit(name="t", of="tipping", most=0.8, polygon=[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 
 
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ("hoist.section=jib", "hoist.section"),
-        ("hoist.on=7.0", "hoist.on"),
-        ("hoist.on=rope", "hoist.on"),
-        ("hoist.payload=-1.0", "hoist.payload"),
-        ("hoist.length=20.0", "hoist"),
-        ("hoist.speed=3.0", "hoist.speed"),
-        ("hoist.winch.section=jib", "hoist.winch.section"),
-        ("hoist.winch={section='fly', at=[6.5, 0.0, 0.0]}", "hoist.winch.at"),
-        ("frame.base.rx={kind='sine', amplitude=1.0, frequency=0.1}", "hoist.winch.section"),
-        ("frame.base.z={kind='sine', amplitude=1.0, frequency=0.1}", "hoist.pivot_height"),
-        ("frame.machine={mass=1e4}", "hoist"),
-        ("sections.fly.observe.frequency_response=true", "sections[2].observe.frequency_response"),
-        ("simulation.simulators=['exudyn']", "simulation.simulators"),
-        ("simulation.full=petsc", "compare.against"),
-    ],
-)
-def test_what_does_not_fit_is_refused_with_its_key(change: str, key: str) -> None:
-    with pytest.raises(InputError) as refused:
-        pmr.load_scene(plain_machines.HOIST, [change])
-    assert refused.value.key == key, refused.value
-
-
 STANDS = [
     "hoist.winch={section='base', at=[0.0, 0.0, 0.0]}",
     "frame.ground={height=1.6, masses=[{name='m', mass=1e4, at=[0.0, 0.0, 0.0]}], outriggers=["
@@ -175,28 +150,6 @@ def test_a_load_chart_refuses_a_hoist(
 ) -> None:
     refused = called(monkeypatch, capsys, "chart", "hoist", "--up-to", "1000", "--out", str(tmp_path / "chart"))
     assert refused.returncode == 2 and "hoist: none is allowed in a load chart" in refused.stderr
-
-
-@pytest.mark.parametrize(
-    ("name", "change", "said"),
-    [
-        ("hoist", "hoist.winch.at=[-0.5,0.4]", "hoist.winch.at = [-0.5, 0.4]: a list of 3 is allowed"),
-        ("luffing_oil", "frame.cylinder.oil.areas=[0.0154]", "oil.areas = [0.0154]: a list of 2 is allowed"),
-        ("luffing_oil", "frame.luffing='fre'", "frame.luffing = 'fre': 'free', a number or a table of keys is allowed"),
-        ("crane_outriggers", "frame.ground.slope=[1.0,2.0,0.0]", "slope = [1.0, 2.0, 0.0]: a list of 2 is allowed"),
-        ("crane_outriggers", "frame.ground.height=-1.6", "frame.ground.height = -1.6: "),
-        (
-            "bridge",
-            "sections.vehicle.joint.tail=[{at=0.0,faces={bottom=[0.0]}}]",
-            "without faces, is needed: the wheel",
-        ),
-        ("bridge", "sections.vehicle.joint.mouth=[{at=0.0}]", "body.mover: a joint with one ring in `tail`"),
-    ],
-)
-def test_a_slip_is_refused_in_words_of_its_key(name: str, change: str, said: str) -> None:
-    with pytest.raises(InputError) as refused:
-        pmr.load_scene(name, [change])
-    assert said in str(refused.value)
 
 
 @pytest.mark.parametrize(

@@ -65,61 +65,6 @@ def test_callbacks_know_no_rows_that_give_way() -> None:
         scene.load(WORKFLOWS / "simple_residual.toml", ["simulation.simulators=['march','exudyn-callback']"])
 
 
-REFUSED = [
-    ("body.profile.lenght=3", "body.profile.lenght = 3", "did you mean 'length'"),
-    ("body.profile.bending_stiffness=-5", "body.profile.bending_stiffness = -5", "greater than 0"),
-    ("body.profile.length=nan", "body.profile.length = nan", "finite"),
-    ("time.end=inf", "time.end = inf", "finite"),
-    ("slider.path={kind='ramp',times=[0,1],values=[1,6]}", "slider.path", "0 to 5 m"),
-    ("tolerance=0.01", "tolerance", "did you mean 'accuracy.tolerance'"),
-    ("joint.frction=1", "joint", "unknown key; allowed: "),
-    ("kind='collection'", "kind", "unknown key; allowed: "),  # many tables have one
-    ("gravity.inclination=95.0", "gravity.inclination = 95.0", "less than or equal to 90"),
-    ("slider.path={kind='ramp',times=[0,1],vals=[1,6]}", "slider.path.vals", "did you mean 'values'"),
-    ("slider.path={kind='table',file='none.csv'}", "slider.path", "no such file: none.csv"),
-    ("slider.path={kind='table',times=[0,1],values=[1,nan]}", "slider.path.values[1] = nan", "finite"),
-    ("slider.path=0.0", "slider.path", "support"),
-    ("slider.offsets=[0.0, 2.0]", "slider.path", "(offset 2 m)"),
-    ("reduction.coordinates=31", "reduction.coordinates = 31", "at most snapshots * modes = 30"),
-    ("reduction.coordinates=2", "reduction.coordinates = 2", "3 (2 of supports, 1 of sliders)"),
-    ("reduction.coordinates=2.5", "reduction.coordinates = 2.5", "integer"),
-    ("reduction.positions=[1.0,2.0]", "reduction.snapshots = 5", "2 positions"),
-    ("reduction.positions=[1.0,2.0,3.0,4.0,6.0]", "reduction.positions", "0 to 5 m"),
-    ("reduction.flexibility=1", "reduction.flexibility = 1", "boolean"),
-    ("reduction.flexibility=true", "reduction.basis = 'paper'", "'eigenmodes' or 'free_modes' is allowed"),
-    (
-        "reduction.residual_inertia=true",
-        "reduction.residual_inertia = True",
-        "a larger reduction.coordinates has the same effect",
-    ),
-    ("reduction.estimate=1", "reduction.estimate = 1", "boolean"),
-    ("reduction.basis=craig", "reduction.basis = 'craig'", "'free_modes', 'eigenmodes', 'paper' or 'file'"),
-    ("time.step=0.7", "time.step = 0.7", "whole number of steps"),
-    ("time.rho_inf=1.1", "time.rho_inf = 1.1", "less than or equal to 1"),
-    ("mesh.file='none.msh'", "mesh.file", "no such file"),
-    ("loads=[{on=6.0,signal=1.0}]", "loads[0].on = 6", "0 to 5 m"),
-    ("loads=[{on=5.0}]", "loads[0].signal", "required"),
-    ("body.profile.axial=1.5", "body.profile.axial = 1.5", "boolean"),
-    ("compare.against=['comsol']", "compare.against[0] = 'comsol'", "'full' or 'ancf'"),
-    ("damping.mass=0.1", "compare.against", "no damping"),
-    ("reduction", "--set: reduction", "section.key=value"),
-    ("slider.path={kind='step',time=1.0,before=1.25,after=1.5}", "slider.path", "jumps from 1.25 m to 1.5 m at 1 s"),
-    ("body.profile.length=true", "body.profile.length = True", "valid number"),
-    ("body.profile.length='5'", "body.profile.length = '5'", "valid number"),
-    ("mesh.grading=1e300", "mesh.grading = 1e+300", "from 0.001 to 1000"),
-    ("time.end=1e9", "time.step = 0.001", "at most 1,000,000 steps"),
-]
-
-
-@pytest.mark.parametrize(("override", "key", "allowed"), REFUSED, ids=[r[0] for r in REFUSED])
-def test_what_is_not_allowed_is_refused_in_one_line(override: str, key: str, allowed: str) -> None:
-    with pytest.raises(InputError) as caught:
-        scene.load(SIMPLE, [override])
-    line = str(caught.value)
-    assert key in line and allowed in line
-    assert "\n" not in line
-
-
 def test_the_line_names_the_file_in_which_the_value_stands(tmp_path: Path) -> None:
     base, derived = tmp_path / "base.toml", tmp_path / "derived.toml"
     base.write_text(f'extends = "{SIMPLE}"\n[body.profile]\nmass_per_length = -1.0\n')

@@ -49,24 +49,6 @@ def test_what_no_simulator_can_names_the_key_that_mends_it() -> None:
         refuse_unsupported("march", undamped, REFERENCE)
 
 
-@pytest.mark.parametrize(
-    ("overrides", "refusal"),
-    [
-        (["compare.against=[]"], None),
-        ([], r"time\.rho_inf = 1\.0: .*compare\.against = \[\]"),  # the full beam's slider is rigid
-        (["reduction.flexibility=false", "compare.against=[]"], r"time\.rho_inf = 1\.0: .*flexibility, allow 1"),
-        (["slider.path=2.0"], None),
-    ],
-)
-def test_an_undamped_slider_is_refused_before_there_is_a_model(overrides: list[str], refusal: str | None) -> None:
-    asked = ["time.rho_inf=1.0", *overrides]
-    if refusal is None:
-        scene.load(WORKFLOWS / "evolved_residual.toml", asked)
-        return
-    with pytest.raises(InputError, match=refusal):
-        scene.load(WORKFLOWS / "evolved_residual.toml", asked)
-
-
 def test_rigid_pads_that_only_push_need_something_that_gives_way() -> None:
     pads = "pads=[{name='tail',at=0.15,faces={top=[0.1],bottom=[0.1]},length=0.1,width=0.05,stiffness='rigid',"
     pads += "unilateral=true,moving=true}]"

@@ -18,7 +18,6 @@ AT_THE_WEB = (
     "pads=[{name='a',at=0.15,width=0.06,faces={bottom=[-0.12,0.12],top=[-0.12,0.12]}},"
     "{name='b',moving=true,width=0.06,faces={top=[0.12]}}]"
 )
-MOUTH = "name='mouth',moving=true,faces={bottom=[0.0]}"
 PROBE = "probes=[{name='p',at=[3.0,0.0,0.2],measures=['%s']}]"
 VERTICAL = "loads=[{name='F',signal=1000.0}]"
 
@@ -143,35 +142,6 @@ def test_a_wall_is_a_long_plate() -> None:
     assert wall_frequency(box, 210e9, 0.3, 7850.0) == pytest.approx(122.9, abs=0.1)
 
 
-@pytest.mark.parametrize(
-    ("override", "message"),
-    [
-        ("body.model=plate", "body.model"),
-        ("mesh.file=nowhere.msh", "mesh.file = 'nowhere.msh': no such file"),
-        ("body.box.wall=0.15", "body.box.wall = 0.15: less than 0.15 m, half of width and height, is allowed"),
-        ("body.box.radius=0.003", "body.box.radius = 0.003: 0 is allowed, or more than 0.004 m, half the wall"),
-        ("slider.offsets=[0.1]", "slider.offsets"),
-        ("pads=[]", "nothing slides"),
-        (f"pads=[{{{MOUTH},clearance=1e-3}}]", "pads[0].clearance = 0.001: 0 is allowed unless unilateral = true"),
-        ("compare.against=['ancf']", "the ANCF reference needs body.profile"),
-        ("recovery={every=0.0015}", "recovery.every = 0.0015: a multiple of time.step"),
-        ("body.model=beam2d", "loads[1].direction = 'y': x, z and ry are allowed for beam2d"),
-        ("masses=[{name='m',on='tip',mass=1.0},{name='m',on='tip',mass=2.0}]", "masses = 'm': names that differ"),
-        ("body.thickness=0.01", "give box.wall or thickness, one of them"),
-        ("body.shape=1", "unknown key; did you mean"),
-        ("gravity.direction=[0.0,0.0,0.0]", "gravity.direction: a direction is allowed: three numbers, not all of"),
-        (
-            "body.box.radius=0.2",
-            "body.box.radius = 0.2: 0 is allowed, or more than 0.004 m, half the wall, and at most 0.15",
-        ),
-    ],
-)
-def test_what_does_not_fit_is_refused_in_one_line(load, override, message) -> None:
-    with pytest.raises(InputError) as refused:
-        load(override)
-    assert message in str(refused.value) and "\n" not in str(refused.value)
-
-
 def test_nodes_are_those_of_a_beam(load) -> None:
     with pytest.raises(InputError, match="'path' or a list"):
         load("body.model=shell", "reduction={basis='eigenmodes',positions='nodes'}")
@@ -180,35 +150,6 @@ def test_nodes_are_those_of_a_beam(load) -> None:
 def test_a_study_of_planar_beams_refuses_a_boom() -> None:
     with pytest.raises(InputError, match="a scene with a planar beam, without pads, is allowed here"):
         scenes.beam_scene(WORKFLOWS / "boom.toml")
-
-
-PLANAR = ["body.model=beam2d", "loads=[{name='down',on='tip',direction='z',signal=1.0}]", "supports=[]"]
-
-
-@pytest.mark.parametrize(
-    ("override", "message"),
-    [
-        ("pads=[{name='mouth',moving=true,faces={left=[0.0]}}]", "a planar beam does not feel pads on its sides"),
-        ("gravity.direction=[0.0,1.0,-1.0]", "x and z are allowed for beam2d"),
-    ],
-)
-def test_what_a_planar_beam_does_not_know_is_refused(load, override, message) -> None:
-    with pytest.raises(InputError, match=message):
-        load(*PLANAR, override)
-
-
-@pytest.mark.parametrize(
-    ("override", "says"),
-    [
-        ("slider.travel=[1.6,4.0]", "around the path's 1.5 to 4"),
-        ("slider.travel=[4.2,1.4]", "two places in m, the smaller one first"),
-        ("slider.travel=[1.4,5.9]", "slider.travel: the pad .* reaches from 1.25 to 6.05 m"),
-        ("slider.travel=[1.4]", "slider.travel"),
-    ],
-)
-def test_travel_is_around_the_path_and_on_the_face(load, override: str, says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        load(override)
 
 
 def test_a_model_is_made_for_the_path_or_for_all_of_its_travel(load) -> None:

@@ -88,32 +88,6 @@ def test_in_a_file_that_extends_another(tmp_path: Path) -> None:
     assert scene.pads[1].width == 0.05 and scene.pads[1].moving
 
 
-@pytest.mark.parametrize(
-    ("override", "allowed"),
-    [
-        (
-            "pads.nose.at=9",
-            r"pads.nose.at = 9: the entries of this list are .*, by name or number: tail \(0\), mouth \(1\)",
-        ),
-        ("masses.3.mass=1", r"masses.3.mass = 1: the entries of this list are .*: payload \(0\)$"),
-        (
-            "masses.mass=1",
-            r"masses.mass = 1: this is a list; which .* before mass, as in masses.payload.mass: payload \(0\)",
-        ),
-        ("masses.payload=1", r"masses\[0\] = 1: a table of keys is allowed"),
-        ("compare.against=full", "compare.against = 'full': a list is allowed"),
-        ("gravity.direction=[0,0,-1]", ""),
-        ("pads.mouth.faces.top.left=1", "pads.1.faces.top.left = 1: this list can't be changed in part"),
-    ],
-)
-def test_what_is_not_there_is_answered_with_what_is(override: str, allowed: str) -> None:
-    if not allowed:
-        scenes.load(BOOM, [override])
-        return
-    with pytest.raises(InputError, match=allowed):
-        scenes.load(BOOM, [override])
-
-
 def test_two_of_one_name_are_told_apart_by_number_alone(tmp_path: Path) -> None:
     text = BOOM.with_name("boom.toml").read_text().replace('name = "gust"', 'name = "tip force"')
     (tmp_path / "two.toml").write_text(text)
