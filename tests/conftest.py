@@ -21,9 +21,10 @@ import pytest
 from oracle import CASES, Case, full_body, paper_basis, project, rich_body
 
 from pmr import scene
+from pmr.cli import run as run_command
 from pmr.kernel import state
 from pmr.kernel._native import ffi, lib
-from pmr.report import album, background, document
+from pmr.report import album, document
 from pmr.report.blocks import Drawing
 from pmr.report.figures.canvas import drawing
 from pmr.scene import Scene
@@ -170,7 +171,7 @@ def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
         return Drawing(name, "<svg></svg>", caption)
 
     monkeypatch.setattr(drawing, "__code__", empty.__code__)  # many modules have the function itself
-    monkeypatch.setattr(background, "has_free_core", lambda: False)  # another process would help
+    monkeypatch.setattr(run_command, "has_free_core", lambda: False)  # another process would help
     monkeypatch.setattr(album, "render_shots", lambda shots: [b""] * len(shots))
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pmr.errors import InputError, environment, similar_name_hint
 
 if TYPE_CHECKING:
-    from pmr.export.fmi.observer import UnitObserver
+    from pmr.export.fmi.fmu import UnitObserver
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from processes import called
 
 import pmr
 from pmr import InputError, Observer
-from pmr.observe.budget import output_errors
-from pmr.observe.measured import Observation, ObserverFile, describe_faults, read_measurements
+from pmr.observe.measured import Observation, ObserverFile, describe_faults, output_errors, read_measurements
 from pmr.observe.observer import Sensor, UnknownLoad
 
 FILE = """

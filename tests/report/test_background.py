@@ -14,13 +14,13 @@ import pytest
 from waiting import PATIENCE, wait_until
 
 from pmr import InputError
+from pmr.cli.run import has_free_core, helper_process
 from pmr.errors import environment
-from pmr.report.background import has_free_core, helper_process
 
 KILLED = """
 import multiprocessing, time
 from pmr.errors import environment
-from pmr.report.background import helper_process
+from pmr.cli.run import helper_process
 
 environment.available_cores = lambda: 2
 if __name__ == "__main__":
