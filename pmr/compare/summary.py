@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pmr.compare.drives import energy_part, extension_part, hoist_part, luffing_part
+from pmr.compare.drives import extension_part, hoist_part, luffing_part
 from pmr.compare.dynamic_factors import dynamic_factors_part
 from pmr.compare.error_parts import ReductionError, SimulatedSystem, reduction_error, step_part
 from pmr.compare.errors import (
@@ -37,6 +37,7 @@ from pmr.compare.moving_frame import frame_part, ground_part, with_choice_of_ter
 from pmr.compare.outputs import has_impulsive_force, section_columns
 from pmr.compare.responses import Simulations, check_installed, simulate
 from pmr.compare.simulated import excitation_of_scene, with_models_of
+from pmr.compare.space_energy import energy_part
 from pmr.compare.trust import (
     RingingReference,
     distrust_warnings,

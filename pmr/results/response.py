@@ -72,8 +72,8 @@ class Energy:
     """Kinetic, strain and external energy in J over time, each (T,), relative to the axes that move with the boom.
 
     In a moving frame the kinetic energy is that of the motion beside the boom's rigid motion, and the boom's weight and
-    inertia are loads.  `pmr.compare.drives.energy_in_space` returns energy and
-    work in space, less those of the same boom if it were rigid.
+    inertia are loads.  `pmr.compare.space_energy.energy_in_space` returns energy and work in space, less those of the
+    same boom if it were rigid.
 
     The external energy is minus the work of the loads.  With a hoist the strain energy includes the kinetic energy of
     the payload and the elastic energy of the rope, and the kinetic energy is that of the bodies.

@@ -12,9 +12,9 @@ from newton_euler import needed
 import pmr
 from pmr import Response, System
 from pmr import scene as scenes
-from pmr.compare.drives import SpaceEnergy, energy_in_space
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.simulated import excitation_of_scene
+from pmr.compare.space_energy import SpaceEnergy, energy_in_space
 from pmr.scene import Scene
 from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.native import systems
