@@ -241,17 +241,19 @@ def chart(
     from pmr.scene import load_any
     from pmr.scene.choice import traits_of
     from pmr.scene.members import members
-    from pmr.studies.chart_draft import chart_study_text, usual_load, words_of_usual_load
+    from pmr.studies.chart_draft import chart_study_text, check_chart, usual_load, words_of_usual_load
 
     file = console.scene_file(scene)
     folder = out_dir or Path("reports", f"chart_{scene.resolve().name if scene.is_dir() else file.stem}")
     written = folder / STUDY
-    loaded = None if written.exists() else load_any(file)
-    if loaded is not None and any(traits_of(member).needs_fenicsx for member in members(loaded)):
-        environment.check_installed("dolfinx")
-    console.prepare_folder(folder, (STUDY, "tasks/*.npz"))
+    loaded, largest = None if written.exists() else load_any(file), up_to
     if loaded is not None:
+        if any(traits_of(member).needs_fenicsx for member in members(loaded)):
+            environment.check_installed("dolfinx")
         largest = usual_load(loaded) if up_to is None else up_to
+        check_chart(file, loaded, largest)
+    console.prepare_folder(folder, (STUDY, "tasks/*.npz"))
+    if loaded is not None and largest is not None:
         written.write_text(chart_study_text(file, loaded, largest), encoding="utf-8")
         if up_to is None:
             sentence = f"{largest:.6g} kg is the largest load that is looked for: {words_of_usual_load(loaded)}"

@@ -143,18 +143,23 @@ def _wall_limits(scene: Scene) -> Iterator[WallLimit]:
         yield WallLimit(name, [json.dumps(f"{name} {end} *") for end in ends], at_yield.force, at_yield.section)
 
 
-def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
-    """Return the text of a study file for a load chart, over the ranges of the scene's extensions and luffing angle.
-
-    Limits are tipping, the stress at probes and that of walls at pads, as far as the scene has what they need; pads are
-    pressed on shells of the sections for it.  `up_to` is the largest load in kg.  Raises InputError if the scene has no
-    luffing angle.
-    """
+def check_chart(file: Path, scene: Scene, up_to: float) -> None:
+    """Raise InputError if the scene of a file has no luffing angle over time, or `up_to` in kg is not above 0."""
     if scene.frame is None or scene.frame.luffing is None or scene.frame.luffing == "free":
         allowed = "a scene whose [frame] has a luffing angle over time is allowed"
         raise InputError("command line", "SCENE", str(file), allowed)
     if not up_to > 0.0:
         raise InputError("command line", "--up-to", up_to, "a load above 0 kg is allowed")
+
+
+def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
+    """Return the text of a study file for a load chart, over the ranges of the scene's extensions and luffing angle.
+
+    Limits are tipping, the stress at probes and that of walls at pads, as far as the scene has what they need; pads are
+    pressed on shells of the sections for it.  `up_to` is the largest load in kg.  The scene is one that `check_chart`
+    accepts.
+    """
+    assert scene.frame is not None and scene.frame.luffing is not None and scene.frame.luffing != "free"
     end, names = scene.time.end, scene.names[1:]
     bounds = [scene.extension(number).bounds(0.0, end) for number in range(1, len(scene.sections))]
     keys = [name if BARE_KEY.fullmatch(name) else json.dumps(name) for name in names]

@@ -11,10 +11,11 @@ distributed full model.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -111,7 +112,7 @@ def clear_rates_without_inertia(body: SlidingBody, v: Array) -> Array:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FullOrderBody:
+class FullOrderBody(ABC):
     """Rows of a body in full order, names and places of its inputs and outputs, and what follows from the rows."""
 
     rows: Rows  # supports first, then the sliders
@@ -123,22 +124,17 @@ class FullOrderBody:
     # rows (1, n) that measure motions where something may be attached, by place and direction
     ports: Mapping[str, sp.csr_matrix] = field(default_factory=dict)
     node_stations: Array | None = None  # (N,) m: coordinates of a beam's nodes along its axis; None: no beam
+    flexibility: ClassVar[None] = None  # a full model leaves no flexibility out
+    section: ClassVar[None] = None  # a full model does not record to which boom it belongs
 
     @property
+    @abstractmethod
     def carriers(self) -> RowsOnCarriers | None:
         """Rows on carriers, which each kind of full model makes in its own way."""
-        raise NotImplementedError
-
-    @property
-    def flexibility(self) -> None:
-        """None: a full model leaves no flexibility out."""
-
-    @property
-    def section(self) -> None:
-        """None: a full model does not record to which boom it belongs."""
 
     def ensure_whole(self, source: str) -> None:
         """Do nothing: a full model has all of its joints, so that there is no error about `source`."""
+        return
 
     @property
     def row_compliance(self) -> Array:

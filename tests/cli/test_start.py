@@ -222,9 +222,10 @@ def test_walls_of_templates_give_on_cells_about_as_wide_as_their_pads(kind: str)
 def test_what_has_no_chart_is_refused_in_one_line(
     scene: str, up_to: str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
-    done = called(monkeypatch, capsys, "chart", scene, "--up-to", up_to, "--out", str(tmp_path))
+    folder = tmp_path / "chart"
+    done = called(monkeypatch, capsys, "chart", scene, "--up-to", up_to, "--out", str(folder))
     assert done.returncode == 2 and says in done.stderr and done.stderr.count("\n") == 1, done.stderr
-    assert not list(tmp_path.iterdir())
+    assert not folder.exists()
 
 
 def _only_write_charts(monkeypatch: pytest.MonkeyPatch, sections: tuple[str, ...] = ("middle",)) -> None:
