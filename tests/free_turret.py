@@ -105,7 +105,13 @@ class Turret:
             linear = TURRET.mass * (velocity + np.cross(motion.omega, com))
             angular = TURRET.mass * np.cross(com, velocity) + J @ motion.omega
             own = momenta.momentum(
-                base.boom, motion, turned[:3] @ self.x_t[k], out, self.q[k], self.q_t[k], base.moments(out)
+                base.boom,
+                motion,
+                turned[:3] @ self.x_t[k],
+                out,
+                self.q[k],
+                self.q_t[k],
+                base.boom.answered_moments(base.answering, out),
             )
             P, L = R @ (linear + own[:3]), R @ (angular + own[3:] + np.cross(PLACE, own[:3]))
             found.append(np.append(P, L + np.cross(O, P)))
@@ -121,7 +127,15 @@ class Turret:
             out = base.extensions(t, self.z[k], self.z_t[k])
             places = equations.side_positions_on(dict(zip(base.paths.names, out.value, strict=True)))
             K = contacts.springs(places)[0][:, : equations.size]
-            own = momenta.kinetic(base.boom, motion, turned[:3] @ self.x_t[k], out, q, rate, base.moments(out))
+            own = momenta.kinetic(
+                base.boom,
+                motion,
+                turned[:3] @ self.x_t[k],
+                out,
+                q,
+                rate,
+                base.boom.answered_moments(base.answering, out),
+            )
             turret = TURRET.mass * velocity @ (velocity / 2.0 + np.cross(omega, TURRET.com))
             turret += omega @ TURRET.inertiaTensor @ omega / 2.0
             rod = (self.rod * self.z_t[k] ** 2 + self.spring * self.z[k] ** 2).sum() / 2.0

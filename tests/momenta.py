@@ -1,12 +1,11 @@
-"""Momentum and energy of a boom on a free base: integrals over its mass, from its moments at one time."""
+"""Momentum and energy of a boom on a free base: integrals over its mass, from its mass matrix at one time."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pmr.simulation.floating import BoomState, Extensions, FrameMotion, Moments
-from pmr.simulation.free_base import FreeBase
+from pmr.simulation.free_base import Extensions, FrameMotion, FreeBase, Moments, base_equations
 
 Array = NDArray[np.float64]
 
@@ -21,9 +20,8 @@ def momentum(
     moments: Moments | None = None,
 ) -> Array:
     """Linear and angular momentum (6,) about O in the boom's axes, with O moving at v (3,) m/s."""
-    at = BoomState(of.boom, motion, extended, q, rate, moments)
-    linear = of.boom.mass * v + np.cross(motion.omega, at.s) + at.s_rate
-    return np.append(linear, np.cross(at.s, v) + at.inertia @ motion.omega + at.h)
+    mass = base_equations(of.boom, motion, extended, q, rate, moments).mass
+    return mass[:6] @ np.concatenate([v, motion.omega, rate, extended.rate])
 
 
 def kinetic(
@@ -36,10 +34,5 @@ def kinetic(
     moments: Moments | None = None,
 ) -> float:
     """Kinetic energy in J, without q'^T M q' / 2 of the motion relative to the boom's axes."""
-    at, omega = BoomState(of.boom, motion, extended, q, rate, moments), motion.omega
-    along = sum(
-        mass * X**2 / 2.0 + X * rates[0, 0]
-        for mass, X, rates in zip(of.boom.masses, at.X_rate, at.mu_rate, strict=True)
-    )
-    linear = of.boom.mass * v / 2.0 + np.cross(omega, at.s) + at.s_rate
-    return float(v @ linear + omega @ (at.inertia @ omega / 2.0 + at.h) + along)
+    rates = np.concatenate([v, motion.omega, rate, extended.rate])
+    return float(rates @ base_equations(of.boom, motion, extended, q, rate, moments).mass @ rates) / 2.0

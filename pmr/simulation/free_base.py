@@ -32,9 +32,7 @@ and :math:`h = \int \rho\, x \times \dot x` its angular momentum about O relativ
 acceleration of `pmr.simulation.frame`, T and N are matrices of the frame's rotation; F and :math:`\mathfrak M` are the
 force and the moment of the base on the boom.  Terms that are quadratic in u, except for G, are included if the system
 has second order.  Sources: Shabana: Dynamics of Multibody Systems, section 5, and `docs/moving_frame_theory.md`.
-
-Also the response of contacts that give way to inputs and to a boom's own inertia, and the derivatives of this response
-by the paths.
+Sizes: S sections, P paths, n coordinates, i inputs.
 """
 
 from __future__ import annotations
@@ -45,26 +43,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pmr.errors import InputError
-from pmr.files.arrays import Array, Mask
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.choice import motion_directions
 from pmr.scene.frame import INERTIA
 from pmr.scene.keys import LUFFING, input_name
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.members import member_at
-from pmr.simulation.floating import (
-    CROSS,
-    BaseEquations,
-    Boom,
-    BoomState,
-    Extensions,
-    FrameMotion,
-    Moments,
-    Shortening,
-)
 from pmr.simulation.frame_motion import skew
 from pmr.system.assembly import Assembly
-from pmr.system.changing_rows import ChangingRows
+from pmr.system.changing_rows import EliminatedContacts
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
@@ -75,6 +63,190 @@ def with_all_inertia(system: System) -> System:
         return system
     bodies = {name: replace(body, quasi_static=np.zeros(0, np.int64)) for name, body in system.reduced.items()}
     return system.with_bodies(bodies)
+
+
+@dataclass(frozen=True)
+class Extensions:
+    """Extensions (P,) of P paths in m, with first and second rates in m/s and m/s^2.
+
+    The extension of a section is the distance of its tail ahead of the tail of the section before; that of the base is
+    0.  After the extensions of the S sections there may be paths that move no section, such as a single body's slider.
+    """
+
+    value: Array
+    rate: Array
+    second: Array
+
+
+@dataclass(frozen=True)
+class Moments:
+    """First moments beta of the sections' displacements by coordinates, with the paths at s (P,) in m.
+
+    `value` is (S, 4, 3, n): for each section, the integral over its mass of 1, x, y or z times the displacement along
+    x, y or z, per unit of each coordinate.
+    """
+
+    value: Array
+    slope: Array  # d beta / d s, (S, 4, 3, n, P)
+    curve: Array  # sum over j, k of (d^2 beta / d s_j d s_k) s_j' s_k', (S, 4, 3, n)
+
+
+@dataclass(frozen=True)
+class FrameMotion:
+    """Angular velocity `omega` (3,) in rad/s of the boom's frame, and minus the acceleration of gravity, `weight` (3,).
+
+    Both are in the axes of the boom's frame.
+    """
+
+    omega: Array
+    weight: Array  # m/s^2, directed upwards
+
+
+@dataclass(frozen=True)
+class Shortening:
+    """Part f q^T G q / 2 of a section's first moment along x that is quadratic in q: the boom is shorter as it bends.
+
+    It belongs to the moment over 1 (`over` = 0) or over x (`over` = 1).  The factor f is 1 without a `cylinder`; with
+    the number of a cylinder's extension as `cylinder`, f is -1 over the length of this extension.
+    """
+
+    section: int
+    over: int
+    G: Array  # (n, n)
+    cylinder: int | None = None
+
+    def factor(self, extended: Extensions) -> list[float]:
+        """Factor f with its rate, and with its second rate while the extension has a constant rate."""
+        if self.cylinder is None:
+            return [1.0, 0.0, 0.0]
+        l, v = extended.value[self.cylinder], extended.rate[self.cylinder]
+        return [-1.0 / l, v / l**2, -2.0 * v**2 / l**3]
+
+
+@dataclass(frozen=True)
+class BaseEquations:
+    """Equations of base (6,), coordinates (n,) and paths (P,): `mass` . (a, alpha, q'', s'') + `forces` = outer loads.
+
+    a and alpha are linear and angular acceleration of the frame, q the coordinates and s the paths.  `mass` does not
+    contain the mass matrix M of the coordinates.
+    """
+
+    mass: Array
+    forces: Array  # left sides at zero accelerations
+
+
+@dataclass(frozen=True)
+class Boom:
+    """Properties of a boom that do not change."""
+
+    place: Array  # p (3,) m: position of the base section's tail from the pivot
+    masses: Array  # (S,) kg
+    first: Array  # (S, 3) kg m: int rho r over each section, with the position r from its tail
+    inertia: Array  # (S, 3, 3) kg m^2: moment of inertia of each section about its tail
+    loads: Array  # (S, 6, i): forces on each section, and moments about its tail, by all i inputs
+    moments: Moments  # first moments by the coordinates
+    shortened: list[Shortening]
+    rotating: Array  # T_k (3, n, n) of `pmr.simulation.free_base`
+    carried: Array  # N_jk (3, 3, n, n) of `pmr.simulation.free_base`
+
+    @property
+    def mass(self) -> float:
+        """Mass of the whole boom in kg."""
+        return float(self.masses.sum())
+
+    def tails(self, extended: Extensions) -> Array:
+        """Positions d (S, 3) in m of the sections' tails from the pivot."""
+        return self.place + np.outer(np.cumsum(extended.value[: len(self.masses)]), np.eye(3)[0])
+
+
+@dataclass(frozen=True)
+class SectionMoments:
+    """First moments mu (S, 4, 3) of the sections' displacements at one instant, and by what they change."""
+
+    value: Array
+    rate: Array
+    second: Array  # second rate without the part that accelerations of coordinates and paths cause
+    by_motion: Array  # derivatives (S, 4, 3, 6 + n + P) by the displacements of base, coordinates and paths
+
+    @classmethod
+    def of(cls, boom: Boom, extended: Extensions, q: Array, rate: Array, beta: Moments) -> SectionMoments:
+        """Moments at coordinates q (n,) with rates `rate`; `beta` are their linear part."""
+        n, beta_rate = len(q), beta.slope @ extended.rate
+        by_motion = np.zeros((*beta.value.shape[:3], 6 + n + len(extended.value)))
+        by_motion[..., 6 : 6 + n], by_motion[..., 6 + n :] = beta.value, np.einsum("sljne,n->slje", beta.slope, q)
+        mu, mu_rate = beta.value @ q, beta.value @ rate + beta_rate @ q
+        mu_second = 2.0 * beta_rate @ rate + beta.curve @ q
+        for term in boom.shortened:
+            factor, factor_rate, factor_second = term.factor(extended)
+            at, Gq = (term.section, term.over, 0), term.G @ q
+            half = q @ Gq / 2.0
+            by_motion[at][6 : 6 + n] += factor * Gq
+            mu[at] += factor * half
+            mu_rate[at] += factor * (rate @ Gq) + factor_rate * half
+            mu_second[at] += factor * (rate @ term.G @ rate) + 2.0 * factor_rate * (rate @ Gq) + factor_second * half
+            if term.cylinder is not None:
+                by_motion[at][6 + n + term.cylinder] += half / extended.value[term.cylinder] ** 2
+        return cls(mu, mu_rate, mu_second, by_motion)
+
+
+def accelerations(boom: Boom, motion: FrameMotion, extended: Extensions, driven: Array) -> Array:
+    """Accelerations y (S, 4, 3) less gravity of points at rest in the sections, by 1, x, y and z, along x, y and z.
+
+    `driven` (6 + P,) are the linear and the angular acceleration of the frame, and the second rates of the paths.
+    """
+    y, spin, S = np.empty((len(boom.masses), 4, 3)), skew(motion.omega), len(boom.masses)
+    gradient, rates, seconds = (
+        spin @ spin + skew(driven[3:6]),
+        np.cumsum(extended.rate[:S]),
+        np.cumsum(driven[6 : 6 + S]),
+    )
+    y[:, 0] = motion.weight + driven[:3] + boom.tails(extended) @ gradient.T
+    y[:, 0] += 2.0 * np.outer(rates, spin[:, 0]) + np.outer(seconds, np.eye(3)[0])
+    y[:, 1:] = gradient.T
+    return y
+
+
+def base_equations(
+    boom: Boom, motion: FrameMotion, extended: Extensions, q: Array, rate: Array, moments: Moments | None = None
+) -> BaseEquations:
+    r"""Mass matrix and forces of the equations of base, coordinates q (n,) and paths, at one instant.
+
+    A motion of base or paths moves the points of a section as :math:`\sum_l \hat r_l V_l`, with :math:`\hat r` = (1, r
+    + u), a motion of coordinates or paths as the displacement u.  With the second moments :math:`A = \int \rho\, \hat r
+    \hat r^T` of each section and the derivatives J of its first moments by all motions, the mass matrix is the sum of
+    :math:`V^T A V + V^T J + J^T V` over the sections, and the forces are that of :math:`V^T (A\, y + \ddot\mu + 2\,
+    \omega \times \dot\mu) + J^T y`.  The matrices T and N of the frame's rotation add what is quadratic in u.
+
+    `rate` are the rates of q; `moments` are those of the boom if None.
+    """
+    n, e, spin = len(q), np.eye(3), skew(motion.omega)
+    S, P = len(boom.masses), len(extended.value)
+    mu = SectionMoments.of(boom, extended, q, rate, boom.moments if moments is None else moments)
+    d, y = boom.tails(extended), accelerations(boom, motion, extended, np.zeros(6 + P))
+    V = np.zeros((S, 4, 3, 6 + n + P))
+    V[:, 0, :, :3], V[:, 0, :, 3:6], V[:, 1:, :, 3:6] = e, -skew(d), -skew(e)
+    V[:, 0, 0, 6 + n : 6 + n + S] = np.tril(np.ones((S, S)))  # a path moves its own section and all after it
+    A, Nq = np.empty((S, 4, 4)), boom.carried @ q
+    A[:, 0, 0], A[:, 0, 1:] = boom.masses, boom.first + mu.value[:, 0]
+    A[:, 1:, 0] = A[:, 0, 1:]
+    A[:, 1:, 1:] = np.trace(boom.inertia, axis1=1, axis2=2)[:, None, None] / 2.0 * e - boom.inertia
+    A[:, 1:, 1:] += mu.value[:, 1:] + mu.value[:, 1:].transpose(0, 2, 1)
+    A[0, 1:, 1:] += (Nq @ q + (Nq @ q).T) / 2.0  # that of all sections
+
+    def sum_over(a: Array, b: Array) -> Array:
+        """Sum of products over sections, moments and axes."""
+        return np.tensordot(a, b, ((0, 1, 2), (0, 1, 2)))
+
+    coupling = sum_over(V, mu.by_motion)
+    coupling[3:6, 6 : 6 + n] += boom.rotating @ q
+    mass = sum_over(V, np.einsum("slm,smja->slja", A, V)) + coupling + coupling.T
+    forces = sum_over(V, A @ y + mu.second + 2.0 * mu.rate @ spin.T) + sum_over(mu.by_motion, y)
+    carried_rate = Nq @ rate + (Nq @ rate).T
+    forces[3:6] += (np.trace(carried_rate) * e - carried_rate) @ motion.omega + spin @ (boom.rotating @ q @ rate)
+    squared = np.outer(motion.omega, motion.omega) - (motion.omega @ motion.omega) * e
+    forces[6 : 6 + n] += 2.0 * motion.omega @ (boom.rotating @ rate)
+    forces[6 : 6 + n] += np.einsum("jk,jkn->n", squared, (Nq + Nq.transpose(1, 0, 2)) / 2.0)
+    return BaseEquations(mass, forces)
 
 
 class FreeBase:
@@ -133,6 +305,13 @@ class FreeBase:
         moments[..., section, over, along, :] = np.swapaxes(B[..., list(self.fields.values())], -1, -2)
         return moments
 
+    def answered_moments(self, contacts: EliminatedContacts, at: Extensions) -> Moments:
+        """First moments at extensions `at`, with the response of contacts that give way to inertia."""
+        response, curve = contacts.response(at.value), contacts.curve(at.value, at.rate)
+        return Moments(
+            self.moments(response.B), np.moveaxis(self.moments(response.B_slope), 0, -1), self.moments(curve)
+        )
+
     def weight(self, upwards: Array, count: int) -> Array:
         """Loads (i,), i = `count`, by the weight; `upwards` (3,) in m/s^2 is minus the acceleration of gravity."""
         loads = np.zeros(count)
@@ -145,13 +324,9 @@ class FreeBase:
 
         `driven` (6,) is the acceleration of O and the angular acceleration of the frame.
         """
-        spin, e, changed = skew(motion.omega), np.eye(3)[0], loads.copy()
-        gradient, S = spin @ spin + skew(driven[3:]), self._count
-        X, X_rate, X_second = (np.cumsum(values[:S]) for values in (extended.value, extended.rate, extended.second))
-        at = motion.weight + driven[:3] + (self.boom.place + np.outer(X, e)) @ gradient.T
-        at = at + 2.0 * np.outer(X_rate, spin @ e) + np.outer(X_second, e)
-        for (section, over, along), column in self.fields.items():
-            changed[column] = -(gradient[along, over - 1] if over else at[section, along])
+        changed, y = loads.copy(), accelerations(self.boom, motion, extended, np.append(driven, extended.second))
+        for at, column in self.fields.items():
+            changed[column] = -y[at]
         return changed
 
     def load_shortenings(self, load: str) -> Iterator[tuple[int | None, Array]]:
@@ -168,10 +343,8 @@ class FreeBase:
     def loads(self, f: Array, extended: Extensions) -> Array:
         """Force and moment about O (6,) by loads f (i,) on the undeformed boom, without inertia."""
         wrenches = self.boom.loads @ f
-        x, y, z = np.outer(np.eye(3)[0], np.cumsum(extended.value)[: self._count]) + self.boom.place[:, None]
-        force = wrenches[:, :3].T
-        moments = (y @ force[2] - z @ force[1], z @ force[0] - x @ force[2], x @ force[1] - y @ force[0])
-        return np.asarray(wrenches.sum(axis=0) + np.concatenate([np.zeros(3), moments]))
+        wrenches[:, 3:] += np.cross(self.boom.tails(extended), wrenches[:, :3])
+        return np.asarray(wrenches.sum(axis=0))
 
     def path_forces(self, f: Array) -> Array:
         """Forces (P,) along the P paths by loads f (i,): on a path's section and all sections after it.
@@ -181,16 +354,6 @@ class FreeBase:
         forces = np.zeros(self.boom.moments.slope.shape[-1])
         forces[: self._count] = np.cumsum((self.boom.loads @ f)[::-1, 0])[::-1]
         return forces
-
-    def base_equations(
-        self, motion: FrameMotion, extended: Extensions, q: Array, rate: Array, moments: Moments | None = None
-    ) -> BaseEquations:
-        """Mass matrix and forces of the equations of base, coordinates q and extensions, at one instant.
-
-        `rate` are the rates of q; `moments` are those of the boom if None.
-        """
-        state = BoomState(self.boom, motion, extended, q, rate, moments)
-        return BaseEquations(state.mass(), state.forces())
 
 
 def _inertia_inputs(body: ReducedModel, first: int) -> Iterator[tuple[str, str, int]]:
@@ -219,7 +382,7 @@ def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Asse
     for along, over, column in _inertia_inputs(body, 0):
         j = "xyz".index(along)
         if over:
-            S[3:, column] = CROSS[:, "xyz".index(over), j]
+            S[3:, column] = skew(np.eye(3)["xyz".index(over)])[:, j]
         else:
             S[j, column] = 1.0
         loads[:, assembly.input_slices[name].start + column] = 0.0
@@ -227,59 +390,3 @@ def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Asse
     first, inertia = gram[3:, :3], gram[3:, 3:]
     first = np.array([first[2, 1] - first[1, 2], first[0, 2] - first[2, 0], first[1, 0] - first[0, 1]]) / 2.0
     return {"masses": gram[0, 0], "first": first, "inertia": (inertia + inertia.T) / 2.0, "loads": loads}
-
-
-@dataclass(frozen=True)
-class InputResponse:
-    """Forces B f on coordinates (n,) by inputs f (i,), and displacements B^T q + E f (i,) at the inputs' points."""
-
-    B: Array
-    E: Array
-    B_slope: Array  # d B / d s, (P, n, i)
-    E_slope: Array  # (P, i, i)
-
-
-class EliminatedContacts:
-    """Response of a boom on n coordinates to inputs, after contacts that give way and hold both ways are eliminated.
-
-    The mask `gives` (m,) selects these contacts; it is false for rigid contacts and for pads that only push.
-    """
-
-    def __init__(self, boom: FreeBase, assembly: Assembly, along: ChangingRows, gives: Mask) -> None:
-        self._boom, self._along, self._gives = boom, along, gives
-        self._B, self._E = assembly.B.toarray(), assembly.energy
-        self._stored, self._moments = dict[bytes, InputResponse](), (b"", boom.boom.moments)
-
-    def moments(self, at: Extensions) -> Moments:
-        """First moments of the sections at extensions `at`; they include the response of contacts that give way."""
-        key = at.value.tobytes() + at.rate.tobytes()
-        if self._gives.any() and key != self._moments[0]:
-            answers, of, B_curve = self.response(at.value), self._boom.moments, np.zeros_like(self._B)
-            if at.rate.any():
-                near, gives = self._along.evaluate(at.value), self._gives
-                rows, (first, second) = (
-                    near.rows.select(gives),
-                    (part.select(gives) for part in near.time_derivatives(at.rate)),
-                )
-                bent, answer = np.split(rows.force_coefficients, [rows.C.shape[1]], axis=1)
-                answer_rate = np.linalg.solve(rows.F, first.H - first.F @ answer)
-                B_curve = -second.C.T @ answer - 2.0 * first.C.T @ answer_rate
-                B_curve -= bent.T @ (second.H - second.F @ answer - 2.0 * first.F @ answer_rate)
-            self._moments = key, Moments(of(answers.B), np.moveaxis(of(answers.B_slope), 0, -1), of(B_curve))
-        return self._moments[1]
-
-    def response(self, s: Array) -> InputResponse:
-        """Response to inputs with the paths at s (P,) m; the last few responses are stored."""
-        key = s.tobytes()
-        if key not in self._stored:
-            B, E = self._B, self._E
-            B_slope, E_slope = np.zeros((len(s), *B.shape)), np.zeros((len(s), *E.shape))
-            if self._gives.any():
-                near = self._along.evaluate(s)
-                rows, slopes = near.rows.select(self._gives), near.slopes.select(self._gives)
-                bent, answer = np.split(rows.force_coefficients, [rows.C.shape[1]], axis=1)
-                turned = slopes.H - slopes.F @ answer
-                B, B_slope = B - rows.C.T @ answer, -slopes.C.transpose(0, 2, 1) @ answer - bent.T @ turned
-                E, E_slope = E - rows.H.T @ answer, -answer.T @ turned - slopes.H.transpose(0, 2, 1) @ answer
-            self._stored = dict(list(self._stored.items())[-4:]) | {key: InputResponse(B, E, B_slope, E_slope)}
-        return self._stored[key]

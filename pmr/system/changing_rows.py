@@ -9,6 +9,8 @@ of the contacts themselves,
     \frac{\partial b}{\partial s_p} = v\, b'(x)
 
 for the sides that travel on path p.  All derivatives are exact except at the ends of the polynomials' intervals.
+
+Also the response of contacts that give way to inputs, and the derivatives of this response by the paths.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pmr.errors import InputError
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Mask
 from pmr.system.assembly import Assembly
 from pmr.system.contact_rows import ContactRows, clear_rows, is_round_off
 from pmr.system.rows import TouchedWeights
@@ -192,3 +194,52 @@ def _pad_to_shape(values: NDArray[Number], *shape: int) -> NDArray[Number]:
     wide = np.zeros(shape, values.dtype)
     wide[first:, ..., : values.shape[-1]] = values
     return wide
+
+
+@dataclass(frozen=True)
+class InputResponse:
+    """Forces B f on coordinates (n,) by inputs f (i,), and displacements B^T q + E f (i,) at the inputs' points."""
+
+    B: Array
+    E: Array
+    B_slope: Array  # d B / d s, (P, n, i)
+    E_slope: Array  # (P, i, i)
+
+
+class EliminatedContacts:
+    """Response of a system on n coordinates to inputs, after contacts that give way and hold both ways are eliminated.
+
+    The mask `gives` (m,) selects these contacts; it is false for rigid contacts and for pads that only push.
+    """
+
+    def __init__(self, assembly: Assembly, along: ChangingRows, gives: Mask) -> None:
+        self._along, self._gives = along, gives
+        self._B, self._E = assembly.B.toarray(), assembly.energy
+        self._stored = dict[bytes, InputResponse]()
+
+    def response(self, s: Array) -> InputResponse:
+        """Response to inputs with the paths at s (P,) m; the last few responses are stored."""
+        key = s.tobytes()
+        if key not in self._stored:
+            B, E = self._B, self._E
+            B_slope, E_slope = np.zeros((len(s), *B.shape)), np.zeros((len(s), *E.shape))
+            if self._gives.any():
+                near = self._along.evaluate(s)
+                rows, slopes = near.rows.select(self._gives), near.slopes.select(self._gives)
+                bent, answer = np.split(rows.force_coefficients, [rows.C.shape[1]], axis=1)
+                turned = slopes.H - slopes.F @ answer
+                B, B_slope = B - rows.C.T @ answer, -slopes.C.transpose(0, 2, 1) @ answer - bent.T @ turned
+                E, E_slope = E - rows.H.T @ answer, -answer.T @ turned - slopes.H.transpose(0, 2, 1) @ answer
+            self._stored = dict(list(self._stored.items())[-4:]) | {key: InputResponse(B, E, B_slope, E_slope)}
+        return self._stored[key]
+
+    def curve(self, s: Array, rate: Array) -> Array:
+        """Sum (n, i) over paths j, k of (d^2 B / d s_j d s_k) s_j' s_k', at paths s (P,) m with their `rate`."""
+        if not (self._gives.any() and rate.any()):
+            return np.zeros_like(self._B)
+        near, gives = self._along.evaluate(s), self._gives
+        rows, (first, second) = near.rows.select(gives), (part.select(gives) for part in near.time_derivatives(rate))
+        bent, answer = np.split(rows.force_coefficients, [rows.C.shape[1]], axis=1)
+        answer_rate = np.linalg.solve(rows.F, first.H - first.F @ answer)
+        curve = -second.C.T @ answer - 2.0 * first.C.T @ answer_rate
+        return np.asarray(curve - bent.T @ (second.H - second.F @ answer - 2.0 * first.F @ answer_rate))

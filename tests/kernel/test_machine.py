@@ -14,13 +14,11 @@ from pmr import InputError, SimulationError
 from pmr.kernel.machine import MachineSimulation
 from pmr.kernel.state import Settings, State
 from pmr.scene.frame import DIRECTIONS
-from pmr.simulation.floating import BoomState as Moment
-from pmr.simulation.floating import Extensions, FrameMotion
 from pmr.simulation.frame_motion import FrameRotation
-from pmr.simulation.free_base import EliminatedContacts, FreeBase
+from pmr.simulation.free_base import Extensions, FrameMotion, FreeBase, base_equations
 from pmr.simulation.native.machine import MachineRun, modes_in_bodies
 from pmr.system.assembly import Assembly
-from pmr.system.changing_rows import ChangingRows
+from pmr.system.changing_rows import ChangingRows, EliminatedContacts
 
 Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced
@@ -59,7 +57,7 @@ class Oracle:
         orders = ("value", "rate", "second_rate")
         out = Extensions(*(np.array([0.0, value]) for value in extension))
         gives = np.any(along.evaluate(out.value).rows.F != 0.0, axis=1)
-        moments = EliminatedContacts(equations, assembly, along, gives).moments(out)
+        moments = equations.answered_moments(EliminatedContacts(assembly, along, gives), out)
         luffing, slewing = (tuple(getattr(angle, order)(t) for order in orders) for angle in scene.frame.angles)
         rocking = [tuple(motion[:, 3 + j, None]) for j in range(3)]
         boom, base = FrameRotation.from_angles(luffing, slewing, rocking), FrameRotation.from_rocking(rocking)
@@ -71,12 +69,12 @@ class Oracle:
         P = R @ p[:3] + linear
         L = R @ p[3:] + np.cross(Rb @ CENTER, linear) + Rb @ (INERTIA * omega)
         self.momenta = np.append(P, L + np.cross(x, P))
-        pressed = equations.base_equations(turning, out, q, rate, moments)
+        pressed = base_equations(equations.boom, turning, out, q, rate, moments)
         accelerations = np.concatenate([R.T @ a, boom.acceleration[0], second, out.second])
         own = (pressed.forces + pressed.mass @ accelerations)[:6]
         linear = MASS * (a + Rb @ (np.cross(alpha, CENTER) + np.cross(omega, np.cross(omega, CENTER))))
         turned = Rb @ (INERTIA * alpha + np.cross(omega, INERTIA * omega)) + np.cross(Rb @ CENTER, linear)
-        first = R @ Moment(equations.boom, turning, out, q, rate, moments).s + MASS * (Rb @ CENTER)
+        first = R @ pressed.mass[[1, 2, 0], [5, 3, 4]] + MASS * (Rb @ CENTER)
         weight = np.array([0.0, 0.0, -scene.gravity.signal.value(0.0)])
         loads = equations.loads(np.array([90.0 * name.endswith("gust") for name in system.input_names]), out)
         force = (equations.boom.mass + MASS) * weight + R @ loads[:3] + FORCE

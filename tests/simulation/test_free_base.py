@@ -15,9 +15,8 @@ from pmr import InputError, System
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.simulation import Excitation
-from pmr.simulation.floating import Extensions, FrameMotion, Moments
 from pmr.simulation.frame_motion import Acceleration, FrameRotation
-from pmr.simulation.free_base import FreeBase
+from pmr.simulation.free_base import Extensions, FrameMotion, FreeBase, Moments, base_equations
 from pmr.system.assembly import Assembly
 
 Array = NDArray[np.float64]
@@ -50,7 +49,7 @@ def test_coordinates_feel_what_a_frame_makes_them_feel() -> None:
     out = replace(extended(scene, 0.07), second=np.array([0.0, second]))
     q, rate = np.random.default_rng(0).normal(size=(2, assembly.size))
     weight = scene.gravity.signal.value(t)[0] * turning.up[0]
-    pressed = boom.base_equations(FrameMotion(turning.velocity[0], weight), out, q, rate)
+    pressed = base_equations(boom.boom, FrameMotion(turning.velocity[0], weight), out, q, rate)
     known = np.concatenate([np.zeros(3), turning.acceleration[0], np.zeros(assembly.size), out.second])
     own = (pressed.forces + pressed.mass @ known)[6 : 6 + assembly.size]
     loads = [excitation.loads[one].value(t)[0] if INERTIA in one else 0.0 for one in system.input_names]
@@ -81,7 +80,7 @@ class Adrift:
     def rates(self, t: float, y: Array) -> Array:
         _, R, v, omega, q, rate, _ = self.parts(y)
         R, out, n = R.reshape(3, 3), extended(self.scene, t), self.n
-        pressed = self.boom.base_equations(FrameMotion(omega, np.zeros(3)), out, q, rate)
+        pressed = base_equations(self.boom.boom, FrameMotion(omega, np.zeros(3)), out, q, rate)
         mass = pressed.mass.copy()
         mass[6 : 6 + n, 6 : 6 + n] += self.M
         mass[:3, :3] += self.mass * np.eye(3)
@@ -143,7 +142,7 @@ class Drawn(Adrift):
     def rates(self, t: float, y: Array) -> Array:
         _, R, v, omega, q, rate, (s, s_t) = self.parts(y)
         R, n, out = R.reshape(3, 3), self.n, Extensions(*np.array([[0.0, s], [0.0, s_t], [0.0, 0.0]]))
-        pressed = self.boom.base_equations(FrameMotion(omega, np.zeros(3)), out, q, rate, self.moments(s, s_t))
+        pressed = base_equations(self.boom.boom, FrameMotion(omega, np.zeros(3)), out, q, rate, self.moments(s, s_t))
         free = np.delete(np.arange(8 + n), 6 + n)
         mass, forces = pressed.mass[np.ix_(free, free)], pressed.forces[free]
         mass[6 : 6 + n, 6 : 6 + n] += self.M

@@ -15,13 +15,12 @@ from pmr import InputError, SimulationError
 from pmr.scene import Scene
 from pmr.scene.frame import DIRECTIONS
 from pmr.simulation import Excitation
-from pmr.simulation.floating import Extensions, FrameMotion
 from pmr.simulation.frame_motion import FrameRotation, MachineMotion, with_computed_motion
-from pmr.simulation.free_base import EliminatedContacts, FreeBase
+from pmr.simulation.free_base import Extensions, FrameMotion, FreeBase, base_equations
 from pmr.simulation.native import systems
 from pmr.simulation.native.machine import machine_motion
 from pmr.system.assembly import Assembly
-from pmr.system.changing_rows import ChangingRows
+from pmr.system.changing_rows import ChangingRows, EliminatedContacts
 from pmr.system.states import SystemTrajectory
 
 Array = NDArray[np.float64]
@@ -64,7 +63,7 @@ class Whole:
         path = scene.extension(1)
         self.s = np.array([path.value(run.t), path.rate(run.t), path.second_rate(run.t)])
         self.gives = np.any(self.along.evaluate(np.array([0.0, self.s[0, 0]])).rows.F != 0.0, axis=1)
-        self.answering = EliminatedContacts(self.boom, self.assembly, self.along, self.gives)
+        self.answering = EliminatedContacts(self.assembly, self.along, self.gives)
         rocking = [tuple(found.values[:, :, 3 + j]) for j in range(3)]
         angles = [
             tuple(getattr(one, of)(run.t) for of in ("value", "rate", "second_rate")) for one in scene.frame.angles
@@ -78,7 +77,9 @@ class Whole:
         x, v = self.found.values[:2, k, :3]
         R, Rb, omega = self.turning.rotation[k], self.base.rotation[k], self.base.velocity[k]
         out, motion = self.extended(k), FrameMotion(self.turning.velocity[k], np.zeros(3))
-        p = momenta.momentum(self.boom, motion, R.T @ v, out, self.q[k], self.rate[k], self.answering.moments(out))
+        p = momenta.momentum(
+            self.boom, motion, R.T @ v, out, self.q[k], self.rate[k], self.boom.answered_moments(self.answering, out)
+        )
         own = MASS * (v + Rb @ np.cross(omega, CENTER))
         P = R @ p[:3] + own
         return np.append(P, R @ p[3:] + np.cross(Rb @ CENTER, own) + Rb @ (INERTIA * omega) + np.cross(x, P))
@@ -88,7 +89,13 @@ class Whole:
         out, motion = self.extended(k), FrameMotion(self.turning.velocity[k], np.zeros(3))
         own = v + Rb @ np.cross(omega, CENTER)
         energy = momenta.kinetic(
-            self.boom, motion, self.turning.rotation[k].T @ v, out, q, rate, self.answering.moments(out)
+            self.boom,
+            motion,
+            self.turning.rotation[k].T @ v,
+            out,
+            q,
+            rate,
+            self.boom.answered_moments(self.answering, out),
         )
         K = self.assembly.K.toarray() + self.springs(k)[0]
         return energy + (MASS * own @ own + omega @ (INERTIA * omega) + rate @ self.assembly.M @ rate + q @ K @ q) / 2.0
@@ -97,7 +104,7 @@ class Whole:
         """Of what draws the boom out, at the accelerations that the equations have there."""
         (q, rate), out, n = self.at(k), self.extended(k), self.assembly.size
         motion = FrameMotion(self.turning.velocity[k], np.zeros(3))
-        pressed = self.boom.base_equations(motion, out, q, rate, self.answering.moments(out))
+        pressed = base_equations(self.boom.boom, motion, out, q, rate, self.boom.answered_moments(self.answering, out))
         mass, forces, (contacts, slope) = pressed.mass.copy(), pressed.forces.copy(), self.springs(k)
         near, R, rigid = self.along.evaluate(out.value), self.turning.rotation[k], ~self.gives
         forces[6 : 6 + n] += (self.assembly.K.toarray() + contacts) @ q

@@ -29,7 +29,7 @@ from pmr.scene.choice import SimulatorNeeds
 from pmr.scene.signals import SignalBase
 from pmr.simulation.contact_step import StepParts
 from pmr.simulation.excitation import Excitation, side_positions, signals_in_order
-from pmr.simulation.floating import Extensions
+from pmr.simulation.free_base import Extensions
 from pmr.simulation.start import InitialState, consistent_start, dense, needs_of
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody

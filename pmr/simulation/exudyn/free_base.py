@@ -58,10 +58,9 @@ from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.equations import Driving, Equations, Inputs, NodeCoordinate, Paths, check_path, driving_value
 from pmr.simulation.exudyn.formulations import Start, zero_jacobian
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, with_contacts
-from pmr.simulation.floating import Extensions, FrameMotion, Moments
 from pmr.simulation.frame_motion import skew
-from pmr.simulation.free_base import EliminatedContacts, FreeBase, InputResponse
-from pmr.system.changing_rows import ChangingRows
+from pmr.simulation.free_base import Extensions, FrameMotion, FreeBase, base_equations
+from pmr.system.changing_rows import ChangingRows, EliminatedContacts
 from pmr.system.system import System
 
 
@@ -212,7 +211,7 @@ class Base:
         self.along = ChangingRows(equations.assembly, self.paths.names)
         gives = contacts.gives & (not contacts.any_pushes)
         self._gives, self._inputs = bool(gives.any()), equations.B.shape[1]
-        self._answering = EliminatedContacts(self.boom, equations.assembly, self.along, gives)
+        self.answering = EliminatedContacts(equations.assembly, self.along, gives)
         self.extending = (
             ExtendingBoom(equations, contacts, self.boom, self.paths, self.along) if self.paths.free else None
         )
@@ -234,14 +233,6 @@ class Base:
     def extensions(self, t: float, z: Array = NOTHING, z_t: Array = NOTHING) -> Extensions:
         """Extensions of the sections at t s, with coordinates and rates z, z_t (m,) of the user's nodes."""
         return self.paths.extensions(t, z, z_t)
-
-    def moments(self, at: Extensions) -> Moments:
-        """First moments of the sections for the extensions `at`, with the response of soft contacts to inertia."""
-        return self._answering.moments(at)
-
-    def answers(self, s: Array) -> InputResponse:
-        """Response to inputs with the paths at s (P,) in m, with contacts that give way and hold both ways."""
-        return self._answering.response(s)
 
     def kinematics(self, x: Array, rate: Array) -> tuple[Array, Array, FrameMotion, Array]:
         """Lambda (6, k), gamma (6,), motion of the boom's frame (with zero weight), and its rotation (3, 3).
@@ -283,9 +274,11 @@ class Base:
         k, n = self.count, self._size
         turned, gamma, motion, R = self.kinematics(x[:k], rate[:k])
         q, extended = x[k : k + n], self.extensions(t, x[k + n :], rate[k + n :])
-        pressed = self.boom.base_equations(
-            replace(motion, weight=self.weight(t) * R[2]), extended, q, rate[k : k + n], self.moments(extended)
+        motion, moments = (
+            replace(motion, weight=self.weight(t) * R[2]),
+            self.boom.answered_moments(self.answering, extended),
         )
+        pressed = base_equations(self.boom.boom, motion, extended, q, rate[k : k + n], moments)
         L = scipy.linalg.block_diag(turned, np.eye(n), self.paths.along)
         force = -pressed.forces - pressed.mass @ np.concatenate([gamma, np.zeros(n), extended.second])
         stiffness = np.zeros((k + n, k + n))

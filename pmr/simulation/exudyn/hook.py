@@ -164,7 +164,7 @@ class _Joint:
         if not (np.allclose(work[:3], np.eye(3)) and np.allclose(turned, expected, atol=1e-9)):
             allowed = "forces along x, y and z at one place are allowed"
             raise InputError("system", "loads", ", ".join(loads), allowed)
-        answers = base.answers(self._split(0.0, start).s)
+        answers = base.answering.response(self._split(0.0, start).s)
         values, vectors = np.linalg.eigh(answers.E[np.ix_(self._on, self._on)])
         stiff = vectors[:, values <= ROUND_OFF * max(answers.E.max(), TINY)]
         self._firm = stiff @ stiff.T  # projection onto the directions without immediate flexibility
@@ -190,7 +190,7 @@ class _Joint:
 
     def _flexibility(self, s: Array) -> tuple[Array, Array]:
         """Flexibility E_h (3, 3) in m/N with the paths at s (P,) m, and its derivatives (P, 3, 3) by s."""
-        answers, on = self._base.answers(s), np.ix_(self._on, self._on)
+        answers, on = self._base.answering.response(s), np.ix_(self._on, self._on)
         return answers.E[on], answers.E_slope[:, *on]
 
     def forces_and_stiffness(self, t: float, z: Array) -> ForcesAndStiffness:
@@ -220,7 +220,7 @@ class _Joint:
 
     def _unloaded_point(self, t: float, q: Array, s: Array, R: Array) -> UnloadedPoint:
         """Point of the hook without the hook's force, from the pivot O; R (3, 3) are the boom's axes in space."""
-        answers, e = self._base.answers(s), np.array([1.0, 0.0, 0.0])
+        answers, e = self._base.answering.response(s), np.array([1.0, 0.0, 0.0])
         rows, (bent, by) = answers.B[:, self._on].T, self._shortening(s, q)
         loads = self._base.boom.weight(self._base.weight(t) * R[2], len(answers.E)) + np.array(self._inputs.loads(t))
         carried = np.arange(len(s)) <= self._section

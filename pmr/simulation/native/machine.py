@@ -89,7 +89,7 @@ def machine_of(
         "inertial": np.array([k for k, name in enumerate(system.input_names) if INERTIA in name], np.int32),
         "loads": boom.loads,
         "of_shortened": np.array(of_shortened, np.int32).reshape(-1, 3),
-        "shortened": modes.T @ np.array(shortened).reshape(-1, boom.size, boom.size) @ modes,
+        "shortened": modes.T @ np.array(shortened).reshape(-1, *boom.rotating.shape[1:]) @ modes,
         "motions": np.moveaxis(frame.motions(excitation, t), -1, 0),
         "rates": _path_rates(scene, frame, t),
         "base_motion": base_motions(scene, t),
