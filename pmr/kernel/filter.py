@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pmr.errors import SimulationError
 from pmr.files.arrays import Array
 from pmr.kernel._native import ffi, lib
-from pmr.kernel.kernel import integer_pointer, pointer
+from pmr.kernel.kernel import pointer, structure
 from pmr.kernel.state import State
 
 #: How a measurement is used (`pmr_filter_update` in src/pmr_kernel.h).
@@ -79,11 +79,7 @@ class KalmanFilter:
     """
 
     def __init__(self, data: FilterData, steps: FilterSteps) -> None:
-        self._indices = {name: np.ascontiguousarray(array, np.int32) for name, array in data.indices.items()}
-        self._arrays = {name: np.ascontiguousarray(array, float) for name, array in data.arrays.items()}
-        pointers = {name: integer_pointer(array) for name, array in self._indices.items()}
-        pointers |= {name: pointer(array) for name, array in self._arrays.items()}
-        self._filter = ffi.new("pmr_filter *", dict(data.sizes) | dict(data.numbers) | pointers)
+        self._filter = structure("pmr_filter", {**data.sizes, **data.numbers, **data.indices, **data.arrays})
         counts = ffi.new("pmr_filter_counts *")
         lib.pmr_filter_sizes(self._filter, counts)
         N, stride, self.outputs_count = counts.states, counts.stride, data.sizes["outputs"]
@@ -114,7 +110,7 @@ class KalmanFilter:
         """
         measured, innovations = np.ascontiguousarray(measured, float), np.zeros(len(measured))
         used = np.ascontiguousarray(use, np.int32)
-        arguments = (pointer(measured), integer_pointer(used), pointer(innovations))
+        arguments = (pointer(measured), pointer(used), pointer(innovations))
         if lib.pmr_filter_update(self._filter, pointer(self.memory), self._step_data(k), *arguments) != lib.PMR_DONE:
             raise SimulationError(f"step {k}: the covariance of the measurements is not finite, or has no inverse")
         return innovations
@@ -152,8 +148,7 @@ class LinearSteps:
             "reference": self.reference, **{name: getattr(self.matrices, name) for name in "RGCD"},
             "shapes": np.zeros((stored, q, r)), "loaded": np.zeros((stored, q)), "motion": np.zeros((stored, 3 * r)),
         }  # fmt: skip
-        sizes = {"outputs": q, "inputs": i, "modes": r}
-        self._data = ffi.new("pmr_chosen *", sizes | {n: integer_pointer(a) for n, a in vars(chosen).items()})
+        self._data = structure("pmr_chosen", {"outputs": q, "inputs": i, "modes": r} | vars(chosen))
 
     def take(self, state: State, k: int, u: Array) -> None:
         """Take a step of the `state` to drivers u (N,), and store it as step k.  A StepError is raised if it fails."""
@@ -173,5 +168,5 @@ class LinearSteps:
 
     def _step_data(self, k: int) -> Any:
         """Addresses of the arrays of step k."""
-        at = {name: pointer(array[min(k, len(array) - 1)]) for name, array in self._arrays.items()}
-        return ffi.new("pmr_linear_step *", at)
+        at = {name: array[min(k, len(array) - 1)] for name, array in self._arrays.items()}
+        return structure("pmr_linear_step", at)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal, NamedTuple, Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -120,14 +122,41 @@ class Kernel:
         return tuple(line.decode("unicode_escape") for line in lines)
 
 
-def pointer(array: Array | None) -> Any:
-    """Address of an array for the kernel, NULL for None; the caller has to keep the array while it is used."""
-    return ffi.NULL if array is None else ffi.cast("double *", array.ctypes.data)
+def pointer(array: NDArray[Any] | None) -> Any:
+    """Address of a contiguous array for the kernel, which keeps the array; NULL for None."""
+    if array is None:
+        return ffi.NULL
+    return ffi.from_buffer("int32_t[]" if array.dtype == np.int32 else "double[]", array)
 
 
-def integer_pointer(array: Integers | None) -> Any:
-    """Address of an array of integers for the kernel, NULL for None; the caller has to keep the array."""
-    return ffi.NULL if array is None else ffi.cast("int32_t *", array.ctypes.data)
+#: Addresses of arrays that a structure's fields hold, by the structure.
+_ADDRESSES = WeakKeyDictionary[Any, list[Any]]()
+
+
+@cache
+def _field_types(kind: str) -> dict[str, Any]:
+    """Types of the fields of a structure of the kernel by their names."""
+    return {name: field.type for name, field in ffi.typeof(kind).fields}
+
+
+def structure(kind: str, fields: Mapping[str, Any]) -> Any:
+    """Return a pointer to a structure of the kernel, such as ``pmr_machine``, with these values by the fields' names.
+
+    A field that is a pointer takes an array, which is kept as long as the structure; it is copied unless it is
+    contiguous and of the field's type.
+    """
+    types, values, addresses = _field_types(kind), dict[str, Any](), list[Any]()
+    for name, value in fields.items():
+        of_field, values[name] = types[name], value
+        if of_field.kind == "pointer":
+            array = np.ascontiguousarray(value, np.int32 if of_field.item.cname == "int32_t" else np.float64)
+            addresses.append(pointer(array))
+            values[name] = addresses[-1]
+        elif of_field.kind == "array":
+            values[name] = np.ravel(value).tolist()
+    filled = ffi.new(f"{kind} *", values)
+    _ADDRESSES[filled] = addresses
+    return filled
 
 
 def _aligned_bytes(block: bytes | bytearray) -> NDArray[np.uint8]:
@@ -159,32 +188,27 @@ class Signals:
         strands = [signal.strands for signal in signals]
         every = [strand for of_signal in strands for strand in of_signal]
         powers = max([1, *(strand.polynomials.shape[1] for strand in every)])
-        self.first_strand = np.cumsum([0, *map(len, strands)]).astype(np.int32)
-        self.first_piece = np.cumsum([0, *(len(strand.breaks) for strand in every)]).astype(np.int32)
-        self.spread = np.array([strand.spread for strand in every], float)
-        self.breaks = np.concatenate([np.zeros(0), *(strand.breaks for strand in every)])
-        self.pieces = np.zeros((len(self.breaks), powers + 4))  # coefficients, amplitude, angles
-        for first, strand in zip(self.first_piece, every, strict=False):
-            of_strand = self.pieces[first : first + len(strand.breaks)]
+        self._count, first_piece = len(signals), np.cumsum([0, *(len(strand.breaks) for strand in every)])
+        pieces = np.zeros((first_piece[-1], powers + 4))  # coefficients, amplitude, angles
+        for first, strand in zip(first_piece, every, strict=False):
+            of_strand = pieces[first : first + len(strand.breaks)]
             of_strand[:, powers - strand.polynomials.shape[1] : powers] = strand.polynomials
             of_strand[:, powers], of_strand[:, powers + 1 :] = strand.amplitude, strand.angles
-        self.pointer = ffi.new(
-            "pmr_signals *",
-            {
-                "drivers": len(signals),
-                "powers": powers,
-                "first_strand": ffi.cast("int32_t *", self.first_strand.ctypes.data),
-                "first_piece": ffi.cast("int32_t *", self.first_piece.ctypes.data),
-                "spread": ffi.cast("double *", self.spread.ctypes.data),
-                "breaks": ffi.cast("double *", self.breaks.ctypes.data),
-                "pieces": ffi.cast("double *", self.pieces.ctypes.data),
-            },
-        )
+        fields = {
+            "drivers": len(signals),
+            "powers": powers,
+            "first_strand": np.cumsum([0, *map(len, strands)]),
+            "first_piece": first_piece,
+            "spread": [strand.spread for strand in every],
+            "breaks": np.concatenate([np.zeros(0), *(strand.breaks for strand in every)]),
+            "pieces": pieces,
+        }
+        self.pointer = structure("pmr_signals", fields)
 
     def at(self, t: float) -> Array:
         """Values of the N signals at t in s, and their first and second rates, (3, N)."""
-        u = np.zeros((3, len(self.first_strand) - 1))
-        lib.pmr_signals_at(self.pointer, t, *(ffi.cast("double *", part.ctypes.data) for part in (u, u[1:])))
+        u = np.zeros((3, self._count))
+        lib.pmr_signals_at(self.pointer, t, *map(pointer, (u, u[1:])))
         return u
 
 
@@ -225,17 +249,12 @@ def advance_bank(bank: Bank, y: Array, activity: Array, least_level: Array, dela
     the floor of `bank`.  Probabilities of a step are those by measurements of up to `delay` further steps.
     """
     S, n = bank.H.shape
-    arrays = {
-        name: np.ascontiguousarray(getattr(bank, name), float)
-        for name in ("F", "H", "gain", "variance", "up", "down", "rest", "active")
-    }
-    sizes = {"places": S, "speeds": len(bank.up), "states": n}
-    numbers = sizes | dict(bank.following)
-    data = ffi.new("pmr_bank *", numbers | {name: pointer(array) for name, array in arrays.items()})
+    fields = {name: value for name, value in vars(bank).items() if name != "following"} | dict(bank.following)
+    data = structure("pmr_bank", fields | {"places": S, "speeds": len(bank.up), "states": n})
     memory = np.zeros(lib.pmr_bank_memory(data))
     lib.pmr_bank_start(data, pointer(memory))
     record = BankRecord(np.zeros((len(y), len(bank.up) * S)), np.zeros((len(y), n)), np.zeros(len(y)))
-    out = ffi.new("pmr_bank_record *", {name: pointer(array) for name, array in record._asdict().items()})
+    out = structure("pmr_bank_record", record._asdict())
     signals = [np.ascontiguousarray(x, float) for x in (y, activity, least_level)]
     lib.pmr_bank_advance(data, pointer(memory), len(y), *map(pointer, signals), out)
     places, of_models = np.zeros((len(y), S)), pointer(record.probability)

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pmr.errors import SimulationError
 from pmr.files.arrays import Array, Indices, Mask
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.blocks import LINE
 from pmr.kernel.further import mass_numbers
-from pmr.kernel.kernel import integer_pointer, pointer
+from pmr.kernel.kernel import pointer, structure
 from pmr.scene.ground import Ground, MachineMass, edge_rows
 
 
@@ -60,15 +61,8 @@ def solve_contact(A: Array, b: Array, pushes: Mask, closed: Mask) -> ContactForc
     forces, work = np.zeros(m), np.zeros(lib.pmr_contact_work(m))
     only_push, state = np.ascontiguousarray(pushes, np.int32), np.array(closed, np.int32)
     trouble = ffi.new("int *")
-    failed = lib.pmr_contact(
-        m,
-        *map(pointer, (A, b)),
-        integer_pointer(only_push),
-        pointer(forces),
-        integer_pointer(state),
-        pointer(work),
-        trouble,
-    )
+    arrays: list[NDArray[Any]] = [A, b, only_push, forces, state, work]
+    failed = lib.pmr_contact(m, *map(pointer, arrays), trouble)
     if failed == lib.PMR_DEPENDENT:
         error = ContactError(f"contact {trouble[0]} depends on those before it")
         error.row = int(trouble[0])
@@ -90,7 +84,7 @@ class ContactSearch:
         A contact is wrong if it is closed and pulls, or if it is open and overlaps.
         """
         changes = np.array(wrong, np.int32)
-        lib.pmr_choose_changes(len(changes), integer_pointer(changes), self._state)
+        lib.pmr_choose_changes(len(changes), pointer(changes), self._state)
         return np.asarray(closed ^ changes.astype(bool))
 
 
@@ -258,20 +252,9 @@ class Stand:
 
     def _under(self, law: Any, loads: Array, width: int) -> Array:
         """Columns (T, width) of a law of the kernel under loads (T, any)."""
-        places, stiffness, edges = (np.ascontiguousarray(of, float) for of in (self.places, self.stiffness, self.edges))
-        corners = np.ascontiguousarray(self.corners, np.int32)
-        stand = ffi.new(
-            "pmr_stand *",
-            {
-                "outriggers": len(places),
-                "corners": len(corners),
-                "height": self.height,
-                "places": pointer(places),
-                "stiffness": pointer(stiffness),
-                "at_corners": integer_pointer(corners),
-                "edges": pointer(edges),
-            },
-        )
+        counts = {"outriggers": len(self.places), "corners": len(self.corners), "height": self.height}
+        arrays = {"places": self.places, "stiffness": self.stiffness, "at_corners": self.corners, "edges": self.edges}
+        stand = structure("pmr_stand", counts | arrays)
         loads = np.ascontiguousarray(loads, float)
         columns = np.zeros((len(loads), width))
         if failed := law(stand, len(loads), pointer(loads), pointer(columns)):
@@ -287,9 +270,7 @@ def masses_wrench(masses: Sequence[MachineMass], angles: Array, falling: Array) 
     is the gravity and the acceleration of the pivot, upwards along axes of the ground.
     """
     numbers = mass_numbers(masses)
-    wrenches, (angles, falling) = (
-        np.zeros((len(falling), 6)),
-        (np.ascontiguousarray(of, float) for of in (angles, falling)),
-    )
+    wrenches = np.zeros((len(falling), 6))
+    angles, falling = (np.ascontiguousarray(of, float) for of in (angles, falling))
     lib.pmr_masses_wrench(len(numbers), pointer(numbers), len(falling), *map(pointer, (angles, falling, wrenches)))
     return wrenches

@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array
 from pmr.kernel._native import ffi, lib
-from pmr.kernel.kernel import pointer
+from pmr.kernel.kernel import pointer, structure
 from pmr.kernel.state import State
 
 #: Why step k of a machine, at t in s, fails although the step of its boom succeeds.
@@ -66,20 +65,10 @@ class MachineSimulation:
 
         `reasons` are the messages for the kernel's error codes.  Raises an `InputError` if the kernel refuses it.
         """
-        self._reasons = reasons
-        self.state, self._arrays, values = state, list[NDArray[Any]](), dict[str, Any]()
-        types = dict(ffi.typeof("pmr_machine").fields)
-        for name, value in machine.items():
-            kind = types[name].type
-            if kind.kind == "pointer":
-                array = np.ascontiguousarray(value, np.int32 if kind.item.cname == "int32_t" else np.float64)
-                self._arrays.append(array)  # kept as long as the pointer to it
-                values[name] = ffi.cast(kind, array.ctypes.data)
-            else:
-                values[name] = np.ravel(value).tolist() if kind.kind == "array" else value
+        self.state, self._reasons = state, reasons
         steps, inertial = len(machine["motions"]), len(machine["inertial"])
         counts = {"sections": len(machine["masses"]), "shortened_count": len(machine["of_shortened"])}
-        self._machine = ffi.new("pmr_machine *", values | counts | {"inertial_count": inertial})
+        self._machine = structure("pmr_machine", dict(machine) | counts | {"inertial_count": inertial})
         out = ffi.new("pmr_machine_run **")
         if lib.pmr_machine_run_open(state.pointer, self._machine, out):
             allowed = "a frame with a base that moves, contacts that hold both ways and steps without parts and energy"
@@ -96,7 +85,7 @@ class MachineSimulation:
     def _record_pointers(self, first: int) -> Any:
         """Pointers to the rows of the recorded arrays from row `first` on."""
         names = ("motion", "held", "springs", "momenta", "inertia", "cylinder")
-        return ffi.new("pmr_machine_record *", {name: pointer(getattr(self, name)[first:]) for name in names})
+        return structure("pmr_machine_record", {name: getattr(self, name)[first:] for name in names})
 
     def holding_forces(self, motion: Array, z: Array, v: Array, a: Array) -> Array:
         """Forces (6,) in N and N m that hold the machine at t = 0, in the directions x, y, z, roll, pitch and yaw.

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pmr.errors import InputError, SimulationError
 from pmr.files.arrays import Array
 from pmr.kernel._native import ffi, lib
-from pmr.kernel.kernel import Kernel, Signals, integer_pointer, pointer
+from pmr.kernel.kernel import Kernel, Signals, pointer, structure
 
 Integers = NDArray[np.int32]
 _STARTS = {"rest": lib.PMR_AT_REST, "given": lib.PMR_GIVEN, "equilibrium": lib.PMR_IN_EQUILIBRIUM}
@@ -70,15 +70,9 @@ class Record:
 
     def at(self, first: int) -> Any:
         """Pointers for the kernel to the row `first` of each array; NULL for arrays that are not recorded."""
-        record = ffi.new("pmr_record *")
-        for name, array in self.arrays.items():
-            if array.size:
-                setattr(record, name, pointer(array[first:]))
-        if self.parts.size:
-            record.parts = integer_pointer(self.parts[first:])
-        if self.ends.size:
-            record.ends = pointer(self.ends)
-        return record
+        arrays: dict[str, NDArray[Any]] = {**self.arrays, "parts": self.parts}
+        recorded = {name: array[first:] for name, array in arrays.items() if array.size}
+        return structure("pmr_record", recorded | ({"ends": self.ends} if self.ends.size else {}))
 
 
 class StateOutputs(NamedTuple):
@@ -100,19 +94,7 @@ class State:
     def __init__(self, kernel: Kernel, settings: Settings) -> None:
         self.kernel, self.settings = kernel, settings
         out, why = ffi.new("pmr_state **"), ffi.new(f"char[{lib.PMR_MESSAGE}]")
-        parts = ffi.new("int32_t[]", settings.parts)
-        chosen = ffi.new(
-            "pmr_settings *",
-            {
-                "step": settings.step,
-                "rho_inf": settings.rho_inf,
-                "contact_omega": settings.contact_omega,
-                "tolerance": settings.tolerance,
-                "levels": len(settings.parts),
-                "energy": int(settings.energy),
-                "parts": parts,
-            },
-        )
+        chosen = structure("pmr_settings", vars(settings) | {"levels": len(settings.parts)})
         if lib.pmr_state_open(kernel._system, chosen, out, why):
             raise InputError("simulation", "settings", None, ffi.string(why).decode())
         self._state = ffi.gc(out[0], lib.pmr_state_close, lib.pmr_state_memory(out[0]))
@@ -163,13 +145,14 @@ class State:
         each other.
         """
         drivers = self._check_array("u", u, self.kernel.drivers)
-        is_given = kind == "given"
-        z, v = (
-            self._check_array(n, x, self.kernel.modes) if is_given else np.zeros(1) for n, x in (("z", z), ("v", v))
-        )
         moving = None if rates is None else self._check_array("rates", rates, self.kernel.paths)
-        pointers = [pointer(array) for array in (drivers, moving, z, v)]
+        pointers = map(pointer, (drivers, moving, *self._initial_modes(kind, z, v)))
         self.raise_unless_done(lib.pmr_start_moving(self._state, _STARTS[kind], *pointers), "the start")
+
+    def _initial_modes(self, kind: str, z: ArrayLike, v: ArrayLike) -> list[Array]:
+        """Coordinates z and rates v (modes,) for a start, which are not read unless its `kind` is ``given``."""
+        count = self.kernel.modes
+        return [self._check_array(n, x if kind == "given" else np.zeros(count), count) for n, x in (("z", z), ("v", v))]
 
     def step(self, u: ArrayLike, rates: ArrayLike | None = None) -> None:
         """Take one step, at the end of which the drivers are u (N,).
@@ -195,12 +178,9 @@ class State:
         Of motion k, only the first rows[k] of the three count; None stands for all 3.  `kind`, z and v are as for
         `start`.
         """
-        is_given, count = kind == "given", self.kernel.motions
-        at = self._check_array("motions", np.ravel(motions), 3 * count)
-        z, v = (
-            self._check_array(n, x, self.kernel.modes) if is_given else np.zeros(1) for n, x in (("z", z), ("v", v))
-        )
-        pointers = pointer(at), _rows(rows, count), pointer(z), pointer(v)
+        at = self._check_array("motions", np.ravel(motions), 3 * self.kernel.motions)
+        arrays = (at, _checked("rows", rows, self.kernel.motions), *self._initial_modes(kind, z, v))
+        pointers = map(pointer, arrays)
         self.raise_unless_done(lib.pmr_start_in_frame(self._state, _STARTS[kind], *pointers), "the start")
 
     def step_in_frame(self, motions: ArrayLike, rows: Integers | None = None) -> None:
@@ -211,7 +191,7 @@ class State:
         """
         count = self.kernel.motions
         at = self._check_array("motions", np.ravel(motions), 3 * count, finite=False)
-        failed = lib.pmr_step_in_frame(self._state, pointer(at), _rows(rows, count))
+        failed = lib.pmr_step_in_frame(self._state, pointer(at), pointer(_checked("rows", rows, count)))
         self.raise_unless_done(failed, f"step {self.step_number + 1}")
 
     def advance(
@@ -231,7 +211,7 @@ class State:
         restored.
         """
         _check_room(record, first, steps // every, self.settings.parts[-1])
-        taken, schedule = ffi.new("int64_t *"), _schedule(parts, steps)
+        taken, schedule = ffi.new("int64_t *"), pointer(_checked("parts", parts, steps))
         failed = lib.pmr_advance(self._state, signals.pointer, steps, every, schedule, record.at(first), taken)
         self.raise_unless_done(failed, f"step {self.step_number + 1}")
 
@@ -251,7 +231,7 @@ class State:
             allowed = f"(steps {per} + 1, {self.kernel.drivers}) is allowed"
             raise InputError("state", "u", u.shape, allowed)
         _check_room(record, first, steps // every, self.settings.parts[-1])
-        taken, needed, schedule = ffi.new("int64_t *"), ffi.new("int *"), _schedule(parts, steps)
+        taken, needed, schedule = ffi.new("int64_t *"), ffi.new("int *"), pointer(_checked("parts", parts, steps))
         failed = lib.pmr_advance_sampled(
             self._state, pointer(u), per, steps, every, schedule, record.at(first), taken, needed
         )
@@ -363,25 +343,13 @@ def _check_room(record: Record, first: int, rows: int, parts: int) -> None:
         raise InputError("state", "record", len(record.ends), f"ends of {parts} parts or more are needed")
 
 
-def _schedule(parts: Integers | None, steps: int) -> Any:
-    """Address of the numbers of substeps of each of `steps` steps, NULL for None.
-
-    Raises InputError unless they are contiguous and int32 (steps,).
-    """
-    if parts is None:
-        return ffi.NULL
-    if parts.dtype != np.int32 or parts.shape != (steps,) or not parts.flags.c_contiguous:
-        raise InputError("state", "parts", parts.shape, f"{(steps,)} integers of 32 bits are allowed")
-    return integer_pointer(parts)
-
-
-def _rows(rows: Integers | None, count: int) -> Any:
-    """Address of the numbers `rows` of motions, NULL for None; InputError unless they are `count` contiguous int32."""
-    if rows is None:
-        return ffi.NULL
-    if rows.dtype != np.int32 or rows.shape != (count,) or not rows.flags.c_contiguous:
-        raise InputError("state", "rows", rows.shape, f"{(count,)} integers of 32 bits are allowed")
-    return integer_pointer(rows)
+def _checked(name: str, numbers: Integers | None, count: int) -> Integers | None:
+    """The `numbers`, or None; raise InputError with `name` unless they are `count` contiguous integers of 32 bits."""
+    if numbers is not None and (
+        numbers.dtype != np.int32 or numbers.shape != (count,) or not numbers.flags.c_contiguous
+    ):
+        raise InputError("state", name, numbers.shape, f"{(count,)} integers of 32 bits are allowed")
+    return numbers
 
 
 class BoundStep:
@@ -402,11 +370,11 @@ class BoundStep:
         self._numbers, self.values = np.array(numbers, np.int32), np.zeros(count)
         handle, motions = state.pointer, pointer(self.motions)
         if kernel.motions:
-            self.step = partial(lib.pmr_step_in_frame, handle, motions, integer_pointer(self.rows))
+            self.step = partial(lib.pmr_step_in_frame, handle, motions, pointer(self.rows))
         else:
             self.step = partial(lib.pmr_step, handle, motions, ffi.NULL)
         self.step_by_rates = partial(lib.pmr_step, handle, motions, pointer(self.rates))
         if numbers == [*range(kernel.outputs)]:
             self.observe = partial(lib.pmr_outputs, handle, pointer(self.values), ffi.NULL)
         else:
-            self.observe = partial(lib.pmr_observe, handle, count, integer_pointer(self._numbers), pointer(self.values))
+            self.observe = partial(lib.pmr_observe, handle, count, pointer(self._numbers), pointer(self.values))
