@@ -33,6 +33,7 @@ from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Structure
 from pmr.models import DIRECTIONS, StructuralModel
+from pmr.models.named_mesh import NamedMesh
 from pmr.scene import Scene
 from pmr.scene.choice import is_undecided, model_of
 from pmr.scene.keys import ALONE, SLIDER
@@ -321,13 +322,20 @@ def log_warnings(built: Iterable[AssembledBody], comm: MPI.Comm) -> None:
 
 
 def warnings(structure: Structure) -> list[str]:
-    """Warnings about a structure: nodes of given matrices that could not be checked, or round-off in the stiffness.
+    """Warnings about a structure: nodes of given matrices that could not be checked, seams, round-off in the stiffness.
 
-    Very short elements cause round-off.  There is a warning if it changes the lowest frequency by more than the share
-    `NOTICED_ROUND_OFF`; else there is none.
+    A seam of a mesh is open where several nodes lie at one place.  Very short elements cause round-off.  There is a
+    warning if it changes the lowest frequency by more than the share `NOTICED_ROUND_OFF`; else there is none.
     """
     if getattr(structure.model, "unchecked", False):
         return [UNCHECKED]
+    mesh = getattr(structure.model, "mesh", None)
+    if isinstance(mesh, NamedMesh) and len(mesh.open_seam):
+        first = ", ".join(f"{x + 0.0:.4g}" for x in mesh.open_seam[0].round(6))
+        return [
+            f"{mesh.source}: at {len(mesh.open_seam)} places, first at ({first}) m, several nodes lie that no cell "
+            "joins; merge them if the body is not open there: a slit takes most of a box's stiffness in torsion"
+        ]
     round_off = getattr(structure.model, "round_off", 0.0)
     if round_off <= NOTICED_ROUND_OFF:
         return []

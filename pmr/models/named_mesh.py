@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from pmr.errors import NAMED, InputError, is_name
 from pmr.fem.compat import MPI, cell_topology, create_mesh
 from pmr.files.arrays import Array, Indices, Mask
 from pmr.files.cards import Place
-from pmr.models.mesh_file import DIMENSIONS, read_mesh_file
+from pmr.models.mesh_file import COINCIDENT, DIMENSIONS, read_mesh_file
 from pmr.models.mesh_nodes import codes
 
 if TYPE_CHECKING:
@@ -172,6 +173,12 @@ class NamedMesh:
         """Start and end of each cell along the axis, (2, C) m."""
         x = self.points[:, self.axis][self.cells]
         return np.array([x.min(axis=1), x.max(axis=1)])
+
+    @cached_property
+    def open_seam(self) -> Array:
+        """Points (k, 3) m at which several vertices lie, which no cell joins: the body is open there."""
+        pairs = cKDTree(self.points).query_pairs(COINCIDENT * float(np.ptp(self.points, axis=0).max()))
+        return self.points[sorted({first for first, _ in pairs})]
 
     def distribute(self, comm: MPI.Comm) -> Mesh:
         """The mesh as a dolfinx mesh, spread over `comm`; collective."""

@@ -15,6 +15,7 @@ from fuzz.mutations import scratched
 import pmr
 from pmr import InputError
 from pmr.files.decks import read_deck
+from pmr.fullmodel.build import warnings
 from pmr.fullmodel.from_scene import structure_of
 from pmr.models import StructuralModel
 from pmr.models.mesh_faces import add_faces
@@ -344,3 +345,27 @@ def test_a_face_of_a_hollow_solid_is_the_outermost_with_its_normal(tmp_path: Pat
         group = with_faces.groups[name]
         assert group.dim == 2 and len(group.entities) == count
         assert np.all(mesh.points[group.entities][..., axis] == level)
+
+
+def test_a_seam_whose_nodes_are_not_merged_is_named(tmp_path: Path) -> None:
+    """A boom that was rolled up from a plate: its bottom and its left side meet at nodes of their own."""
+    read_model(tmp_path, READ.replace("boom.inp", write_boom(tmp_path).name))
+    read = read_mesh_file(tmp_path / "boom.inp")
+    _, y, z = read.points.T
+    corner = np.flatnonzero(np.isclose(y, y.max()) & np.isclose(z, z.min()))
+    copies = np.arange(len(read.points))
+    copies[corner] = len(read.points) + np.arange(len(corner))
+    quads = [block.corners for block in read.blocks if block.kind == "quad"]
+    opened = [np.where(np.isclose(z[q], z.min()).all(axis=1)[:, None], copies[q], q) for q in quads]
+    for name, points, cells in (
+        ("closed", read.points, quads),
+        ("open", np.concatenate([read.points, read.points[corner]]), opened),
+    ):
+        meshio.write(tmp_path / f"{name}.vtu", meshio.Mesh(points, [("quad", q) for q in cells]))
+        body = READ.replace("boom.inp", f"{name}.vtu") + faces_by_normals(**NORMALS, tip=[1, 0, 0])
+        (tmp_path / "boom.toml").write_text(SCENE + body)
+        texts = warnings(structure_of(members(pmr.load_scene(tmp_path / "boom.toml"))[0]))
+        assert len(texts) == (name == "open")
+    assert (
+        f"at {len(np.unique(read.points[corner], axis=0))} places, first at (0, {y.max():g}, {z.min():g}) m" in texts[0]
+    )
