@@ -24,11 +24,13 @@ from pmr.files.arrays import Array, Indices
 from pmr.models import FiniteElementModel, StructuralModel, is_assembled, is_beam
 from pmr.results.field_stress import StressRows
 from pmr.scene.joints import OneBody
-from pmr.scene.keys import qualified_name
+from pmr.scene.keys import Point, qualified_name
 from pmr.scene.structures import Material, Probe
 
 #: Units of measures.  Displacements are in mm, as errors and estimates are computed for all outputs in m.
 UNITS = {"stress": "Pa", "strain": "1", "displacement": "mm"}
+#: Share of a body's length up to which a probe beyond an end is at the end: round-off of a user's arithmetic.
+BEYOND_END = 1e-6
 
 
 @dataclass(frozen=True)
@@ -53,8 +55,8 @@ class Gauge:
 def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
     """Gauges of all probes of a body, in their order, one for each component that a probe measures.
 
-    Raises an `InputError` if a group or face does not exist, if the model has no stresses that a probe measures, or if
-    the body is given by matrices.
+    Raises an `InputError` if a probe's point is off the body, if a group or face does not exist, if the model has no
+    stresses that a probe measures, or if the body is given by matrices.
     """
     if not part.probes:
         return []
@@ -62,6 +64,8 @@ def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
         raise InputError("scene", "probes", None, "given matrices have no cells and no stresses: leave them out")
     measured, stresses = list[Gauge](), None
     for i, probe in enumerate(part.probes):
+        if probe.at is not None:
+            _check_on_body(f"probes[{i}].at", probe.at, model)
         for measure in probe.measures:
             if measure == "displacement":
                 measured += _displacements(probe, model)
@@ -72,6 +76,27 @@ def gauges(part: OneBody, model: StructuralModel) -> list[Gauge]:
                 raise InputError("scene", f"probes[{i}].measures", measure, allowed)
             measured += stresses.gauges(i, measure)
     return measured
+
+
+def _check_on_body(key: str, at: Point, model: FiniteElementModel) -> None:
+    """Raise an `InputError` with `key` if a point `at` in m is off the body: beyond an end, or far beside it.
+
+    A point beside the body may be as far outside as the body is wide or high, whichever is more: it stands for the wall
+    that is nearest to it.  A beam without a profile has no width, so that any point beside its axis is accepted.
+    """
+    points = model.grid.points
+    rows = model.stresses() if is_beam(model) else None
+    if rows is not None:
+        points = np.concatenate([points, rows.points])
+    low, high = points.min(axis=0), points.max(axis=0)
+    extent = high - low
+    slack = np.full(3, np.inf if is_beam(model) and rows is None else np.sort(extent)[1])
+    slack[extent.argmax()] = BEYOND_END * extent.max()
+    if np.any((np.array(at) < low - slack) | (np.array(at) > high + slack)):
+        sizes = ", ".join(
+            f"{name} from {a:.4g} to {b:.4g} m" for name, a, b in zip("xyz", low + 0.0, high + 0.0, strict=True)
+        )
+        raise InputError("scene", key, list(at), f"a point on the body is allowed, which has {sizes}")
 
 
 def probe_summary(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dict[str, Any]]]:
@@ -92,9 +117,14 @@ def probe_summary(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dic
 def _displacements(probe: Probe, model: FiniteElementModel) -> Iterator[Gauge]:
     """Yield gauges of a probe's displacement along x, y and z, at the nearest grid point or as the mean of a group.
 
-    Directions along which the model can't move are left out.
+    On a beam the point is that of its axis at the probe's x, also between nodes.  Directions along which the model
+    can't move are left out.
     """
-    if probe.at is not None:
+    if probe.at is not None and is_beam(model):
+        where = np.clip(probe.at[0], *model.node_stations[[0, -1]]) * np.eye(3)[0]
+        names = [d for d in model.directions if d in ("x", "y", "z")]
+        rows = model.coordinates_at(where[:1])[[model.directions.index(d) for d in names]]
+    elif probe.at is not None:
         point = int(np.linalg.norm(model.grid.points - probe.at, axis=1).argmin())
         rows, names = model.point_displacements()[3 * point : 3 * point + 3], list("xyz")
         where = model.grid.points[point]
@@ -131,14 +161,14 @@ class _Stresses:
     def gauges(self, number: int, measure: str) -> Iterator[Gauge]:
         """Yield gauges of the components of ``stress`` or ``strain`` (`measure`) that probe `number` measures."""
         stress_rows, probe, (points, weights) = self.rows, self.part.probes[number], self._points(number)
-        count = len(stress_rows.components)
-        mean = sp.csr_matrix(weights)
-        stress = sp.vstack([mean @ stress_rows.rows[count * points + k] for k in range(count)], format="csr")
+        mean = self._mean(points, weights)
         if measure == "strain":
-            stress = sp.csr_matrix(_hooke(self._material(stress_rows.cell[points[0]]), count) @ stress)
+            by_material = self._by_material(points, weights)
+            strains = [_hooke(material, mean.shape[0]) @ self._mean(points, shares) for material, shares in by_material]
+            mean = sp.csr_matrix(sum(strains))
         where, face = weights @ stress_rows.points[points], stress_rows.faces[stress_rows.face[points[0]]]
         for k, component in enumerate(stress_rows.components):
-            yield Gauge(f"{probe.name} {measure} {component}", UNITS[measure], stress[k], where, face)
+            yield Gauge(f"{probe.name} {measure} {component}", UNITS[measure], mean[k], where, face)
 
     def _points(self, number: int) -> _Points:
         """Stress points of probe `number`: the nearest to its point, on a beam those beside it, or all in its group.
@@ -171,15 +201,28 @@ class _Stresses:
         share = np.clip((x - first[element]) / (last[element] - first[element]), 0.0, 1.0)
         return _Points(corner[element], np.array([1.0 - share, share]))
 
-    def _material(self, cell: int) -> Material:
-        """Material of a grid cell: that of the cell's region, or of the body if the region has none."""
+    def _mean(self, points: Indices, weights: Array) -> sp.csr_matrix:
+        """Rows (c, n) of the sum of stresses at `points` (k,) times `weights` (k,), for each of c components."""
+        count, shares = len(self.rows.components), sp.csr_matrix(weights)
+        return sp.vstack([shares @ self.rows.rows[count * points + k] for k in range(count)], format="csr")
+
+    def _by_material(self, points: Indices, weights: Array) -> Iterator[tuple[Material, Array]]:
+        """Yield each material at the stress points `points` (k,), with the `weights` (k,) of its points, else 0.
+
+        A cell has the material of its region, or that of the body if the region has none.
+        """
+        cells, others = self.rows.cell[points], np.ones(len(points), bool)
         for name, region in self.part.body.regions.items():
-            if region.material is not None and cell in self.model.grid.regions[name]:
-                return region.material
-        return self.part.body.material
+            if region.material is not None:
+                inside = np.isin(cells, self.model.grid.regions[name])
+                others &= ~inside
+                if inside.any():
+                    yield region.material, np.where(inside, weights, 0.0)
+        if others.any():
+            yield self.part.body.material, np.where(others, weights, 0.0)
 
 
-def _hooke(material: Material, components: int) -> Array:
+def _hooke(material: Material, components: int) -> sp.csr_matrix:
     """Strains (c, c) under unit stresses, for c `components`: 1 of a fibre, 2 with shear, 3 in a plane, 6 in space.
 
     Shear strains are changes of angles in rad.
@@ -187,4 +230,4 @@ def _hooke(material: Material, components: int) -> Array:
     normal = {1: 1, 2: 1, 3: 2, 6: 3}[components]
     matrix = np.eye(components) / material.shear_modulus
     matrix[:normal, :normal] = ((1.0 + material.poisson) * np.eye(normal) - material.poisson) / material.young
-    return matrix
+    return sp.csr_matrix(matrix)

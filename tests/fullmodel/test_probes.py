@@ -92,6 +92,59 @@ def test_stress_of_a_beam_is_linear_within_an_element() -> None:
             assert float((gauge.row @ q)[0]) == pytest.approx(stress, rel=1e-6, abs=1.0)
 
 
+def test_a_beam_has_the_displacement_of_its_axis_between_nodes() -> None:
+    """A bent beam of three elements: the cubic at the probe's own place, not the motion of the nearest node."""
+    probes = "probes=[{name='p',at=[2.7,0.15,0.2],measures=['displacement']}]"
+    structure = structure_of(member_at(scenes.load(WORKFLOWS / "boom_beam.toml", ["mesh.elements=3", probes])))
+    x, q = np.linspace(0.0, 6.0, 4), np.zeros(structure.model.size)
+    q[0::6], q[2::6], q[4::6] = 1e-4 * x, 1e-3 * x**2, -2e-3 * x
+    found = gauges(structure)
+    assert found["p displacement z"].at == pytest.approx([2.7, 0.0, 0.0])
+    for name, value in (("x", 1e-4 * 2.7), ("y", 0.0), ("z", 1e-3 * 2.7**2)):
+        assert float((found[f"p displacement {name}"].row @ q)[0]) == pytest.approx(1e3 * value, rel=1e-9, abs=1e-12)
+
+
+DECK = """*NODE
+1, 0, -0.1, 0
+2, 1, -0.1, 0
+3, 2, -0.1, 0
+4, 0, 0.1, 0
+5, 1, 0.1, 0
+6, 2, 0.1, 0
+*ELEMENT, TYPE=S4, ELSET=all
+1, 1, 2, 5, 4
+2, 2, 3, 6, 5
+*ELSET, ELSET=soft
+2
+*NSET, NSET=tail
+1, 4
+*NSET, NSET=tip
+3, 6
+"""
+STRIP = """
+title = "A strip of two materials"
+body = { model = "shell", thickness = 0.01, regions.soft.material = { young = 70e9, poisson = 0.1 } }
+mesh.file = "strip.inp"
+supports = [{ on = "tail", kind = "clamped" }]
+loads = [{ on = "tip", direction = "x", signal = 1.0 }]
+observe = { start = 0.5, end = 1.5 }
+time = { end = 0.1, step = 1e-2 }
+probes = [{ name = "p", on = "all", measures = ["strain"] }]
+"""
+
+
+def test_the_mean_strain_of_a_group_takes_the_material_of_each_cell(tmp_path: Path) -> None:
+    """All cells have the same strain; their stresses differ."""
+    (tmp_path / "strip.inp").write_text(DECK)
+    (tmp_path / "strip.toml").write_text(STRIP)
+    structure = structure_of(member_at(scenes.load(tmp_path / "strip.toml")))
+    nodes, strains, q = structure.model.nodes, (1e-4, -4e-5), np.zeros(structure.model.size)  # type: ignore[attr-defined]
+    for i, strain in enumerate(strains):
+        q[nodes.component == i] = strain * nodes.points[nodes.component == i][:, i]
+    values = [float((gauge.row @ q)[0]) for gauge in gauges(structure).values()]
+    assert values == pytest.approx([*strains, 0.0], rel=1e-9, abs=1e-15)
+
+
 @pytest.mark.slow
 def test_a_simulated_probe_is_the_recovered_stress() -> None:
     """The reduced model's own outputs beside the stresses of the states recovered from it, and the full model's.
@@ -132,6 +185,13 @@ def within_an_element(result: RunResult, h: float) -> float:
         ("beam", "{name='p',at=[1.0,0.0,0.0],face='outer'}", "probes[0].face", "top left"),
         ("beam", "{name='p',on='tip'}", "probes[0].on", "groups of cells are allowed: none"),
         ("shell", "{name='p',on='weld'}", "probes[0].on", "bottom, left, right, top"),
+        (
+            "beam",
+            "{name='p',at=[6.1,0.0,0.0],measures=['displacement']}",
+            "probes[0].at",
+            "x from 0 to 6 m, y from -0.15",
+        ),
+        ("shell", "{name='p',at=[1.0,0.0,200.0]}", "probes[0].at", "z from -0.2 to 0.2 m"),
     ],
 )
 def test_what_no_probe_can_measure_is_refused(model: str, probe: str, key: str, allowed: str) -> None:
