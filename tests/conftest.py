@@ -42,8 +42,8 @@ NUMERICAL = (
     *("simulation/petsc", "simulation/statics", "simulation/native/test_systems.py", "simulation/test_modal.py"),
     *("studies/kinds", "errors/test_environment.py", "test_run.py"),
 )
-#: What shows FEniCSx, PETSc and SLEPc at work (weak forms, factors, memory): CI runs its slow tests on both stacks,
-#: other slow tests on one, unless they are numerical.
+#: What shows FEniCSx, PETSc and SLEPc at work (weak forms, factors, memory): of its slow tests CI runs first cases on
+#: both stacks, and of other slow tests only numerical ones.
 FENICSX = (
     *("convergence", "fem", "models/test_profile_shell.py", "models/test_transverse_plates.py", "simulation/petsc"),
     *("fullmodel/test_memory.py", "fullmodel/test_model.py", "test_random_structures.py"),
@@ -143,7 +143,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if is_numerical(item.path) and not slow:
             item.add_marker(pytest.mark.numerical)
         read = file.startswith(READ) and not file.startswith(EVALUATED)
-        if file.startswith(FENICSX) or item.get_closest_marker("numerical") or not slow and not read and first:
+        of_libraries = file.startswith(FENICSX) or item.get_closest_marker("numerical")
+        if (first or not slow and of_libraries) and (of_libraries or not slow and not read):
             item.add_marker(pytest.mark.stack)
 
 

@@ -13,16 +13,13 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from waiting import PATIENCE
 
-from benchmarks import before_after, latency, messages, page_of_scale, pages, report, requirements, waited_for
-from benchmarks.messages_run import KINDS
-from benchmarks.ranks import HERE, Bounds, record_of
-from benchmarks.scale import STAGES
+from benchmarks import latency, messages, pages, report, requirements, waited_for
+from benchmarks.ranks import Bounds, record_of
 from benchmarks.timing import Times, exponent, side_by_side
 from pmr.errors import environment
 
@@ -93,47 +90,11 @@ def test_what_is_asked_of_a_slower_machine_is_scaled_by_an_earlier_checkout_that
     assert pages.waited_for(found, "waited").blocks[0].grids[0].rows[0][-2:] == ("5.33\xa0×", "holds")
 
 
-def test_a_load_chart_takes_no_longer_than_is_asked() -> None:
-    times = {"wall": 9.0, "processor": 14.0, "cores": 2.0}
-    found = {"first": times | {"asked": 60.0}, "later": times | {"asked": 8.0}}
-    assert [one["holds"] for one in requirements.judged({"chart": found})] == [True, False]
-    page = pages.chart(found, "chart")
-    assert page.headline == "112\xa0% of the time that is asked for, at most."
-    assert page.blocks[0].grids[0].rows[1] == ("later", "9.00\xa0s", "14.0\xa0s", "8.00\xa0s")
-
-
 def test_a_requirement_is_met_or_missed() -> None:
     sections = {"fmu": {"seconds": {"beam": {"median": 4e-6}}}}
     assert [one["holds"] for one in requirements.judged(sections)] == [True]
     sections["fmu"]["seconds"]["boom"] = {"median": 6e-6}
     assert [(one["holds"], one["value"]) for one in requirements.judged(sections)] == [(True, 4e-6), (False, 6e-6)]
-
-
-def test_both_are_run_in_turn_and_compared(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    runs = []
-
-    def made_up(module: str, arguments: list[str], ranks: int, bounds: Bounds, checkout: Path) -> dict[str, Any]:
-        assert module == "benchmarks.scale_run" and 0.0 < bounds.seconds <= 720.0
-        runs.append((float(arguments[0]), ranks, checkout))
-        if arguments[0] == "0.3":
-            return {"notes": ["failed: too coarse"]}
-        seconds = (9.0 if checkout == HERE else 21.0) / ranks
-        stages = dict.fromkeys(STAGES, 1.0) | {"total": seconds}
-        memory = {"peak_MB": [300.0] * ranks, "loaded_MB": [200.0] * ranks}
-        return {"size": 1000, "ranks": ranks, "seconds": stages, "processor": 1.0} | memory
-
-    monkeypatch.setattr(before_after, "record_of", made_up)
-    monkeypatch.setattr(before_after, "difference", lambda one, other: {"rows": 1e-11})
-    monkeypatch.setattr(sys, "argv", ["", str(tmp_path), "--sizes", "0.1", "--alone", "0.3"])
-    assert before_after.main() == 0
-    pairs = [(0.1, ranks, folder) for ranks in (1, 2) for folder in (tmp_path, HERE)]
-    assert runs == 2 * [*pairs, (0.3, 1, HERE), (0.3, 2, HERE)]
-    said = capsys.readouterr().out
-    assert "0.1 m, 1 rank(s): 21.00 -> 9.00 s, 2.33 times; apart: rows 1.0e-11" in said
-    assert "0.1 m: two ranks are 2.00 times as fast as one" in said
-    assert "0.3 m, 2 ranks, now: failed: too coarse" in said and "0.3 m: two" not in said
 
 
 def test_ways_take_turns_and_may_say_how_long_they_took() -> None:
@@ -195,16 +156,3 @@ def test_what_is_sent_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     record = record_of("known", [str(messages.library(tmp_path))], 2, Bounds(PATIENCE))
     assert record["found"] == [[4, 800 + 3 * 400, 3, 24 + 16 + 32, 0]] * 2, json.dumps(record)
-
-
-def test_the_page_shows_the_rank_with_most() -> None:
-    def rank(columns: int, sent: int) -> dict:
-        counts = dict.fromkeys(KINDS, 0) | {"messages": 10, "message_bytes": sent, "collectives": 4}
-        return {"stages": {"modes": [*counts.values(), 1, columns]}, "loaded_MB": 100.0, "peak_MB": 180.0}
-
-    record = {"cells": 0.1, "size": 20_000, "ranks": 4, "each": [rank(90, 5000), rank(94, 7000)]}
-    assert messages.total(record, "columns") == 94 and messages.sent(record) == 7000
-    # Ten messages and four collective calls of two rounds each.
-    assert messages.seconds(record, 1e-3, 1e6) == pytest.approx(18e-3 + 7e-3, rel=1e-12)
-    grid = page_of_scale.shares({"records": [record]}, "x").blocks[0].grids[0]
-    assert grid.rows[0][:4] == ("free modes", "94", "10", "4")

@@ -9,11 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from on_pads import beam_on_pads, modes_on_pads
 from oracle import flexible, full_body
 from processes import called, python
 
-from pmr.cli.console import Output, wrap_at_spaces
+from pmr.cli.console import Output
 from pmr.cli.info import describe_model
 
 SIMPLE = "workflows/paper_simple.toml"
@@ -87,12 +86,6 @@ def test_info_says_what_a_file_holds(folder: Path, monkeypatch, capsys) -> None:
     assert "153" not in scene.stdout and "values (1.25, 3.75) m" in scene.stdout
 
 
-def test_info_says_which_rows_only_push() -> None:
-    rows = describe_model(modes_on_pads(beam_on_pads(1e-3), 4))["rows"]
-    assert "mouth top (only pushes)" in rows and describe_model(flexible(full_body(4), 3))["rows"].startswith("slider")
-    assert "only pushes" not in describe_model(flexible(full_body(4), 3))["rows"]
-
-
 def test_info_names_inputs_and_outputs_with_units() -> None:
     model = replace(
         flexible(full_body(4), 3),
@@ -136,12 +129,6 @@ def test_a_report_that_cant_be_drawn_loses_no_results(tmp_path: Path, monkeypatc
     assert (tmp_path / "out" / "reduced.npz").stat().st_size and (tmp_path / "out" / "trajectories.npz").stat().st_size
 
 
-def test_lines_on_a_terminal_keep_a_number_with_its_unit() -> None:
-    text = "92.8\u00a0kN, middle mouth bottom, reach 14.28\u00a0m"
-    assert wrap_at_spaces(text, 42) == "92.8\u00a0kN, middle mouth bottom, reach\n14.28\u00a0m"
-    assert wrap_at_spaces("sliders-and-pads \x1b[31m", 12, "  ") == "sliders-and-pads\n  \\x1b[31m"
-
-
 BAD = [
     (["run", "nowhere.toml"], "nowhere.toml: no such scene file"),
     (["run", SIMPLE, "time.end=1"], "time.end=1: no such scene file; a change of a key stands behind --set"),
@@ -175,6 +162,8 @@ BAD = [
     (["study", "study.toml", "--jobs", "9" * 400], "'--jobs'"),
     (["run", "boom_beam", "--set", f"loads.{'9' * 5000}.on=1.0"], "by name or number: tip force (0), gust (1)"),
     (["matrices", "/"], "STIFFNESS = '/': the name of a file is allowed"),
+    (["run", SIMPLE, "--simulators", "march,euler"], "simulation.simulators[1] = 'euler'"),
+    (["run", SIMPLE, "--simulators", ""], "simulation.simulators"),
     (["--set", "a=1"], "No such option: --set"),
     (["frob"], "No such command 'frob'"),
 ]
@@ -258,14 +247,6 @@ def test_several_simulators_say_how_far_they_agree(tmp_path: Path, monkeypatch, 
     assert "march and exudyn agree to" in done.stdout
 
 
-@pytest.mark.parametrize(
-    ("names", "says"), [("march,euler", "'march', 'exudyn', 'exudyn-multiplier' or 'exudyn-callback'"), ("", "exudyn")]
-)
-def test_unknown_simulators_are_refused(names: str, says: str, monkeypatch, capsys) -> None:
-    done = called(monkeypatch, capsys, "run", SIMPLE, "--simulators", names)
-    assert done.returncode == 2 and says in done.stderr and "simulation.simulators" in done.stderr
-
-
 @pytest.mark.slow
 def test_no_room_for_a_drawn_mesh_is_one_line(tmp_path: Path) -> None:
     """No file may be longer than 1,000 bytes, once MPI has its own: nothing is written before the mesh is."""
@@ -278,13 +259,6 @@ def test_no_room_for_a_drawn_mesh_is_one_line(tmp_path: Path) -> None:
         and "File too large: free space is needed" in done.stderr
         and "(TMPDIR)" in done.stderr
     )
-
-
-def test_help_teaches(monkeypatch, capsys) -> None:
-    top, run = called(monkeypatch, capsys, "--help"), called(monkeypatch, capsys, "run", "--help")
-    assert "pmr new boom mine" in top.stdout
-    assert "..." not in top.stdout.partition("Commands:")[2]  # click cuts what it has no room for
-    assert "--set reduction.coordinates=10" in run.stdout and "summary.json" in run.stdout
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ from __future__ import annotations
 import json
 import re
 import runpy
-import tomllib
 from importlib import util
 from pathlib import Path
 
@@ -98,23 +97,6 @@ def test_each_command_names_the_other_one_for_its_files() -> None:
         study_file(Path("paper_simple"))
 
 
-def test_the_schema_knows_every_key_of_the_booms_scene() -> None:
-    schema = json.loads(RUN.invoke(app, ["schema"]).stdout)
-    written = tomllib.loads(Path("workflows/boom.toml").read_text())
-    assert set(written) <= set(schema["anyOf"][0]["properties"])
-    assert set(written["body"]["box"]) == set(schema["$defs"]["Box"]["properties"]) - {
-        "sizes",
-        "radius",
-        "chamfer",
-        "frames",
-        "frame_depth",
-        "frame_thickness",
-        "doublers",
-        "tail_taper",
-        "tip_taper",
-    }
-
-
 def test_version_and_quiet() -> None:
     assert RUN.invoke(app, ["--version"]).stdout.strip() == f"pmr {__version__}"
     assert "beam" in RUN.invoke(app, ["info", "boom_beam"]).stdout
@@ -135,20 +117,6 @@ def test_the_cranes_wind_keeps_its_direction_however_the_boom_is_turned() -> Non
     wind = np.einsum("tij,tj->ti", turned, of("wind"))
     assert wind[t >= 4.0] == pytest.approx(np.outer(0.0 * t[t >= 4.0] - 1.0, [300.0, 0, 0]), abs=1e-9)
     assert of("wind")[-1] == pytest.approx([0.0, 300.0, 0.0], abs=1e-9)
-
-
-def test_info_says_how_a_boom_is_raised_and_turned(tmp_path: Path) -> None:
-    RUN.invoke(app, ["new", "crane", str(tmp_path / "mine")])
-    said = " ".join(RUN.invoke(app, ["info", str(tmp_path / "mine")]).stdout.split())
-    said = said.replace("\u00a0", " ")
-    for text in ("frame pivot (0, 0, 0) m", "luffing smooth ramp, times (1, 9) s, values (20, 60)°", "values (0, 90)°"):
-        assert text in said
-    assert "load wind on tip, direction x, axes ground" in said
-
-
-def test_the_meshs_comment_has_the_wall_of_the_scene() -> None:
-    said = re.search(r"thickness = ([\d.]+)", (TEMPLATES / "mesh_of_a_box.py").read_text())
-    assert said and float(said[1]) == scenes.load(Path(str(TEMPLATES / "boom.toml"))).body.box.wall
 
 
 AT_REST = ("time.end=0.1", "compare.against=[]", "section.mesh.elements=8", "section.reduction.estimate=false")
@@ -369,12 +337,6 @@ def test_a_key_that_is_not_there_is_refused_in_one_line(
 ) -> None:
     refused = called(monkeypatch, capsys, "schema", key)
     assert refused.returncode == 2 and f"KIND = '{key}'" in refused.stderr and refused.stderr.count("\n") == 1
-
-
-def test_info_says_what_a_study_will_compute() -> None:
-    shown = " ".join(RUN.invoke(app, ["info", "workflows/studies/chart_crane.toml"]).output.split())
-    assert "kind chart" in shown and "runs 40" in shown and "extension.fly 0.6, 0.7, 0.8" in shown
-    assert "computed by pmr study" in shown
 
 
 def test_a_chart_without_what_reports_need_is_refused_by_the_package(tmp_path: Path, monkeypatch, capsys) -> None:

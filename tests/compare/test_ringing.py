@@ -159,15 +159,10 @@ def test_no_force_is_blamed_that_agrees_with_more_damping() -> None:
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 
 ALONG = {
-    "planar": (
-        "evolved_residual.toml",
-        "loads=[{name='X',on=5.0,direction='x',signal=1e3}]",
-        "mesh.elements=20",
-        "simulation.simulators=['march']",
-        "time.end=6.0",
-    ),
+    "planar": ("evolved_residual.toml", "loads=[{name='X',on=5.0,direction='x',signal=1e3}]", "mesh.elements=20",
+     "simulation.simulators=['march']", "time.end=6.0"),
     "space": ("boom.toml", "loads=[]", "gravity.direction=[-1.0,0.0,0.0]", "body.model=beam3d", "mesh.elements=12"),
-}
+}  # fmt: skip
 
 
 def two_springs(turned: float) -> ReducedModel:

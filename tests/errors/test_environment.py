@@ -147,18 +147,6 @@ def test_what_pip_adds_to_the_environment_leaves_its_versions() -> None:
     assert re.search(r"^numpy==[\d.]+$", (made / "pins.txt").read_text(), re.MULTILINE)
 
 
-def test_no_text_asks_an_index_for_pmr() -> None:
-    """Another project has that name there."""
-    texts = [
-        ROOT / "README.md",
-        ROOT / "CONTRIBUTING.md",
-        *(ROOT / "docs").rglob("*.md"),
-        *(ROOT / "pmr").rglob("*.py"),
-    ]
-    asks = re.compile(r"pip3? install[^\n`]*\bpmr\b")
-    assert [str(file) for file in texts if asks.search(file.read_text(encoding="utf-8"))] == []
-
-
 def test_a_name_is_looked_up_where_it_stands() -> None:
     find = lazy_names("some", {"Refused": "pmr.errors:InputError"})
     assert find("Refused") is InputError

@@ -85,33 +85,21 @@ ALL_RIGID = f"pads=[{{name='tail',at=0.15,{RIGID}}},{{name='mouth',moving=true,{
     ("changes", "said"),
     [
         ((ALL_RIGID,), "the rigid rows tail top right, tail top left, tail right hold what others hold already"),
-        (
-            (f"supports=[{CYLINDER},{CLAMPED}]",),
-            "supports.cylinder.directions = 'x': a support of all points",
-        ),
+        ((f"supports=[{CYLINDER},{CLAMPED}]",), "supports.cylinder.directions = 'x': a support of all points"),
         ((f"supports=[{CYLINDER},{{on='tail',directions=['x'],points='all'}}]",), "supports.cylinder.directions = 'x'"),
         ((TWICE,), "the rigid rows b hold what others hold already"),
-        (
-            ("supports=[{name='a',on='nose'}]",),
-            "supports[0].on = 'nose': tail, tip or a number from 0 to 6 m is allowed",
-        ),
+        (("supports=[{name='a',on='nose'}]",),
+         "supports[0].on = 'nose': tail, tip or a number from 0 to 6 m is allowed"),
         (("masses=[{name='m',on='2.5',mass=1.0}]",), "masses[0].on = '2.5': tail, tip or a number from 0 to 6 m is"),
         (("masses=[{name='m',on=6.5,mass=1.0}]",), "masses[0].on = 6.5: on the body, 0 to 6 m, is allowed"),
-        (
-            ("masses=[{name='m',on=2.5,mass=1.0,coupling='rigid'}]",),
-            "masses[0].coupling = 'rigid': 'average' is allowed",
-        ),
-        (
-            (
-                "body.model='beam2d'",
-                "loads=[{name='F',signal=1.0}]",
-                "masses=[{name='m',on='tip',mass=1.0,at=[6.0,0.0,0.4]}]",
-            ),
-            "masses[0].at = [6.0, 0.0, 0.4]: none is allowed on a planar beam, whose masses are at `on`, on its axis",
-        ),
+        (("masses=[{name='m',on=2.5,mass=1.0,coupling='rigid'}]",),
+         "masses[0].coupling = 'rigid': 'average' is allowed"),
+        (("body.model='beam2d'", "loads=[{name='F',signal=1.0}]",
+         "masses=[{name='m',on='tip',mass=1.0,at=[6.0,0.0,0.4]}]"),
+         "masses[0].at = [6.0, 0.0, 0.4]: none is allowed on a planar beam, whose masses are at `on`, on its axis"),
         (("supports=[{on='nose',points='all'}]",), "place = 'nose': tail or tip is allowed"),
     ],
-)
+)  # fmt: skip
 def test_supports_that_can_not_be_are_one_line(changes: tuple[str, ...], said: str) -> None:
     with pytest.raises(InputError) as refused:
         reduce(scenes.load(WORKFLOWS / "boom_beam.toml", changes))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from pathlib import Path
 from xml.etree import ElementTree
+from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
@@ -26,26 +27,15 @@ STEERING = {
 }
 
 
-@pytest.mark.parametrize("text", PLAIN)
-def test_text_without_control_stays_as_it_is(text: str) -> None:
-    assert escape_controls(text) == text
-
-
-@pytest.mark.parametrize("text", STEERING)
-def test_what_steers_is_spelled_out(text: str) -> None:
-    assert escape_controls(text) == STEERING[text]
-    ElementTree.fromstring(f"<t>{escape_controls(text)}</t>")
-
-
 @pytest.mark.parametrize("text", [*PLAIN, *STEERING])
-def test_the_terminal_shows_text_as_it_is(text: str) -> None:
+def test_what_steers_is_spelled_out_and_other_text_stays_as_it_is(text: str) -> None:
+    """In a page, on a terminal and in the line of an error."""
+    plain = escape_controls(text)
+    assert plain == STEERING.get(text, text)
+    ElementTree.fromstring(f"<t>{escape(plain)}</t>")
     shown = io.StringIO()
     console.Output(file=shown, force_terminal=True, color_system="truecolor", **console.PLAIN).text(text)
-    assert shown.getvalue() == escape_controls(text) + "\n"
-
-
-@pytest.mark.parametrize("text", [*PLAIN, *STEERING])
-def test_an_error_is_one_line_whatever_is_quoted(text: str) -> None:
+    assert shown.getvalue() == plain + "\n"
     line = str(InputError(f"{text}.toml", f"a.{text}", text, f"no {text}"))
     assert len(line.splitlines()) == 1 and escape_controls(line) == line
 

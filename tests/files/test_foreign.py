@@ -226,26 +226,16 @@ BAD: list[tuple[Callable[[ForeignFiles], ForeignFiles], str]] = [
     (changed("dofs", "12.1->x"), "job.dof: line 6: node and direction with '.' between them are allowed, not 'x'"),
     (changed("nodes", "3, 12, 9->3, 13, 10"), "job.inp: line 11: node 13 of set tip is not in the file"),
     (changed("nodes", "*NODE\n"), "job.inp: nodes are allowed: this file has none"),
-    (
-        changed("stiffness", "1 1 nan\n" + "".join(f"{k} {k} 1.0\n" for k in range(2, 12))),
-        "K: finite entries are allowed; row 1 has another",
-    ),
+    (changed("stiffness", "1 1 nan\n" + "".join(f"{k} {k} 1.0\n" for k in range(2, 12))),
+     "K: finite entries are allowed; row 1 has another"),
     (changed("stiffness", "1 2\n"), "job.sti: line 1: row, column and entry are allowed, not '1 2'"),
-    (
-        changed("nodes", "*STEP->*TRANSFORM, NSET=tip, TYPE=T\n0, 0, 0, 0, 0, 1\n*STEP"),
-        "job.inp: line 14: TYPE=R, C or S with three coordinates of two points is allowed",
-    ),
-    (
-        changed(
-            "nodes",
-            "*STEP->*PART, NAME=p\n*NODE\n99, 9, 9, 9\n*END PART\n*INSTANCE, NAME=a, PART=p\n*INSTANCE, NAME=b, PART=p",
-        ),
-        "job.inp: line 19: matrices name nodes by their numbers: instances whose nodes have numbers that no other has",
-    ),
-    (
-        changed("nodes", "*STEP->*EQUATION\n2\n12, 3, 1.0, 7, 3, -1.0\n*STEP"),
-        "job.inp: line 14: a model is allowed in which *EQUATION ties no coordinates to others: 1 displacements",
-    ),
+    (changed("nodes", "*STEP->*TRANSFORM, NSET=tip, TYPE=T\n0, 0, 0, 0, 0, 1\n*STEP"),
+     "job.inp: line 14: TYPE=R, C or S with three coordinates of two points is allowed"),
+    (changed("nodes",
+     "*STEP->*PART, NAME=p\n*NODE\n99, 9, 9, 9\n*END PART\n*INSTANCE, NAME=a, PART=p\n*INSTANCE, NAME=b, PART=p"),
+     "job.inp: line 19: matrices name nodes by their numbers: instances whose nodes have numbers that no other has"),
+    (changed("nodes", "*STEP->*EQUATION\n2\n12, 3, 1.0, 7, 3, -1.0\n*STEP"),
+     "job.inp: line 14: a model is allowed in which *EQUATION ties no coordinates to others: 1 displacements"),
     (cut("stiffness"), "job.sti"),
     (cut("stiffness", lines=True), "positive diagonal entries"),
     (cut("mass"), "job.mas"),
@@ -253,7 +243,7 @@ BAD: list[tuple[Callable[[ForeignFiles], ForeignFiles], str]] = [
     (changed("mass", "<html>\n"), "job.mas: line 1: row, column and entry are allowed, not '<html>'"),
     (lambda files: replace(files, mass=files.mass.with_name("none.mas")), "none.mas: no such file"),
     (lambda files: replace(files, mass=files.nodes), "job.inp: files that end in"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("change", "says"), BAD, ids=[says for _, says in BAD])
@@ -276,28 +266,15 @@ def relabelled(files: ForeignFiles) -> ForeignFiles:
 
 LABELLED: list[tuple[Callable[[Path], ForeignFiles], Callable[[ForeignFiles], ForeignFiles], str]] = [
     (as_abaqus, relabelled, "job_MASS2.mtx: the nodes and directions of job_STIF2.mtx"),
-    (
-        as_abaqus,
-        changed("stiffness", "1,2,3,4\n"),
-        "line 1: node, direction, node, direction and entry are allowed, not '1,2,3,4'",
-    ),
-    (
-        as_abaqus,
-        changed("stiffness", "1.5,1,1,1,2.0\n"),
-        "line 1: node, direction, node, direction and entry are allowed, not '1.5,1,1,1,2.0'",
-    ),
-    (
-        as_dmig,
-        changed("stiffness", "KAAX->QAAX"),
-        "one square matrix whose name begins with K is allowed, not QAAX, MAAX",
-    ),
+    (as_abaqus, changed("stiffness", "1,2,3,4\n"),
+     "line 1: node, direction, node, direction and entry are allowed, not '1,2,3,4'"),
+    (as_abaqus, changed("stiffness", "1.5,1,1,1,2.0\n"),
+     "line 1: node, direction, node, direction and entry are allowed, not '1.5,1,1,1,2.0'"),
+    (as_dmig, changed("stiffness", "KAAX->QAAX"),
+     "one square matrix whose name begins with K is allowed, not QAAX, MAAX"),
     (as_dmig, changed("stiffness", "GRID*->GRUD*"), "job.bdf: nodes are allowed: this file has none"),
-    (
-        as_output4,
-        changed("stiffness", "KAA"),
-        "job.op4: OUTPUT4 in binary form or as text is allowed",
-    ),
-]
+    (as_output4, changed("stiffness", "KAA"), "job.op4: OUTPUT4 in binary form or as text is allowed"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("write", "change", "says"), LABELLED, ids=[says for _, _, says in LABELLED])
@@ -447,17 +424,13 @@ def test_sets_of_bulk_data_have_the_points_that_there_are(entry: str, members: l
 @pytest.mark.parametrize(
     ("old", "new", "line", "says"),
     [
-        (
-            "GRID,30,,1.,1.,0.",
-            "GRID,30,,1.,1.,0.,4\nCORD2S,4,,1.,1.,2.,1.,1.,3.\n,2.,0.,0.",
-            3,
-            "displacements along spherical axes are allowed away from their poles: grid point 30 is at one",
-        ),
+        ("GRID,30,,1.,1.,0.", "GRID,30,,1.,1.,0.,4\nCORD2S,4,,1.,1.,2.,1.,1.,3.\n,2.,0.,0.", 3,
+         "displacements along spherical axes are allowed away from their poles: grid point 30 is at one"),
         ("KAA,0,6,2,0", "KAA,0,6,4,0", 4, "real entries are allowed: those of KAA have imaginary parts"),
         ("GRID,1", "SET1,7,1,THRU\nGRID,1", 1, "SET1 with numbers of grid points, and first THRU last"),
         ("GRID,1", "SET1,7,x\nGRID,1", 1, "SET1 with numbers of grid points, and first THRU last"),
     ],
-)
+)  # fmt: skip
 def test_bulk_data_that_is_not_read_is_refused_by_its_line(
     old: str, new: str, line: int, says: str, tmp_path: Path
 ) -> None:

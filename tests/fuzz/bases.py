@@ -59,39 +59,24 @@ FLEXIBLE: dict[str, Any] = BEAM | {
 }
 BOOM: dict[str, Any] = {
     "title": "Boom",
-    "body": {
-        "model": "beam3d",
-        "box": {"length": 6.0, "width": 0.3, "height": 0.4, "wall": 0.008},
-        "material": {"young": 210e9, "poisson": 0.3, "density": 7850.0},
-        "shear": True,
-    },
+    "body": {"model": "beam3d", "box": {"length": 6.0, "width": 0.3, "height": 0.4, "wall": 0.008},
+     "material": {"young": 210e9, "poisson": 0.3, "density": 7850.0}, "shear": True},
     "mesh": {"elements": 20},
-    "pads": [
-        {"name": "tail", "at": 0.15, "faces": {"bottom": [-0.1, 0.1], "top": [0.0], "left": [0.0], "right": [0.0]}},
-        {
-            "name": "mouth",
-            "moving": True,
-            "faces": {"bottom": [-0.1, 0.1], "top": [0.0], "left": [0.0], "right": [0.0]},
-        },
-    ],
+    "pads": [{"name": "tail", "at": 0.15, "faces": {"bottom": [-0.1, 0.1], "top": [0.0], "left": [0.0],
+     "right": [0.0]}}, {"name": "mouth", "moving": True, "faces": {"bottom": [-0.1, 0.1], "top": [0.0], "left": [0.0],
+     "right": [0.0]}}],
     "supports": [{"name": "cylinder", "on": "tail", "directions": ["x"], "stiffness": "rigid"}],
     "masses": [{"name": "payload", "on": "tip", "mass": 250.0}],
     "slider": {"path": {"kind": "smooth_ramp", "times": [0.0, 0.1, 0.2], "values": [1.5, 1.8, 1.5]}},
-    "loads": [
-        {
-            "name": "tip force",
-            "on": "tip",
-            "direction": "z",
-            "signal": {"kind": "sine", "amplitude": 2000.0, "frequency": 5.0},
-        }
-    ],
+    "loads": [{"name": "tip force", "on": "tip", "direction": "z", "signal": {"kind": "sine", "amplitude": 2000.0,
+     "frequency": 5.0}}],
     "gravity": {"acceleration": 9.80665, "direction": [0.0, 0.0, -1.0], "rise": 0.1},
     "damping": {"ratio": 0.005, "frequencies": [10.0, 60.0]},
     "time": {"end": 0.2, "step": 2e-3},
     "observe": {"start": 0.2, "end": 5.8, "count": 9},
     "reduction": {"coordinates": 6},
     "recovery": {"every": 0.02, "stress": True, "frames": 3, "series": False},
-}
+}  # fmt: skip
 PUSHING: dict[str, Any] = BOOM | {
     "title": "Pads that push",
     "pads": [pad | {"unilateral": True, "clearance": 1e-4, "stiffness": 1e7} for pad in BOOM["pads"]],

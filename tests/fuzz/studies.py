@@ -24,22 +24,14 @@ SCENES = {
     "boom.toml": BOOM,
 }
 STUDIES: dict[str, dict[str, Any]] = {
-    "scenes": {
-        "kind": "scenes",
-        "title": "Coordinates",
-        "scenes": ["beam.toml"],
-        "change": {"compare": {"against": ["full"]}},
-        "cases": [{"name": "soft", "change": {"body": {"profile": {"bending_stiffness": 1e4}}}}, {"name": "as-it-is"}],
-        "grid": {"reduction": {"coordinates": [3, 4], "basis": ["eigenmodes"]}},
-    },
+    "scenes": {"kind": "scenes", "title": "Coordinates", "scenes": ["beam.toml"],
+     "change": {"compare": {"against": ["full"]}}, "cases": [{"name": "soft",
+     "change": {"body": {"profile": {"bending_stiffness": 1e4}}}}, {"name": "as-it-is"}],
+     "grid": {"reduction": {"coordinates": [3, 4], "basis": ["eigenmodes"]}}},
     "sections": {"kind": "scenes", "title": "Boom", "scenes": ["boom.toml"], "grid": {"mesh": {"elements": [12, 16]}}},
-    "collection": {
-        "kind": "collection",
-        "title": "All",
-        "files": ["scenes.toml", "sections.toml"],
-        "change": {"scenes": {"title": "A"}},
-    },
-}
+    "collection": {"kind": "collection", "title": "All", "files": ["scenes.toml", "sections.toml"],
+     "change": {"scenes": {"title": "A"}}},
+}  # fmt: skip
 COMPUTED, MOST_RUNS = 6, 1  # of that many accepted ones so many runs are computed
 
 

@@ -86,23 +86,17 @@ def test_groups_of_a_deck_are_its_sets_and_surfaces(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        (
-            "*TIE, NAME=joint\nfront.begin, rear.end\n",
-            "",
-            "half.inc: line 74: the cells form 2 parts that share no edges",
-        ),
+        ("*TIE, NAME=joint\nfront.begin, rear.end\n", "",
+         "half.inc: line 74: the cells form 2 parts that share no edges"),
         ("rear.end", "rear.begin", "line 18: ties of nodes at the same places are allowed: rear.begin has none where"),
         ("rear.end", "rear.side", "line 18: 'rear.side' is no surface of nodes, or of faces of elements, that is read"),
         ("front.begin, rear.end", "rear.end", "line 18: the names of two surfaces are allowed"),
-        (
-            "*TIE, NAME=joint",
-            "*EQUATION",
-            r"line 17: \*EQUATION is not read; a mesh is allowed whose elements are joined",
-        ),
+        ("*TIE, NAME=joint", "*EQUATION",
+         r"line 17: \*EQUATION is not read; a mesh is allowed whose elements are joined"),
         ("*TIE, NAME=joint", "*CONTACT PAIR", r"line 17: \*CONTACT PAIR is not read"),
         ("*STEP", "*MODEL CHANGE, TYPE=ELEMENT, REMOVE", r"line 22: \*MODEL CHANGE is not read"),
     ],
-)
+)  # fmt: skip
 def test_what_does_not_join_instances_is_refused(old: str, new: str, says: str, tmp_path: Path) -> None:
     file = write_boom(tmp_path)
     file.write_text(file.read_text().replace(old, new))

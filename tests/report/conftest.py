@@ -28,27 +28,20 @@ PUBLISHED = {
     "max_error": 0.001,
 }
 SUMMARY = {
-    "errors": {
-        "reduced_vs_full": {"tip": 0.0105, "beam": 0.0105},
-        "reduced_vs_ancf": {"tip": 0.03, "beam": 0.04},
-        "full_vs_ancf": {"tip": 0.00074, "beam": 0.001},
-    },
+    "errors": {"reduced_vs_full": {"tip": 0.0105, "beam": 0.0105}, "reduced_vs_ancf": {"tip": 0.03, "beam": 0.04},
+     "full_vs_ancf": {"tip": 0.00074, "beam": 0.001}},
     "max_displacement": 0.05,
     "max_error": 0.0012,
     "coordinates": {"full": 153, "reduced": 3},
     "basis": {"kappa": 0.99875, "singular_values": [1.0, 0.1, 0.01, 0.001]},
-    "seconds": {
-        "assemble": 0.25,
-        "snapshots": 0.5,
-        "pod": 0.004,
-        "simulate": {"exudyn": 0.3, "full": 3.0, "ancf": 2.0},
-    },
+    "seconds": {"assemble": 0.25, "snapshots": 0.5, "pod": 0.004, "simulate": {"exudyn": 0.3, "full": 3.0,
+     "ancf": 2.0}},
     "versions": {"pmr": "0.1.0", "numpy": "1.24.2"},
     "commit": "abc1234",
     "machine": {"processor": "a processor", "cores": "2"},
     "scene_hash": "0123456789abcdef",
     "notes": ["The published value rests on another step size."],
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="session")

@@ -152,11 +152,6 @@ def test_kinds_of_cases_mix_in_one_report(boom: RunResult, whole: RunResult, tmp
     assert 'id="case-1-position"' in html and 'id="case-2-forces-1"' in html and files.pdf.is_file()
 
 
-def test_a_zero_has_no_sign() -> None:
-    peak = {"t": 0.5, "position": [1.0, -1e-13, 0.0], "face": "bottom left", "region": ""}
-    assert peak_clause(peak) == "at 0.50\u00a0s and (1.00, 0.00, 0.00)\u00a0m, bottom left corner"
-
-
 def test_places_that_share_the_peak_are_named_too() -> None:
     peak = {"t": 0.5, "position": [1.0, 0.1, 0.2], "face": "outer", "region": ""}
     for shared, said in (

@@ -123,16 +123,6 @@ def test_singular_values_say_what_is_taken(written) -> None:
     assert {"taken, r = 3", "left out", "κ(3) = 0.998750"} <= set(written.texts(WHOLE, "singular-values"))
 
 
-def test_vectors_without_transverse_part_are_drawn_flat(written) -> None:
-    assert {"1", "2", "3"} <= set(written.texts(WHOLE, "basis"))
-    assert "along its axis only" in written.caption(WHOLE, "basis")
-
-
-def test_identifiers_carry_the_prefix(written) -> None:
-    assert all(name.startswith("case-1-tip-z-") for name in re.findall(r' id="([^"]+)"', written.svg(WHOLE, "tip-z")))
-    assert written.svg(WHOLE, "tip-z").count(' id="') > 0
-
-
 def test_style_leaves_no_trace(bare: RunResult) -> None:
     with mpl.rc_context({"axes.linewidth": 7.5, "svg.hashsalt": "mine"}):
         before = dict(mpl.rcParams)

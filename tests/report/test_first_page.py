@@ -17,7 +17,7 @@ from pmr.report import columns
 from pmr.report.blocks import Chapter, Drawing, KeyNumber, Table
 from pmr.report.document import render_runs as rendered
 from pmr.report.errors import rows as error_rows
-from pmr.report.errors import summed_errors, trust_table
+from pmr.report.errors import summed_errors
 from pmr.report.figures import space
 from pmr.report.figures.canvas import INK, drawn_text
 from pmr.report.first_page import first_page_tables, largest_value_rows, overload_sentences
@@ -509,13 +509,10 @@ PARTS = {
     "mesh": {"beam": 0.02, "tip": 0.003},
 }
 ORDERED = {
-    "accuracy": {
-        "tolerance": 0.01,
-        "outputs": ["beam", "tip"],
-        "reasons": ["5 coordinates: with 4 it is off", "3000 steps: 1500 are off"],
-    },
+    "accuracy": {"tolerance": 0.01, "outputs": ["beam", "tip"], "reasons": ["5 coordinates: with 4 it is off",
+     "3000 steps: 1500 are off"]},
     "budget": PARTS | {"mesh_reason": None, "first": "mesh"},
-}
+}  # fmt: skip
 
 
 def test_choices_and_what_to_improve_are_said(make_result) -> None:
@@ -524,47 +521,12 @@ def test_choices_and_what_to_improve_are_said(make_result) -> None:
     assert "the mesh is to be improved first" in block.text
 
 
-MODEL = {
-    "beside": "shell",
-    "beam": 0.41,
-    "tip": 0.36,
-    "pad_force": None,
-    "frequency": 0.61,
-    "not_covered": ["stress", "pads that open"],
-}
-
-
-def test_the_models_own_error_stands_on_the_first_page_and_beside_the_other_parts(make_result) -> None:
-    result = make_result(
-        summary=make_result().summary | ORDERED | {"budget": PARTS | {"first": "mesh", "model": MODEL}}
-    )
-    number = next(one for one in key_numbers(result) if "model's own error" in one.label)
-    assert number.value.startswith("41") and "61" in number.note
-    said = dict(trust_table(result).rows)
-    assert "a shell" in said["model"] and "36" in said["model"] and "pad forces" not in said["model"]
-    assert "model: stress, pads that open" in said["not in these bars"]
-
-
-@pytest.mark.parametrize(("model", "why"), [(None, "compare.richer"), ({"beside": None, "reason": "no box"}, "no box")])
-def test_that_it_is_not_known_is_said_in_one_line(make_result, model, why: str) -> None:
-    result = make_result(summary=make_result().summary | ({} if model is None else {"budget": {"model": model}}))
-    said = dict(trust_table(result).rows)["model"]
-    assert "not known" in said and why in said and said.count(".") <= 2
-    assert not any("model's own error" in one.label for one in key_numbers(result))
-
-
-def test_without_a_tolerance_nothing_is_said(make_result) -> None:
-    assert accuracy_block(make_result(summary={})) is None
-
-
 KNOWN = {
-    "budget": {
-        "model": {"beside": "shell", "reaction": 0.01, "tip": 0.01, "frequency": 0.01},
-        "mesh": {"reaction": 0.02, "tip": 0.05, "support_force": 0.05, "frequency": 0.02},
-    },
+    "budget": {"model": {"beside": "shell", "reaction": 0.01, "tip": 0.01, "frequency": 0.01},
+     "mesh": {"reaction": 0.02, "tip": 0.05, "support_force": 0.05, "frequency": 0.02}},
     "step": {"reaction": 1e-3},
     "errors": {},
-}
+}  # fmt: skip
 REACTIONS = "reactions of rigid supports"
 
 

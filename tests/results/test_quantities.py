@@ -10,7 +10,7 @@ import pytest
 
 from pmr import Response
 from pmr.results import Energy
-from pmr.results.quantities import LIMITED, QUANTITIES, Columns, error_label, support_names, with_unit
+from pmr.results.quantities import LIMITED, QUANTITIES, Columns, support_names
 from pmr.results.response import KINDS, Extreme, Extremes
 from pmr.scene.run_settings import OutputKind
 
@@ -94,20 +94,6 @@ def test_the_extreme_that_is_reported_has_its_sign_time_and_place(key: str, valu
         np.array([-7.0, -8.0, 4.0]), np.array([0.0, 1.0, 2.0]), np.array([10.0, 20.0, 30.0])
     )
     assert QUANTITIES[key].value(extremes) == value and extremes.size == 8.0
-
-
-def test_errors_between_kinks_and_of_outputs_have_a_name() -> None:
-    assert error_label("pad_force_between_kinks") == "pad forces between kinks"
-    assert error_label("tip") == "displacements of the tip"
-    assert error_label("weld stress xx") == "weld stress xx"
-
-
-@pytest.mark.parametrize(
-    ("value", "unit", "text"),
-    [(12.34, "N", "12.3 N"), (12340.0, "N", "12.3 kN"), (-2.5e6, "N", "-2.5 MN"), (3.2e9, "Pa", "3.2 GPa")],
-)
-def test_a_value_in_a_sentence_has_three_digits_and_a_prefix(value: float, unit: str, text: str) -> None:
-    assert with_unit(value, unit) == text
 
 
 def test_forces_below_a_billionth_of_the_largest_are_round_off() -> None:

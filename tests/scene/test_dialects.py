@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 from pathlib import Path
 
@@ -12,7 +11,6 @@ from pmr import InputError
 from pmr import scene as scenes
 from pmr.scene import Scene
 
-ROOT = Path(__file__).parents[2]
 BODY = """
 body = {model = "beam2d", box = {length = 6.0, width = 0.3, height = 0.4, wall = 0.008}}
 mesh = {elements = 30}
@@ -86,18 +84,3 @@ def test_weight_is_there_from_the_start_where_motions_begin_in_equilibrium(tmp_p
 
 
 REST = {"start": "rest"}
-
-
-@pytest.mark.slow
-def test_no_code_outside_the_room_asks_of_which_class_a_scene_or_result_is() -> None:
-    """Whether there are several bodies is a number."""
-    classes, found = {"Scene", "BodyFile", "Boom", "RunResult", "BoomResult", "Outcome"}, []
-    for file in sorted((ROOT / "pmr").rglob("*.py")):
-        if file.is_relative_to(ROOT / "pmr" / "scene"):
-            continue
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "isinstance":
-                asked = {one.id for one in ast.walk(node.args[1]) if isinstance(one, ast.Name)}
-                asked |= {one.attr for one in ast.walk(node.args[1]) if isinstance(one, ast.Attribute)}
-                found += [f"{file.relative_to(ROOT)}:{node.lineno}"] * bool(asked & classes)
-    assert found == []

@@ -209,15 +209,17 @@ WITHOUT = {
 }  # fmt: skip
 
 
-def test_every_number_with_a_unit_declares_what_is_usual() -> None:
-    bare = {
-        f"{table.__name__}.{key}"
+def test_every_number_with_a_unit_declares_what_is_usual_and_what_can_be_computed_with() -> None:
+    keys = [
+        (table, key)
         for table in tables(Scene, set())
         if not issubclass(table, SignalBase)
         for key in table.model_fields
-        if (quantity := quantity_of(table, key)) is not None and quantity.unit != "1" and not usual_ranges(table, key)
-    }
-    assert bare == WITHOUT
+    ]
+    quantities = {(table, key): quantity for table, key in keys if (quantity := quantity_of(table, key)) is not None}
+    bare = {at for at, quantity in quantities.items() if quantity.unit != "1" and not usual_ranges(*at)}
+    assert {f"{table.__name__}.{key}" for table, key in bare} == WITHOUT
+    assert all(quantity.unit and quantity.low < quantity.high for quantity in quantities.values())
 
 
 def test_every_unit_has_others_that_differ_from_it() -> None:

@@ -22,43 +22,12 @@ from pmr.scene.structures import PointMass, Probe
 
 COUNT = 2000 if os.environ.get("PMR_SWEEP") == "full" else 200
 CRAFTED = [
-    *(
-        "F\nINCLUDE '/etc/passwd'",
-        "F\rENDDATA",
-        "F\x1b]0;x\x07",
-        'F" onload="x',
-        "<script>alert(1)</script>",
-        "F&lt;",
-        "'; x",
-    ),
-    *(
-        "=cmd|'/c calc'!A0",
-        "+1+1",
-        "-1",
-        "@SUM(A1)",
-        "\t=1",
-        "../../etc/passwd",
-        "/etc/passwd",
-        "C:\\x",
-        ".hidden",
-        "a\0b",
-    ),
-    *("{{7*7}}", "${x}", "%s%n", "`id`", "$(id)", "F;x", "F|x", "F*", "F?", "F[0]", "F\u2028x", "F\u202ex", "F\ud800"),
-    *(
-        "",
-        " ",
-        " F",
-        "F ",
-        "x" * (LONGEST_NAME + 1),
-        "＝1+1",
-        "\ufeffF",
-        "\ufffe",
-        "F\x85x",
-        "#!/bin/sh",
-        "$x^2$",
-        "a\\b",
-    ),
-]
+    "F\nINCLUDE '/etc/passwd'", "F\rENDDATA", "F\x1b]0;x\x07", 'F" onload="x', "<script>alert(1)</script>", "F&lt;",
+    "'; x", "=cmd|'/c calc'!A0", "+1+1", "-1", "@SUM(A1)", "\t=1", "../../etc/passwd", "/etc/passwd", "C:\\x",
+    ".hidden", "a\0b", "{{7*7}}", "${x}", "%s%n", "`id`", "$(id)", "F;x", "F|x", "F*", "F?", "F[0]", "F\u2028x",
+    "F\u202ex", "F\ud800", "", " ", " F", "F ", "x" * (LONGEST_NAME + 1), "＝1+1", "\ufeffF", "\ufffe", "F\x85x",
+    "#!/bin/sh", "$x^2$", "a\\b",
+]  # fmt: skip
 MEANT = set("\"'\\<>&${}[]|;=*?!@^~`%")
 
 

@@ -8,7 +8,7 @@ import json
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import jsonschema
 import pytest
@@ -19,7 +19,7 @@ from pmr import scene as scenes
 from pmr.cli.app import scene_kinds, scene_schema, study_schema
 from pmr.scene import Scene
 from pmr.scene.hoist import Hoist
-from pmr.scene.keys import SceneTable, quantity_of
+from pmr.scene.keys import SceneTable
 from pmr.scene.scene import BodyFile
 
 ROOT = Path(__file__).parents[2]
@@ -154,45 +154,6 @@ def test_files_that_extend_others_need_not_be_complete(kind: str) -> None:
         assert SCENE.is_valid(tomllib.loads(f"extends = '{kind}'\n{text}"))
     for text in ("masses.payload.mas = 3.0", "loads.gust.signal.amplitud = 2.0", "body.box.length = -7.0", "bodi = 1"):
         assert not SCENE.is_valid(tomllib.loads(f"extends = '{kind}'\n{text}"))
-
-
-def parts(annotation: Any) -> Iterator[Any]:
-    """Everything that an annotation is made of."""
-    yield annotation
-    for inner in get_args(annotation):
-        yield from parts(inner)
-
-
-def sections(root: type[SceneTable]) -> dict[str, type[SceneTable]]:
-    """A section and all within it."""
-    found = {root.__name__: root}
-    for field in root.model_fields.values():
-        for part in parts(field.annotation):
-            if isinstance(part, type) and issubclass(part, SceneTable) and part.__name__ not in found:
-                found |= sections(part)
-    return found
-
-
-KEYS = [(section, key) for section in sections(Scene).values() for key in section.model_fields]
-
-
-@pytest.mark.parametrize(("section", "key"), KEYS, ids=[f"{section.__name__}.{key}" for section, key in KEYS])
-def test_a_key_has_a_description_and_its_numbers_a_unit(section: type[SceneTable], key: str) -> None:
-    field = section.model_fields[key]
-    assert field.description
-    numbers = {float, int} & {part for part in parts(field.annotation) if isinstance(part, type)}
-    free = (section.__name__, key) == ("Simulation", "newton")  # names and values are Exudyn's
-    signal = any(isinstance(part, type) and issubclass(part, BaseModel) for part in parts(field.annotation))
-    if numbers and not free and not signal:
-        quantity = quantity_of(section, key)
-        assert quantity is not None and quantity.unit and quantity.low < quantity.high
-
-
-def test_the_schema_tells_units() -> None:
-    known = BodyFile.model_json_schema()["$defs"]
-    assert known["Box"]["properties"]["length"]["unit"] == "m"
-    assert known["Profile"]["properties"]["bending_stiffness"]["unit"] == "N m^2"
-    assert known["Box"]["properties"]["length"]["description"] == "Length along x"
 
 
 def test_a_table_that_is_left_out_is_what_an_empty_one_gives() -> None:

@@ -63,19 +63,13 @@ REFUSED = [
     (GOOD + "[grid]\nreduction.mods = [5]", "study.toml: grid.reduction.mods = 5: unknown key; did you mean 'modes'"),
     (GOOD + "[grid]\nreduction.modes = [5, 0]", "grid.reduction.modes = 0: input should be greater"),
     (GOOD + "[grid]\nreduction.modes = [5, 0]", "(run modes=0)"),
-    (
-        GOOD + "[change]\nreduction.coordinates = 40",
-        "change.reduction.coordinates = 40: at most snapshots",
-    ),
+    (GOOD + "[change]\nreduction.coordinates = 40", "change.reduction.coordinates = 40: at most snapshots"),
     (GOOD + "[grid]\nreduction.modes = [2]", "paper_base.toml: reduction.coordinates = 20: at most"),
     (GOOD + "[[cases]]\nname = 'a b'", "cases[0].name = 'a b': string should match"),
-    (
-        GOOD + "[[cases]]\nname = 'a'\nchange.time.end = -1",
-        "cases[0].change.time.end = -1: input should be",
-    ),
+    (GOOD + "[[cases]]\nname = 'a'\nchange.time.end = -1", "cases[0].change.time.end = -1: input should be"),
     (GOOD + "[grid]\ntime.end = [1.0, 1.0]", "study.toml: two runs are called end=1.0; names of scenes"),
     (GOOD + "[[cases]]\nname = 'a'\n[[cases]]\nname = 'a'", "study.toml: two runs are called a; names of scenes"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("text", "says"), REFUSED, ids=[says for _, says in REFUSED])

@@ -134,14 +134,9 @@ RAISED = {
 ON_MACHINE = {
     "pivot": [0.0, 0.0, 0.0],
     "luffing": {"kind": "smooth_ramp", "times": [0.0, 0.2], "values": [0.3, 0.6]},
-    "machine": {
-        "mass": 3000.0,
-        "inertia": [1000.0, 2000.0, 2000.0],
-        "free": ["z", "ry"],
-        "stiffness": {"z": 2e6, "ry": 3e6},
-        "damping": {"z": 2e4, "ry": 3e4},
-    },
-}
+    "machine": {"mass": 3000.0, "inertia": [1000.0, 2000.0, 2000.0], "free": ["z", "ry"], "stiffness": {"z": 2e6,
+     "ry": 3e6}, "damping": {"z": 2e4, "ry": 3e4}},
+}  # fmt: skip
 HOISTED = {"cylinder": {"stiffness": 5e7}}
 
 
@@ -163,34 +158,12 @@ KINDS = {
     "I": Kind(changed(BOOM, time=STEPPED, recovery=None, compare=FULL)),
     "J": Kind(changed(PUSHING, time=STEPPED, recovery=None, compare=FULL)),
     "K": Kind(changed(SHELL, slider={"path": LONG_PATH}, recovery=None, compare=FULL), at=0.62),
-    "L": Kind(
-        changed(
-            SHELL,
-            body={"model": "solid", "box": {"length": 2.0, "width": 0.3, "height": 0.4, "wall": 0.02}},
-            slider={"path": LONG_PATH},
-            recovery=None,
-            compare=FULL,
-        ),
-        at=0.62,
-    ),
-    "M": Kind(
-        changed(
-            SHELL,
-            body={"model": "matrices"},
-            mesh={"file": "bar.npz"},
-            pads=[
-                {"name": "tail", "at": 0.15, "length": 0.2, "faces": FACES},
-                {"name": "mouth", "moving": True, "length": 0.2, "faces": FACES},
-            ],
-            supports=[{"on": "tail", "directions": ["x"]}, {"on": "tip", "directions": ["rx"], "stiffness": 1e6}],
-            masses=None,
-            slider={"path": LONG_PATH},
-            recovery=None,
-            compare=FULL,
-        ),
-        at=0.62,
-        write=matrices,
-    ),
+    "L": Kind(changed(SHELL, body={"model": "solid", "box": {"length": 2.0, "width": 0.3, "height": 0.4, "wall": 0.02}},
+     slider={"path": LONG_PATH}, recovery=None, compare=FULL), at=0.62),
+    "M": Kind(changed(SHELL, body={"model": "matrices"}, mesh={"file": "bar.npz"}, pads=[{"name": "tail", "at": 0.15,
+     "length": 0.2, "faces": FACES}, {"name": "mouth", "moving": True, "length": 0.2, "faces": FACES}],
+     supports=[{"on": "tail", "directions": ["x"]}, {"on": "tip", "directions": ["rx"], "stiffness": 1e6}], masses=None,
+     slider={"path": LONG_PATH}, recovery=None, compare=FULL), at=0.62, write=matrices),
     "N": Kind(boom("Sections in a plane", "beam2d", rings(faces=PLANE) | HOISTED)),
     "O": Kind(boom("Sections in space", "beam3d", rings(faces=SPACE))),
     "P": Kind(boom("Sections of shells", "shell", rings(faces=SPACE), lengths=2.0, size=0.2, along=0.4), at=0.62),
@@ -199,4 +172,4 @@ KINDS = {
     "S": Kind(boom("Sections in a frame", "beam2d", rings(faces=PLANE) | HOISTED) | {"frame": RAISED}),
     "T": Kind(changed(PLANAR_BOOM, time=STEPPED, recovery=None, gravity={}, frame=RAISED)),
     "U": Kind(on_machine(boom("Sections on a machine", "beam3d", rings(faces=SPACE)))),
-}
+}  # fmt: skip

@@ -10,7 +10,7 @@ import pytest
 from pmr.report.blocks import Chapter
 from pmr.report.studies.finished import FinishedStudy
 from pmr.report.studies.runs import MOST_COLUMNS, build_chapter, terminal_grid, varied_parameter
-from pmr.report.studies.tables import heading, key_words, quantity_of, run_name, unit_of
+from pmr.report.studies.tables import heading, key_words, quantity_of, run_name
 from pmr.studies.study import RunRecord, StudyResults
 
 BEAM, TIP = "errors.reduced_vs_full.beam", "errors.reduced_vs_full.tip"
@@ -83,24 +83,6 @@ def test_runs_are_called_by_what_was_varied() -> None:
     assert run_name(run("alone", {})) == "alone"
     assert run_name(run("key", {"body.model": "beam3d"})) == "model beam in space"
     assert (key_words("mesh.boundary_size"), heading("time.step")) == ("boundary size", "time step in s")
-
-
-@pytest.mark.parametrize(
-    ("key", "unit"),
-    [
-        ("time.step", "s"),
-        ("body.box.wall", "m"),
-        ("masses.payload.mass", "kg"),
-        ("pads[0].stiffness", "N/m"),
-        ("body.material.density", "kg/m³"),
-        ("reduction.coordinates", ""),
-        ("reduction.basis", ""),
-        ("case", ""),
-        ("no.such.key", ""),
-    ],
-)
-def test_keys_have_the_units_that_a_scene_declares(key: str, unit: str) -> None:
-    assert unit_of(key) == unit
 
 
 def test_the_headline_has_the_least_and_the_largest_error() -> None:
@@ -212,16 +194,6 @@ def test_what_bears_nothing_has_no_row() -> None:
     blocks = said(*payloads(100.0, 250.0, **{f"beam_moments.{key}": value for key, value in found.items()})).blocks
     (grid,) = next(block.grids for block in blocks if block.heading == "Moments along beams")
     assert [row[0] for row in grid.rows] == ["bending moment y"]
-
-
-def test_many_runs_do_not() -> None:
-    blocks = said(*payloads(*range(1, 8))).blocks
-    assert [block.heading for block in blocks] == ["Runs"]
-
-
-def test_the_time_of_a_simulation_counts_where_something_decides_it() -> None:
-    labels = [number.label for number in said(*payloads(100.0, 250.0)).key_numbers]
-    assert labels == ["error along the beam", "largest displacement", "largest force"]
 
 
 @pytest.mark.parametrize(
