@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pmr import ReducedModel, System
 from pmr.compare import estimate as estimates
 from pmr.compare import step_error as steps
 from pmr.compare.outputs import Outputs, outputs_of_run, run_from_start
 from pmr.compare.trials import Trials
+from pmr.files.arrays import Array
 from pmr.scene.keys import ALONE, SLIDER
 from pmr.simulation import Excitation
 from pmr.system.assembly import Assembly
 from pmr.system.body import SlidingBody
-
-Array = NDArray[np.float64]
 
 
 def estimate(model: ReducedModel, excitation: Excitation) -> estimates.Estimate:

@@ -32,10 +32,10 @@ from exudyn.itemInterface import (
     SensorNode,
 )
 from exudyn.utilities import RigidBodyInertia, RotationMatrixY
-from numpy.typing import NDArray
 from soft_boom import Beam, settings
 
 import pmr
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.frame import Machine, PivotLoad
 from pmr.scene.keys import ALONE
@@ -44,7 +44,6 @@ from pmr.simulation import Excitation
 from pmr.simulation.exudyn import OnBody, add_sensors, add_system
 from pmr.system.from_scene import system_of
 
-Array = NDArray[np.float64]
 OfTime = Callable[[float], float]
 FILE = Path(__file__).parent / "simulation" / "exudyn" / "soft_beam.toml"
 BREADTH, DEPTH, WALL = 0.22, 0.32, 0.006  # m, of the file's box

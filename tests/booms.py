@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from pmr import scene as scenes
 from pmr.fullmodel.from_scene import structure_of
@@ -12,8 +11,6 @@ from pmr.fullmodel.structure import Structure
 from pmr.models import StructuralModel
 from pmr.scene.members import member_at
 from pmr.simulation import Excitation
-
-WORKFLOWS = Path(__file__).parents[1] / "workflows"
 
 
 @dataclass(frozen=True)
@@ -26,5 +23,5 @@ class Boom:
 
 def boom(model: StructuralModel, span: float = 10.0, overrides: Sequence[str] = ()) -> Boom:
     """Build the reference boom with a structural model, over `span` s, with further settings of its scene."""
-    scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"time.end={span}", *overrides])
+    scene = scenes.load("boom_beam", [f"time.end={span}", *overrides])
     return Boom(replace(structure_of(member_at(scene)), model=model), Excitation.from_scene(scene))

@@ -11,6 +11,7 @@ import plain_machines
 from numpy.typing import NDArray
 
 from pmr.files import npz
+from pmr.files.arrays import Array
 from pmr.scene import Scene, load_any
 from pmr.simulation.statics.postures import HOOK, WEIGHT, PostureMatrices, PostureSet, with_hook
 from pmr.studies import shared
@@ -20,7 +21,6 @@ from pmr.studies.charting import allow_row
 from pmr.studies.limits import Limit, with_fields
 from pmr.studies.shared import scene_arguments
 
-Array = NDArray[np.float64]
 GRAVITY = 9.80665
 #: The crane of the workflows as a chart takes it: without its payload, with probes on all sections.
 CRANE = [

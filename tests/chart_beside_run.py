@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from random_machines import G, random_machine
 
 from pmr import Response
@@ -16,6 +15,7 @@ from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.forces import rope_forces
 from pmr.compare.moving_frame import second_order_effect
 from pmr.files import npz
+from pmr.files.arrays import Array
 from pmr.reduction.bodies import join_bodies, reduce_bodies
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
@@ -34,7 +34,6 @@ from pmr.studies.limits import KINDS, Limit
 from pmr.studies.shared import scene_arguments
 from pmr.system.assembly import Assembly
 
-Array = NDArray[np.float64]
 Point = tuple[float, float, float]
 POLYGON = ((2.0, 1.6), (-2.2, 1.6), (-2.2, -1.6), (2.0, -1.6))
 MACHINE = {"name": "carrier", "mass": 9000.0, "at": (-0.6, 0.0, -0.8)}

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.kernel.further import ANGLES, AXES, Quantity
 from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.moving import GRAVITY, OF_BASE, MovingFrame
-
-Array = NDArray[np.float64]
 
 
 def find(frame: MovingFrame, drivers: Array) -> tuple[Array, Array]:

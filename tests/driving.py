@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation, TimeStepping
 
-Array = NDArray[np.float64]
 Loads = SignalBase | Sequence[SignalBase]
 
 

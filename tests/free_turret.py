@@ -11,8 +11,8 @@ import free_boom
 import momenta
 import numpy as np
 from exudyn.utilities import InertiaCuboid, NodeGenericODE2, ObjectGenericODE2, SensorNode
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.simulation import Excitation, InitialState
@@ -20,7 +20,6 @@ from pmr.simulation.exudyn import NodeCoordinate, OnBody, add_system
 from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.free_base import Base
 
-Array = NDArray[np.float64]
 PLACE = (0.1, -0.2, 0.3)
 TURRET = InertiaCuboid(500.0, [1.0, 1.2, 0.8]).Translated([0.1, 0.2, 0.3])
 KINDS = {"EP": exu.NodeType.RotationEulerParameters, "xyz": exu.NodeType.RotationRxyz}

@@ -11,9 +11,8 @@ import numpy as np
 from generalized_alpha import GeneralizedAlpha
 from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.simulation import TimeStepping
-
-Array = NDArray[np.float64]
 
 
 def impulses(stepping: TimeStepping, parts: NDArray[np.int64], fine: Array) -> Array:

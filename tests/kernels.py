@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from terms import axial
 
 from pmr import System
+from pmr.files.arrays import Array
 from pmr.kernel._native import ffi, lib
 from pmr.kernel.blocks import _ARRAY, _HEAD, _KINDS, LINE, round_up
 from pmr.kernel.kernel import Kernel, pointer
@@ -18,8 +19,6 @@ from pmr.kernel.state import State
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.system.assembly import Assembly
 from pmr.system.terms import Term
-
-Array = NDArray[np.float64]
 
 
 def kernel_of(system: System) -> tuple[Kernel, Mapping[str, ModalForm]]:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.simulation.free_base import Extensions, FrameMotion, FreeBase, Moments, base_equations
-
-Array = NDArray[np.float64]
 
 
 def momentum(

@@ -13,7 +13,6 @@ from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from pmr import ReducedModel, System
 from pmr.fem.compat import MPI
@@ -31,8 +30,6 @@ from pmr.simulation.modal import modal_form
 from pmr.system.body import FullBody, SlidingBody
 from pmr.system.contacts import Contact, Place, pad_at_mouth, pad_at_tail
 from pmr.system.rows import Rows, fixed_row, sparse_row
-
-Array = NDArray[np.float64]
 
 LENGTH, FROM_END = 6.0, 0.15  # m
 #: Width and height between the walls' mid-surfaces, wall; m.

@@ -7,13 +7,11 @@ from types import SimpleNamespace
 
 import free_boom
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.kernel.machine import CYLINDER_COLUMNS
 from pmr.simulation.free_base import FreeBase
 from pmr.simulation.native.luffing import LuffingRun
-
-Array = NDArray[np.float64]
 
 G = 9.80665
 FOOT, LUG, STROKE = np.array([0.5, -0.6]), np.array([1.2, -0.15]), (0.6, 1.3)

@@ -7,15 +7,12 @@ from functools import partial
 
 import driving
 import numpy as np
-from numpy.typing import NDArray
 from oracle import flexible, free_modes, full_body, project, slider_row
 from textbook import LENGTH, RHO_A
 
 from pmr import ReducedModel
 from pmr.system.body import FullBody
 from pmr.system.rows import Row, Rows, fixed_row
-
-Array = NDArray[np.float64]
 
 TAIL = 0.5  # m, where two of the pads stay; the others sit at s
 WEIGHT = RHO_A * LENGTH  # N under one m/s^2

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pmr import Response, System
 from pmr.compare import evaluation
+from pmr.files.arrays import Array
 from pmr.results import Energy
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation, InitialState, Progress, balance, exudyn
@@ -23,7 +24,6 @@ from pmr.system.body import SlidingBody, Trajectory
 from pmr.system.polynomials import evaluate
 from pmr.system.states import BodyStates, SystemTrajectory
 
-Array = NDArray[np.float64]
 Simulate = Callable[..., "Motion"]
 
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 from textbook import LENGTH, beam_matrices
 
 from pmr import ReducedModel, System
+from pmr.files.arrays import Array
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.start import consistent_start
@@ -24,8 +24,6 @@ from pmr.system.contacts import ALONE, SLIDER
 from pmr.system.polynomials import stack_tables
 from pmr.system.reduced_model import satisfied_rows
 from pmr.system.rows import Row, Rows, SharedCarriers, fixed_row, row_on_coordinates, sparse_row
-
-Array = NDArray[np.float64]
 
 TIP_LOAD = "F"
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from pmr.files.arrays import Array
 from pmr.kernel.filter import StepMatrices
 from pmr.observe.linear import LinearMotion
 
-Array = NDArray[np.float64]
 H, OMEGA, G = 0.01, 6.0, 9.81
 OUTPUTS = ("acceleration of tip", "tip", "force")
 

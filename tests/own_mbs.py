@@ -5,13 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import exudyn as exu
-import numpy as np
 from exudyn.itemInterface import SensorNode
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.simulation import TimeStepping
-
-Array = NDArray[np.float64]
 
 
 class OwnSystem:

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.results import Energy
 from pmr.simulation import Excitation, InitialState, petsc
 from pmr.simulation.petsc import States
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

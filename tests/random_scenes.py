@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from pmr import scene as scenes
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 
-WORKFLOWS = Path(__file__).parents[1] / "workflows"
 END = 2.0
 
 
@@ -21,7 +18,7 @@ def random_scene(seed: int) -> Scene:
     """
     rng = np.random.default_rng(seed)
     if rng.random() >= 0.7:
-        return scenes.load(WORKFLOWS / "boom_beam.toml", _boom(rng))
+        return scenes.load("boom_beam", _boom(rng))
     scene = Scene.model_validate(_beam(rng))
     check_scene(scene)
     return scene
@@ -46,7 +43,7 @@ def pushing_scene(seed: int) -> Scene:
         changes += [f"pads.{ring}.unilateral=true", f"pads.{ring}.stiffness={10.0 ** rng.uniform(7.5, 9.0):.4g}"]
     if rng.random() < 0.4:
         changes.append(f"pads.mouth.clearance={{left={rng.uniform(1e-4, 1e-3):.3g},right=1e-4}}")
-    return scenes.load(WORKFLOWS / "boom_beam.toml", changes)
+    return scenes.load("boom_beam", changes)
 
 
 def random_signal(rng: np.random.Generator, amplitude: float, highest: float) -> dict:

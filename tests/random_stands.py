@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 from newton_euler import points
-from numpy.typing import NDArray
 from random_cranes import random_crane
 from scipy.spatial.transform import Rotation
 
 from pmr import Response
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import check_scene
@@ -23,7 +23,6 @@ from pmr.scene.frame import Frame
 from pmr.scene.hoist import WINCH_PULLS, Hoist
 from pmr.scene.mechanism import CYLINDER, pin_and_cylinder
 
-Array = NDArray[np.float64]
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr import ReducedModel, System
+from pmr.files.arrays import Array
 from pmr.system.contacts import Contact, Place
 from pmr.system.terms import Term
-
-Array = NDArray[np.float64]
 
 #: Stiffness of the bar's translation, turning and bending, each of unit mass; what each pad pushes against, pads above
 #: and below; and the matrix of the term, of which the amplitude is taken from the stiffness of turning.

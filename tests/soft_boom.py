@@ -30,9 +30,9 @@ from exudyn.itemInterface import (
     ObjectMassPoint2D,
     SensorNode,
 )
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pmr.files.arrays import Array
+
 OfTime = Callable[[float], float]
 
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.system.body import SlidingBody
 from pmr.system.carriers import Flexibility
 from pmr.system.contact_rows import check_determined, compliant_rows
 from pmr.system.polynomials import apply_table, evaluate
-
-Array = NDArray[np.float64]
 
 
 class CompliantRows:

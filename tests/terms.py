@@ -6,16 +6,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
 from pmr import ReducedModel, System
+from pmr.files.arrays import Array
 from pmr.scene.signals import Constant, SmoothRamp
 from pmr.scene.signals.base import SignalBase
 from pmr.simulation import Excitation, TimeStepping
 from pmr.system.terms import Term
-
-Array = NDArray[np.float64]
 
 
 def axial(system: System, share: float = 0.3) -> tuple[Term, ...]:

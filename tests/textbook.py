@@ -7,9 +7,8 @@ sections 4.2 and 13.3.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pmr.files.arrays import Array
 
 LENGTH, EI, EA, RHO_A = 5.0, 5.0e4, 2.0e7, 78.0  # m, N m^2, N, kg/m
 

@@ -7,7 +7,6 @@ chirps far above the first modes; rho_inf is 0.6 to 1.  Booms are inclined and c
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.run_settings import Accuracy
 
-WORKFLOWS = Path(__file__).parents[1] / "workflows"
 #: Kind of each scene by its seed: 26 beams, 7 booms on pads that rattle, 7 telescopic booms.
 KINDS = ("beam",) * 26 + ("rattling",) * 7 + ("telescopic",) * 7
 SEEDS = range(len(KINDS))
@@ -172,7 +170,7 @@ def _rattling(rng: np.random.Generator) -> Scene:
         changes += [f"pads.{ring}.unilateral=true", f"pads.{ring}.stiffness={10.0 ** rng.uniform(7.5, 9.0):.4g}"]
     if rng.random() < 0.5:
         changes.append(f"pads.mouth.clearance={{left={rng.uniform(1e-4, 1e-3):.3g},right=1e-4}}")
-    return scenes.load(WORKFLOWS / "boom_beam.toml", changes).model_copy(update={"recovery": None})
+    return scenes.load("boom_beam", changes).model_copy(update={"recovery": None})
 
 
 def _telescopic(rng: np.random.Generator) -> Scene:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import exudyn as exu
 import numpy as np
 from exudyn.itemInterface import NodeGenericODE2, ObjectKinematicTree, SensorKinematicTree
-from numpy.typing import NDArray
 
+from pmr.files.arrays import Array
 from pmr.scene.signals import SignalBase
 
-Array = NDArray[np.float64]
 #: From the boom's axes, x along it and z up, to those of its link, which turns about its z.
 HINGE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 MEASURED = ("RotationMatrix", "AngularVelocity", "AngularAcceleration")

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,7 +27,6 @@ from pmr.scene import Scene
 from pmr.system.attachment import with_attachment_modes
 from pmr.system.carriers import CarrierFlexibility
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 QUICK = (
     "time.end=0.2",
     "section.mesh.elements=12",
@@ -39,14 +37,14 @@ QUICK = (
 
 
 def load(*changes: str) -> Scene:
-    found = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, *changes))
+    found = scenes.load_any("boom_two", (*QUICK, *changes))
     return found
 
 
 @pytest.mark.slow
 def test_under_rigid_overlaps_fewer_attachment_modes_tell_the_error() -> None:
     """All of them leave rigid contacts a flexibility that is round-off, which made the motion grow."""
-    outcome = run(scenes.load_any(WORKFLOWS / "boom_lift_rigid.toml", ("time.end=1.0",)))
+    outcome = run(scenes.load_any("boom_lift_rigid", ("time.end=1.0",)))
     assert outcome is not None
     true, said = outcome.result.summary["errors"]["reduced_vs_full"], outcome.result.summary["estimate"]
     assert said["beam"] == pytest.approx(estimates.MARGIN * true["beam"], rel=0.2)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from pmr import ReducedModel, Response, System, pipeline
 from pmr import scene as scenes
 from pmr.compare.evaluation import evaluate_motion
 from pmr.fem.compat import MPI
+from pmr.files.arrays import Array
 from pmr.fullmodel.build import AssembledBody, build_bodies
 from pmr.reduction.bodies import reduce_bodies
 from pmr.reduction.cache import ReducedBody
@@ -27,9 +26,6 @@ from pmr.system.body import force_outputs
 from pmr.system.from_scene import system_of
 from pmr.system.states import SystemTrajectory
 
-Array = NDArray[np.float64]
-
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 SHORT = (
     "section.mesh.elements=10", "compare.against=[]", "time.end=0.3", "section.reduction.estimate=false",
@@ -86,7 +82,7 @@ class Run:
 
 
 def run(changes: Sequence[str], simulator: SystemSimulator = systems.simulate) -> Run:
-    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", [*SHORT, *changes])
+    boom = scenes.load_any("boom_two", [*SHORT, *changes])
     built = build_bodies(boom, MPI.COMM_SELF)
     sections = reduce_bodies(boom, built)
     system = system_of(boom, {name: one.model for name, one in sections.items()})
@@ -169,7 +165,7 @@ def test_exudyn_tells_the_same_reactions() -> None:
 
 @pytest.mark.slow
 def test_a_summary_has_all_supports_whether_they_give_way_or_not() -> None:
-    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", [*SHORT, *CASES["pivot"]])
+    boom = scenes.load_any("boom_two", [*SHORT, *CASES["pivot"]])
     outcome = pipeline.run(boom)
     assert outcome is not None
     found = {one["name"]: one for one in outcome.result.summary["reactions"]}
@@ -215,7 +211,7 @@ def test_what_beams_without_axial_coordinates_do_not_know_is_said() -> None:
 @pytest.mark.slow
 def test_what_a_clamp_of_all_points_bears_is_said_to_be_missing() -> None:
     clamp = "sections.base.supports=[{kind='clamped',points='all'}]"
-    outcome = pipeline.run(scenes.load_any(WORKFLOWS / "boom_two.toml", [*SHORT, clamp]))
+    outcome = pipeline.run(scenes.load_any("boom_two", [*SHORT, clamp]))
     assert outcome is not None and "reactions" not in outcome.result.summary
     said = "forces of supports with points = 'all' (base: tail) are not computed"
     assert any(line.startswith(said) for line in outcome.result.summary["warnings"])
@@ -225,6 +221,6 @@ def test_what_a_clamp_of_all_points_bears_is_said_to_be_missing() -> None:
 def test_a_clamp_of_the_full_model_is_no_contact() -> None:
     """Its moment, which holds all rotations of a face at once, is a reaction as the reduced model's is."""
     changes = [*SHORT, "time.end=0.05", "compare.against=['full']", "simulation.full=march"]
-    result = pipeline.run(scenes.load_any(WORKFLOWS / "boom_two.toml", changes)).result
+    result = pipeline.run(scenes.load_any("boom_two", changes)).result
     assert result.responses["full"].force_names == result.responses["reduced"].force_names
     assert result.summary["errors"]["reduced_vs_full"]["reaction of base: clamp ry"] < 1e-4

@@ -15,7 +15,6 @@ from alone import estimate, outputs
 from driving import driven
 from fuzz import toml
 from fuzz.bases import MOVED
-from numpy.typing import NDArray
 from on_pads import beam_on_pads
 from oracle import enriched, full_body, with_curvature
 
@@ -196,8 +195,6 @@ def test_forces_of_a_load_that_sets_in_at_once_have_no_estimate_where_damping_is
         found = estimate(model, driven(path, load, end))
         assert ("pad_force" in found.errors) == known and (found.unknown.get("pad_force") == LOAD_JUMPS) != known
 
-
-Array = NDArray[np.float64]
 
 EXTENSION = on_pads.driven(
     SmoothRamp(times=(0.1, 0.4), values=(2.1, 2.4)),

@@ -10,7 +10,6 @@ import one_body
 import pytest
 import scipy.sparse as sp
 from driving import driven, loads_at
-from numpy.typing import NDArray
 from on_pads import beam_on_pads, flexible_on_pads
 from one_body import displacement, energy, respond
 from oracle import enriched, paper_basis, project, rich_body
@@ -20,6 +19,7 @@ from pmr import ReducedModel, Response, SimulationError
 from pmr.compare.errors import absolute_error, errors_between, nrms, relative_error
 from pmr.compare.round_off import zero_round_off
 from pmr.compare.velocities import force_rates, load_rates, output_rates
+from pmr.files.arrays import Array
 from pmr.results import Energy
 from pmr.scene.signals import Sine, SmoothRamp
 from pmr.simulation import TimeStepping
@@ -187,8 +187,6 @@ def test_energies_that_overflow_are_refused(model: ReducedModel) -> None:
     with pytest.raises(SimulationError, match="too large for double precision"):
         respond(model, huge, np.ones_like(T), np.ones((len(T), 1)))
 
-
-Array = NDArray[np.float64]
 
 FULL = rich_body()
 

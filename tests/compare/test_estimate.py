@@ -15,7 +15,6 @@ import one_body
 import pytest
 from alone import estimate, outputs
 from driving import Loads, driven, loads_at
-from numpy.typing import NDArray
 from one_body import displacement
 from oracle import enriched, flexible, full_body, nrms_error, paper_basis, project, rich_body, with_curvature
 from random_scenes import pushing_scene, sliding_scene
@@ -28,6 +27,7 @@ from pmr.compare.estimate import MARGIN, Estimate, estimate_by_other_model
 from pmr.compare.outputs import OUTPUT_KINDS, Outputs, RoundOffBounds, differences, divide_steps, probe_differences
 from pmr.compare.trust import reduction_warnings
 from pmr.fem.compat import MPI
+from pmr.files.arrays import Array
 from pmr.fullmodel.build import build
 from pmr.reduction.bodies import reduce_body
 from pmr.scene import Scene
@@ -36,8 +36,6 @@ from pmr.simulation import Excitation, TimeStepping
 from pmr.system.body import FullBody
 from pmr.system.body_matrices import Rayleigh
 from pmr.system.truncation import extend
-
-Array = NDArray[np.float64]
 
 PATH = SmoothRamp(times=(0.1, 0.8), values=(1.5, 3.0))
 LOADS = (Sine(amplitude=200.0, frequency=3.0), Constant(amount=50.0))

@@ -11,18 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from alone import estimate
-from numpy.typing import NDArray
 from random_scenes import random_scene
 
 from pmr import simulate
 from pmr.fem.compat import MPI
+from pmr.files.arrays import Array
 from pmr.fullmodel.build import build
 from pmr.pipeline.full_order import FullOrder
 from pmr.reduction.bodies import reduce_body
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 
-Array = NDArray[np.float64]
 SEEDS = range(200) if os.environ.get("PMR_SWEEP") == "full" else range(12)
 #: Below this share of the motion the two models differ by round-off of the full one's stiffness too.
 SMALLEST = 1e-6

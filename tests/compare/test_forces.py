@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,7 +16,6 @@ from pmr.compare.trust import budget_warnings, quantities_not_covered, reduction
 from pmr.scene import load_any
 from pmr.simulation import Excitation
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 QUICK = ["compare.against=[]", "time.end=0.4", "time.step=4e-3", "mesh.elements=8"]
 T = np.linspace(0.0, 1.0, 101)
 PADS = {"left": 3e3 * np.sin(T), "right": 4e3 * np.sin(T)}
@@ -26,7 +24,7 @@ PADS = {"left": 3e3 * np.sin(T), "right": 4e3 * np.sin(T)}
 @pytest.fixture(scope="module")
 def boom():
     """A beam on pads and its motion."""
-    scene = load_any(WORKFLOWS / "boom_beam.toml", QUICK)
+    scene = load_any("boom_beam", QUICK)
     return scene, Motion.compute(scene, pmr.reduce(scene).system)
 
 
@@ -81,10 +79,10 @@ def test_what_a_part_has_no_figure_for_is_named(boom) -> None:
 def test_the_steps_error_of_forces_is_that_beside_far_smaller_steps(name: str) -> None:
     elements = "mesh.elements=6" if name == "boom_beam" else "section.mesh.elements=3"
     changes = ["compare.against=[]", "time.end=1.0", elements]
-    scene = load_any(WORKFLOWS / f"{name}.toml", [*changes, "time.step=0.01"])
+    scene = load_any(name, [*changes, "time.step=0.01"])
     system = pmr.reduce(scene).system
     error = step_error(system, Excitation.from_scene(scene), complete=lambda response: response)
-    fine = load_any(WORKFLOWS / f"{name}.toml", [*changes, "time.step=0.000625", "time.rho_inf=0.95"])
+    fine = load_any(name, [*changes, "time.step=0.000625", "time.rho_inf=0.95"])
     own, reference = (pmr.simulate(one, system) for one in (scene, fine))
     sampled = {key: {n: f[::16] for n, f in of.items()} for key, of in force_histories(reference).items()}
     true = force_errors(force_histories(own), sampled)

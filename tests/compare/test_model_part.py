@@ -23,14 +23,13 @@ from pmr.simulation import Excitation
 from pmr.simulation.excitation import side_positions
 from pmr.system.assembly import Assembly
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 QUICK = ["compare.against=[]", "time.end=0.2", "time.step=2e-3", "mesh.elements=12"]
 
 
 @pytest.fixture(scope="module")
 def boom():
     """A beam on pads and its motion."""
-    scene = load_any(WORKFLOWS / "boom_beam.toml", QUICK)
+    scene = load_any("boom_beam", QUICK)
     return scene, Motion.compute(scene, pmr.reduce(scene).system)
 
 
@@ -89,7 +88,7 @@ def test_modes_count_that_move_where_the_poorer_model_can(boom) -> None:
 @pytest.mark.parametrize("name", ["boom_beam", "boom_two"])
 def test_frequencies_are_those_at_places_all_along(name: str) -> None:
     """One section and several by the same code."""
-    scene = load_any(WORKFLOWS / f"{name}.toml", ["compare.against=[]"])
+    scene = load_any(name, ["compare.against=[]"])
     fewer = scene.time.model_copy(update={"step": scene.time.end / 100.0})
     scene = scene.model_copy(update={"time": fewer, "simulation": scene.simulation.model_copy(update={"repeats": 1})})
     system, excitation = pmr.reduce(scene).system, Excitation.from_scene(scene)

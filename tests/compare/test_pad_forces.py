@@ -6,7 +6,6 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +22,6 @@ from pmr.scene import Scene
 from pmr.scene.built import GRAVITY, force_name
 from pmr.scene.members import member_at
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 ALL_ROUND = "faces={bottom=[-0.1,0.1],top=[-0.1,0.1],left=[0.0],right=[0.0]}"
 #: A ring that only pushes, so far from the section that it never does, ahead of those that hold both ways.
 MIXED = (
@@ -48,7 +46,7 @@ AT_REST = (
 def at_rest(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     """A boom under its weight alone, as a later process reads it."""
     folder = tmp_path_factory.mktemp("at_rest")
-    outcome = run(scenes.load(WORKFLOWS / "boom_beam.toml", AT_REST))
+    outcome = run(scenes.load("boom_beam", AT_REST))
     assert outcome is not None
     outcome.result.save(folder)
     return RunResult.load(folder)
@@ -159,7 +157,7 @@ def response_with(forces: dict[str, Callable[[np.ndarray], np.ndarray]]) -> Resp
 
 def boom(*overrides: str) -> Scene:
     path = "slider.path={kind='ramp',times=[0.0,1.0],values=[1.5,2.5]}"
-    scene = scenes.load(WORKFLOWS / "boom_beam.toml", [path, *overrides])
+    scene = scenes.load("boom_beam", [path, *overrides])
     return scene
 
 
@@ -191,7 +189,7 @@ def test_rigid_pads_that_stay_are_said_to_be_unknown() -> None:
 
 
 def test_points_that_hold_a_planar_beam_hold_it_both_ways() -> None:
-    scene, found = scenes.load(WORKFLOWS / "evolved_residual.toml"), response_with({"slider at s": lambda t: -t})
+    scene, found = scenes.load("evolved_residual"), response_with({"slider at s": lambda t: -t})
     assert (
         pad_extremes(scene, found) == {}
         and pulled_pad_warnings(scene, (), found) == unknown_force_warnings(scene, found) == []
@@ -229,7 +227,7 @@ def test_forces_stand_under_their_pads_in_rings_of_any_kind_and_order() -> None:
     of_ring["tail"] *= -1.0
     for _ in range(BOOMS):
         pads, shares = rings(rng)
-        scene = scenes.load(WORKFLOWS / "boom_beam.toml", [*AT_REST, pads, "reduction.estimate=false"])
+        scene = scenes.load("boom_beam", [*AT_REST, pads, "reduction.estimate=false"])
         response = simulate(scene, reduce(scene).reduced)
         for name in (name for ring in scene.pads for name, _, _ in ring.named_pads):
             exact = shares.get(name, 0.0) * of_ring.get(name.split()[0], 0.0)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
-from pathlib import Path
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -16,7 +15,6 @@ import one_body
 import pytest
 from alone import step_error
 from driving import Loads, driven, loads_at
-from numpy.typing import NDArray
 from one_body import displacement
 from oracle import flexible, full_body, paper_basis, project, rich_body
 from random_scenes import random_scene
@@ -38,7 +36,6 @@ from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.contact_step import contact_frequency, count_parts
 from pmr.simulation.native import systems
 
-Array = NDArray[np.float64]
 PATH = SmoothRamp(times=(0.1, 0.8), values=(1.5, 3.0))
 SLOW = Sine(amplitude=50.0, frequency=2.0)
 REST = Constant(amount=2.0)
@@ -271,7 +268,6 @@ def test_where_march_fails_the_reason_stands_in_place_of_the_figure(load_scene, 
     assert dict(errors.trust_table(outcome.result).rows)["time step"] == "not known: march failed at step 3"
 
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 TELESCOPE = (
     "time.end=0.2",
     "section.mesh.elements=12",
@@ -284,7 +280,7 @@ TELESCOPE = (
 @pytest.mark.slow
 def test_of_sections_on_pads_that_push_the_tolerance_of_parts_is_in_it() -> None:
     """The run that chooses the parts of its steps, against steps a quarter as long in as many parts throughout."""
-    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", TELESCOPE)
+    boom = scenes.load_any("boom_two", TELESCOPE)
     system, excitation = reduce(boom).system, Excitation.from_scene(boom)
     said, given = step_errors.step_error(system, excitation), excitation.stepping
     fine = TimeStepping(

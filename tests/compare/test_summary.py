@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import one_body
 import pytest
@@ -86,14 +84,13 @@ def test_where_a_slider_strikes_the_forces_are_judged_without_the_blows(load_sce
     assert smooth is not None and "impacts" not in smooth.result.summary
 
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 SMALL = ("mesh.elements=12", "time.end=0.2", "reduction.coordinates=6", "slider.path=2.0", "simulation.repeats=1")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("workflow", ["boom_beam", "boom_two"])
 def test_repeats_time_the_solver_and_evaluate_nothing(workflow: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = scenes.load_any(WORKFLOWS / f"{workflow}.toml", ["time.end=0.05"])
+    scene = scenes.load_any(workflow, ["time.end=0.05"])
     system, evaluated, taken = reduce(scene).system, [], []
     whole, once_more = evaluation.response_to_motion, March.rerun
     monkeypatch.setattr(evaluation, "response_to_motion", lambda *of: evaluated.extend(of[1]) or whole(*of))
@@ -111,7 +108,7 @@ def test_repeats_time_the_solver_and_evaluate_nothing(workflow: str, monkeypatch
 @pytest.mark.slow
 @pytest.mark.parametrize(("simulator", "bound"), [("march", 1e-12), ("exudyn", 1e-6)])
 def test_states_are_those_of_the_simulation_that_made_the_response(simulator: str, bound: float) -> None:
-    scene = scenes.load(WORKFLOWS / "boom_beam.toml", [*SMALL, f"simulation.simulators=['{simulator}']"])
+    scene = scenes.load("boom_beam", [*SMALL, f"simulation.simulators=['{simulator}']"])
     reduction, steps, excitation = reduce(scene), np.array([0, 50, 200]), Excitation.from_scene(scene)
     found = simulate(scene, reduction.system, excitation, steps=steps.tolist()).first.states[ALONE]
     expected = one_body.simulate(reduction.reduced, excitation).at(steps)

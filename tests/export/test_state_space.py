@@ -138,8 +138,6 @@ def test_what_leaves_no_state_space_is_refused(monkeypatch, capsys, tmp_path: Pa
     assert done.returncode == 2 and "--to = '[/red]': one of exudyn" in done.stderr
 
 
-Array = NDArray[np.float64]
-
 PLACES = {"1": np.array([1.5, 2.0])}
 
 

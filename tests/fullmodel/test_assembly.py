@@ -19,7 +19,6 @@ from pmr.scene import load_any
 SCENE = Path(__file__).parents[2] / "workflows" / "boom_shell.toml"
 
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 CELLS = {"beam3d": ["mesh.elements=6"], "shell": ["mesh.size=0.2", "mesh.along=0.5"]}
 LENGTH, WIDTH, HEIGHT, WALL, DENSITY, PAYLOAD = 6.0, 0.3, 0.4, 0.008, 7850.0, 250.0
 
@@ -28,7 +27,7 @@ LENGTH, WIDTH, HEIGHT, WALL, DENSITY, PAYLOAD = 6.0, 0.3, 0.4, 0.008, 7850.0, 25
 @pytest.mark.parametrize("model", ["beam3d", "shell"])
 def test_a_box_weighs_what_its_walls_do(model: str) -> None:
     """With the payload at its tip; its centre is between both."""
-    scene = load_any(WORKFLOWS / "boom.toml", [f"body.model={model}", *CELLS[model]])
+    scene = load_any("boom", [f"body.model={model}", *CELLS[model]])
     (built,) = build_bodies(scene).values()
     found = built.model.masses
     assert found is not None
@@ -40,7 +39,7 @@ def test_a_box_weighs_what_its_walls_do(model: str) -> None:
 
 @pytest.mark.mpi
 def test_a_clamp_takes_no_mass_and_a_planar_beam_has_its_own() -> None:
-    scene = load_any(WORKFLOWS / "boom_two.toml", ["section.mesh.elements=5", "sections.base.supports.0.points=all"])
+    scene = load_any("boom_two", ["section.mesh.elements=5", "sections.base.supports.0.points=all"])
     base, fly = (one.model.masses for one in build_bodies(scene).values())
     assert base is not None and fly is not None
     box = scene.sections[0].body.box

@@ -5,7 +5,6 @@ Static solves under held rows against dense matrices.
 from __future__ import annotations
 
 import logging
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -228,11 +227,8 @@ def test_what_does_not_converge_is_said(monkeypatch: pytest.MonkeyPatch) -> None
     factor.destroy()
 
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
-
-
 def boom(*overrides: str) -> FullModel:
-    return build(scenes.load(WORKFLOWS / "boom_beam.toml", ["mesh.elements=12", *overrides])).model
+    return build(scenes.load("boom_beam", ["mesh.elements=12", *overrides])).model
 
 
 @pytest.mark.parametrize("stiffness", ["3e8", "'rigid'"])

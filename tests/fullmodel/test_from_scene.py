@@ -37,7 +37,6 @@ from pmr.scene.structures import Beam3DBody, BoxProfile, Plate, ShellBody
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 LOADS = np.array([1500.0, 700.0, 9.81])
 PUSHING = (
     "pads=[{name='tail',at=0.15,faces={bottom=[-0.1,0.1],top=[-0.1,0.1],left=[0.0],right=[0.0]},unilateral=true,"
@@ -263,7 +262,7 @@ PLAIN = [PADS_PLANAR, "body.shear=false", "mesh.elements=6", "observe.count=5", 
 def deflections(model: str, load: str, clamps: str) -> np.ndarray:
     """Vertical displacements in statics under one load, the mouth's pads apart; at five places and the tip."""
     loads = f"loads=[{{name='F',on='tip',direction='{load}',signal=1.0}}]"
-    scene = scenes.load(WORKFLOWS / "boom_beam.toml", [*PLAIN, f"body.model={model}", loads, f"supports=[{clamps}]"])
+    scene = scenes.load("boom_beam", [*PLAIN, f"body.model={model}", loads, f"supports=[{clamps}]"])
     body = build(scene, MPI.COMM_SELF).model.gather()
     assert body is not None
     y = body.outputs @ np.linalg.solve(body.K.toarray(), body.B[:, 0])
@@ -290,7 +289,7 @@ def test_the_tips_rotation_is_an_output_in_rad(model: str) -> None:
     """- F L^2 / (2 EI) under a force upwards: positive about y is downwards along x."""
     loads = "loads=[{name='F',on='tip',direction='z',signal=1.0}]"
     changes = [*PLAIN, f"body.model={model}", loads, f"supports=[{CLAMP}]", "observe.rotation=true"]
-    scene = scenes.load(WORKFLOWS / "boom_beam.toml", changes)
+    scene = scenes.load("boom_beam", changes)
     body = build(scene, MPI.COMM_SELF).model.gather()
     assert body is not None
     number = body.output_names.index("tip ry")
@@ -305,7 +304,7 @@ def test_the_tips_rotation_is_an_output_in_rad(model: str) -> None:
 def test_of_a_fine_beam_some_nodes_are_observed() -> None:
     """With all of them the tables of outputs would grow with the square of the mesh."""
     changes = ["mesh.elements=2500", "compare.against=[]"]
-    structure = structure_of(member_at(scenes.load(WORKFLOWS / "paper_simple.toml", changes)), MPI.COMM_SELF)
+    structure = structure_of(member_at(scenes.load("paper_simple", changes)), MPI.COMM_SELF)
     assert structure.model.node_stations is not None
     *line, tip = [one.on for one in structure.outputs]
     assert line == pytest.approx(structure.model.node_stations[:-1:3]) and tip == "tip"

@@ -17,14 +17,13 @@ from pmr.scene import Scene
 from pmr.scene.members import member_at
 from pmr.scene.structures import BoxProfile
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 COARSE = ("mesh.size=0.2", "mesh.along=0.5")
 BOX = "{length=6.0,width=0.3,height=0.4,wall=0.008}"
 
 
 def boom(model: str, *probes: str) -> Scene:
     coarse = () if model == "beam" else COARSE
-    return scenes.load(WORKFLOWS / f"boom_{model}.toml", [*coarse, f"probes=[{','.join(probes)}]"])
+    return scenes.load(f"boom_{model}", [*coarse, f"probes=[{','.join(probes)}]"])
 
 
 def gauges(structure: Structure) -> dict[str, Gauge]:
@@ -79,7 +78,7 @@ def test_stress_of_a_beam_is_linear_within_an_element() -> None:
     places, section, curvature = (2.7, 0.0, 6.0), section_of(BoxProfile(width=0.3, height=0.4, wall=0.008), 0.3), 1e-3
     probes = ",".join(f"{{name='p{at}',at=[{at},0.15,0.2]}}" for at in places)
     for elements in (3, 4):
-        scene = scenes.load(WORKFLOWS / "boom_beam.toml", [f"mesh.elements={elements}", f"probes=[{probes}]"])
+        scene = scenes.load("boom_beam", [f"mesh.elements={elements}", f"probes=[{probes}]"])
         structure = structure_of(member_at(scene))
         x, q = np.linspace(0.0, 6.0, elements + 1), np.zeros(structure.model.size)
         shear = 2.6 * section.second_moment_y / section.shear_area_z * x  # E / G = 2.6
@@ -95,7 +94,7 @@ def test_stress_of_a_beam_is_linear_within_an_element() -> None:
 def test_a_beam_has_the_displacement_of_its_axis_between_nodes() -> None:
     """A bent beam of three elements: the cubic at the probe's own place, not the motion of the nearest node."""
     probes = "probes=[{name='p',at=[2.7,0.15,0.2],measures=['displacement']}]"
-    structure = structure_of(member_at(scenes.load(WORKFLOWS / "boom_beam.toml", ["mesh.elements=3", probes])))
+    structure = structure_of(member_at(scenes.load("boom_beam", ["mesh.elements=3", probes])))
     x, q = np.linspace(0.0, 6.0, 4), np.zeros(structure.model.size)
     q[0::6], q[2::6], q[4::6] = 1e-4 * x, 1e-3 * x**2, -2e-3 * x
     found = gauges(structure)
@@ -153,7 +152,7 @@ def test_a_simulated_probe_is_the_recovered_stress() -> None:
     """
     changes = ("time.end=0.5", "recovery.every=0.5", "mesh.elements=12", "slider.path=2.0")
     probes = "probes=[{name='p',at=[2.0,0.15,0.2],measures=['stress','displacement']}]"
-    outcome = run(scenes.load(WORKFLOWS / "boom_beam.toml", [*changes, probes, "reduction.coordinates=8"]))
+    outcome = run(scenes.load("boom_beam", [*changes, probes, "reduction.coordinates=8"]))
     assert outcome is not None and outcome.result.body.fields is not None
     result, reduced = outcome.result, outcome.result.responses["reduced"]
     assert reduced.other_units[:5] == ("Pa", "Pa", "mm", "mm", "mm")  # reactions follow
@@ -203,8 +202,8 @@ def test_what_no_probe_can_measure_is_refused(model: str, probe: str, key: str, 
 def test_a_planar_beam_has_no_stresses_but_moves() -> None:
     at = "probes=[{name='p',at=[2.5,0.0,0.0],measures=['%s']}]"
     with pytest.raises(InputError, match="no stresses"):
-        structure_of(member_at(scenes.load(WORKFLOWS / "paper_simple.toml", [at % "strain"])))
-    found = gauges(structure_of(member_at(scenes.load(WORKFLOWS / "paper_simple.toml", [at % "displacement"]))))
+        structure_of(member_at(scenes.load("paper_simple", [at % "strain"])))
+    found = gauges(structure_of(member_at(scenes.load("paper_simple", [at % "displacement"]))))
     assert list(found) == ["p displacement x", "p displacement z"]
 
 
@@ -215,7 +214,7 @@ def test_a_support_that_gives_way_says_its_force() -> None:
     still = ("time={end=2.0,step=1e-2,rho_inf=0.5}", "damping={ratio=0.5,frequencies=[1.0,60.0]}", "slider.path=2.0")
     down = "gravity.direction=[-0.5,0.0,-0.8660254037844386]"
     scene = scenes.load(
-        WORKFLOWS / "boom_beam.toml",
+        "boom_beam",
         [
             *still,
             cylinder,

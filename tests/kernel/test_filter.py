@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from pmr import SimulationError
+from pmr.files.arrays import Array
 from pmr.kernel.filter import (
     AS_EXPECTED,
     IF_NEAR,
@@ -18,7 +18,6 @@ from pmr.kernel.filter import (
     StepMatrices,
 )
 
-Array = NDArray[np.float64]
 N, n, r, q, p, i = 12, 6, 2, 3, 2, 2  # states X = (xi, load, payload, parameter, bias, gain, error): 6 + 6
 
 

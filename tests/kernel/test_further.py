@@ -7,11 +7,11 @@ import plain_machines
 import pytest
 from compare.test_luffing_cylinder import FOOT, LENGTH, LUG, MASS, G, raised
 from kernels import evaluate
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import pmr
 from pmr import System
+from pmr.files.arrays import Array
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import Settings, State
 from pmr.scene.mechanism import CYLINDER
@@ -20,7 +20,6 @@ from pmr.simulation.moving import MovingFrame
 from pmr.simulation.native.form import SystemForm
 from pmr.system.assembly import Assembly
 
-Array = NDArray[np.float64]
 STEP = 2e-3
 CRANE = (
     *("compare.against=[]", "section.mesh.elements=6", "frame.second_order=true", "time.end=0.1"),

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from kernels import coupled, kernel_of, linearize, rubbing, varying
 from nested import Nested, reduced
-from numpy.typing import NDArray
 
 from pmr import System
+from pmr.files.arrays import Array
 from pmr.kernel.filter import ChosenOutputs, LinearSteps
 from pmr.kernel.state import Settings, State
 
-Array = NDArray[np.float64]
 CASES = {
     "two bodies": lambda: reduced(Nested(2, elements=8), 3),
     "three bodies": lambda: reduced(Nested(3, elements=8), 3),

@@ -8,9 +8,9 @@ import free_boom
 import momenta
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from pmr import InputError, SimulationError
+from pmr.files.arrays import Array
 from pmr.kernel.machine import MachineSimulation
 from pmr.kernel.state import Settings, State
 from pmr.scene.frame import DIRECTIONS
@@ -20,7 +20,6 @@ from pmr.simulation.native.machine import MachineRun, modes_in_bodies
 from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows, EliminatedContacts
 
-Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced
 
 MASS, CENTER, INERTIA = 300.0, np.array([0.1, 0.2, -0.3]), np.array([40.0, 60.0, 50.0])

@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 from kernels import coupled, kernel_of, motions_of, rubbing, varying
 from nested import Nested, reduced
-from numpy.typing import NDArray
 from plain_step import Plain
 
 from pmr import System
+from pmr.files.arrays import Array
 from pmr.kernel.state import Record, Settings, State
 
-Array = NDArray[np.float64]
 STEP, STEPS = 1e-3, 60
 PUSHING = {"clearance": 2e-4, "compliance": 1e-7}
 

@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from pmr import InputError
+from pmr.files.arrays import Array
 from pmr.observe.identify import MeasuredFrequencies, identify
 
-Array = NDArray[np.float64]
 PLACES = (0.0, 0.2, 0.4, 0.6)
 
 

@@ -14,15 +14,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from oscillator import OUTPUTS, H, history, measured, oscillator, weight
 
 from pmr import InputError, Observer, PositionObserver
+from pmr.files.arrays import Array
 from pmr.observe.linear import LinearMotion
 from pmr.observe.measured import output_errors
 from pmr.observe.observer import Parameter, Payload, Sensor, UnknownLoad
-
-Array = NDArray[np.float64]
 
 
 def outputs_of_unknowns(model: LinearMotion, deviation: float, time: float, disturbance: float) -> Array:

@@ -11,10 +11,10 @@ from scipy.linalg import expm
 
 from pmr import InputError, PositionObserver
 from pmr.export.state_space import StateSpace
+from pmr.files.arrays import Array
 from pmr.kernel.kernel import Bank
 from pmr.observe.position import PlaceModels, PositionSettings, place_models, sensor_modes
 
-Array = NDArray[np.float64]
 STEP, GRID = 1e-3, np.linspace(0.0, 0.1, 9)
 
 

@@ -38,7 +38,6 @@ from pmr.system.terms import Term
 pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]
 SIZE, ALONG = 0.05, 0.1  # m
 LENGTH, WIDTH, HEIGHT, WALL = 6.0, 0.3, 0.4, 0.008
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 TAIL, FIRST, STIFFNESS = 0.15, 1.5, 3e8  # m; where s begins, and with it the mouth's stations, m; N/m
 #: Axis of the normal, the face's place along it, place across; m.
 RING = [(2, z, y) for z in (-HEIGHT / 2, HEIGHT / 2) for y in (-0.1, 0.1)] + [
@@ -103,7 +102,7 @@ def static_tip(model: FullModel, s: float) -> tuple[float, float]:
 @pytest.fixture(scope="module")
 def ours_on_pads() -> FullModel:
     """workflows/boom_shell.toml without its payload, on the peer's rectangles."""
-    scene = scenes.load(WORKFLOWS / "boom_shell.toml", [f"mesh.size={SIZE}", f"mesh.along={ALONG}", "masses=[]"])
+    scene = scenes.load("boom_shell", [f"mesh.size={SIZE}", f"mesh.along={ALONG}", "masses=[]"])
     return structural_model(structure_of(member_at(scene)))
 
 

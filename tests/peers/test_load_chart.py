@@ -18,7 +18,6 @@ from pmr.simulation.statics.postures import PostureMatrices
 from pmr.studies.allowed import Place, allowed_loads
 from pmr.studies.limits import Limit
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]
 #: Luffing angles in rad, and the deflection in m that is allowed there.
 POINTS = [(0.0, 0.12), (0.4, 0.2), (0.8, 0.25), (1.1, 0.25), (1.3, 0.2)]
@@ -87,7 +86,7 @@ def nested() -> Scene:
         f"sections.middle.body.box={{width={own_width},height={own_height},wall={own_wall}}}",
         "frame={pivot=[0.0,0.0,0.0],luffing={kind='constant',amount=0.0},second_order=true}",
     ]
-    scene = load_any(WORKFLOWS / "boom_three_shell.toml", changes)
+    scene = load_any("boom_three_shell", changes)
     return scene.model_copy(update={"sections": scene.sections[:2]})
 
 

@@ -20,7 +20,6 @@ from pmr.pipeline.full_order import FullOrder
 from pmr.simulation import Excitation
 
 pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 SIZE, ALONG, LENGTH, FROM_END, STIFFNESS = 0.05, 0.1, 6.0, 0.15, 3e8  # m; N/m
 Box = tuple[float, float, float]
 #: Width, height and wall in m: multiples of `SIZE`, so that both programs have the same rectangles.
@@ -74,7 +73,7 @@ def ours(extension: float) -> np.ndarray:
         "time.end=0.04",
         *(f"sections.{name}.body.box={{width={w},height={h},wall={t}}}" for name, (w, h, t) in NAMED.items()),
     ]
-    boom = scenes.load_any(WORKFLOWS / "boom_three_shell.toml", changes)
+    boom = scenes.load_any("boom_three_shell", changes)
     boom = boom.model_copy(update={"sections": boom.sections[:2]})
     full = FullOrder.join(boom, models_of(build_bodies(boom)))
     return full.frequencies(Excitation.from_scene(boom).s[:1], CURVES_OF_BOOM, np.empty((1, 0)))[0]

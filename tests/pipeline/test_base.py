@@ -6,14 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import pmr
 from pmr import Response
 from pmr import scene as scenes
 from pmr.scene.signals import SmoothRamp
 
-Array = NDArray[np.float64]
 CANTILEVER, LUFFING = (Path(__file__).parent / name for name in ("cantilever.toml", "luffing.toml"))
 LENGTH, EI, RHO_A = 5.0, 5.0e4, 78.0
 UNIT = np.sqrt(RHO_A * LENGTH**4 / EI)

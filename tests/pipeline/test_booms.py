@@ -33,7 +33,6 @@ from pmr.simulation.native import systems
 from pmr.system.assembly import Assembly
 from pmr.system.from_scene import system_of
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 #: Out by 0.6 m a joint within half a second.
 OUT = "{kind='smooth_ramp',times=[0.0,0.5],values=[1.0,1.6]}"
 QUICK = (
@@ -43,7 +42,7 @@ QUICK = (
 
 
 def load(*changes: str, file: str = "boom_three") -> Scene:
-    found = scenes.load_any(WORKFLOWS / f"{file}.toml", changes)
+    found = scenes.load_any(file, changes)
     return found
 
 
@@ -436,7 +435,7 @@ def test_the_published_boom_lift_with_rigid_overlaps() -> None:
 
 def test_a_boom_that_does_not_fit_into_memory_is_refused_before_it_begins(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of several bodies all states are kept: with many steps that is said before anything is simulated."""
-    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", ["time.step=1e-5", "section.mesh.elements=6"])
+    boom = scenes.load_any("boom_two", ["time.step=1e-5", "section.mesh.elements=6"])
     few = boom.model_copy(update={"time": boom.time.model_copy(update={"step": 1e-3})})
     assert responses.needed_bytes(boom, 100, 30) / responses.needed_bytes(few, 100, 30) == pytest.approx(
         100.0, rel=0.01

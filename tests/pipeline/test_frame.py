@@ -21,7 +21,6 @@ from pmr.simulation.native import systems
 from pmr.simulation.reactions import with_pivot_force
 
 pytestmark = pytest.mark.slow  # seconds each, the crane's full model half a minute
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 RAISED = f"frame.luffing={np.deg2rad(50.0)}"
 PIVOT = "frame.pivot=[0.0, 0.0, 0.0]"
 #: Three times as long as in the scene, with a third of the stations on their paths: few loads to answer.
@@ -243,7 +242,7 @@ def test_full_order_of_second_order_is_the_same_by_both_simulators(file: Path, m
 
 def test_a_run_in_a_frame_moves_it_as_a_saved_system_does() -> None:
     """The kernel follows the frame itself in both: not a bit differs."""
-    scene = scenes.load_any(WORKFLOWS / "boom_three.toml", (*SHORT, PIVOT, RAISED, "frame.second_order=true"))
+    scene = scenes.load_any("boom_three", (*SHORT, PIVOT, RAISED, "frame.second_order=true"))
     outcome = pmr.run(scene)
     assert outcome is not None
     response = outcome.result.responses["reduced"]

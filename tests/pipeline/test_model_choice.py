@@ -18,7 +18,6 @@ from pmr.scene.members import members
 
 pytest.importorskip("gmsh")
 pytestmark = pytest.mark.slow  # each has a shell reduced
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 SHORT = (
     "compare.against=[]", "simulation.repeats=1", "damping.ratio=0.02", "time.end=1.0", "time.step=2e-3",
     "loads.0.signal={kind='sine',amplitude=2000.0,frequency=2.0}",
@@ -39,7 +38,7 @@ WIDE = (
 
 
 def box(*changes: str) -> Scene:
-    return pmr.load_scene(WORKFLOWS / "boom.toml", [*SHORT, *changes])
+    return pmr.load_scene("boom", [*SHORT, *changes])
 
 
 def never(*arguments, **options):

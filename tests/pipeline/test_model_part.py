@@ -11,13 +11,12 @@ import pmr
 from pmr.pipeline import model_errors as pipeline
 
 pytest.importorskip("gmsh")
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 CELLS = {"size": 0.2, "along": 0.4}
 ALONE = ["compare.against=[]", "simulation.simulators=['march']", "time.step=0.004"]
 
 
 def run(name: str, *changes: str, **rest):
-    return pmr.run(pmr.load_scene(WORKFLOWS / f"{name}.toml", [*ALONE, *changes]), **rest).result
+    return pmr.run(pmr.load_scene(name, [*ALONE, *changes]), **rest).result
 
 
 @pytest.mark.slow

@@ -16,12 +16,11 @@ from pmr.pipeline import model_errors as pipeline
 from pmr.scene.model_ladder import model_comparison
 
 pytest.importorskip("gmsh")
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 CHANGES = ["compare.against=[]", "time.step=0.01", "time.end=3.0"]
 
 
 def scene(*changes: str) -> pmr.scene.Scene:
-    return pmr.load_scene(WORKFLOWS / "boom_beam.toml", [*CHANGES, *changes])
+    return pmr.load_scene("boom_beam", [*CHANGES, *changes])
 
 
 class AtOnce(Executor):
@@ -84,7 +83,7 @@ def test_the_motion_of_the_runs_full_model_is_compared_as_that_of_a_reduction_of
 def test_a_shell_is_compared_with_one_on_cells_twice_as_long(tmp_path: Path) -> None:
     """Their difference is what it is taken to be off by: of first order, as under pads."""
     cells = ["mesh.size=0.15", "mesh.along=0.3", "recovery.stress=false", "reduction.estimate=false"]
-    shell = pmr.load_scene(WORKFLOWS / "boom_shell.toml", [*CHANGES, *cells])
+    shell = pmr.load_scene("boom_shell", [*CHANGES, *cells])
     coarse = mesh_part.motion_only(mesh_part.coarser_walls(shell))
     assert (coarse.mesh.size, coarse.mesh.along) == (0.3, 0.6) and coarse.only_section.reduction.estimate is False
     result = pmr.run(shell, measures=tmp_path).result
@@ -152,9 +151,9 @@ def test_a_python_run_measures_nothing_unasked() -> None:
     ],
 )
 def test_cells_that_are_long_beside_pads_are_warned_of(changes: list[str], said: str) -> None:
-    found = mesh_part.mesh_warnings(pmr.load_scene(WORKFLOWS / "boom_shell.toml", changes))
+    found = mesh_part.mesh_warnings(pmr.load_scene("boom_shell", changes))
     assert len(found) == bool(said) and said in "".join(found)
-    shell = pmr.load_scene(WORKFLOWS / "boom_shell.toml", changes)
+    shell = pmr.load_scene("boom_shell", changes)
     budget = mesh_part.mesh_budget(shell, lambda make, called: {"beam": 0.1, "frequency": 0.013})["mesh"]
     assert budget.keys() == ({"beam"} if said else {"beam", "frequency"})
     assert mesh_part.mesh_warnings(scene()) == []  # walls of these don't give way

@@ -5,7 +5,6 @@ A platform of four octagonal sections as beams whose walls give way, and as shel
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +21,6 @@ from pmr.simulation.excitation import side_positions
 from pmr.system.assembly import Assembly
 
 pytest.importorskip("gmsh")
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 ALONE = ["compare.against=[]", "simulation.simulators=['march']"]
 
 
@@ -35,7 +33,7 @@ def test_the_reference_boom_has_the_shells_frequencies_and_deflections() -> None
     """Nothing is fitted: the first two frequencies along the path within 2 %, the largest displacement within 1 %."""
     f, most = {}, {}
     for name in ("boom_beam", "boom_beam_walls", "boom_shell"):
-        scene = pmr.load_scene(WORKFLOWS / f"{name}.toml", ALONE)
+        scene = pmr.load_scene(name, ALONE)
         reduced = pmr.reduce(scene).reduced
         f[name] = frequencies(reduced, np.linspace(1.5, 4.0, 6), 2)
         most[name] = largest(scene, reduced)
@@ -50,7 +48,7 @@ def test_walls_of_both_sections_of_a_joint_give_way() -> None:
     short = ["section.mesh.size=0.16", "section.mesh.along=0.3", "time.step=5e-3", "section.reduction.estimate=false"]
     most = {}
     for name, body in (("beam", "{model='beam3d'}"), ("gives", "{model='beam3d',walls='give'}"), ("shell", "{}")):
-        scene = pmr.load_scene(WORKFLOWS / "boom_three_shell.toml", [*ALONE, *short, f"section.body={body}"])
+        scene = pmr.load_scene("boom_three_shell", [*ALONE, *short, f"section.body={body}"])
         most[name] = largest(scene, pmr.reduce(scene).reduced)
     assert most["gives"] == pytest.approx(most["shell"], rel=0.01)
     assert most["beam"] < 0.9 * most["shell"]
@@ -63,7 +61,7 @@ def test_octagonal_sections_on_slanted_pads_move_alike_as_beams_and_as_shells() 
     short += ["section.mesh.size=0.12", "section.mesh.along=0.3", "time.step=5e-3", "section.reduction.estimate=false"]
     most, f, forces = {}, {}, {}
     for name in ("boom_octagonal", "boom_octagonal_shell"):
-        scene = pmr.load_scene(WORKFLOWS / f"{name}.toml", short)
+        scene = pmr.load_scene(name, short)
         reduced = pmr.reduce(scene)
         response = pmr.simulate(scene, reduced.reduced)
         most[name], forces[name] = np.abs(response.displacement).max(), response.slider_force
@@ -81,7 +79,7 @@ def test_pads_that_only_push_dent_the_walls_too() -> None:
     changes = [*ALONE, *rings, "time.end=0.15", "gravity.rise=0.0", "loads=[]"]
     sag = {}
     for walls in ("rigid", "give"):
-        scene = pmr.load_scene(WORKFLOWS / "boom_beam_walls.toml", [*changes, f"body.walls={walls}", "mesh={}"])
+        scene = pmr.load_scene("boom_beam_walls", [*changes, f"body.walls={walls}", "mesh={}"])
         response = pmr.simulate(scene, pmr.reduce(scene).reduced)
         assert np.all(response.slider_force >= 0.0) and response.slider_force.max() > 1e4
         sag[walls] = float(np.abs(response.displacement).max())
@@ -93,7 +91,7 @@ COARSE = ["section.mesh={size=0.2,along=0.4}", "section.body={model='beam3d',wal
 
 
 def coarse(*changes: str):
-    scene = pmr.load_scene(WORKFLOWS / "boom_three_shell.toml", [*ALONE, *COARSE, "compare.richer=shell", *changes])
+    scene = pmr.load_scene("boom_three_shell", [*ALONE, *COARSE, "compare.richer=shell", *changes])
     return scene.model_copy(update={"accuracy": None})
 
 
@@ -106,7 +104,7 @@ def test_walls_give_way_alike_on_all_ranks() -> None:
     one = [*ALONE, "mesh.size=0.2", "mesh.along=0.4", f"slider.path{out}"]
     for scene in (
         coarse(f"section.joint.extension{out}"),
-        pmr.load_scene(WORKFLOWS / "boom_beam_walls.toml", one),
+        pmr.load_scene("boom_beam_walls", one),
     ):
         here, together = (build_bodies(scene, comm) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
         for name, one in here.items():
@@ -132,7 +130,7 @@ COARSE_PLATFORM = ["section.mesh.size=0.16", "section.mesh.along=0.7"]
 
 
 def scene(name: str, *changes: str):
-    return pmr.load_scene(WORKFLOWS / f"{name}.toml", [*QUICK, *changes])
+    return pmr.load_scene(name, [*QUICK, *changes])
 
 
 @pytest.mark.slow

@@ -12,11 +12,11 @@ import one_body
 import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
 from springs import CompliantRows
 
 import pmr
 from pmr import InputError, ReducedModel, reduce
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.scene.members import member_at
@@ -25,7 +25,6 @@ from pmr.simulation import Excitation
 from pmr.simulation.exudyn import add_sliding_body
 from pmr.system.body import FullBody
 
-Array = NDArray[np.float64]
 Load = Callable[..., Scene]
 COARSE = ["compare.against=[]", "mesh.elements=20", "reduction.coordinates=6", "time.end=0.5"]
 SHELL = ["compare.against=[]", "mesh.size=0.3", "mesh.along=1.0", "reduction.coordinates=8"]

@@ -15,7 +15,6 @@ from pmr import scene as scenes
 from pmr.report.first_page import largest_value_rows
 from pmr.results.tables import write_tables
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 CHANGES = (
     "time.end=2.0", "time.step=5e-3", "recovery.every=0.1", "mesh.elements=12", "reduction.coordinates=6",
     "supports=[{name='cylinder',directions=['x'],stiffness=1e8}]",
@@ -26,7 +25,7 @@ CHANGES = (
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("boom")
-    outcome = run(scenes.load(WORKFLOWS / "boom_beam.toml", CHANGES))
+    outcome = run(scenes.load("boom_beam", CHANGES))
     assert outcome is not None
     outcome.result.save(folder)
     write_tables(outcome.result, folder)

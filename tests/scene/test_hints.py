@@ -228,7 +228,6 @@ def test_every_unit_has_others_that_differ_from_it() -> None:
     )
 
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 SECTION = (
     "area=0.01,second_moment_y=1e-4,second_moment_z=1e-4,torsion_constant=1e-4,shear_area_y=5e-3,shear_area_z=5e-3"
 )
@@ -271,7 +270,7 @@ def test_sizes_beyond_all_that_is_built_are_refused(file: str, change: str, size
     if "clearance" in change:
         changes.append("compare.against=[]")
     try:
-        scenes.load(WORKFLOWS / f"{file}.toml", changes)
+        scenes.load(file, changes)
     except InputError as error:
         assert "\n" not in str(error)
     else:
@@ -288,7 +287,7 @@ def test_models_in_other_units_pass(scale: float) -> None:
     changes = [f"body.box.{name}={size * scale}" for name, size in box.items()]
     changes += ["pads=[" + ",".join(f"{{{pad}}}" for pad in pads) + "]", f"slider.path={2.0 * scale}"]
     changes += [f"observe.start={0.2 * scale}", f"observe.end={5.8 * scale}"]
-    assert scenes.load(WORKFLOWS / "boom_beam.toml", changes).title
+    assert scenes.load("boom_beam", changes).title
 
 
 @pytest.mark.parametrize("x, acting", [(2.0, "the luffing cylinder"), (2.02, "")])

@@ -29,7 +29,6 @@ from pmr.system.hoist import hoist_of
 
 STILL = ("frame.unit=rad", "frame.luffing=0.3", "frame.slewing=0.0")
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 
 A, B, C = ("{name='a',at=[2.0,1.5]}", "{name='b',at=[-2.0,1.5]}", "{name='c',at=[-2.0,-1.5]}")
 
@@ -61,19 +60,19 @@ REFUSED = [
 
 def test_a_slope_below_a_free_luffing_angle_is_refused() -> None:
     with pytest.raises(InputError, match="frame.ground.slope: none is allowed beside frame.luffing = 'free'"):
-        scenes.load_any(WORKFLOWS / "luffing_oil.toml", [ground(A, B, C, more=",slope=[1.0,0.0]")])
+        scenes.load_any("luffing_oil", [ground(A, B, C, more=",slope=[1.0,0.0]")])
 
 
 @pytest.mark.parametrize(("changes", "told"), REFUSED)
 def test_a_ground_that_can_hold_no_machine_is_refused_in_one_line(changes: tuple[str, ...], told: str) -> None:
     with pytest.raises(InputError, match=told) as refused:
-        scenes.load_any(WORKFLOWS / "crane.toml", [*STILL, *changes])
+        scenes.load_any("crane", [*STILL, *changes])
     assert "\n" not in str(refused.value)
 
 
 def test_limits_on_what_a_machine_stands_on_need_a_ground() -> None:
-    bare = scenes.load_any(WORKFLOWS / "crane.toml")
-    stands = scenes.load_any(WORKFLOWS / "crane.toml", [ground(A, B, C)])
+    bare = scenes.load_any("crane")
+    stands = scenes.load_any("crane", [ground(A, B, C)])
     for limit in (
         Limit(name="t", of="tipping", most=0.8),
         Limit(name="o", of="outrigger", most=1e5),

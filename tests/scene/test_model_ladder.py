@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from pmr import InputError
@@ -12,11 +10,9 @@ from pmr.scene.choice import is_undecided, model_of
 from pmr.scene.members import members
 from pmr.scene.model_ladder import COORDINATES, PLACES, candidate_scenes, model_comparison
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
-
 
 def scene(name: str, *changes: str):
-    return load_any(WORKFLOWS / f"{name}.toml", list(changes))
+    return load_any(name, list(changes))
 
 
 def models(one) -> set[str]:

@@ -9,7 +9,6 @@ import pytest
 from pmr import InputError
 from pmr import scene as scenes
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 PIVOT = "frame.pivot=[0.0, 0.0, 0.0]"
 LUFFING = "frame.luffing={kind='smooth_ramp', times=[1.0, 5.0], values=[0.2, 1.0]}"
 SLEWING = "frame.slewing={kind='smooth_ramp', times=[1.0, 5.0], values=[0.0, 1.5]}"
@@ -238,7 +237,7 @@ REFUSED = {
      ("frame.luffing='fre'", "frame.luffing = 'fre': 'free', a number or a table of keys is allowed")],
     "bridge": [("sections.vehicle.joint.tail=[{at=0.0,faces={bottom=[0.0]}}]", "without faces, is needed: the wheel"),
      ("sections.vehicle.joint.mouth=[{at=0.0}]", "body.mover: a joint with one ring in `tail`")],
-    str(plain_machines.HOIST.with_suffix("")): [("hoist.section=jib", "hoist.section"), ("hoist.on=7.0", "hoist.on"),
+    str(plain_machines.HOIST): [("hoist.section=jib", "hoist.section"), ("hoist.on=7.0", "hoist.on"),
      ("hoist.on=rope", "hoist.on"), ("hoist.payload=-1.0", "hoist.payload"), ("hoist.length=20.0", "hoist"),
      ("hoist.speed=3.0", "hoist.speed"), ("hoist.winch.section=jib", "hoist.winch.section"),
      ("hoist.winch={section='fly', at=[6.5, 0.0, 0.0]}", "hoist.winch.at"),
@@ -259,7 +258,7 @@ CASES = [pytest.param(name, *row, id=f"{Path(name).stem} {row[1][:48]}") for nam
 
 def load(name: str, changes: str | tuple[str, ...]) -> scenes.Scene:
     """Load a workflow, or a scene file, with changes."""
-    return scenes.load_any(WORKFLOWS / f"{name}.toml", [changes] if isinstance(changes, str) else changes)
+    return scenes.load_any(name, [changes] if isinstance(changes, str) else changes)
 
 
 @pytest.mark.parametrize(("name", "changes", "says"), CASES)

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -10,7 +9,6 @@ from pmr import InputError, scene
 from pmr.scene.choice import REFERENCE, SIMULATORS, SimulatorNeeds, refuse_unsupported
 from pmr.scene.run_settings import SimulatorName
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 NEEDS = {
     "rows_that_push": SimulatorNeeds(pushing_rows=("top",), flexible_rows=("top",)),
     "rows_that_give_way": SimulatorNeeds(flexible_rows=("slider",)),
@@ -53,6 +51,6 @@ def test_rigid_pads_that_only_push_need_something_that_gives_way() -> None:
     pads = "pads=[{name='tail',at=0.15,faces={top=[0.1],bottom=[0.1]},length=0.1,width=0.05,stiffness='rigid',"
     pads += "unilateral=true,moving=true}]"
     asked = [pads, "compare.against=[]"]
-    scene.load(WORKFLOWS / "boom_beam.toml", asked)
+    scene.load("boom_beam", asked)
     with pytest.raises(InputError, match=r"reduction\.flexibility = False: tail only push and are rigid"):
-        scene.load(WORKFLOWS / "boom_beam.toml", [*asked, "reduction.flexibility=false"])
+        scene.load("boom_beam", [*asked, "reduction.flexibility=false"])

@@ -10,7 +10,6 @@ import one_body
 import pytest
 from driving import driven
 from generalized_alpha import GeneralizedAlpha
-from numpy.typing import NDArray
 from one_body import Simulate
 from oracle import enriched, flexible, full_body
 
@@ -18,8 +17,6 @@ from pmr import SimulationError
 from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulation import InitialState, TimeStepping, balance
 from pmr.system.body import FullBody
-
-Array = NDArray[np.float64]
 
 FAST = Ramp(times=(0.05, 0.6, 1.15), values=(0.7, 4.2, 0.7))
 SLOWER = Ramp(times=(0.05, 1.0, 1.95), values=(0.7, 4.2, 0.7))

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import one_body
 import pytest
-from numpy.typing import NDArray
 from on_pads import beam_on_pads, driven, flexible_on_pads, modes_on_pads
 from one_body import energy, respond
 from scipy.interpolate import PPoly
@@ -25,7 +24,6 @@ from pmr.simulation.modal import modal_form
 from pmr.system.body import Trajectory, pushing_rows
 from pmr.system.contacts import SLIDER
 
-Array = NDArray[np.float64]
 STIFFNESS = 3e8  # N/m, a scene's default
 FALL = 5e-3  # m
 BODIES = {"modes": modes_on_pads, "flexible": flexible_on_pads}

@@ -11,7 +11,6 @@ import free_boom
 import numpy as np
 import pytest
 from free_extension import RIGID, G, free, scene, simulated, system
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -19,10 +18,10 @@ import pmr
 from pmr.compare.outputs import run_from_start
 from pmr.compare.space_energy import energy_in_space
 from pmr.errors import InputError, SimulationError
+from pmr.files.arrays import Array
 from pmr.simulation import Excitation
 from pmr.simulation.free_base import FreeBase
 
-Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced
 
 SLOPE = np.sin(0.3)

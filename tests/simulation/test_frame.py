@@ -6,15 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pmr import scene as scenes
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.simulation import Excitation
 from pmr.simulation.frame import section_acceleration
 
-Array = NDArray[np.float64]
 THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
 TURNING = (
     "frame.pivot=[0.3, -0.2, 0.5]",

@@ -8,10 +8,10 @@ import free_boom
 import momenta
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from pmr import InputError, System
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
 from pmr.simulation import Excitation
@@ -19,7 +19,6 @@ from pmr.simulation.frame_motion import Acceleration, FrameRotation
 from pmr.simulation.free_base import Extensions, FrameMotion, FreeBase, Moments, base_equations
 from pmr.system.assembly import Assembly
 
-Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced
 
 

@@ -12,17 +12,16 @@ import numpy as np
 import one_body
 import pytest
 from driving import driven
-from numpy.typing import NDArray
 from one_body import displacement
 from oracle import flexible, full_body
 
 from pmr.compare.errors import nrms
+from pmr.files.arrays import Array
 from pmr.scene.signals import Chirp, Constant, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation import TimeStepping, balance
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.system.body import Trajectory
 
-Array = NDArray[np.float64]
 CASES = 600 if os.environ.get("PMR_SWEEP") == "full" else 30
 SPAN = 2.0  # s
 

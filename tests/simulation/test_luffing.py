@@ -9,7 +9,6 @@ from typing import Any
 import free_boom
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from oil_boom import (
     AREAS,
     BACK,
@@ -37,8 +36,8 @@ from scipy.special import ellipk
 
 import pmr
 from pmr import InputError, SimulationError
+from pmr.files.arrays import Array
 
-Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced
 
 

@@ -9,7 +9,6 @@ from typing import Any
 import free_boom
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from oil_boom import (
     AREAS,
     BACK,
@@ -28,12 +27,12 @@ from oil_boom import (
 )
 from scipy.integrate import solve_ivp
 
+from pmr.files.arrays import Array
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 from pmr.simulation.native.luffing import LuffingRun
 
-Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced
 
 MASS, EA, FALLS, HANGING, SWING, SPEED, END = 60.0, 2e6, 2, 1.5, 0.4, 0.3, 0.5

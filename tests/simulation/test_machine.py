@@ -8,10 +8,10 @@ import free_boom
 import momenta
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import pmr
 from pmr import InputError, SimulationError
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.frame import DIRECTIONS
 from pmr.simulation import Excitation
@@ -23,7 +23,6 @@ from pmr.system.assembly import Assembly
 from pmr.system.changing_rows import ChangingRows, EliminatedContacts
 from pmr.system.states import SystemTrajectory
 
-Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced
 
 MASS, CENTER, INERTIA = 300.0, (0.1, 0.2, -0.3), (40.0, 60.0, 50.0)

@@ -9,18 +9,17 @@ import numpy as np
 import one_body
 import pytest
 from driving import driven
-from numpy.typing import NDArray
 from oracle import CASES, Case, nrms_error, paper_basis, project
 from textbook import EA, EI, LENGTH, RHO_A
 
 from pmr import ReducedModel
+from pmr.files.arrays import Array
 from pmr.simulation import TimeStepping
 from pmr.simulation.exudyn import ancf
 from pmr.system.body import FullBody, Trajectory
 
 pytestmark = pytest.mark.slow
 
-Array = NDArray[np.float64]
 STEPPING = TimeStepping(end=15.0, step=1e-3, rho_inf=0.9)
 SLIDING_ENDS = 11.25  # s
 

@@ -17,7 +17,6 @@ from pmr.scene.built import GRAVITY
 from pmr.simulation import Excitation
 from pmr.system.body import FullBody
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 #: A beam that is clamped at one end and held at the other: statically indeterminate, whatever the slider does.
 CLAMPED = (
     "mesh.elements=16",
@@ -35,13 +34,13 @@ NAMES = tuple(f"reaction of {name}" for name in ("support x at 0 m", "support z 
 
 @pytest.fixture(scope="module")
 def outcome() -> Outcome:
-    found = run(scenes.load(WORKFLOWS / "paper_evolved.toml", CLAMPED))
+    found = run(scenes.load("paper_evolved", CLAMPED))
     assert found is not None
     return found
 
 
 def test_full_reactions_hold_the_supports_and_fulfil_newton() -> None:
-    scene = scenes.load(WORKFLOWS / "paper_evolved.toml", CLAMPED)
+    scene = scenes.load("paper_evolved", CLAMPED)
     body, excitation = full_model(scene).gather(), Excitation.from_scene(scene)
     assert isinstance(body, FullBody)
     f = excitation.forces(body.input_names)
@@ -103,7 +102,7 @@ def test_a_saved_model_tells_them_too(outcome: Outcome, tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("full", ["petsc", "exudyn"])
 def test_every_simulator_of_full_models_tells_the_same(outcome: Outcome, full: str) -> None:
-    scene = scenes.load(WORKFLOWS / "paper_evolved.toml", (*CLAMPED, f"simulation.full={full}"))
+    scene = scenes.load("paper_evolved", (*CLAMPED, f"simulation.full={full}"))
     found = run(scene)
     assert found is not None
     for name in NAMES[1:]:
@@ -115,7 +114,7 @@ def test_every_simulator_of_full_models_tells_the_same(outcome: Outcome, full: s
 def test_a_rigid_support_bears_what_a_stiff_one_does() -> None:
     asked = [*CLAMPED, "supports=[{on=0.0,kind='pinned'},{on=5.0,directions=['z'],name='end'}]", "compare.against=[]"]
     stiff = [*asked, "supports=[{on=0.0,kind='pinned'},{on=5.0,directions=['z'],name='end',stiffness=1e9}]"]
-    outcomes = [run(scenes.load(WORKFLOWS / "paper_evolved.toml", each)) for each in (asked, stiff)]
+    outcomes = [run(scenes.load("paper_evolved", each)) for each in (asked, stiff)]
     rigid, spring = (one.result.responses["reduced"] for one in outcomes if one is not None)
     force = spring.force("force of end", 0)
     assert np.abs(rigid.other("reaction of end") - force).max() <= 0.01 * np.abs(force).max()
@@ -126,7 +125,7 @@ def test_the_clamp_of_a_boom_of_sections_bears_all_of_them() -> None:
     still = ("section.joint.extension=2.0", "damping={mass=40.0}", "sections.fly.loads=[]", "time.end=2.5")
     both_ways = ("section.joint.tail.0.unilateral=false", "section.joint.mouth.0.unilateral=false")
     few = ("section.mesh.elements=12", "compare.against=[]", "gravity.rise=0.5")
-    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", [*still, *both_ways, *few])
+    boom = scenes.load_any("boom_two", [*still, *both_ways, *few])
     outcome = run(boom)
     assert outcome is not None
     response, weight, moment = outcome.result.responses["reduced"], 0.0, 0.0

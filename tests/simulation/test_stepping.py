@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from nested import Nested, full
-from numpy.typing import NDArray
 from oracle import project, started
 
 from pmr import InputError
 from pmr.errors import BEYOND_ENDS
+from pmr.files.arrays import Array
 from pmr.scene.signals import Constant, Ramp, Sine, SmoothRamp, Sum
 from pmr.simulation import Excitation, InitialState, TimeStepping
 from pmr.simulation.excitation import clip_path
@@ -112,8 +112,6 @@ def test_a_path_stays_within_its_own_bounds() -> None:
     s, bounds = path.value(t), path.bounds(0.0, 60.0)
     assert clip_path(path, s, bounds, t) == pytest.approx(s, rel=0.0, abs=1e-12)
 
-
-Array = NDArray[np.float64]
 
 S, S_RATE = 2.1, 1.7  # m, m/s
 

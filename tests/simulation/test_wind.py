@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 import pmr
 from pmr import InputError
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.members import member_at
@@ -30,7 +30,6 @@ WIND = {
     "least": 4.0,
     "above": ABOVE,
 }
-Array = NDArray[np.float64]
 
 
 def still(amount: float) -> dict[str, Any]:

@@ -19,13 +19,12 @@ from pmr.reduction.bodies import reduce_bodies
 from pmr.system.attachment import CYLINDER, with_attachment_modes, with_cylinder_modes
 from pmr.system.truncation import extend, truncate
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 PAYLOAD, LENGTH, E, RHO = 250.0, 6.0, 210e9, 7850.0
 
 
 def fly(coordinates: int, *changes: str) -> ReducedModel:
     size = ("time.end=0.1", "section.mesh.elements=24", f"sections.fly.reduction.coordinates={coordinates}")
-    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", (*size, *changes))
+    boom = scenes.load_any("boom_two", (*size, *changes))
     return reduce_bodies(boom, build_bodies(boom))["fly"].modal
 
 
@@ -71,7 +70,7 @@ def test_under_a_cylinder_nothing_gives_way_that_has_no_mass_and_no_damping() ->
 @pytest.mark.numerical
 def test_matrices_of_a_moving_frame_know_the_cylinders_modes() -> None:
     """Were they mass and stiffness, they would be those of the model, of smaller and of larger ones."""
-    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", ("time.end=0.1", "section.mesh.elements=24"))
+    boom = scenes.load_any("boom_two", ("time.end=0.1", "section.mesh.elements=24"))
     built = {
         name: replace(one, model=replace(one.model, matrices={"M": one.model.M, "K": one.model.K}))
         for name, one in build_bodies(boom).items()
@@ -97,7 +96,7 @@ def tip(model: FullModel) -> dict[str, sp.csr_matrix]:
 @pytest.mark.parametrize("name", ["base", "fly"])
 def test_matrices_of_a_moving_frame_know_answers_to_loads(name: str) -> None:
     """Were they mass, stiffness and an output, they would be those of the model with its attachment modes."""
-    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", ("time.end=0.1", "section.mesh.elements=24"))
+    boom = scenes.load_any("boom_two", ("time.end=0.1", "section.mesh.elements=24"))
     built = {
         name: replace(
             one, model=replace(one.model, matrices={"M": one.model.M, "K": one.model.K}, ports=tip(one.model))

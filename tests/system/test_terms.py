@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from nested import Nested, box, full_section, joined, reduced, section
-from numpy.typing import NDArray
 from terms import geometric_stiffness
 
 from pmr import InputError, ReducedModel, Stepper, System
 from pmr.export.formats import Options, write
+from pmr.files.arrays import Array
 from pmr.reduction.basis import modal_basis
 from pmr.reduction.free_body import FreeBody
 from pmr.reduction.residual import section_model
@@ -110,8 +110,6 @@ def test_terms_that_make_no_sense_are_refused(system: System) -> None:
     with pytest.raises(InputError, match="a stiffness, a damping or both"):
         Term("N", ("0",))
 
-
-Array = NDArray[np.float64]
 
 BOOM = Nested(2, elements=4)
 

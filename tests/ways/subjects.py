@@ -11,14 +11,12 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from ways.kinds import Kind
 
 import pmr
 from pmr import InputError, ReducedModel, System
 from pmr.cli import main
-
-Array = NDArray[np.float64]
+from pmr.files.arrays import Array
 
 
 class Refused(Exception):  # noqa: N818  (what a user reads, no fault)

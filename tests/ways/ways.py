@@ -26,6 +26,7 @@ import pmr
 from pmr import ReducedModel, System
 from pmr.export.fmi.fmu import fmu_contents
 from pmr.export.formats import BODY_FORMATS, FORMATS
+from pmr.files.arrays import Array
 from pmr.fullmodel.build import full_model
 from pmr.fullmodel.eigensolvers import lowest_frequencies
 from pmr.scene import Scene
@@ -38,7 +39,6 @@ from pmr.studies.study import SEPARATOR
 from pmr.system.assembly import Assembly
 from pmr.system.body import length_outputs
 
-Array = NDArray[np.float64]
 Way = Callable[[Subject], None]
 ALONE = ("--set", "compare.against=[]")
 TOLERANCE = 0.05

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,7 +15,6 @@ from pmr.compare.estimate import MARGIN
 from pmr.scene.run_settings import Accuracy
 from pmr.system.attachment import CYLINDER
 
-WORKFLOWS = Path(__file__).parents[3] / "workflows"
 QUICK = (
     "time.end=0.2",
     "section.mesh.elements=12",
@@ -28,7 +26,7 @@ QUICK = (
 
 
 def summary(*changes: str) -> dict[str, Any]:
-    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, *changes))
+    boom = scenes.load_any("boom_two", (*QUICK, *changes))
     outcome = run(boom)
     assert outcome is not None
     return outcome.result.summary
@@ -100,7 +98,7 @@ def test_a_tolerance_chooses_the_step_and_counts_the_mesh() -> None:
 
 
 def _motion(model: str, *changes: str) -> Response:
-    boom = scenes.load_any(WORKFLOWS / "boom_two.toml", (*QUICK, *changes))
+    boom = scenes.load_any("boom_two", (*QUICK, *changes))
     outcome = run(boom)
     assert outcome is not None
     return outcome.result.responses[model]

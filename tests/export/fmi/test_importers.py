@@ -16,7 +16,7 @@ import one_body
 import plain_machines
 import pytest
 from export.fmi import loop, valve
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from processes import called
 from simulation.native import test_stepper_luffing
 
@@ -26,6 +26,7 @@ from pmr.export.fmi import fmu
 from pmr.export.fmi.fmu import PLATFORMS
 from pmr.export.fmi.reference import reference
 from pmr.export.fmi.variables import Drivers
+from pmr.files.arrays import Array
 from pmr.scene.signals import Ramp, SignalBase
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.modal import modal_form
@@ -33,7 +34,6 @@ from pmr.simulation.moving import read_scene
 from pmr.simulation.native import systems
 from pmr.system.body import force_outputs
 
-Array = NDArray[np.float64]
 ROOT = Path(__file__).parents[3]
 HERE = Path(__file__).parent
 pytestmark = pytest.mark.slow

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from export.fmi.libraries import CallError, Instance, loaded
-from numpy.typing import NDArray
 from processes import called
 
 import pmr
@@ -18,11 +17,11 @@ from pmr import InputError, System
 from pmr.compare.simulated import excitation_of_scene
 from pmr.export.fmi import fmu
 from pmr.export.fmi.fmu import fmu_contents, write_fmu
+from pmr.files.arrays import Array
 from pmr.observe.measured import ObserverFile, read_unit_observer
 from pmr.observe.observer import Estimates
 from pmr.simulation.moving import read_scene
 
-Array = NDArray[np.float64]
 ROOT, H = Path(__file__).parents[3], 4e-3
 RINGS = "[{at=0.15,stiffness=1e8,unilateral=false,faces={bottom=[0.0],top=[0.0]}}]"
 BOOM = [

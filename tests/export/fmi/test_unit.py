@@ -16,20 +16,19 @@ import numpy as np
 import pytest
 from export.fmi.libraries import CallError, Instance, Library, loaded
 from export.fmi.units import LOADS, PATH, STEP, provided
-from numpy.typing import NDArray
 from oracle import flexible, rich_body
 
 from pmr import InputError, ReducedModel, System
 from pmr.export.fmi import fmu
 from pmr.export.fmi.fmu import PLATFORMS, Contents, fmu_contents, selected_platforms
 from pmr.export.formats import Options, write
+from pmr.files.arrays import Array
 from pmr.kernel.kernel import Kernel
 from pmr.kernel.state import Settings, State
 from pmr.scene.signals import SmoothRamp
 from pmr.simulation.modal import modal_form
 from pmr.simulation.moving import read_scene
 
-Array = NDArray[np.float64]
 VERSIONS = pytest.mark.parametrize("version", ["2", "3"])
 
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import plain_machines
 from export.fmi.libraries import Instance, Library, loaded
-from numpy.typing import NDArray
 from on_pads import beam_on_pads, flexible_on_pads
 from oracle import flexible, project, rich_body
 
@@ -18,10 +17,9 @@ import pmr
 from pmr import ReducedModel, System
 from pmr.export.fmi.fmu import fmu_contents
 from pmr.export.fmi.variables import Drivers
+from pmr.files.arrays import Array
 from pmr.scene.signals import Chirp, Ramp, SignalBase, Sine, SmoothRamp
 from pmr.simulation.moving import StoredScene, read_scene
-
-Array = NDArray[np.float64]
 
 END, STEP = 0.2, 1e-3
 PATH = SmoothRamp(times=(0.0, 0.2), values=(2.0, 2.6))

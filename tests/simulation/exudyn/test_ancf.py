@@ -9,18 +9,17 @@ import numpy as np
 import one_body
 import pytest
 from driving import driven
-from numpy.typing import NDArray
 from oracle import nrms_error
 from textbook import EA, EI, LENGTH, RHO_A, TIP_DEFLECTION
 
 from pmr import InputError, SimulationError
+from pmr.files.arrays import Array
 from pmr.scene.signals import Constant, Ramp, SmoothRamp, Step
 from pmr.simulation import TimeStepping
 from pmr.simulation.exudyn import ancf
 from pmr.simulation.exudyn.ancf import add_sliding_cable, curvature, values
 from pmr.system.body import FullBody
 
-Array = NDArray[np.float64]
 AT_THE_TIP = {"F": LENGTH}
 CABLE = ancf.Cable(LENGTH, EA, EI, RHO_A, elements=10)
 X = np.linspace(0.0, LENGTH, 51)

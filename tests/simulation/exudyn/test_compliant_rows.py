@@ -11,7 +11,6 @@ import numpy as np
 import one_body
 import pytest
 from driving import driven, named
-from numpy.typing import NDArray
 from one_body import Simulate, displacement
 from oracle import CASES, flexible, full_body, generalized_alpha, project
 from own_mbs import OwnSystem
@@ -24,8 +23,6 @@ from pmr.simulation.exudyn import simulator
 from pmr.simulation.exudyn.simulator import Formulation
 from pmr.system.body import FullBody, SlidingBody
 from pmr.system.rows import Rows
-
-Array = NDArray[np.float64]
 
 PATH = Sine(amplitude=0.7, frequency=0.8, offset=2.0)
 LOADS = (

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from exudyn.utilities import ObjectGround, RigidBodyInertia, RotationMatrixY
 from free_turret import KINDS, PLACE, TURRET, Turret
-from numpy.typing import NDArray
 
 from pmr import InputError
+from pmr.files.arrays import Array
 from pmr.scene.frame import DIRECTIONS, INERTIA
 from pmr.scene.mechanism import frame_terms
 from pmr.scene.signals import Table
@@ -21,7 +21,6 @@ from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.native import systems
 from pmr.simulation.native.machine import machine_motion
 
-Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced
 
 

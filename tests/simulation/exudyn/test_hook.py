@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from exudyn.utilities import MarkerNodePosition, ObjectConnectorDistance, SensorNode, SensorObject
 from free_turret import Turret
-from numpy.typing import NDArray
 
 import pmr
 from pmr import InputError
@@ -21,7 +20,6 @@ from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.native import systems
 from pmr.system.from_scene import system_of
 
-Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # a boom is reduced
 LOADS = ("fly.hook x", "fly.hook y", "fly.hook z")
 LEVEL = "frame.luffing={kind='constant', amount=0.0}"

@@ -14,17 +14,16 @@ from exudyn.itemInterface import (
     ObjectGenericODE2,
 )
 from nested import Nested, reduced
-from numpy.typing import NDArray
 from own_mbs import OwnSystem
 
 from pmr import InputError, System
+from pmr.files.arrays import Array
 from pmr.scene.signals import Chirp, Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.exudyn import Formulation, add_pre_step_function, add_sensors, add_system, simulate_system
 from pmr.simulation.native import systems
 from pmr.system.states import SystemTrajectory
 
-Array = NDArray[np.float64]
 STEPPING = TimeStepping(0.1, 1e-3, 0.8)
 #: What the test of a body alone in a user's own mbs asks for, too.
 TOLERANCE = 1e-7

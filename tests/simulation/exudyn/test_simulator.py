@@ -10,12 +10,12 @@ import numpy as np
 import one_body
 import pytest
 from driving import driven, named
-from numpy.typing import NDArray
 from one_body import Simulate
 from oracle import flexible, full_body, generalized_alpha, project, started
 from own_mbs import OwnSystem
 
 from pmr import InputError, ReducedModel, SimulationError
+from pmr.files.arrays import Array
 from pmr.scene import Simulation
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, Step
 from pmr.simulation import InitialState, TimeStepping
@@ -25,8 +25,6 @@ from pmr.system.assembly import Assembly
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 from pmr.system.contact_rows import ContactRows
 from pmr.system.rows import Rows
-
-Array = NDArray[np.float64]
 
 PATH = Sine(amplitude=0.7, frequency=0.8, offset=2.0)
 LOADS = (

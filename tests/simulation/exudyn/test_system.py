@@ -10,7 +10,6 @@ import numpy as np
 import one_body
 import pytest
 from nested import Nested, full, reduced
-from numpy.typing import NDArray
 from one_body import displacement
 from oracle import TIP_LOAD, flexible, full_body
 
@@ -20,8 +19,6 @@ from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.exudyn import simulate_system
 from pmr.simulation.native import systems
 from pmr.system.states import SystemTrajectory
-
-Array = NDArray[np.float64]
 
 
 def driven(system: System, rho_inf: float = 0.8, parts: int = 0, lift: float = 2e3) -> Excitation:

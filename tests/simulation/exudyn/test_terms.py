@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from nested import Nested, full, reduced
-from numpy.typing import NDArray
 from terms import axial, excitation
 
 from pmr import System
@@ -16,8 +15,6 @@ from pmr.scene.signals import Sine
 from pmr.simulation import Excitation, TimeStepping, exudyn
 from pmr.simulation.native import systems
 from pmr.system.terms import Term
-
-Array = NDArray[np.float64]
 
 
 def turning(system: System) -> System:

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import plain_machines
 import pytest
-from numpy.typing import NDArray
 from turret import Turret
 
 import pmr
@@ -15,6 +14,7 @@ from pmr import Response, System
 from pmr import scene as scenes
 from pmr.compare.evaluation import evaluate_motion
 from pmr.compare.simulated import excitation_of_scene
+from pmr.files.arrays import Array
 from pmr.report.columns import body_axes
 from pmr.scene import Scene
 from pmr.scene.frame import INERTIA
@@ -22,7 +22,6 @@ from pmr.scene.signals import Table
 from pmr.simulation.exudyn import simulate_system
 from pmr.simulation.native.systems import start_of
 
-Array = NDArray[np.float64]
 pytestmark = pytest.mark.slow  # ten seconds each
 CRANE = plain_machines.CRANE
 #: Raised, slewed and drawn out at once, under its weight.

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import one_body
 import pytest
-from numpy.typing import NDArray
 from on_pads import LENGTH, NAMES, TAIL, WEIGHT, beam_on_pads, driven, flexible_on_pads, modes_on_pads
 from one_body import displacement, energy, respond
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 
 from pmr import InputError, ReducedModel, Stepper, System
+from pmr.files.arrays import Array
 from pmr.kernel._native import lib
 from pmr.kernel.state import StepError
 from pmr.scene.signals import Constant, Ramp, SignalBase, Sine, SmoothRamp
@@ -23,7 +23,6 @@ from pmr.simulation.native.form import failure_reason
 from pmr.simulation.native.march import without_pull
 from pmr.system.body import Trajectory, pushing_rows
 
-Array = NDArray[np.float64]
 CLEARANCE = 1e-3
 REST = (Constant(amount=0.0), Constant(amount=0.0))
 #: Falls on the lower pads, is pulled up and down so that it meets all four, and slides.

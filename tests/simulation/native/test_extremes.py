@@ -11,21 +11,19 @@ import one_body
 import pytest
 import scipy.linalg
 from generalized_alpha import GeneralizedAlpha
-from numpy.typing import NDArray
 from on_pads import beam_on_pads, flexible_on_pads
 from one_body import displacement, energy
 from oracle import LENGTH, TIP_LOAD, flexible, full_body, nrms_error
 
 from pmr import ReducedModel, reduce
 from pmr.compare.errors import relative_error
+from pmr.files.arrays import Array
 from pmr.fullmodel.build import full_model
 from pmr.scene.signals import Constant, SignalBase, SmoothRamp, Table
 from pmr.simulation import Excitation, InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
 from pmr.system.body import FullBody, SlidingBody, Trajectory
 from pmr.system.polynomials import evaluate
-
-Array = NDArray[np.float64]
 
 FULL = full_body(20)
 MODEL = flexible(FULL, 6)

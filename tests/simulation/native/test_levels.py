@@ -14,7 +14,6 @@ import numpy as np
 import one_body
 import pytest
 from nested import Nested, reduced
-from numpy.typing import NDArray
 from on_pads import beam_on_pads, driven, modes_on_pads
 from one_body import displacement
 from oracle import free_modes as modes_of
@@ -106,9 +105,6 @@ def test_random_impacts_are_those_of_400_parts_and_no_energy_comes_from_them() -
 def off(found: SystemTrajectory, reference: SystemTrajectory) -> float:
     """Largest error of a contact's largest force, over the largest of all."""
     return float(np.abs(found.peaks.max(axis=0) - reference.peaks.max(axis=0)).max() / reference.peaks.max())
-
-
-Array = NDArray[np.float64]
 
 
 def still(system: System, coupled: bool = False) -> System:

@@ -9,19 +9,17 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from textbook import beam_matrices
 
 import pmr
 from pmr import InputError, System
+from pmr.files.arrays import Array
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import check_scene
 from pmr.simulation import Excitation, exudyn
 from pmr.simulation.native import systems
-
-Array = NDArray[np.float64]
 
 ENDS = ("tail", "tip")
 LENGTH, EI, MASS, FORCE = 20.0, 1e9, 1000.0, 1e4  # m, N m^2, kg/m, N

@@ -8,12 +8,12 @@ import numpy as np
 import one_body
 import pytest
 from driving import driven
-from numpy.typing import NDArray
 from one_body import displacement, energy
 from oracle import CASES, Case, generalized_alpha, project, started
 from scipy.interpolate import PPoly
 
 from pmr import InputError, ReducedModel, SimulationError
+from pmr.files.arrays import Array
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulation import InitialState, TimeStepping
 from pmr.simulation.modal import modal_form
@@ -22,7 +22,6 @@ from pmr.system.body import FullBody, SlidingBody, Trajectory
 from pmr.system.carriers import Flexibility
 from pmr.system.rows import Rows, fixed_row, sparse_row
 
-Array = NDArray[np.float64]
 PATH = Sine(amplitude=0.7, frequency=0.8, offset=2.0)
 LOADS = (
     Chirp(amplitude=300.0, times=(0.0, 0.2), frequencies=(3.0, 20.0), phase=1.0),

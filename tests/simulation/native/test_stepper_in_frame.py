@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import plain_machines
 import pytest
-from numpy.typing import NDArray
 from shaken_crane import CHANGES, RHO, STEP, shaken_crane
 
 import pmr
@@ -15,8 +14,6 @@ from pmr import InputError, Stepper, System
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.moving import MovingFrame
 from pmr.simulation.native import systems
-
-Array = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

@@ -14,12 +14,12 @@ import plain_machines
 import pytest
 import scipy.linalg
 from nested import LENGTH, Nested, box, full, full_section, joints, reduced
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from terms import TURN, axial, excitation, geometric_stiffness, masses, merged, turning, turning_frequencies
 
 import pmr
 from pmr import SimulationError, System
+from pmr.files.arrays import Array
 from pmr.scene.hoist import OUTPUTS, ROPE_FORCE
 from pmr.scene.signals import Constant, Ramp, Sine
 from pmr.simulation import Excitation, InitialState, TimeStepping
@@ -30,8 +30,6 @@ from pmr.system.assembly import Assembly
 from pmr.system.contacts import Contact, Place
 from pmr.system.states import SystemTrajectory
 from pmr.system.terms import Term
-
-Array = NDArray[np.float64]
 
 
 def constant(**amplitudes: float) -> dict[str, Any]:

@@ -10,7 +10,6 @@ import pytest
 import scipy.sparse as sp
 from distributed import distributed
 from driving import driven, loads_at
-from numpy.typing import NDArray
 from one_body import respond as responded
 from oracle import CASES, full_body, generalized_alpha, rich_body, started
 from petsc_alone import observe
@@ -18,6 +17,7 @@ from processes import resident
 
 from pmr import InputError, SimulationError, System
 from pmr.fem.compat import MPI
+from pmr.files.arrays import Array
 from pmr.scene.signals import Chirp, Constant, Ramp, Sine, SmoothRamp, Step
 from pmr.simulation import InitialState, TimeStepping, contact_step
 from pmr.simulation.contact_step import contact_frequency
@@ -26,7 +26,6 @@ from pmr.system.body import FullBody
 from pmr.system.body_matrices import Rayleigh
 from pmr.system.rows import Rows
 
-Array = NDArray[np.float64]
 PATH = Sine(amplitude=0.7, frequency=4.0, offset=2.0)
 LOADS = (
     Chirp(amplitude=300.0, times=(0.0, 0.2), frequencies=(3.0, 20.0), phase=1.0),

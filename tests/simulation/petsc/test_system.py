@@ -10,11 +10,11 @@ import pytest
 from complementarity import by_least_squares
 from distributed import distributed
 from nested import Nested, full, reduced
-from numpy.typing import NDArray
 
 from pmr import InputError, System
 from pmr.fem.compat import MPI
 from pmr.fem.factor import Factor
+from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullModel, FullSystem
 from pmr.scene.signals import Chirp, Constant, SmoothRamp
 from pmr.simulation import Excitation, TimeStepping, contact_step
@@ -23,7 +23,6 @@ from pmr.simulation.native import systems
 from pmr.simulation.petsc import Checkpoint, History, constraint, observe, static_start
 from pmr.simulation.petsc.rows import BlockFactor
 
-Array = NDArray[np.float64]
 #: Rigid pads hold both ways; soft ones too, or only push.
 BOOMS = {
     "yielding": Nested(3, elements=8),

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from distributed import distributed
 from nested import Nested, full
-from numpy.typing import NDArray
 from terms import axial, excitation
 
 from pmr import SimulationError, System
@@ -19,8 +18,6 @@ from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.native import systems
 from pmr.simulation.petsc import Checkpoint, observe, static_start
 from pmr.system.terms import Term
-
-Array = NDArray[np.float64]
 
 
 def varying(boom: Nested) -> tuple[System, FullSystem]:

@@ -236,11 +236,8 @@ def test_anything_but_a_list_with_values_is_refused(value: object) -> None:
         list(grid_points({"reduction": {"modes": value}}))
 
 
-WORKFLOWS = Path(__file__).parents[3] / "workflows"
-
-
 def test_rows_hold_forces_frequencies_and_probes_with_times_and_places() -> None:
-    scene = scenes.load(WORKFLOWS / "boom_beam.toml", ["slider.path={kind='ramp',times=[0.0,1.0],values=[1.5,2.5]}"])
+    scene = scenes.load("boom_beam", ["slider.path={kind='ramp',times=[0.0,1.0],values=[1.5,2.5]}"])
     t = np.linspace(0.0, 1.0, 101)
     forces = np.stack([100.0 * np.sin(2.0 * np.pi * t), -3.0 * t], axis=1)
     response = Response(
