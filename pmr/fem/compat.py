@@ -119,7 +119,7 @@ logging.getLogger("compilers").setLevel(logging.WARNING)
 
 
 def versions() -> dict[str, str]:
-    """Versions of the finite-element libraries in use, by their names; without PETSc, that of SciPy alone."""
+    """Versions of the finite-element libraries in use, by their names; of SciPy alone if PETSc is not installed."""
     if not HAS_PETSC:
         return {"sparse matrices": f"SciPy {scipy.__version__}"}
     petsc, slepc = PETSc.Sys.getVersion(), SLEPc.Sys.getVersion()
@@ -174,8 +174,8 @@ def create_mesh(comm: MPI.Comm, cell: str, points: Array, cells: Indices) -> Mes
 def comm_of(mesh: Mesh) -> MPI.Comm:
     """The communicator that was passed to `create_mesh` for this mesh.
 
-    dolfinx makes a communicator of its own for each mesh, on which PETSc objects must not stay: if Python drops such an
-    object, it is kept until all ranks of its communicator agree to free it, and nobody can request that once the mesh
+    dolfinx makes a communicator of its own for each mesh, on which PETSc objects must not stay.  If Python drops such
+    an object, it is kept until all ranks of its communicator agree to free it.  Nobody can request that once the mesh
     is gone.
     """
     return _comm_of[mesh]
@@ -259,12 +259,12 @@ def shell_space(mesh: Mesh) -> FunctionSpace:
 
 
 def hermite_space(mesh: Mesh, linear: int, planes: int = 1) -> FunctionSpace:
-    """Function space on an interval mesh: `linear` components u, then w_A and theta_B for each of the bending `planes`.
+    """Function space on an interval mesh: `linear` components u, then w_A and theta_B for each bending plane.
 
-    Cubic Hermite functions on an element with the coordinate X in [0, 1] are built from two elements with one degree of
-    freedom at each vertex: A spans the value functions N2 and N5, B spans the slope functions N3 and N6.  With the
-    element's length J = dx/dX the deflection is ``w = w_A + J theta_B``; it is C1 on graded meshes, and theta_B is the
-    physical slope.
+    There are `planes` bending planes.  Cubic Hermite functions on an element with the coordinate X in [0, 1] are built
+    from two elements.  Each has one degree of freedom at each vertex: A spans the value functions N2 and N5, B spans
+    the slope functions N3 and N6.  With the element's length J = dx/dX the deflection is ``w = w_A + J theta_B``; it is
+    C1 on graded meshes, and theta_B is the physical slope.
     """
     # Complete degrees (A holds the constants, B does not) also keep the two apart for FFCx, which in 0.5 compares
     # custom elements by little else.

@@ -96,10 +96,10 @@ def subtract(X: Array, A: Array, B: Array) -> None:
 
 
 def fix_signs(local: Array, comm: MPI.Comm) -> Array:
-    """Columns times 1 or -1, so that the entry of largest magnitude of each column is positive; collective.
+    """The columns of `local`, each times 1 or -1 so that its entry of largest magnitude is positive; collective.
 
-    Of all entries within `SIGN_TOLERANCE` of the largest one, the first in the model's order decides, so that round-off
-    can't choose between the two ends of a symmetric mode.
+    `local` is this rank's part of the rows.  Of all entries within `SIGN_TOLERANCE` of the largest one, the first in
+    the model's order decides, so that round-off can't choose between the two ends of a symmetric mode.
     """
     size = np.abs(local)
     largest = np.max(comm.allgather(size.max(axis=0, initial=0.0)), axis=0)
@@ -150,7 +150,7 @@ def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
 
 
 def gather(A: PETSc.Mat) -> sp.csr_matrix | None:
-    """The whole sparse matrix on rank 0; None on other ranks.  Collective."""
+    """Gather a sparse matrix on rank 0, and return None on other ranks; collective."""
     comm = A.comm.tompi4py()
     shares = comm.gather(local_csr(A), root=0)
     return None if shares is None else sp.vstack(shares, format="csr")

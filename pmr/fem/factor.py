@@ -367,9 +367,9 @@ class Exchange:
 
     @contextmanager
     def _parts(self, local: Array, full: Array) -> Iterator[tuple[tuple[object, ...], ...]]:
-        """Yield MPI's descriptions of this rank's rows, by columns, and of its columns, by rows, for one exchange.
+        """Yield how MPI sees `local`, this rank's rows, by columns, and `full`, its columns, by rows, for one exchange.
 
-        Both refer to the arrays in place.  Their data types are freed on exit.
+        Both descriptions refer to the arrays in place.  Their data types are freed on exit.
         """
         counts, number = len(local) * self._shares(local.shape[1]), MPI.DOUBLE
         begins = (np.cumsum(counts) - counts) * number.size

@@ -208,9 +208,13 @@ def rectangular(card: Card, axes: Axes | None, coordinates: Sequence[float]) -> 
 def turned_axes(card: Card, points: Array) -> Array:
     """Return the axes (k, 3, 3), as rows, of displacements at `points` (k, 3) in m that a card `*TRANSFORM` gives.
 
-    Its line has two points: of TYPE=R one on the x axis and one in the xy plane from the origin, of TYPE=C two on the
-    polar axis, where the axes are radial, circumferential and axial, of TYPE=S the centre and one on the polar axis,
-    where they are radial, circumferential and meridional.  Raises InputError for anything else.
+    Its line has two points, whose meaning depends on its TYPE:
+
+    - R: one on the x axis and one in the xy plane; the axes are parallel at all points;
+    - C: two on the polar axis; the axes are radial, circumferential and axial;
+    - S: the centre and one on the polar axis; the axes are radial, circumferential and meridional.
+
+    Raises InputError for anything else.
     """
     kind = card.options.get("TYPE", "R").upper()
     numbers = [number for line in card.lines for number in read_numbers(line, 6)]
@@ -231,7 +235,7 @@ def turned_axes(card: Card, points: Array) -> Array:
 
 
 def move_instance(card: Card, points: Sequence[Point]) -> list[Point]:
-    """Return nodes (N,) of an instance in its place, from their places in its part; empty without nodes.
+    """Return nodes (N,) of an instance in its place, from their places in its part; empty if there are no nodes.
 
     The first line of its card has a translation.  The second one has two points on an axis and an angle in degrees by
     which the nodes are turned about it after they were moved.  Raises InputError for other lines.

@@ -78,9 +78,10 @@ class Elements:
         return Elements(self.type, numbers, self.lines, [[nodes[node] for node in of] for of in self.nodes])
 
     def face_corners(self, face: str) -> tuple[int, ...]:
-        """Return which corners of an element are on a `face`, as surfaces call it: S1, E1, SPOS; empty for another.
+        """Return the numbers of an element's corners on a `face`, as surfaces call it: S1, E1, SPOS.
 
-        A shell has the faces SPOS and SNEG, and the edges E1 (Abaqus) or S3 (CalculiX) and so on.
+        A shell has the faces SPOS and SNEG, and the edges E1 (Abaqus) or S3 (CalculiX) and so on.  The result is empty
+        if the element has no face of that name.
         """
         letter, number = face[:1], int(face[1:]) - 1 if face[1:].isdigit() else -1
         if self.kind in _SOLID_FACES:
@@ -192,8 +193,9 @@ def _named_members(
     of_nodes: bool,
     instance: str = "",
 ) -> set[int]:
-    """Return the nodes, or elements, that a line of a card names: a number or a set, of an `instance` if one is named.
+    """Return the nodes or elements that a line of a card names by a number or by a set.
 
+    `name` is the number or the name of the set, of an `instance` if this is not empty.  `of_nodes` selects nodes.
     Raises InputError for a number that does not exist and for a set that was not read before.
     """
     sets = deck.node_sets if of_nodes else deck.element_sets
@@ -210,9 +212,9 @@ def _named_members(
 
 
 def _read_surface(deck: Deck, card: Card, instances: Mapping[str, Numbers]) -> None:
-    """Add the nodes on a surface to the deck: those of TYPE=NODE, or those on faces or edges of elements.
+    """Add the nodes on a surface to the deck: of TYPE=NODE those listed, else those on faces or edges of elements.
 
-    Other surfaces, such as analytical ones, those of whole bodies and combined ones, are left out.
+    Left out are analytical surfaces, combined surfaces and surfaces of whole bodies.
     """
     name, kind = card.options.get("NAME", ""), card.options.get("TYPE", "ELEMENT").upper()
     if kind not in ("NODE", "ELEMENT") or not card.lines or not name or "COMBINE" in card.options:
@@ -239,8 +241,9 @@ def _read_surface(deck: Deck, card: Card, instances: Mapping[str, Numbers]) -> N
 def _read_range(line: DataLine, card: Card, fields: list[str], numbers: Mapping[int, int], of_nodes: bool) -> list[int]:
     """Return those of `numbers` that are in the range of a line of a set's card.
 
-    `fields` are its first, last and step, 1 if there is none.  Numbers between the ends that do not exist are left out.
-    Raises InputError for other fields, and for ends that do not exist.
+    `fields` are its first, last and step; the step is 1 if it is missing.  `of_nodes` says whether messages name nodes
+    or elements.  Numbers between the ends that do not exist are left out.  Raises InputError for other fields, and for
+    ends that do not exist.
     """
     bounds = [whole_number(line, field, "first, last and step") for field in fields]
     if len(bounds) not in (2, 3) or bounds[2:] == [0]:
@@ -272,7 +275,10 @@ def _element_set_nodes(deck: Deck, card: Card, instance: str) -> set[int]:
 def _check_existing(
     line: DataLine, card: Card, existing: Mapping[int, int], numbers: list[int], of_nodes: bool
 ) -> None:
-    """Raise InputError for the first of `numbers` that is not in `existing`, the numbers of all nodes or elements."""
+    """Raise InputError for the first of `numbers` that is not in `existing`, the numbers of all nodes or elements.
+
+    `of_nodes` says whether the message names a node or an element.
+    """
     missing = next((number for number in numbers if number not in existing), None)
     if missing is not None:
         of = f"set {card.options[card.keyword]}" if card.keyword in card.options else card.options["NAME"]

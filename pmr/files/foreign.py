@@ -74,8 +74,10 @@ def foreign_files(
     Mass, degrees of freedom (`dofs`) and nodes that are None are in the file `stiffness` itself if files of its format
     hold them: the mass in .op4, `dofs` in .mtx, all three in files of DMIG cards.  Otherwise each has a file of the
     same name with the suffix .mas, .dof (.mapping for .matrix) or .inp.  For a .pch file the .inp file of the same name
-    has the nodes, if it exists.  A damping is read only if its file or its name is given; a name alone is that of a
-    matrix in `stiffness`.
+    has the nodes, if it exists.
+
+    A damping is read only if its file or its name is given; a name alone is that of a matrix in `stiffness`.
+    `stiffness_name`, `mass_name` and `damping_name` are names of matrices in files of several.
     """
     suffix = stiffness.suffix.lower()
     combined = {".op4": ("mass",), ".mtx": ("dofs",), **dict.fromkeys(_DMIG, ("mass", "dofs", "nodes"))}
@@ -419,7 +421,7 @@ def _read_deck_nodes(path: Path) -> _Nodes:
 def _make_nodes(numbers: list[int], points: Sequence[Sequence[float]], groups: dict[str, list[int]]) -> _Nodes:
     """Return nodes from their numbers, points and groups; groups without members are left out.
 
-    Raises UnreadableError without any node.
+    Raises UnreadableError if there are no nodes.
     """
     if not numbers:
         raise UnreadableError("nodes are allowed: this file has none")

@@ -74,8 +74,9 @@ def read_number_table(
 ) -> Array:
     """Return the numbers (e, c) in the e lines after the first `head` ones.
 
-    Each line has c numbers of the given `kinds`, and `form` describes a line in messages.  Raises UnreadableError with
-    the number of the first line of another form, or if the file is cut off.
+    Each line has c numbers of the given `kinds`, separated by the `delimiter`, or by blanks if it is None.  What
+    follows the sign `comment` is ignored.  `form` describes a line in messages.  Raises UnreadableError if the file is
+    cut off, has no such line, or has a line that is of another form; the error has this line's number.
     """
     content = path.read_bytes()
     if not content.endswith(b"\n"):
@@ -147,7 +148,10 @@ def _read_text4(lines: Sequence[str]) -> dict[str, sp.csr_matrix]:
         return numbers
 
     def numbers(length: int, words: int, width: int) -> list[float]:
-        """Return the numbers of the next lines, which have `length` words, or numbers as some programs count."""
+        """Return the numbers of the next lines, each of which takes `width` characters.
+
+        A ValueError is raised unless there are `length` numbers, or `length` words with `words` words a number.
+        """
         nonlocal at
         values = list[float]()
         while at < len(lines) and re.match(r"\s*[+-]?\d*\.", lines[at]):

@@ -141,9 +141,10 @@ def _read_bulk(path: Path, lines: Lines) -> Bulk:
 
 
 def _read_lines(path: Path, within: Sequence[Path] = ()) -> Lines:
-    """Return the lines of a file; those of a file that it includes have the number of the line with INCLUDE.
+    """Return the numbered lines of a file, with the lines of files that it includes in their place.
 
-    `within` are the files that include this one.  Raises UnreadableError for a file that is missing or includes itself.
+    Lines of an included file have the number of the line with INCLUDE.  `within` are the files that include this one.
+    Raises UnreadableError for a file that is missing or includes itself.
     """
     lines = list[tuple[int, str]]()
     for number, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
@@ -180,8 +181,9 @@ def _unreadable_bulk(lines: Lines, reason: str) -> UnreadableError:
 def _displacement_axes(kind: str, beta: Array, place: Array) -> Array:
     """Return the axes (3, 3) of a grid point's displacements, as rows; NaN at a pole of spherical ones.
 
-    `kind` is that of their system, R, C or S, `beta` (3, 3) its axes as rows, and `place` (3,) that of the grid point
-    in the system, with angles in degrees: from x of a cylindrical system, from z and from x of a spherical one.
+    `kind` is that of their coordinate system, R, C or S, and `beta` (3, 3) has the system's axes as rows.  `place` (3,)
+    are the coordinates of the grid point in the system.  Angles are in degrees: from x in a cylindrical system, from z
+    and from x in a spherical one.
     """
     turned, sine = np.eye(3), 1.0
     if kind != "R":

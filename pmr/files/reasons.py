@@ -142,12 +142,12 @@ def speeds_of_sound(M: sp.csr_matrix, body: Resistance) -> list[float]:
 def _stretch_speeds(M: sp.csr_matrix, body: Resistance) -> Array:
     """Return speeds of sound (a, 2) in m/s by stretching along each of a axes.
 
-    The first column is for the whole mass, the second one for the mass without payloads.  With the displacements u of a
-    stretch, the mass m, and springs to ground S in the stiffness K, the speed c is given by c^2 = u^T (K - S) u / m.
-    The displacement of a node is its distance to the nearest node that supports hold along the axis or, if there is
-    none, its position; so the slope of u is one and supports do no work.  The mass of a node that exceeds four times
-    the median of all nodes counts as payload.  Axes with longer distances come first, and axes along which nothing is
-    stretched are left out.
+    The first column is for the whole mass, the second one for the mass without payloads.  The speed c is given by c^2 =
+    u^T (K - S) u / m, with the displacements u of a stretch, the mass m, and springs to ground S in the stiffness K.
+    The displacement of a node is its distance to the nearest node that supports hold along the axis.  If there is none,
+    it is the node's position.  So the slope of u is one and supports do no work.  The mass of a node that exceeds four
+    times the median of all nodes counts as payload.  Axes with longer distances come first, and axes along which
+    nothing is stretched are left out.
     """
     speeds = list[tuple[float, float, float]]()
     free = ~body.near(body.missing_displacements.any(axis=1)) & body.spring_nodes

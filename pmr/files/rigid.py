@@ -245,9 +245,10 @@ class Resistance:
 
     @cached_property
     def least_energy(self) -> float:
-        """Energy that takes a force beyond rounding, of a motion of unit size where K has a diagonal of ones.
+        """Least energy of a motion of unit size for which its forces are not rounding.
 
-        Where no motion is free to the digits of K, those of its condensation count.
+        K is scaled to a diagonal of ones.  The limit follows from the digits to which K is written.  If no motion is
+        free to these digits, the limit is at least `CONDENSED`, that of a condensed matrix.
         """
         sample = self.K.data[np.linspace(0, self.K.nnz - 1, min(self.K.nnz, 500)).astype(int)].tolist()
         digits = next((d for d in range(5, 16) if all(float(f"{x:.{d}e}") == x for x in sample)), 16)

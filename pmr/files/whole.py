@@ -183,9 +183,10 @@ def remove_matching(folder: Path, ours: Sequence[str]) -> None:
 
 
 def _finish_moves(folder: Path) -> None:
-    """Move the files of a complete new folder, if there is one, to their names in `folder`, and remove old files.
+    """Move the files of a complete new folder to their names in `folder`, and remove old files.
 
-    The old files are removed first.  A file that was moved before is passed over.
+    The old files are removed first.  A file that was moved before is passed over.  Without a complete new folder
+    nothing is done.
     """
     complete = folder / _COMPLETE
     if not complete.is_dir():

@@ -116,9 +116,10 @@ def _span_rows(rows: Array, reach: float) -> Array:
 def free_motions(
     system: FullSystem, structural: Mapping[str, StructuralModel], positions: CheckedPositions
 ) -> list[dict[str, Array]]:
-    """For each of the T positions the free motions (6, f) of bodies by name, relative to the carrying body; collective.
+    """Free motions (6, f) of bodies by name at each of the T positions; collective.
 
-    Bodies without a free motion are left out.
+    Motions are relative to the carrying body.  `structural` has the structural models of the bodies.  Bodies without a
+    free motion are left out.
     """
     bodies = {name: RigidBody.from_model(model, structural[name]) for name, model in system.bodies.items()}
     shifts = {name: _shifts(ahead) for name, ahead in positions.tails.items()}
@@ -167,7 +168,8 @@ def _contacts(
 ) -> Array:
     """Measures (T, m, 6 b) of the rigid motions of b bodies by the m contacts at T positions.
 
-    A row is set to zero if it is a sum of terms that cancel up to round-off.
+    `shifts` are matrices (T, 6, 6) by body, as `_shifts` returns them.  A row is set to zero if it is a sum of terms
+    that cancel up to round-off.
     """
     names, x = list(bodies), system.side_coordinates(positions.s)
     rows, terms = np.zeros((2, len(positions.labels), len(system.contacts), 6 * len(names)))

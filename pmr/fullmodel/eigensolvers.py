@@ -237,8 +237,8 @@ class SlepcEigenSolver:
 class OneFactorEigenSolver:
     r"""Block Lanczos with shift-and-invert on one factor for all path coordinates; the rows change it by a low rank.
 
-    With F = K + sigma M and m rows C(s) whose compliances are the diagonal matrix 1/k, zero for rigid rows, the inverse
-    that is applied to vectors is
+    The matrix to invert is that of F = K + sigma M and of m rows C(s).  Their compliances are the diagonal matrix 1/k,
+    which is zero for rigid rows.  The inverse that is applied to vectors is
 
     .. math::
         \bigl(F + C^T k\, C\bigr)^{-1} = F^{-1} - F^{-1} C^T \bigl(1/k + C F^{-1} C^T\bigr)^{-1} C F^{-1}

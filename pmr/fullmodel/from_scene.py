@@ -52,12 +52,14 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
 
     Its outputs are, in this order:
 
-    - displacements in m along each transverse direction at the observed stations.  By default these are the nodes of a
-      beam without the last one, which is the tip; of more than `MOST_OBSERVED` nodes every second, third and so on;
+    - displacements in m along each transverse direction at the observed stations;
     - displacements of the tip in m;
     - forces in N of the pads that do not move, have a stiffness and hold both ways, and of supports with a stiffness.
       The forces of all other pads and supports are the multipliers of their rows;
     - the rotation of the tip, if the scene observes it, and what the probes measure.
+
+    By default the observed stations are the nodes of a beam without the last one, which is the tip.  Of more than
+    `MOST_OBSERVED` nodes every second, third and so on is taken.
 
     Raises an `InputError` if the mesh can't be read or drawn, or lacks a group.
     """

@@ -166,7 +166,7 @@ class FullModel(FullOrderBody):
         return slice(*self.M.getOwnershipRange())
 
     def gather(self) -> FullBody | None:
-        """This model with SciPy matrices on rank 0; None on other ranks.  Collective."""
+        """Return this model with SciPy matrices on rank 0, and None on other ranks; collective."""
         parts = [gather(A) for A in (self.M, self.D, self.K, self.inputs, self.outputs)]
         matrices = {name: gather(A) for name, A in self.matrices.items()}
         if self.comm.rank != 0:
@@ -255,7 +255,7 @@ class FullSystem(BodySystem[FullModel]):
         return replace(self, contacts=(*self.contacts, *held))
 
     def gather(self) -> System | None:
-        """This system with SciPy matrices on rank 0; None on other ranks.  Collective."""
+        """Return this system with SciPy matrices on rank 0, and None on other ranks; collective."""
         gathered: dict[int, FullBody | None] = {}
         for model in self.models:
             if id(model) not in gathered:

@@ -184,7 +184,7 @@ class FrameAssembler:
 
     @cached_property
     def _rigid_loads(self) -> dict[bytes, Array]:
-        """Loads A_S R (n, k) computed so far, by the bytes of S, for the k rigid motions R."""
+        """Loads A_S R (n, k) computed so far, by the bytes of S, for the k rigid motions R; empty at first."""
         return {}
 
     def geometric_stiffness(self, name: str) -> PETSc.Mat:
@@ -231,7 +231,7 @@ class FrameAssembler:
         return solver
 
     def free_factor(self) -> None:
-        """Free the static solver's memory, if there is one; collective."""
+        """Free the memory of the static solver if one was made; collective."""
         if "_clamped_solver" in self.__dict__:
             self._clamped_solver.destroy()
             del self._clamped_solver

@@ -108,7 +108,7 @@ def wall_compliance(
 def _compute_compliance(
     body: PlateBody, standing: tuple[Pad, ...], ends: tuple[tuple[str, str], ...], rings: tuple[Ring, ...]
 ) -> tuple[Array, list[SlidingCompliance]]:
-    """Solve on the shell and the beam of a body for the compliance that `wall_compliance` returns."""
+    """Compute the result of `wall_compliance`, from its arguments, by solves on the shell and the beam of the body."""
     box, line = body.box, _beam_of(body)
     shell, beam = HeldModel(shell_of(body), body), HeldModel(line, body)
     fixed_shell, fixed_beam = (
@@ -317,9 +317,10 @@ def _wall_volume(pad: Pad, box: Box) -> float:
 
 
 def _end_volume(box: Box, direction: str) -> float:
-    """Volume in m^3 of the last piece of the walls, which moves with a free end; for ``rx`` times an arm squared, m^5.
+    """Volume in m^3 of the last piece of the walls, which moves with a free end; in m^5 for ``rx``.
 
-    The piece is as long as a quarter of the larger of width and height; the arm is half the diagonal of the box.
+    `direction` is that of the end's motion.  For ``rx`` the volume is multiplied by an arm squared.  The piece is as
+    long as a quarter of the larger of width and height; the arm is half the diagonal of the box.
     """
     arm = (box.width**2 + box.height**2) / 4.0 if direction == "rx" else 1.0
     return sum(side.thickness * side.length for side in box.sides) * max(box.width, box.height) / 4.0 * arm

@@ -278,7 +278,7 @@ def _row_on_path(system: System, side: Side) -> Row:
 
 
 def _zeros(breaks: Array, shape: tuple[int, ...]) -> PPoly:
-    """Table of zeros with values of the given shape."""
+    """Table of zeros on the given `breaks`, with values of the given shape."""
     return PPoly(np.zeros((1, len(breaks) - 1, *shape)), breaks)
 
 

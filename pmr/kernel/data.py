@@ -47,9 +47,10 @@ class SystemData:
 def system_data(
     system: System, forms: Mapping[str, Modal], frame: Frame | None = None, reduced: CombinedRings | None = None
 ) -> SystemData:
-    """Arrays of a system for the kernel, from the modal forms of its bodies by name and its moving `frame`, if any.
+    """Arrays of a system for the kernel, from the modal forms of its bodies by name.
 
-    `reduced` is the system in modes with combined rings if the caller has it; then there are no reactions of supports.
+    `frame` is the system's moving frame; it has none if this is None.  `reduced` is the system in modes with combined
+    rings if the caller has it; then there are no reactions of supports.
     """
     supports = [supports_of(system, name, form, reduced is None) for name, form in forms.items()]
     reduced = reduced or combine_rings(system_in_modes(system, forms, supports))
@@ -121,7 +122,7 @@ class Outputs:
 
 
 def system_in_modes(system: System, forms: Mapping[str, Modal], supports: Sequence[Supports] = ()) -> System:
-    """System of the bodies in their modes; if it is on one path, the bodies have no carriers.
+    """System of the bodies in their modal `forms`; if it is on one path, the bodies have no carriers.
 
     With `supports`, one for each body, the reactions of each body are additional outputs after its own.
     """

@@ -103,10 +103,12 @@ class KalmanFilter:
         return self._step
 
     def update(self, k: int, measured: Array, use: NDArray[np.int64]) -> Array:
-        """Correct the state at step k; return innovations (p,) over their standard deviations.
+        """Correct the state at step k by `measured` (p,); return innovations (p,) over their standard deviations.
 
-        Measurements (p,) that are not finite are missing; each is used as `use` (p,) says.  The innovation of a missing
-        one is NaN.  Raises a SimulationError if the covariance of the measurements is not positive definite.
+        Measurements that are not finite are missing.  `use` (p,) says for each sensor whether it is used never, if
+        possible, only if it is near, or as expected from covariances alone.  The innovation of a missing measurement is
+        NaN, unless it is used as expected.  Raises a SimulationError if the covariance of the measurements is not
+        positive definite.
         """
         measured, innovations = np.ascontiguousarray(measured, float), np.zeros(len(measured))
         used = np.ascontiguousarray(use, np.int32)

@@ -151,7 +151,8 @@ def support_arrays(
 ) -> Arrays:
     """Arrays with the contributions of rates and terms to reactions; negligible entries of terms are left out.
 
-    `modes` are the slices of each body's modes, padding included; `width` is the number of reactions, padding included.
+    `supports`, the modal `forms` and `modes` have an entry for each body.  `modes` are the slices of each body's modes,
+    padding included; `width` is the number of reactions, padding included.
     """
     r = modes[-1].stop
     rates, first = np.zeros((r, width)), np.cumsum([0, *(len(of.names) for of in supports)])
@@ -226,7 +227,8 @@ def frame_output_arrays(
 ) -> Arrays:
     """Arrays of the tip and the luffing cylinder, and numbers of all further outputs, with the `reactions` first.
 
-    The arrays are empty if there is no `scene` with a frame, or if the number of `motions` that drive the frame is 0.
+    `paths` are the names of the system's paths.  The arrays are empty if there is no `scene` with a frame, or if the
+    number of `motions` that drive the frame is 0.
     """
     integers, sources = np.zeros(0, np.int64), 0
     arrays: Arrays = dict.fromkeys(("tip_numbers", "cylinder_sources", "cylinder_pin"), integers)
@@ -391,10 +393,11 @@ def mass_numbers(masses: Sequence[MachineMass]) -> Array:
 
 
 def ground_arrays(frame: Frame, system: System, paths: Sequence[str], reactions: Sequence[str]) -> Arrays:
-    """Arrays of the outriggers of a system with these paths and reactions of rigid supports; empty without any.
+    """Arrays of the outriggers of a system with these paths and reactions of rigid supports.
 
-    They are empty, too, where a force between boom and ground is not known.  Of each force on the ground there is the
-    wrench (6,) about the pivot by a unit of it, and the change of that by 1 m of each of P paths: (6, 1 + P).
+    They have the wrench (6,) about the pivot by a unit of each force on the ground, and the change of this wrench by 1
+    m of each of P paths: (6, 1 + P).  The result is empty if the scene has no ground, or if a force between boom and
+    ground is not known.
     """
     scene = frame.scene
     ground = None if scene.frame is None else scene.frame.ground

@@ -134,12 +134,17 @@ class FixedPoint:
 
 
 class SchemeFactors(NamedTuple):
-    """Factors of generalized-alpha with steps of `h` s.
+    r"""Factors of generalized-alpha with steps of `h` s.
 
-    With coordinates z, rates v, the acceleration-like variable a and the acceleration z'', a step begins with the
-    prediction a* = a_from_share a + a_from_force z'', v* = v + v_from_share a + v_from_force z'' and z* = z + h v +
-    z_from_share a + z_from_force z''.  The acceleration of the step adds gain, v_gain and z_gain times itself to a*, v*
-    and z*.  The same factors apply to a force and its share in a.
+    The coordinates are z, their rates v, their acceleration z'', and a is the scheme's own variable beside z''.  A step
+    begins with this prediction::
+
+        a* = a_from_share a + a_from_force z''
+        v* = v + v_from_share a + v_from_force z''
+        z* = z + h v + z_from_share a + z_from_force z''
+
+    The acceleration of the step adds `gain`, `v_gain` and `z_gain` times itself to a*, v* and z*. The same factors
+    apply to a force and its share in a.
     """
 
     h: float
@@ -237,9 +242,9 @@ class Stand:
     def columns(self, wrench: Array) -> Array:
         """Return force and moment on the ground, forces of outriggers, margins over edges and use of the polygon.
 
-        They are side by side, (T, 6 + n + e + 1), under the force and the moment about the pivot `wrench` (T, 6), along
-        the axes of the machine, by which boom and machine press on the ground.  A SimulationError is raised if the
-        search for the outriggers that lift off does not end, or if forces are not finite.
+        They are side by side in this order, (T, 6 + n + e + 1).  `wrench` (T, 6) are the force and the moment about the
+        pivot by which boom and machine press on the ground, along the axes of the machine.  A SimulationError is raised
+        if the search for the outriggers that lift off does not end, or if forces are not finite.
         """
         return self._under(lib.pmr_stand_columns, wrench, 7 + len(self.places) + len(self.corners))
 

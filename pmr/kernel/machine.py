@@ -122,9 +122,9 @@ class MachineSimulation:
     def advance(self, count: int) -> None:
         """Take `count` steps and record each in the row of its number; `number` is then the number of the last step.
 
-        An InputError is raised for more steps than there are motions, a StepError if a step of the boom fails, and a
-        SimulationError if the motion of the machine is not found or if the machine pitches by 90 degrees.  After an
-        error, machine and boom are at the end of the last whole step.
+        An InputError is raised for more steps than there are motions, and a StepError if a step of the boom fails.  A
+        SimulationError is raised if the motion of the machine is not found or if the machine pitches by 90 degrees.
+        After an error, machine and boom are at the end of the last whole step.
         """
         taken, first, further = ffi.new("int64_t *"), self.number + 1, len(self.motion) - 1 - self.number
         if not 0 <= count <= further:

@@ -50,8 +50,9 @@ class Settings:
 class Record:
     """Recorded arrays of T steps, one row for each step; quantities that are not in `names` are not recorded.
 
-    `ends` (parts, 3 + N) has one row for each part of the last step alone, for steps of up to `parts` parts: a free
-    extension with its rates and the N drivers where the part ends.  It is empty without a free extension.
+    `ends` (parts, 3 + N) is about the parts of the last step alone, of which there are up to `parts`.  It has one row
+    for each part: a free extension with its rates and the N drivers at the part's end.  It is empty without a free
+    extension.
     """
 
     FIELDS = ("z", "v", "multipliers", "impulses", "peaks", "energy", "friction", "outputs", "drivers", "hoist")
@@ -85,10 +86,10 @@ class StateOutputs(NamedTuple):
 class State:
     """One simulation of a system; it belongs to one thread at a time.
 
-    Its arrays are read only and follow the simulation.  They are modal coordinates `z` and rates `v` (modes,),
-    `multipliers` (contacts,) in N, `impulses` (contacts,) in N s of the last step, `energy` (2,) in J, stored and put
-    in since the start, `friction` (pads,) in N, and `drivers` (N,).  An InputError is raised for settings that are not
-    allowed.
+    Its arrays are read only and follow the simulation: modal coordinates `z` and rates `v` (modes,), `multipliers`
+    (contacts,) in N, `impulses` (contacts,) in N s of the last step, `friction` (pads,) in N, and `drivers` (N,).
+    `energy` (2,) in J is the stored energy and the energy put in since the start.  An InputError is raised for settings
+    that are not allowed.
     """
 
     def __init__(self, kernel: Kernel, settings: Settings) -> None:
@@ -222,8 +223,8 @@ class State:
 
         The samples u (steps * per + 1, N) are `per` in each step; the first sample is at the end of the last step
         before.  The state stops before a step whose number of substeps does not divide `per`.  The second result is
-        then the number of substeps that this step needs; it is 0 if all steps were taken.  The other arguments and
-        errors are those of `advance`.
+        then the number of substeps that this step needs; it is 0 if all steps were taken.  `record`, `first`, `every`,
+        `parts` and errors are those of `advance`.
         """
         u = np.ascontiguousarray(u, float)
         steps = (len(u) - 1) // per
@@ -336,7 +337,10 @@ class State:
 
 
 def _check_room(record: Record, first: int, rows: int, parts: int) -> None:
-    """Raise an InputError unless the record has `rows` rows from row `first` on, and ends of `parts` parts if any."""
+    """Raise an InputError unless the record has `rows` rows from row `first` on, and room for ends of `parts` parts.
+
+    The room for ends is checked only if the record has any.
+    """
     if first < 0 or first + rows > record.steps:
         raise InputError("state", "record", record.steps, f"{first + rows} rows or more are needed")
     if record.ends.size and len(record.ends) < parts:
@@ -353,13 +357,14 @@ def _checked(name: str, numbers: Integers | None, count: int) -> Integers | None
 
 
 class BoundStep:
-    """Steps of a state for loops in Python; its pointers are made only once, and its methods return an error code or 0.
+    """Steps of a state for loops in Python, with pointers that are made once; methods return an error code or 0.
 
     With a frame, `step` takes a step to `motions` (3, n) of the frame; of motion k only the first rows[k] rows count,
-    with `rows` (n,).  Without a frame, it takes a step to the drivers u (N,) in the first row of `motions` (3, N);
+    with `rows` (n,).  Without a frame, it takes a step to the drivers u (N,) in the first row of `motions` (3, N).
     `step_by_rates` does the same along cubics, with the `rates` (2, N) of the drivers at both ends of the step.
-    `observe` writes to `values` the quantities with the given `numbers`, counted through the outputs and then the
-    forces of contacts, and the outputs of a hoist, of a free luffing angle and of outriggers.
+
+    `observe` writes to `values` the quantities with the given `numbers`.  These count through the outputs, then the
+    forces of contacts, and then the outputs of a hoist, of a free luffing angle and of outriggers.
     """
 
     def __init__(self, state: State, numbers: Sequence[int]) -> None:

@@ -44,7 +44,7 @@ ENDS = {"tail": 0.0, "tip": 1.0}
 class Beam(FiniteElementModel, ABC):
     """A beam model; coordinates are ordered node by node, and on each node by the model's directions.
 
-    In shapes, N is the number of nodes, E of elements, K of sections, d of directions, and n = N d that of coordinates
+    Letters in shapes are numbers: N of nodes, E of elements, K of sections, d of directions, and n = N d of coordinates
     q.  The function space has n_e coordinates of its own, T q (see `transformation`): those of the section's centroid
     and shear centre, along the section's principal axes.
     """

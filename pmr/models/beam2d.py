@@ -210,9 +210,10 @@ class Beam2D(Beam):
         return {name: (FACES[name], Extent((0.0, self.body.length))) for name in ("bottom", "top")}
 
     def corner_stresses(self, forces: ForceRows, element: Indices) -> StressRows | None:
-        """Axial stresses of the lowest and highest fibres at P places; None for a beam given by its stiffnesses.
+        """Axial stresses of the lowest and highest fibres at P places; None if the beam is given by its stiffnesses.
 
-        `element` (P,) is the number of the element of each place.
+        `forces` are the rows of the section forces at the places, and `element` (P,) is the number of each place's
+        element.
         """
         if self.sections is None:
             return None

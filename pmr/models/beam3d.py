@@ -237,9 +237,9 @@ class Beam3D(Beam):
         r"""UFL form of the geometric stiffness of a state's axial force and bending moments.
 
         The axial force of the state is N, its deflections are :math:`v_0` and :math:`w_0`, and its bending moments are
-        :math:`M_v = EI_z v_0''` and :math:`M_w = EI_y w_0''`.  With the deflections v, w and the twist :math:`\phi` of
-        the trial function, and the variations :math:`\delta v`, :math:`\delta w` and :math:`\delta\phi` of the test
-        function, the form is
+        :math:`M_v = EI_z v_0''` and :math:`M_w = EI_y w_0''`.  The trial function has the deflections v, w and the
+        twist :math:`\phi`, and the test function the variations :math:`\delta v`, :math:`\delta w` and
+        :math:`\delta\phi`.  The form is
 
         .. math::
             \int N\, \Bigl(v' \delta v' + w' \delta w' + \frac{I_y + I_z}{A} \phi' \delta\phi'\Bigr)
@@ -247,9 +247,9 @@ class Beam3D(Beam):
 
         The term with I_y + I_z, Wagner's, twists a bar that is soft in torsion; moments make a high beam tip over
         sideways.  The form follows from the integral of :math:`\sigma_{jk} u_{i,j} v_{i,k}` with the stresses
-        :math:`\sigma`, the motion of sections and the shear force -M'; forces act on the axis (Timoshenko, Gere: Theory
-        of Elastic Stability, 2nd ed., 1961, sections 5.3 and 6.3).  N moves with the centroid, moments move with the
-        shear centre.  The effect of moments on the twist of a section without symmetry is left out.
+        :math:`\sigma`, the motion of sections and the shear force -M'.  Forces act on the axis (Timoshenko, Gere:
+        Theory of Elastic Stability, 2nd ed., 1961, sections 5.3 and 6.3).  N moves with the centroid, moments move with
+        the shear centre.  The effect of moments on the twist of a section without symmetry is left out.
         """
         mesh, trial, test = space.mesh, ufl.TrialFunction(space), ufl.TestFunction(space)
         of, by = ([deflection.value.dx(0) for deflection in self._deflections(mesh, field)] for field in (trial, test))

@@ -218,8 +218,9 @@ class BoxBoom:
     def layers(self, start: float, end: float) -> list[float]:
         """Ends of the layers of cells between the stations `start` and `end` (m), as shares of their distance.
 
-        If the boom has a first layer at the tail of its own, each of the next layers is twice as long as the one
-        before, until layers have the ordinary length or half of the distance is filled.
+        Layers have the ordinary length `layer`.  If the boom has a short first layer at its tail (`tail_layer`), each
+        of the next layers is twice as long as the one before, until layers have the ordinary length or half of the
+        distance is filled.
         """
         fine: list[float] = []
         if start == 0.0 and self.tail_layer:

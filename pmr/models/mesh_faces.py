@@ -79,7 +79,11 @@ def add_faces(mesh: NamedMesh, faces: Mapping[str, FaceNormal]) -> NamedMesh:
 
 
 def _outermost(points: Array, facets: Skin, face: FaceNormal) -> Indices:
-    """Numbers of the outermost facets that have the normal of `face`; none if no facet has it."""
+    """Numbers of the outermost facets that have the normal of `face`; empty if no facet has it.
+
+    `points` are the mesh's vertices.  Of several connected patches of such facets, those count that reach farthest
+    along the normal.
+    """
     near = np.flatnonzero(facets.normals @ face.normal >= np.cos(np.deg2rad(face.angle)))
     if not len(near):
         return near

@@ -222,7 +222,10 @@ def join_ties(deck: Deck, points: Array) -> Indices:
 
 
 def _check_edges(block: Elements, points: Array, nodes: Indices) -> None:
-    """Raise an `InputError` for the first of the elements `nodes` (e, k) that has a node not amid a straight edge."""
+    """Raise an `InputError` for the first element that has a node which is not amid a straight edge.
+
+    `nodes` (e, k) are the nodes of the elements of `block`, and `points` the places of all nodes.
+    """
     if nodes.shape[1] == CORNERS[block.kind]:
         return
     ends, amid = points[nodes[:, EDGES[block.kind]]], points[nodes[:, CORNERS[block.kind] :]]

@@ -117,7 +117,7 @@ class MeshedModel(TracedModel):
 
     @cached_property
     def _traces(self) -> dict[str | float, Trace]:
-        """Traces by place that have been computed so far."""
+        """Traces by place that have been computed so far; empty at first."""
         return {}
 
     def strip(self, face: str, window: Window) -> Strip:
@@ -128,7 +128,7 @@ class MeshedModel(TracedModel):
 
     @cached_property
     def _faces(self) -> dict[str, FlatFace]:
-        """Flat faces by name that have been computed so far."""
+        """Flat faces by name that have been computed so far; empty at first."""
         return {}
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:

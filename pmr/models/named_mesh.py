@@ -44,9 +44,14 @@ class Fault:
 def mesh_fault(cell: str, points: Array, cells: Indices) -> Fault | None:
     """Return why a mesh of `cells` with the vertices `points` is unsound; None if it is sound.
 
-    The first of these faults is described: degenerate cells, inverted cells, several parts that share no face (edge, if
-    cells are triangles; the cell is the first of the smallest part), and neighbouring triangles that are folded on each
-    other.  `cell` is dolfinx' name of the kind of cells.
+    The first of these faults is described:
+
+    - degenerate cells;
+    - inverted cells;
+    - several parts that share no face (no edge, if cells are triangles); the cell is the first of the smallest part;
+    - neighbouring triangles that are folded on each other.
+
+    `cell` is dolfinx' name of the kind of cells.
     """
     corners = points[cells]
     size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
@@ -196,8 +201,8 @@ def read_mesh(file: Path, kinds: Sequence[str], groups: Sequence[str] = (), node
     """Read a mesh from any file that meshio reads, or from a deck of Abaqus or CalculiX.
 
     Groups are gmsh's physical groups or a deck's sets and surfaces.  A set of nodes stands for the cells that have all
-    their corners in it; without any, for the faces, edges or points.  If triangles are allowed, each quadrilateral is
-    split into four triangles around its centre.
+    their corners in it.  If no cell has, it stands for the faces, edges or points that have.  If triangles are allowed,
+    each quadrilateral is split into four triangles around its centre.
 
     Parameters
     ----------

@@ -242,8 +242,9 @@ def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, object])
     """Galerkin projection of a model on the basis V, without the supports that V satisfies; same on every rank.
 
     It consists of V^T A V for A = M, D, K and the model's `matrices`, and of V^T B, O V and C(s) V.  Fixed rows that
-    every basis vector satisfies (supports, for eigenmodes) are left out and named in the result.  An InputError is
-    raised if the remaining rows depend on each other, as with a basis that is too small.
+    every basis vector satisfies (supports, for eigenmodes) are left out and named in the result.  The result keeps
+    `provenance`, which says what it was made from.  An InputError is raised if the remaining rows depend on each other,
+    as with a basis that is too small.
     """
     complete = galerkin(model, basis, provenance)
     satisfied = satisfied_rows(complete.rows, tolerance=min(1e2 * basis.accuracy, 1e-3))
@@ -253,7 +254,10 @@ def reduced_model(model: FullModel, basis: Basis, provenance: dict[str, object])
 
 
 def galerkin(model: FullModel, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
-    """Galerkin projection of a model with all of its rows, even those that the basis satisfies up to round-off."""
+    """Galerkin projection of a model with all of its rows, even those that the basis satisfies up to round-off.
+
+    The result keeps `provenance`, which says what it was made from.
+    """
     comm = model.comm
     V = np.array(basis.V.getDenseArray())
     first = basis.V.getOwnershipRange()[0]

@@ -182,7 +182,7 @@ class SystemCache:
     def _write(
         self, file: Path, arrays: Mapping[str, NDArray[np.generic]], model: ReducedModel | System | None = None
     ) -> None:
-        """Write arrays to `file`, and a model or system, if any, to a file of its own; on rank 0 only.
+        """Write `arrays` to `file`, and a `model` that is not None to a file of its own; on rank 0 only.
 
         If the disk has no room, a warning is logged.
         """

@@ -117,9 +117,9 @@ class FreeBody:
 
 
 def _anchor_rows(model: FullModel, Z: Array) -> list[Row]:
-    """Rows that each hold one coordinate, as many as there are rigid-body modes Z (n_local, c); may be none.
+    """Rows that each hold one coordinate, as many as there are rigid-body modes Z (n_local, c); empty if c is 0.
 
-    The coordinates are those that determine the modes best: they are chosen by pivoted QR of the modes, with each
+    The coordinates are those that determine the modes best.  They are chosen by pivoted QR of the modes, with each
     coordinate weighted by the square root of its mass.
     """
     if Z.shape[1] == 0:
@@ -179,15 +179,15 @@ def _null_space(rows: Array) -> Array:
 def support_motions(body: FreeBody) -> Array | None:
     r"""Unit motions Phi (n_local, h) of h rigid supports, this rank's part; None without rigid supports; collective.
 
-    With the rows C_f of the supports and the rigid-body modes Z, they satisfy C_f Phi = I, Phi^T K q = 0 for all q with
-    C_f q = 0, and Z^T M Phi = 0:
+    C_f are the rows of the supports and Z the rigid-body modes.  The motions satisfy C_f Phi = I and Z^T M Phi = 0, and
+    Phi^T K q = 0 for all q with C_f q = 0:
 
     .. math::
         \Phi = P (\Phi_0 - K^+ K \Phi_0), \qquad \Phi_0 = R N + C_f^T (C_f C_f^T)^{-1} (I - C_f R N), \qquad
         N = (C_f R)^+
 
-    with the rigid motions R.  If rigid motions are enough, as on statically determinate supports, no solve is needed.
-    None is also returned if the model's rigid motions are not known.
+    R are the rigid motions, and P removes the share of Z.  If rigid motions are enough, as on statically determinate
+    supports, no solve is needed.  None is also returned if the model's rigid motions are not known.
     """
     model = body.model
     held = fixed_rows(model)

@@ -240,7 +240,8 @@ def project(scene: Scene, body: FreeBody, basis: Basis, provenance: dict[str, ob
 
     If an error is estimated (`pmr.compare.estimate`) or terms that vary in time may act, it has enrichment modes, and
     inertia on carriers for the estimate.  Otherwise it has tables of the residual flexibility if the scene asks for
-    these.  An InputError is raised if rows depend on each other.
+    these.  The model keeps `provenance`, which says what it was made from.  An InputError is raised if rows depend on
+    each other.
     """
     choice = scene.reduction
     if enrichment_of(scene, choice, body.model):

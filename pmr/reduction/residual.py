@@ -132,7 +132,7 @@ def _carrier_measures(model: FullModel, shared_carriers: SharedCarriers, basis: 
 
 
 def _tail_weights(shared_carriers: SharedCarriers) -> Array | None:
-    """Weights (K,) on the carriers of the row that a section's cylinder holds; None for a section without one."""
+    """Weights (K,) on the carriers of the row that a section's cylinder holds; None if it has no cylinder."""
     tail = next((row for row in shared_carriers.rows if row.name == TAIL), None)
     return None if tail is None else np.asarray(tail.weights(tail.breaks[0]).toarray()[0])
 
@@ -140,7 +140,7 @@ def _tail_weights(shared_carriers: SharedCarriers) -> Array | None:
 def _cylinder_responses(
     residual: ResidualFlexibility, shared_carriers: SharedCarriers, flexibility: CarrierFlexibility
 ) -> Array | None:
-    """Responses (n_local, n) to a cylinder's force, this rank's part; None for a section without a cylinder.
+    """Responses (n_local, n) to a cylinder's force, this rank's part; None if no cylinder acts on the section.
 
     Their number n is `RICHER` + 1.  They are zero if supports hold the body where the cylinder acts.
     """
@@ -228,7 +228,7 @@ def _with_coordinates(model: ReducedModel, coordinates: int) -> ReducedModel:
 def _project(residual: ResidualFlexibility, basis: Basis, provenance: dict[str, object]) -> ReducedModel:
     """Galerkin projection on a basis that satisfies the fixed rows, without these rows.
 
-    An InputError is raised if the basis violates one of them.
+    The result keeps `provenance`.  An InputError is raised if the basis violates a fixed row.
     """
     model = residual.model
     complete = galerkin(model, basis, provenance)
@@ -276,12 +276,12 @@ def _rows_on_path(model: FullModel) -> SharedCarriers:
 def _without_round_off(reduced: ReducedModel, residual: ResidualFlexibility, V: Array) -> ReducedModel:
     r"""Return the model with zeros for the stiffness of rigid-body modes and for couplings by round-off only.
 
-    Round-off in the stiffness of a rigid-body mode acts as a positive or negative spring to ground.  A coupling of the
-    basis vectors i and j with
+    V is the basis.  Round-off in the stiffness of a rigid-body mode acts as a positive or negative spring to ground.  A
+    coupling of the basis vectors i and j with
 
     .. math:: |V^T K V|_{ij} \le c\, \epsilon\, (|V|^T |K|\, |V|)_{ij}
 
-    with c = `ROUND_OFF` and the machine precision :math:`\epsilon` has no correct digit; between the modes of a fine
+    with c = `ROUND_OFF` and the machine precision :math:`\epsilon` has no correct digit.  Between the modes of a fine
     mesh all couplings are of this kind.
     """
     model, rigid, bound = residual.model, residual.rigid, ROUND_OFF * np.finfo(float).eps

@@ -136,16 +136,16 @@ def free_modes(
 ) -> Snapshots:
     """The lowest M-orthonormal modes that a load or slider can excite, rigid-body modes first; collective.
 
-    There are `count` modes, followed by up to `enrichment` further modes.  `count` has to be at least the number of
-    rigid-body modes, and less than the number of excited modes, so that flexibility is left; or all coordinates of the
-    model.  At least as many modes remain unused as there are rigid sliders and pads, because their flexibility
-    determines the forces of these; so a coarse mesh may give fewer enrichment modes.  Rigid-body modes come from the
-    geometry (`pmr.reduction.free_body`), all others are M-orthogonal to them.
+    There are `count` modes, followed by up to `enrichment` further modes.  `count` is at least the number of rigid-body
+    modes.  It is less than the number of excited modes, so that flexibility is left, or all coordinates of the model.
+    At least as many modes remain unused as there are rigid sliders and pads, because their flexibility determines the
+    forces of these; so a coarse mesh may give fewer enrichment modes.  Rigid-body modes come from the geometry
+    (`pmr.reduction.free_body`), all others are M-orthogonal to them.
 
-    Modes that no load and no slider can excite, and that no damping couples to such modes, stay at rest for ever: for
-    example those along the axis of a straight beam with all loads across it.  They are left out.  If axial forces act
-    on the section (`stressed`), enrichment modes that such forces do not bend are left out too: enrichment modes serve
-    as modes without inertia, which follow axial forces (`pmr.system.attachment`).
+    Modes that no load and no slider can excite, and that no damping couples to such modes, stay at rest for ever.
+    Examples are those along the axis of a straight beam with all loads across it.  They are left out.  If axial forces
+    act on the section (`stressed`), enrichment modes that such forces do not bend are left out too.  Enrichment modes
+    serve as modes without inertia, which follow axial forces (`pmr.system.attachment`).
 
     The solver is ``"auto"``, ``"dense"`` or ``"slepc"``.  If a `body` of this model and solver is given, its factor is
     used, and kept for further use.  An InputError is raised if `count` is out of range, a ConvergenceError if too few

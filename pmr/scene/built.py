@@ -382,10 +382,10 @@ class Load(PlacedLoad):
     A temperature that is higher by :math:`\Delta T` at the face in `direction` than at the opposite face, at the
     distance d, bends a free beam with the curvature :math:`\alpha \Delta T / d`, away from the warmer face.
 
-    Wind has the pressure :math:`q = q_r (Z / Z_r)^{2 p}` at the height Z above the ground, constant below `least`.  On
-    the part of a beam that is outside of other sections it presses with :math:`c\, q\, d\, e |e|` per length along each
-    of its axes y and z, with the shape factor c, the depth d that it meets, and the component e along this axis of the
-    unit vector in which it blows.
+    Wind has the pressure :math:`q = q_r (Z / Z_r)^{2 p}` at the height Z above the ground, constant below `least`.  It
+    presses on the part of a beam that is outside of other sections.  Its force per length along each of the beam's axes
+    y and z is :math:`c\, q\, d\, e |e|`.  In it, c is the shape factor, d the depth that the wind meets, and e the
+    component along this axis of the unit vector in which the wind blows.
     """
 
     expansion: Annotated[float, Field(gt=0.0, strict=True), Quantity("1/K", 1e-9, 1.0), Usual(1e-6, 1e-4)] = Field(

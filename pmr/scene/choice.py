@@ -42,11 +42,11 @@ class ModelChoice:
 
 
 def choose_model(member: Member, by_itself: bool = False) -> ModelChoice:
-    """Return the model that the scene names; for ``auto``, the smallest model that suffices, with the reasons.
+    """Return the structural model of a body, named by the scene or chosen for ``auto``, with the reasons.
 
     With ``auto``, a mass that crosses a section is a mover, and a body with a profile is a planar beam.  Others are
-    planar beams, beams in space or shells.  A body that could be a planar beam becomes a beam in space if any other
-    section is not planar; `by_itself` switches this off.
+    planar beams, beams in space or shells, whichever is the smallest that suffices.  A body that could be a planar beam
+    becomes a beam in space if any other section is not planar; `by_itself` switches this off.
     """
     if member.part.body.model != "auto":
         return ModelChoice(member.part.body.model, ("the scene names it",))
@@ -78,10 +78,11 @@ def traits_of(member: Member) -> ModelTraits:
 
 
 def observed_places(member: Member) -> tuple[float, ...] | None:
-    """Positions along the axis in m at which a body's motion is observed; None for the nodes of a beam or a mover.
+    """Positions along the axis in m at which a body's motion is observed.
 
-    Without ``observe.start`` they are `observe.count` places between `FROM_AN_END` of the length from either end.
-    Raises an `InputError` if the length of another model than a beam is not known.
+    The result is None if `observe.start` is missing on a beam or a mover, which is observed at its nodes.  On another
+    model there are then `observe.count` places between `FROM_AN_END` of the length from either end.  An `InputError` is
+    raised if its length is not known.
     """
     observe, length = member.part.observe, member.part.body.length
     if observe.stations is not None or traits_of(member).has_line:
@@ -261,12 +262,12 @@ def transverse_axes(member: Member) -> tuple[str, ...]:
 def wall_frequency(box: Box, young: float, poisson: float, density: float) -> float:
     r"""Lowest frequency in Hz of the box's flat walls as long plates that are hinged on both edges.
 
-    With the width b and the thickness t of the wall with the least t / b^2, the Young's modulus E (`young`) in Pa,
-    Poisson's ratio :math:`\nu` (`poisson`) and the density :math:`\rho` (`density`) in kg/m^3, the frequency is
+    Of the walls with the width b and the thickness t, the one with the least t / b^2 has the lowest frequency
 
     .. math:: f = \frac{\pi}{2 b^2} \sqrt{\frac{E t^2}{12 \rho (1 - \nu^2)}}
 
-    It is infinite for a box without flat walls.
+    with the Young's modulus E (`young`) in Pa, Poisson's ratio :math:`\nu` (`poisson`) and the density :math:`\rho`
+    (`density`) in kg/m^3.  It is infinite for a box without flat walls.
 
     Leissa: Vibration of Plates, NASA SP-160, 1969, section 4.1 (a infinite).
     """

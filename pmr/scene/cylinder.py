@@ -47,9 +47,9 @@ class Valve(SceneTable):
 class Counterbalance(SceneTable):
     r"""Counterbalance valve on the bore: oil flows in freely, and out only as far as the valve is open.
 
-    It opens by :math:`(p_1 + r p_2 - p_s) / \Delta p`, 0 to 1, with the pressures :math:`p_1` of the bore and
-    :math:`p_2` of the rod side, which pilots it, the ratio r, the setting :math:`p_s` and the range
-    :math:`\Delta p`.  Its flow has the law of the proportional valve, with which it is in series.
+    It opens by :math:`(p_1 + r p_2 - p_s) / \Delta p`, 0 to 1.  In it, :math:`p_1` is the pressure of the bore and
+    :math:`p_2` that of the rod side, which pilots the valve; r is the ratio, :math:`p_s` the setting and :math:`\Delta
+    p` the range.  Its flow has the law of the proportional valve, with which it is in series.
     """
 
     setting: Annotated[Pressure, Usual(1e5, 2e8)] = Field(
@@ -138,7 +138,11 @@ class DrivenCylinder(SceneTable):
         return {name: signal for name, signal in signals.items() if signal is not None}
 
     def worst_opening(self, end: float) -> float | None:
-        """Return the valve's opening beyond -1 or 1 from 0 to `end` in s; None without one."""
+        """Return an opening of the valve that is outside of -1 to 1 at a time from 0 to `end` in s.
+
+        It is the smallest opening if this is below -1, else the largest one.  The result is None if all openings are
+        allowed, or if there is no valve.
+        """
         if self.oil is None or self.oil.valve is None:
             return None
         least, most = self.oil.valve.opening.bounds(0.0, end)

@@ -47,8 +47,9 @@ class FirstExtension(SignalBase):
 class FreeExtension(DrivenCylinder):
     r"""Extension that is computed with the boom's motion, with what drives the section along the boom.
 
-    The cylinder's length is the extension s.  A force, a length over a spring, or oil drives it; without any of these
-    the section slides by itself.  Damping, dry friction and stops at both ends of the stroke act beside the drive.
+    The cylinder's length is the extension s.  It is driven by a force, by a length over a spring, or by oil; if no
+    drive is given, the section slides by itself.  Damping, dry friction and stops at both ends of the stroke act beside
+    the drive.
     """
 
     kind: Literal["free"] = Field(default="free", description="That the extension is computed")

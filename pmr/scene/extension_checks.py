@@ -9,7 +9,10 @@ from pmr.scene.structure_checks import scene_error
 
 
 def check_free_extension(scene: Scene) -> None:
-    """Refuse several free extensions, and what one of them does not go with; a scene without one passes."""
+    """Refuse a second free extension, and all settings that a free extension does not go with.
+
+    A scene without a free extension passes.
+    """
     for number, extension in scene.free_extensions.items():
         free = f"the free extension of {scene.names[number]}"
         key = f"sections[{number}].joint"

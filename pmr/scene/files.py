@@ -53,7 +53,7 @@ GONE = {
 
 
 def stored_scene(data: Mapping[str, object], source: str, context: Mapping[str, str] | None = None) -> Scene:
-    """Return the scene of saved results or of a saved model, of this version or an earlier one.
+    """Return the scene in `data` from saved results or from a saved model, of this version or an earlier one.
 
     `source` names the file in messages; `context` is the context of pydantic's validation.
 
@@ -153,7 +153,10 @@ def _refused_body_keys(member: Member) -> Iterator[UnusedKey]:
 
 
 def unused_body_keys(member: Member) -> Iterator[UnusedKey]:
-    """Yield keys without effect on a body; if it is compared with a richer model, those of a shell have one."""
+    """Yield keys without effect on a body, with the key that makes them so and the reason.
+
+    Keys of walls have an effect if the body is compared with a richer model, which is a shell.
+    """
     model, compared = model_of(member), member.scene.compare.richer not in ("auto", "none")
     for key in traits_of(member).without_effect:
         if key == "body.shear" and traits_of(member).is_beam and not member.part.body.shear:

@@ -210,7 +210,10 @@ def check_frame(scene: Scene) -> None:
 
 
 def _check_smooth(scene: Scene, key: str, what: str, motion: SignalBase) -> None:
-    """Refuse a motion of the frame whose value or rate jumps in the simulated time; `what` names it in messages."""
+    """Refuse a motion of the frame whose value or rate jumps in the simulated time.
+
+    `key` is the motion's key in the frame's table, and `what` names it in messages.
+    """
     kinks = motion.kinks(scene.time.end)
     jumps = [t for t in motion.breaks if 0.0 < t <= scene.time.end and _has_jump(motion, t)]
     if jumps or kinks:
@@ -246,10 +249,10 @@ def still_rotation(scene: Scene) -> Array:
 
 
 class PlaceOnBoom(NamedTuple):
-    """Place in m of head or winch where no section is extended, and the number of the section around it.
+    """Place in m of head or winch with all sections retracted, and the number of the section around it.
 
-    It is along axes of the boom, from the pivot of its frame or from the base's tail without one; on the machine along
-    axes that do not luff.
+    A place on the boom is along the boom's axes, from the pivot of its frame, or from the base's tail if it has no
+    frame.  A place on the machine is along axes that do not luff.
     """
 
     at: tuple[float, float, float]
@@ -279,7 +282,10 @@ def distance_along(scene: Scene, t: float) -> float:
 
 
 def check_hoist(scene: Scene) -> None:
-    """Refuse a hoist that the scene's boom does not fit, or whose rope gets too short; a scene without one passes."""
+    """Refuse a hoist that the scene's boom does not fit, or whose rope gets too short.
+
+    A scene without a hoist passes.
+    """
     hoist, frame = scene.hoist, scene.frame
     if hoist is None:
         return

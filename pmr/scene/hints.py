@@ -158,10 +158,10 @@ def _unusual_in_table(table: BaseModel, key: str, scales: Scales) -> Iterator[_U
 def _unusual_in_value(
     value: object, key: str, usual: tuple[Usual, ...], unit: str, scales: Scales
 ) -> Iterator[_UnusualNumber]:
-    """Yield the unusual numbers of a field's value and of all lists and tables nested in it.
+    """Yield the unusual numbers of a field's `value` and of all lists and tables nested in it.
 
-    Numbers and signals of the field have the `usual` ranges and the `unit`.  The fields of tables within it have ranges
-    of their own.
+    `key` is the field's key.  Numbers and signals of the field have the `usual` ranges and the `unit`.  The fields of
+    tables within it have ranges of their own.
     """
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         yield from _unusual_number(float(value), key, usual, unit, scales)

@@ -144,7 +144,7 @@ class Hoist(Payload, Rope):
 
     @property
     def lateral_key(self) -> str:
-        """First key by which the rope or its payload leaves the vertical plane of the boom; empty without one."""
+        """First key by which the rope or its payload leaves the vertical plane of the boom; empty if no key does."""
         lateral = {
             "offset": self.offset[0],
             "swing": self.swing[1],

@@ -196,9 +196,10 @@ def _table_schemas(node: object, parts: Schema) -> Iterator[Schema]:
 class Usual:
     """Smallest and largest usual magnitude of a number that is not 0, in its unit or in multiples of a scale.
 
-    Scales have names: "length", "mass" and "weight" of the section (outside of sections of the whole boom), "reach" and
-    "boom" (the mass) of the whole boom, "time" (the simulated one), and names added by `Hinted.hint_scales` of a table.
-    A signal is judged by its largest magnitude; `unit` is then the unit of its values.
+    Scales have names. "length", "mass" and "weight" are those of the section, or of the whole boom for keys outside of
+    sections. "reach" and "boom" are the length and the mass of the whole boom, and "time" is the simulated time.
+    `Hinted.hint_scales` of a table adds further names.  A signal is judged by its largest magnitude; `unit` is then the
+    unit of its values.
     """
 
     low: float
@@ -211,12 +212,18 @@ class Hinted(BaseModel):
     """A table whose numbers may have usual ranges that depend on its own content, besides those of its fields."""
 
     def hint_scales(self, scales: Mapping[str, float]) -> dict[str, float]:
-        """Return further scales for the usual ranges of the table's numbers; `scales` are those outside of it."""
+        """Return further scales for the usual ranges of the table's numbers; empty unless a table overrides it.
+
+        `scales` are the scales outside of the table.
+        """
         return {}
 
     @property
     def hint_numbers(self) -> dict[str, tuple[float, Usual]]:
-        """Further numbers with their usual ranges, by key, such as numbers that a file may set instead of a field."""
+        """Further numbers with their usual ranges, by key; empty unless a table overrides it.
+
+        An example are numbers that a file may set instead of a field.
+        """
         return {}
 
 

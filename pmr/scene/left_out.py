@@ -55,7 +55,7 @@ def is_hung(load: Load, scene: Scene) -> bool:
 
 
 def hung_force_remark(scene: Scene) -> str:
-    """Return a sentence that names the forces of `hung_forces`; empty without any."""
+    """Return a sentence that names the forces of `hung_forces`; empty if there are none."""
     hung = hung_forces(scene)
     names = " and ".join(f"{name} ({mass:.4g} kg)" for name, mass in hung.items())
     are, its = ("are forces", "their") if len(hung) > 1 else ("is a force", "its")
@@ -68,7 +68,10 @@ def hung_force_remark(scene: Scene) -> str:
 
 
 def _strength(scene: Scene, at_rest: bool) -> list[str]:
-    """Effects on strength that no stress contains."""
+    """Effects on strength that no stress contains; with `at_rest`, fatigue is always among them.
+
+    The list is empty if no section has a cross-section.
+    """
     if all(part.body.profile is not None or part.body.mover is not None for part in scene.sections):
         return []  # lines without a section, which have no stress
     clauses, boxes = list[str](), [member for member in members(scene) if member.part.body.box is not None]
@@ -92,7 +95,10 @@ def _walls(scene: Scene) -> list[str]:
 
 
 def _pads(scene: Scene, at_rest: bool) -> list[str]:
-    """Effects in pads that the scene does not use."""
+    """Effects in pads that the scene does not use; with `at_rest`, friction is always among them.
+
+    The list is empty if there are no pads.
+    """
     rings = [ring for part in scene.sections for ring in part.rings]
     if not rings:
         return []
@@ -113,7 +119,10 @@ def _masses(scene: Scene) -> list[str]:
 
 
 def _loads(scene: Scene) -> list[str]:
-    """Loads and their dynamic effects that the scene does not have."""
+    """Loads and their dynamic effects that the scene does not have.
+
+    The list is empty for a scene without a frame whose sections are no boxes.
+    """
     loads = [load for part in scene.sections for load in part.loads]
     masses: list[PointMass] = [mass for part in scene.sections for mass in part.masses]
     if scene.frame is None and not any(part.body.box for part in scene.sections):
@@ -127,7 +136,7 @@ def _loads(scene: Scene) -> list[str]:
 
 
 def _machine(scene: Scene) -> list[str]:
-    """Parts of the machine that the model holds rigid or leaves out."""
+    """Parts of the machine that the model holds rigid or leaves out; empty for a single body without a frame."""
     frame = scene.frame
     if frame is None and len(scene.sections) == 1:
         return []

@@ -52,9 +52,9 @@ def misplaced_supports(scene: Scene) -> dict[int, float]:
 def _check_supports(scene: Scene, frame: Frame) -> None:
     """Refuse supports of the base that do not go with a free luffing angle.
 
-    A support that keeps the base from turning about the pivot has to be rigid: on a spring the whole boom would turn by
-    the angle and by the spring alike, and the steps of a heavy boom would not converge.  A support across the boom has
-    to be at the cylinder's lug.
+    A support that keeps the base from turning about the pivot has to be rigid.  On a spring the whole boom would turn
+    by the angle and by the spring alike, and the steps of a heavy boom would not converge.  A support across the boom
+    has to be at the cylinder's lug.
     """
     part = members(scene)[0].part
     for k, support in enumerate(part.supports):
@@ -72,11 +72,11 @@ def _check_supports(scene: Scene, frame: Frame) -> None:
 
 
 def _check_drive(scene: Scene, frame: Frame) -> None:
-    """Refuse what a free luffing angle does not go with, and a free angle's keys where the angle is prescribed.
+    """Refuse what a free luffing angle does not go with, and a free angle's keys if the angle is prescribed.
 
-    Beside a free angle these are refused: a cylinder without a drive, valve openings beyond -1 to 1, and a stroke that
-    does not hold the cylinder's first length or does not lie between its dead centres.  Without a cylinder, a free
-    angle is allowed.
+    Beside a free angle these are refused: a cylinder without a drive, valve openings outside of -1 to 1, and an unfit
+    stroke.  A stroke has to contain the cylinder's first length and to lie between its dead centres.  A free angle
+    without a cylinder is allowed.
     """
     cylinder = frame.cylinder
     if frame.luffing != "free":

@@ -96,7 +96,7 @@ class Member:
 
     @property
     def frame(self) -> Frame | None:
-        """Moving frame of the scene; None without one."""
+        """Moving frame of the scene; None if the scene has no frame."""
         return self.scene.frame
 
     @property

@@ -139,7 +139,10 @@ class Edge:
 
 
 def rounded_sides(edges: Sequence[Edge], nothing: float) -> tuple[Side, ...]:
-    """Return the flat plates and arcs of a profile in order; flat plates not longer than `nothing` (m) are left out."""
+    """Return the flat plates and arcs of a profile with the given `edges`, in their order.
+
+    Flat plates not longer than `nothing` (m) are left out.
+    """
     sides = list[Side]()
     for k, edge in enumerate(edges):
         after = edges[(k + 1) % len(edges)]

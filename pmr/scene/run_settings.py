@@ -133,7 +133,7 @@ class Fatigue(SceneTable):
 
     @property
     def spectrum_lines(self) -> tuple[SpectrumLine, ...]:
-        """Lines of the load spectrum; without one, a single line with the number of cycles."""
+        """Lines of the load spectrum; a single line with the number of cycles if no spectrum is given."""
         return self.spectrum or (SpectrumLine(cycles=self.cycles),)
 
 

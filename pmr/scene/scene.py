@@ -245,7 +245,7 @@ class Scene(SectionTables):
         return content if self.sections[0].name else _lift_body_keys(content)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with some fields changed; keys of a body change the only body."""
+        """Return a copy with the fields in `update` changed; keys of a body change the only body."""
         changed = dict(update or {})
         of_body = {key: changed.pop(key) for key in OF_A_BODY & set(changed)}
         if of_body:
@@ -434,7 +434,7 @@ def _lift_body_keys(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _merge_section(common: Mapping[str, object], part: Mapping[str, object]) -> dict[str, Any]:
-    """Return the tables of a section laid over the tables common to all sections.
+    """Return the tables `part` of a section laid over the tables `common` to all sections.
 
     A section that drives its joint itself takes over no `extension`, `overlap` or `follows`.  If it follows no section,
     it takes over no rope either.

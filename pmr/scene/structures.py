@@ -84,10 +84,10 @@ class Damping(ShorthandTable):
     """Rayleigh damping D = a M + b K: `mass` is a and `stiffness` is b, or both follow from a damping `ratio`.
 
     M and K are the mass and stiffness matrix.  The ratio zeta holds at two `frequencies` in Hz; in between the ratio is
-    lower, outside it is higher.  With the circular frequencies omega_1 and omega_2 of the two, zeta = (a / omega + b
-    omega) / 2 at both gives a = 2 zeta omega_1 omega_2 / (omega_1 + omega_2) and b = 2 zeta / (omega_1 + omega_2).
-    Bathe: Finite Element Procedures, 1996, section 9.3.3.  A scene that extends another one may use the other pair of
-    keys: the first pair is then dropped.
+    lower, outside it is higher.  Let omega_1 and omega_2 be the circular frequencies of the two.  From zeta = (a /
+    omega + b omega) / 2 at both follow a = 2 zeta omega_1 omega_2 / (omega_1 + omega_2) and b = 2 zeta / (omega_1 +
+    omega_2).  Bathe: Finite Element Procedures, 1996, section 9.3.3.  A scene that extends another one may use the
+    other pair of keys: the first pair is then dropped.
     """
 
     model_config = ConfigDict(

@@ -300,9 +300,9 @@ def _merge(
 
 
 def _entry(entries: list[object], name: str, source: str, key: str, value: object) -> int:
-    """Return the number of a list's entry from its name or number; `source`, `key` and `value` are for messages.
+    """Return the number of the entry called `name` in a list `entries`; `name` may also be the number itself.
 
-    Messages name the innermost one of nested tables that hold one key each.
+    `source`, `key` and `value` are for messages.  They name the innermost one of nested tables that hold one key each.
 
     Raises InputError if there is no such entry.
     """

@@ -275,7 +275,7 @@ class Trajectory:
 
 
 def projected(body: SlidingBody, V: Array) -> ReducedModel:
-    """Reduced model of a body on the columns of V (n, r), with all of the body's rows and its flexibility, if any.
+    """Reduced model of a body on the columns of V (n, r), with all of the body's rows and its flexibility.
 
     It has no carriers, no enrichment modes, no provenance and no matrices of a moving frame.
     """

@@ -169,7 +169,8 @@ def friction_law(contact: Contact) -> FrictionLaw:
 def pad_at_tail(pad: Contact, outer: str, path: str) -> Contact:
     r"""Contact of a pad that moves with the tail of the inner of two neighbouring sections of a telescope.
 
-    The inner place of `pad` is its distance d in m from the inner section's tail, which is at s on the section `outer`:
+    The inner place of `pad` is its distance d in m from the inner section's tail.  This tail is at s on the section
+    `outer`:
 
     .. math:: x_{in} = d,\; x_{out} = s + d
 
@@ -181,7 +182,8 @@ def pad_at_tail(pad: Contact, outer: str, path: str) -> Contact:
 def pad_at_mouth(pad: Contact, outer: str, path: str, length: float) -> Contact:
     r"""Contact of a pad that stays at the mouth of the outer of two neighbouring sections of a telescope.
 
-    The inner place of `pad` is its distance d in m from the mouth of the section `outer`, whose `length` is L in m:
+    The inner place of `pad` is its distance d in m from the mouth of the section `outer`.  The `length` of this section
+    is L in m:
 
     .. math:: x_{in} = L - d - s,\; x_{out} = L - d
 

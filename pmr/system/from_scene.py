@@ -64,7 +64,10 @@ def with_terms_of(scene: Scene, system: System) -> System:
 
 
 def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]:
-    """All contacts between sections, then all contacts with the ground; for a single body those of `System.of`."""
+    """All contacts between sections, then all contacts with the ground; for a single body those of `System.of`.
+
+    `bodies` are the sections' bodies by name.
+    """
     if ALONE in bodies:
         return ground_contacts(bodies[ALONE])
     contacts = [contact for number in range(1, len(scene.sections)) for contact in _contacts(scene, number, bodies)]
@@ -109,10 +112,10 @@ def force_names(scene: Scene) -> Mapping[str, Sequence[str]]:
 
 
 def _contacts(scene: Scene, number: int, bodies: Mapping[str, Body]) -> Iterator[Contact]:
-    """Contacts of the joint in which the section with the given `number` slides.
+    """Contacts of the joint in which the section with the given `number` slides; `bodies` are all bodies by name.
 
-    The pads at the tail and at the mouth come first, then rows that keep a rigid overlap straight, then the cylinder;
-    the last two only if the joint has them.
+    The pads at the tail and at the mouth come first, then rows that keep a rigid overlap straight, then the cylinder.
+    Joints without a rigid overlap or a cylinder have no such contacts.
     """
     joint, inner, outer = scene.sections[number].joint, scene.names[number], scene.names[number - 1]
     assert joint is not None  # as the scene's checks say
@@ -274,7 +277,10 @@ def combine_rings(system: System) -> CombinedRings:
 
 
 def _rings(contacts: Sequence[Contact], bodies: Mapping[str, _BodyRows]) -> list[tuple[list[int], Array]]:
-    """Numbers of the contacts of each ring, and its matrix S (pads, fewer); [[1]] for a contact that stays single."""
+    """Numbers of the contacts of each ring, and its matrix S (pads, fewer); [[1]] for a contact that stays single.
+
+    `bodies` have the rows of the bodies by name.
+    """
     groups = dict[object, list[int]]()
     for number, contact in enumerate(contacts):
         combines = contact.clearance is None and contact.compliance > 0.0 and not contact.friction
@@ -301,9 +307,10 @@ def _relative_stiffness(pads: Sequence[Contact]) -> Array:
 
 
 def _ring_basis(bodies: Mapping[str, _BodyRows], pads: Sequence[Contact]) -> Array | None:
-    """Orthonormal basis (pads, fewer) of the pads' rows, each multiplied by the root of its pad's relative stiffness.
+    """Orthonormal basis (pads, fewer) of the pads' rows, each times the root of its pad's relative stiffness.
 
-    None is returned if the basis has as many columns as there are pads, or if the rows can't be combined.
+    `bodies` have the rows of the bodies by name.  None is returned if the basis has as many columns as there are pads,
+    or if the rows can't be combined.
     """
     measured = []
     for same in zip(*map(_places, pads), strict=True):

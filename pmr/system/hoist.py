@@ -25,7 +25,10 @@ from pmr.scene.scene import Scene
 
 
 class Slot(NamedTuple):
-    """A number that the kernel asks for: a constant, plus a factor times the driver or input called `name`, if any."""
+    """A number that the kernel asks for: a constant, plus a factor times the driver or input called `name`.
+
+    With an empty `name` it is the constant alone.
+    """
 
     constant: float = 0.0
     factor: float = 0.0

@@ -220,7 +220,10 @@ class ReducedModel:
 
     @property
     def lasting(self) -> tuple[str, ...]:
-        """Empty: the basis satisfies fixed rows of several coordinates (`pmr.system.body.FullOrderBody.lasting`)."""
+        """Names of the fixed rows that stay in a model; always empty, because the basis satisfies these rows.
+
+        They are the rows of several coordinates in `pmr.system.body.FullOrderBody.lasting`.
+        """
         return ()
 
     def dense_rows(self, s: Array) -> Array:
@@ -239,7 +242,7 @@ class ReducedModel:
         return multiply_matrix(self.rows, V)
 
     def with_rows(self, numbers: Sequence[int]) -> ReducedModel:
-        """Return the model with only the rows of these `numbers`; the other rows hold nothing any more.
+        """Return the model with only the rows of these `numbers`; all other rows are dropped and hold nothing any more.
 
         If rows are left out, the result has no enrichment modes, and its errors can't be estimated.
         """
@@ -375,7 +378,7 @@ class ReducedModel:
 
 
 def _upgrade_version_4(header: Mapping[str, Any], data: Mapping[str, Array]) -> dict[str, NDArray[Any]]:
-    """Arrays of a file of version 4 or earlier, under the names of the current version.
+    """Arrays of a file of version 4 or earlier, from its arrays `data`, under the names of the current version.
 
     The header of such a file has the names of inputs, rows and outputs, the provenance and Rayleigh's factors; they
     become arrays.  Raises TypeError if a list of names has anything else.

@@ -162,7 +162,10 @@ def _term(header: _TermHeader, data: Mapping[str, NDArray[np.generic]], prefix: 
 
 
 def _contradiction(header: _Header, models: list[ReducedModel], on_modes: list[ReducedModel]) -> str | None:
-    """Description of what is wrong with a file; None if all names are allowed and all bodies are sound."""
+    """Description of what is wrong with a file; None if all names are allowed and all bodies are sound.
+
+    `models` are the bodies in the order of the `header`, and `on_modes` those that the header lists as such.
+    """
     places = [place for entry in header.contacts for place in (entry.inner, entry.outer) if place is not None]
     named = {"bodies": header.bodies, "contacts": tuple(entry.name for entry in header.contacts)}
     named |= {"terms": tuple(entry.name for entry in header.terms)}

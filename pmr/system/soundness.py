@@ -57,7 +57,10 @@ def describe_misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> st
 
 
 def describe_misshapen(field: str, matrices: Mapping[str, NDArray[np.float64]], size: int) -> str | None:
-    """Description of the first matrix, as ``field.name``, that is not (size, size) or not finite; None without one."""
+    """Description of the first matrix, as ``field.name``, that is not (size, size) or not finite; None if all are.
+
+    `matrices` are matrices by name.
+    """
     for name, A in matrices.items():
         if A.shape != (size, size) or not np.isfinite(A).all():
             return f"{field}.{name} has shape {A.shape} or is not finite, {(size, size)} is allowed"

@@ -45,7 +45,7 @@ def pack(model: Any, prefix: str = "") -> dict[str, NDArray[Any]]:
 
 
 def unpack(data: Mapping[str, NDArray[Any]], prefix: str = "") -> dict[str, NDArray[Any]]:
-    """Arrays of a file whose names begin with `prefix`, all in full.
+    """Arrays in `data`, the arrays of a file, whose names begin with `prefix`, all in full.
 
     They are as `pmr.files.npz.record_from_arrays` reads them, and its errors are raised.  A ValueError is raised if
     tables are missing and carriers are not sound, or if a triangle has a wrong number of entries.
@@ -77,9 +77,10 @@ def _describe_fault(carriers: CarrierRows) -> str | None:
 
 
 def _path_tables(carriers: CarrierRows, arrays: Mapping[str, NDArray[Any]]) -> dict[str, PPoly]:
-    """Tables that follow from values on the carriers, by their names in the file; empty without breaks.
+    """Tables that follow from values on the carriers, by their names in the file.
 
-    They are on the breaks of the rows in `arrays`; tables that have other breaks in `arrays` are left out.
+    They are on the breaks of the rows in `arrays`; tables that have other breaks in `arrays` are left out.  The result
+    is empty if the carriers or `arrays` have no breaks.
     """
     breaks = arrays.get("rows.breaks")
     if not carriers.breaks or breaks is None:

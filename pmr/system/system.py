@@ -59,9 +59,12 @@ AnyBody = TypeVar("AnyBody", bound=Body, covariant=True)
 class BodySystem(Generic[AnyBody]):
     """Bodies of one kind, the m contacts that join them, and the terms that vary in time.
 
-    An InputError is raised if a contact or term names a missing body or row, if two contacts or two terms have the same
-    name, if a rope's path does not exist, if a body has no carriers and the system is not `on_one_path`, or if a full
-    body's support combines several coordinates and no contact uses it.
+    An InputError is raised for any of these faults:
+
+    - a contact or term names a missing body or row, or a rope's path does not exist;
+    - two contacts or two terms have the same name;
+    - a body has no carriers and the system is not `on_one_path`;
+    - a full body's support combines several coordinates, and no contact uses it.
     """
 
     # by their names; their rows are on carriers, or in tables over its path for a single body
@@ -181,7 +184,7 @@ class BodySystem(Generic[AnyBody]):
 
     @cached_property
     def compliance(self) -> Compliance:
-        """Compliance of the pads, supports, cylinders and ropes of all contacts; that of the bodies is not included."""
+        """Compliance of the pads, supports, cylinders and ropes of all contacts, without that of the bodies."""
         return Compliance.from_contacts(self.contacts)
 
     def contact_compliance(self, x: Array) -> Array:
@@ -214,7 +217,7 @@ class BodySystem(Generic[AnyBody]):
 
     @cached_property
     def _rows(self) -> dict[Place, Row]:
-        """Rows that the method `row` has built, by their places."""
+        """Rows that the method `row` has built, by their places; empty at first."""
         return {}
 
     def range_of(self, place: Place) -> Interval:
@@ -343,7 +346,7 @@ class System(BodySystem[SlidingBody]):
 
     @property
     def modal(self) -> dict[str, ReducedModel]:
-        """Reduced bodies by their names: the model in `on_modes` if there is one, else the model in `reduced`.
+        """Reduced bodies by their names: the model in `on_modes` for bodies that it has, else the model in `reduced`.
 
         The models in `on_modes` have neither cylinder modes nor modes without inertia.  An InputError is raised if a
         body is not reduced.
@@ -382,7 +385,10 @@ class System(BodySystem[SlidingBody]):
         return self
 
     def ensure_without_terms(self, source: str) -> System:
-        """Return the system; raise an InputError about `source`, which can't handle varying terms, if it has any."""
+        """Return the system if it has no terms that vary in time, and raise an InputError about `source` if it has.
+
+        `source` is what can't handle such terms.
+        """
         if self.terms:
             allowed = (
                 "a system without terms that vary in time (a frame that moves, second order) is allowed here; "

@@ -137,10 +137,10 @@ def terms_of(
 def _term(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Term:
     """Build the term of the equations for one frame term, with its work on the motions of rigid supports.
 
-    Terms of cylinders join two sections.  They have the stiffness m D^T D: D (d, n) gives the lateral distances between
-    the two tails, m is the mass or first moment that the cylinder carries, or 1 for a cylinder's load.  All other
-    terms have the term's matrix on one body: a rotation as damping, the others as stiffness; it is zero if the body
-    lacks it.
+    `bodies` are all bodies by name.  Terms of cylinders join two sections.  They have the stiffness m D^T D: D (d, n)
+    gives the lateral distances between the two tails, m is the mass or first moment that the cylinder carries, or 1 for
+    a cylinder's load.  All other terms have the term's matrix on one body: a rotation as damping, the others as
+    stiffness; it is zero if the body lacks it.
     """
     if term.kind in ("cylinder", "cylinder load"):
         apart = sp.csr_matrix(_distance_rows(scene, term, bodies))
@@ -170,7 +170,7 @@ def _clear_without_inertia(body: SlidingBody, matrix: sp.csr_matrix | Array) -> 
 def _distance_change(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody], name: str) -> Array:
     """Changes (d, h) of the d distances of `_distance_rows` by unit motions of the h rigid supports of one body.
 
-    That body has the name `name`.
+    `bodies` are all bodies, and `name` is that of the one body. h is 0 if the supports' motions are not known.
     """
     reactions, sign = bodies[name].reactions, 1.0 if name == term.bodies[0] else -1.0
     rows = tail_outputs(member_at(scene, term.number))
@@ -181,7 +181,10 @@ def _distance_change(scene: Scene, term: FrameTerm, bodies: Mapping[str, Sliding
 
 
 def _distance_rows(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBody]) -> Array:
-    """Rows (d, n) of the d lateral distances between the tails of two sections, on the coordinates of both, stacked."""
+    """Rows (d, n) of the d lateral distances between the tails of two sections, on the coordinates of both, stacked.
+
+    `bodies` are all bodies by name.
+    """
     distance_rows = []
     for row in tail_outputs(member_at(scene, term.number)):
         parts = []

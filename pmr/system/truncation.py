@@ -27,8 +27,8 @@ MODAL = 1e-6
 def truncate(model: ReducedModel, r: int) -> ReducedModel:
     """Return the model on its first r modes; the other modes join residual flexibility and enrichment modes.
 
-    A ValueError is raised if the coordinates are no eigenmodes in ascending order, if there is no residual flexibility
-    on carriers, if r is not between 1 and one less than the model's size, or if a mode without stiffness would be
+    A ValueError is raised in these cases: the coordinates are no eigenmodes in ascending order; there is no residual
+    flexibility on carriers; r is not between 1 and one less than the model's size; a mode without stiffness would be
     truncated.
     """
     if model.carriers is None or model.carriers.flexibility is None:

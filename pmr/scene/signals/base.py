@@ -65,15 +65,16 @@ class SignalBase(BaseModel):
         """Return the time derivatives at times t in s, shape of t; at a kink those of the interval that follows it."""
 
     def second_rate(self, t: ArrayLike) -> Array:
-        """Return the second time derivatives at times t in s, shape of t; at a break those of the interval after it.
+        """Return the second time derivatives at times t in s, in the shape of t.
 
-        Raises NotImplementedError for a kind of signal without them.
+        At a break they are the derivatives just after it.  Raises NotImplementedError for a kind of signal that has
+        none.
         """
         raise NotImplementedError(f"there is no second rate of {type(self).__name__}")
 
     @property
     def breaks(self) -> Floats:
-        """Times in s at which the value or its rate may jump."""
+        """Times in s at which the value or its rate may jump; empty unless a kind of signal overrides it."""
         return ()
 
     def kinks(self, end: float) -> dict[float, float]:
