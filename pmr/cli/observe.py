@@ -52,11 +52,13 @@ def observe(
 
     environment.check_report()  # before the work, not after it
     finish_swap(model.parent)
-    description, data, system = ObserverFile.read(observer), read_measurements(measured), System.load(model)
+    description, system = ObserverFile.read(observer), System.load(model)
     file, budget = scene_file(scene), model.parent / "summary.json"
     summary: Any = json.loads(budget.read_text(encoding="utf-8")) if budget.is_file() else {}
-    loaded, true = load_any(file, overrides or ()), {} if truth is None else read_measurements(truth)
+    loaded = load_any(file, overrides or ())
     estimator = description.observer(loaded, system, summary)
+    data = read_measurements(measured, estimator.units)
+    true = {} if truth is None else read_measurements(truth, estimator.units)
     observation = Observation.compute(estimator, data, leave_out, true, loaded.title)
     folder = out_dir or Path("reports", scene.stem)
     files, figures = observation.write(folder), observation.summary()

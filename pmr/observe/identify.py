@@ -25,6 +25,7 @@ import scipy.optimize
 from pmr.errors import InputError, missing_file_reason
 from pmr.files.arrays import Array
 from pmr.results.quantities import QUANTITIES, unit_text
+from pmr.scene.keys import LUFFING
 from pmr.system.assembly import Assembly
 from pmr.system.system import System
 
@@ -149,6 +150,14 @@ class NumberTable(NamedTuple):
 
     names: tuple[str, ...]
     values: Array
+    units: tuple[str, ...]  # (k,): empty where the table says none
+
+    def check_units(self, file: Path, allowed: Mapping[str, str]) -> None:
+        """Raise InputError for a column with a unit other than that which is `allowed` for its name."""
+        for name, unit in zip(self.names, self.units, strict=True):
+            expected = allowed.get(name, unit)
+            if unit and unit_text(unit) != unit_text(expected):
+                raise InputError(str(file), "columns", f"{name} [{unit}]", f"the unit {expected} is allowed")
 
 
 #: Units in which tables are read, without prefixes: those of quantities, of times, rates and masses.
@@ -176,10 +185,12 @@ def read_table(file: Path) -> NumberTable:
             rows = [row for row in csv.reader(stream) if row]
     except (OSError, UnicodeDecodeError, csv.Error):
         raise InputError(str(file), "", None, missing_file_reason(file)) from None
-    for heading in rows[0] if rows else ():
-        if (unit := heading.partition(" [")[2].strip().removesuffix("]")) and unit not in UNITS:
+    headings = rows[0] if rows else []
+    units = tuple(heading.partition(" [")[2].strip().removesuffix("]") for heading in headings)
+    for heading, unit in zip(headings, units, strict=True):
+        if unit and unit not in UNITS:
             raise InputError(str(file), "columns", heading, f"a unit without prefix is allowed: {', '.join(UNITS)}")
-    names = tuple(name.partition(" [")[0].strip() for name in rows[0]) if rows else ()
+    names = tuple(heading.partition(" [")[0].strip() for heading in headings)
     values = np.full((max(len(rows) - 1, 0), len(names)), np.nan)
     for line, row in enumerate(rows[1:], 2):
         if len(row) != len(names):
@@ -189,7 +200,12 @@ def read_table(file: Path) -> NumberTable:
                 values[line - 2, k] = float(cell) if cell.strip() else np.nan
             except ValueError:
                 raise InputError(str(file), f"line {line}, {names[k]}", cell, "a number is allowed") from None
-    return NumberTable(names, values)
+    return NumberTable(names, values, units)
+
+
+def _path_unit(path: str) -> str:
+    """Unit in which a place on a path is read."""
+    return "rad" if path == LUFFING else "m"
 
 
 @dataclass(frozen=True)
@@ -209,7 +225,8 @@ class FrequencyTable:
         these are missing, frequencies are used for the fit and have the deviation of `MeasuredFrequencies`.  Raises
         InputError for another table.
         """
-        names, values = read_table(file)
+        table = read_table(file)
+        names, values = table.names, table.values
         modes, ratios = ([name for name in names if re.fullmatch(f"{kind}[1-9][0-9]*", name)] for kind in "fd")
         paths = [name for name in names if name not in (*modes, *ratios, HELD_OUT, DEVIATION)]
         counted = [f"{kind}{k + 1}" for kind, of in (("f", modes), ("d", ratios)) for k in range(len(of))]
@@ -217,6 +234,8 @@ class FrequencyTable:
             further = f"d1, d2, ..., {HELD_OUT} and {DEVIATION}"
             allowed = f"columns by paths or {PLACE}, then f1, f2, ..., {further}, each once, are allowed"
             raise InputError(str(file), "columns", list(names), allowed)
+        shares = dict.fromkeys((*ratios, HELD_OUT, DEVIATION), "1")
+        table.check_units(file, dict.fromkeys(modes, "Hz") | shares | {path: _path_unit(path) for path in paths})
         of = dict(zip(names, values.T, strict=True))
         held_out, deviation = of.get(HELD_OUT, np.zeros(len(values))), of.get(DEVIATION, np.full(len(values), np.nan))
         places, f, d = (values[:, [names.index(name) for name in columns]] for columns in (paths, modes, ratios))

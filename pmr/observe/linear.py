@@ -58,6 +58,7 @@ class LinearMotion:
     inputs: tuple[str, ...]  # (i,)
     reference: Array  # (T, q): outputs in the reference motion
     matrices: StepMatrices
+    input_units: tuple[str, ...] = ()  # (i,): N m of moments; where it is empty, all are forces in N
 
     @cached_property
     def A(self) -> Array:
@@ -103,6 +104,11 @@ class LinearMotion:
         used = np.isfinite(steps) & (steps >= 0) & (steps < len(self.t))
         sampled[steps[used].astype(int)] = values[used]
         return sampled
+
+    def input_unit(self, name: str) -> str:
+        """Unit of a load."""
+        number = self.input_number(name)
+        return self.input_units[number] if self.input_units else "N"
 
     def output_number(self, name: str) -> int:
         """Number of an output; an InputError is raised for a name that the model does not have."""
@@ -211,6 +217,7 @@ def linearize(
         tuple(inputs),
         steps.reference + gravity,
         steps.matrices,
+        tuple(system.input_units[system.input_names.index(name)] for name in inputs),
     )
 
 

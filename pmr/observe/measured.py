@@ -89,7 +89,7 @@ class ObserverFile:
     loads: tuple[UnknownLoad, ...] = ()
     payload: Payload | None = None
     step: float | None = None  # s; by default that of the scene
-    error_time: float = 0.5  # s
+    error_time: float = 0.5  # s, above 0
 
     @classmethod
     def read(cls, file: Path) -> ObserverFile:
@@ -146,7 +146,7 @@ class Observation:
         """Estimate; with `leave_out` once more without each sensor.
 
         `without` has, by the sensor that is left out, the mean standard deviation of each estimate over that with all.
-        It is empty without `leave_out`, or if there is a single sensor.
+        A sensor is passed over if no other one has a measurement; `without` is empty without `leave_out`.
         `truth` has times (n,) in s and true values (n,) of estimates by their names.  Raises InputError for a name
         that is not estimated, or that has no value at the model's steps.
         """
@@ -157,7 +157,10 @@ class Observation:
             true[name] = observer.model.sample(name, times, values)
             if not np.isfinite(true[name]).any():
                 raise InputError("observe", f"truth.{name}", None, "values at the times of the model are allowed")
-        for sensor in observer.sensors if leave_out and len(observer.sensors) > 1 else ():
+        sampled, observability = observer.grid(measured), observer.observability()
+        for k, sensor in enumerate(observer.sensors if leave_out else ()):
+            if not np.isfinite(np.delete(sampled, k, axis=1)).any():
+                continue
             remaining = [each for each in observer.sensors if each is not sensor]
             used = {name: values for name, values in measured.items() if name != sensor.output}
             fewer = replace(observer, sensors=remaining).run(used)
@@ -166,7 +169,6 @@ class Observation:
                 for name in names
                 if name in (*fewer.unknowns, *fewer.outputs)
             }
-        sampled, observability = observer.grid(measured), observer.observability()
         return cls(observer, estimates, sampled, observability, without, true, title)
 
     def summary(self) -> dict[str, Any]:
@@ -269,13 +271,16 @@ def describe_faults(figures: Summary) -> list[str]:
     return sentences
 
 
-def read_measurements(file: Path) -> dict[str, tuple[Array, Array]]:
+def read_measurements(file: Path, units: Mapping[str, str] | None = None) -> dict[str, tuple[Array, Array]]:
     """Times (n,) in s and values (n,) of each column of a CSV table, by its name; the first column is ``t``.
 
     Units in brackets behind a name are left out.  Empty cells are not measured.  Raises InputError, with the line, for
-    a cell that is no number, a table without times, or times that do not grow.
+    a cell that is no number, a table without times, or times that do not grow, and for a unit other than that in
+    `units`, which are by name (`Observer.units`).
     """
-    names, values = read_table(file)
+    table = read_table(file)
+    table.check_units(file, {**(units or {}), TIME: "s"})
+    names, values = table.names, table.values
     if not names or names[0] != TIME or len(values) < 2 or len(set(names)) < len(names):
         allowed = f"a first column {TIME}, then columns by the sensors' outputs, each once, and two lines or more"
         raise InputError(str(file), "columns", list(names), f"{allowed} are allowed")

@@ -53,7 +53,7 @@ class UnknownLoad:
     """Load that nobody measures, a Gauss-Markov process."""
 
     input: str  # name of the load
-    deviation: float  # N: standard deviation
+    deviation: float  # N, of a moment N m: standard deviation
     time: float  # s: time in which it changes
 
     def deviation_in_step(self, step: float) -> float:
@@ -127,11 +127,18 @@ class Estimates:
         return float(np.mean((np.abs(truth - mean) <= width * deviation)[comparable]))
 
     def whiteness(self, lags: int = 10) -> dict[str, float]:
-        """p-value of the Ljung-Box test of each sensor's innovations with `lags` lags: small if they are not white."""
+        """p-value of the Ljung-Box test of each sensor's innovations with `lags` lags: small if they are not white.
+
+        It is NaN where there are no more innovations than `lags`.
+        """
         values = dict[str, float]()
         for name, column in zip(self.sensors, self.innovations.T, strict=True):
             x = column[np.isfinite(column)]
-            n, x = len(x), x - np.mean(x)
+            n = len(x)
+            if n <= lags:
+                values[name] = np.nan
+                continue
+            x = x - np.mean(x)
             correlations = np.array([x[lag:] @ x[: n - lag] for lag in range(1, lags + 1)]) / (x @ x)
             statistic = n * (n + 2) * np.sum(correlations**2 / (n - np.arange(1, lags + 1)))
             values[name] = float(scipy.stats.chi2.sf(statistic, lags))
@@ -165,7 +172,8 @@ class Observer:
     Raises
     ------
     InputError
-        For a sensor or load that the model lacks, and for standard deviations that are not allowed.
+        For a sensor or load that the model lacks, for standard deviations that are not allowed, and for a payload whose
+        load is no force or whose acceleration is none.
     """
 
     model: LinearMotion
@@ -178,6 +186,8 @@ class Observer:
     disturbance: float = 1e-3
 
     def __post_init__(self) -> None:
+        if not self.error_time > 0.0:
+            raise InputError("observe", "error_time", self.error_time, "more than 0 s is allowed")
         if not self.sensors:
             raise InputError("observe", "sensors", None, "one sensor or more is needed")
         for sensor in self.sensors:
@@ -195,6 +205,13 @@ class Observer:
         if self.payload is not None:
             self.model.input_number(self.payload.input)
             self.model.output_number(self.payload.acceleration)
+            if self.model.input_unit(self.payload.input) != "N":
+                raise InputError("observe", "payload.input", self.payload.input, "a force along z is allowed")
+            if self.model.units[self.model.output_number(self.payload.acceleration)] != "m/s^2":
+                allowed = "an acceleration or a specific force is allowed"
+                raise InputError("observe", "payload.acceleration", self.payload.acceleration, allowed)
+            if not self.payload.deviation > 0.0 or self.payload.wander < 0.0:
+                raise InputError("observe", "payload", None, "a deviation above 0, and a wander from 0 on are allowed")
             if self.payload.gravity and self.payload.acceleration.startswith(SPECIFIC_FORCE):
                 allowed = "0 is allowed with a specific force, which includes it"
                 raise InputError("observe", "payload.gravity", self.payload.gravity, allowed)
@@ -214,7 +231,7 @@ class Observer:
         """Unit of each unknown, then of each output, by name; that of a parameter is its change."""
         of_outputs = dict(zip(self.model.outputs, self.model.units, strict=True))
         return {
-            **{load.input: "N" for load in self.loads},
+            **{load.input: self.model.input_unit(load.input) for load in self.loads},
             **({} if self.payload is None else {"payload": "kg"}),
             **{parameter.name: "1" for parameter in self.parameters},
             **{f"bias of {each.output}": of_outputs[each.output] for each in self.sensors if each.bias},

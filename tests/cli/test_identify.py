@@ -71,6 +71,8 @@ def test_the_scene_is_written_with_the_values_that_its_frequencies_have(
         ("", "columns"),
         ("s,g1\n1,2\n", "columns"),
         ("s,f2\n1,2\n", "columns"),
+        ("s [m],f1 [rad/s]\n1,2\n", "columns"),
+        ("s [rad],f1 [Hz]\n1,2\n", "columns"),
         ("s,f1,f1\n1,2,3\n", "columns"),
         ("s,f1,held_out\n1,2,3\n", "values"),
         ("s,f1,deviation\n1,2,0\n", "values"),

@@ -97,6 +97,36 @@ def test_an_observer_that_is_none_is_refused(tmp_path: Path, change: tuple[str, 
     assert str(refused.value.key).startswith(named) and "sensors.toml" in str(refused.value)
 
 
+def test_units_are_those_of_the_outputs(tmp_path: Path) -> None:
+    file = tmp_path / "day.csv"
+    for heading, units, wrong in (
+        ("t [s],force [N],a [m/s²]", {"force": "N", "a": "m/s^2"}, ""),
+        ("t [s],force [m],a [m/s²]", {"force": "N", "a": "m/s^2"}, "force [m]"),
+        ("t [Hz],force [N],a", {}, "t [Hz]"),
+    ):
+        file.write_text(f"{heading}\n0.1,1,2\n0.2,2,3\n")
+        if wrong:
+            with pytest.raises(InputError) as refused:
+                read_measurements(file, units)
+            assert refused.value.value == wrong
+        else:
+            assert list(read_measurements(file, units)) == ["force", "a"]
+
+
+def test_few_measurements_have_no_whiteness_and_a_sensor_alone_is_not_left_out(tmp_path: Path) -> None:
+    model, rng = oscillator(60), np.random.default_rng(1)
+    sensors = [Sensor(OUTPUTS[0], 0.05), Sensor(OUTPUTS[1], 1e-5), Sensor(OUTPUTS[2], 500.0)]
+    every = measured(model, history(model, np.ones(60)), np.array([0.05, 1e-5, 500.0]), rng)
+    for of_sensor in ({}, {OUTPUTS[1]: 1}, {OUTPUTS[1]: 6}):
+        few = {name: (every[name][0][:n], every[name][1][:n]) for name, n in of_sensor.items()}
+        data = {OUTPUTS[0]: every[OUTPUTS[0]], **few}
+        observation = Observation.compute(Observer(model, sensors), data, leave_out=True)
+        _, figures = observation.write(tmp_path)
+        summary = json.loads(figures.read_text())
+        assert [name for name, p in summary["whiteness"].items() if p is not None] == [OUTPUTS[0]]
+        assert (OUTPUTS[0] in summary["without_sensor"]) == bool(few)
+
+
 def test_a_longer_step_has_a_larger_error() -> None:
     model, summary = oscillator(5), {"step": {"tip": 1e-5}}
     assert output_errors(summary, model, H / 4.0)["step"]["tip"] == pytest.approx(1.6e-4)

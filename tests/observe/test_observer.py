@@ -316,11 +316,18 @@ def test_what_the_model_lacks_is_refused() -> None:
         {"sensors": [sensor], "loads": [UnknownLoad("nothing", 1.0, 1.0)]},
         {"sensors": [sensor], "loads": [UnknownLoad("push", 1.0, 0.0)]},
         {"sensors": [sensor], "payload": Payload("push", "nothing", 1.0)},
+        {"sensors": [sensor], "payload": Payload("push", OUTPUTS[1], 1.0)},
+        {"sensors": [sensor], "payload": Payload("push", OUTPUTS[0], 0.0)},
         {"sensors": [sensor], "parameters": [Parameter("E", np.zeros((2, 2)))]},
+        {"sensors": [sensor], "error_time": 0.0},
     ]
     for arguments in wrong:
         with pytest.raises(InputError, match="observe"):
             Observer(model, **arguments)  # type: ignore[arg-type]
+    turned = replace(model, input_units=("N m",))
+    assert Observer(turned, [sensor], [UnknownLoad("push", 1.0, 1.0)]).units["push"] == "N m"
+    with pytest.raises(InputError, match="force"):
+        Observer(turned, [sensor], payload=Payload("push", OUTPUTS[0], 1.0))
     observer = Observer(model, [sensor])
     in_ms = {OUTPUTS[1]: (1e3 * (model.t + 1.0), model.t)}
     for data in ({"nothing": (model.t, model.t)}, {OUTPUTS[1]: (model.t, model.t[:2])}, in_ms):
