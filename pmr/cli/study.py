@@ -167,7 +167,7 @@ def _show_progress() -> Iterator[Watch]:
 
 def _print_results(project: Project, outcome: Outcome) -> None:
     """Print the table, summary and warnings of each study that has results."""
-    from pmr.report.studies import chart_words
+    from pmr.report.studies import chart_tables
     from pmr.report.studies.runs import terminal_grid
 
     for part in project.parts:
@@ -175,7 +175,7 @@ def _print_results(project: Project, outcome: Outcome) -> None:
         if all(run.status != "done" for run in results.runs):
             continue
         if part.study.kind == "chart":
-            grid = chart_words.terminal_grid(results, SHOWN_RUNS)
+            grid = chart_tables.terminal_grid(results, SHOWN_RUNS)
         else:
             grid = terminal_grid(results.runs, out.width // COLUMN, SHOWN_RUNS)
         table = Table(

@@ -191,7 +191,8 @@ class Player:
 class Block:
     """Content below one heading: text, errors, animation, drawings, pictures, grids and tables, in this order.
 
-    Two drawings of half a page's width stand side by side; `software` lists names with versions.
+    Two drawings of half a page's width stand side by side; `software` lists names with versions.  On paper the tables
+    stand in this number of `columns`; in one column they are as wide as the page on a screen, too.
     """
 
     heading: str
@@ -201,10 +202,9 @@ class Block:
     errors: ErrorTable | None = None
     player: Player | None = None
     pictures: tuple[Picture, ...] = ()
-    tables: Sequence[Table] = ()  # in three columns on paper, or in two
+    tables: Sequence[Table] = ()
+    columns: int = 3
     software: Sequence[str] = ()
-    table: Table | None = None  # of the whole width
-    two_columns: bool = False  # whether the tables stand in two columns on paper
 
     @property
     def rows(self) -> list[list[Drawing]]:
@@ -218,6 +218,19 @@ class Block:
         return rows
 
 
+@dataclass(frozen=True)
+class Notices:
+    """Notices that stand before the results of a chapter.
+
+    `overloads` are texts on values above what is allowed, `warnings` sentences that a user has to know before sizing a
+    machine by the results, and `unfinished` names of runs without a result.
+    """
+
+    overloads: Sequence[str] = ()
+    warnings: Sequence[str] = ()
+    unfinished: Sequence[str] = ()
+
+
 @dataclass(frozen=True, kw_only=True)
 class Chapter:
     """A run or a study as a chapter of a page.
@@ -229,12 +242,6 @@ class Chapter:
     opening : str
         Text at the top of the chapter that describes the system.  `sketch` shows the system, and the short tables
         `first` hold the main results.
-    overloads : sequence of str
-        Texts on values above what is allowed, which stand before everything else.
-    warnings : sequence of str
-        Sentences that a user has to know before sizing a machine by these results.
-    unfinished : sequence of str
-        Names of runs without a result.
     """
 
     anchor: str
@@ -245,7 +252,5 @@ class Chapter:
     sketch: Drawing | None = None
     first: Sequence[Table] = ()
     paragraphs: Sequence[str] = ()
-    overloads: Sequence[str] = ()
-    warnings: Sequence[str] = ()
-    unfinished: Sequence[str] = ()
-    blocks: Sequence[Block] = field(default=())
+    notices: Notices = Notices()
+    blocks: Sequence[Block] = ()

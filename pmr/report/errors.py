@@ -13,7 +13,6 @@ from pmr.report.blocks import (
     SAME,
     WITHIN,
     ErrorTable,
-    KeyNumber,
     Row,
     Table,
     deviating_rows,
@@ -422,13 +421,3 @@ def _list_without_round_off(errors: Mapping[str, float]) -> str:
     """
     parts = [f"{name} {format_percent(error)}" for name, error in errors.items() if error >= LEAST]
     return ", ".join(parts) or (f"less than {format_percent(LEAST, 1)}" if errors else "")
-
-
-def model_key_number(result: RunResult) -> Iterator[KeyNumber]:
-    """Yield the error of the structural model as a key number; yield nothing if this error is not known."""
-    part = result.summary.get("budget", {}).get("model")
-    if part is None or part["beside"] is None or part.get("beam") is None:
-        return
-    frequencies = format_percent(part["frequency"] or 0.0)
-    more = f"{scope_words(result)}; lowest frequencies {frequencies}; beside {model_traits(part['beside']).words}"
-    yield KeyNumber(format_percent(part["beam"]), "the model's own error", more)

@@ -12,8 +12,7 @@ from pmr.files.arrays import Summary
 from pmr.report.blocks import Block, Drawing, Grid
 from pmr.report.columns import Force, forces_of
 from pmr.report.figures.canvas import drawing
-from pmr.report.figures.histories import panel_figure
-from pmr.report.figures.loads import output_figure
+from pmr.report.figures.histories import output_figure, panel_figure
 from pmr.report.numbers import (
     NOTHING,
     SPACE,

@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pmr.files.arrays import Array, Summary
-from pmr.report.blocks import Block, Chapter, Grid, KeyNumber
+from pmr.report.blocks import Block, Chapter, Grid, KeyNumber, Notices
 from pmr.report.columns import spread_indices
 from pmr.report.document import ReportFiles, render, with_date, write_page
 from pmr.report.figures.canvas import HALF, INK, LIMIT, MUTED, SERIES, add_legend, bins_of, drawing, make_sheet
@@ -82,7 +82,7 @@ def build_chapter(figures: Summary, table: Array) -> Chapter:
             KeyNumber(_with_band(last[name], units[name]), name, f"at the end, band of 90{SPACE}%")
             for name in list(units)[:4]
         ],
-        warnings=[warning[:1].upper() + warning[1:] for warning in _warnings(figures)],
+        notices=Notices(warnings=list(_warnings(figures))),
         blocks=blocks,
     )
 

@@ -14,7 +14,7 @@ import numpy as np
 from pmr.files.arrays import Array
 from pmr.report import first_page, forces, player, scene_tables, sentences, stresses, subject
 from pmr.report.album import Album, start_album
-from pmr.report.blocks import Block, Chapter, Drawing, Grid, Player, Table, signed_deviation
+from pmr.report.blocks import Block, Chapter, Drawing, Grid, Notices, Player, Table, signed_deviation
 from pmr.report.bodies import fields_by_body, has_stresses, largest_colour_stress
 from pmr.report.columns import (
     axis_points,
@@ -26,8 +26,8 @@ from pmr.report.columns import (
 )
 from pmr.report.errors import error_table, is_compared
 from pmr.report.figures import histories, shapes, space
-from pmr.report.figures.canvas import colour_scale, drawing, section_colours
-from pmr.report.figures.loads import line_figure
+from pmr.report.figures.canvas import drawing, section_colours
+from pmr.report.figures.histories import line_figure
 from pmr.report.numbers import SPACE, format_input, significant, with_sign
 from pmr.report.subject import acting_loads, direction_words, is_alone, moving_part, slider_offsets
 from pmr.results import RunResult
@@ -46,10 +46,9 @@ def chapter(result: RunResult, anchor: str) -> Chapter:
         anchor=anchor,
         title=result.scene.title,
         sketch=system_drawing(result, anchor),
-        overloads=first_page.overload_sentences(result),
         first=first_page.first_page_tables(result),
         key_numbers=list(sentences.key_numbers(result)),
-        warnings=[warning[:1].upper() + warning[1:] for warning in result.summary.get("warnings", ())],
+        notices=Notices(first_page.overload_sentences(result), result.summary.get("warnings", ())),
         blocks=[*filter(None, sections), origin_block(result)],
     )
 
@@ -128,7 +127,7 @@ def motion_block(result: RunResult, prefix: str, pictures: Callable[[], Album]) 
     absent = f"There are no pictures: {picture_album.absent}." if picture_album.absent else ""
     if has_stresses(result) and (data or picture_album.pictures):
         caption = "Colours of the pictures: the largest von Mises stress of each cell."
-        scale.append(drawing(f"{prefix}-ramp", colour_scale, caption, largest_colour_stress(result) / 1e6))
+        scale.append(drawing(f"{prefix}-ramp", shapes.colour_scale, caption, largest_colour_stress(result) / 1e6))
     shown = Player(data, player.drawing_sentence(data)) if data else None
     tip, still = tip_drawings(result, prefix)
     return Block(

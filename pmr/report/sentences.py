@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from pmr.report import errors as error_sentences
-from pmr.report.blocks import KeyNumber
+from pmr.report.blocks import (
+    KeyNumber,
+)
 from pmr.report.numbers import (
     MINUS,
     SPACE,
@@ -23,7 +25,13 @@ from pmr.report.subject import (
 )
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
-from pmr.results.quantities import QUANTITIES, stress_name, wall_stress, wall_stress_on_short_cells
+from pmr.results.quantities import (
+    QUANTITIES,
+    stress_name,
+    wall_stress,
+    wall_stress_on_short_cells,
+)
+from pmr.scene.model_traits import model_traits
 
 #: Largest number of further points with the largest stress that are named; if there are more, only their number is
 #: stated.
@@ -45,7 +53,7 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
         yield _total_error(totals)
     else:
         yield from _error_key_numbers(result)
-    yield from error_sentences.model_key_number(result)
+    yield from _model_key_number(result)
     peak = summary.get("max_von_mises", {})
     if "reduced" in peak:
         full = f"full model {format_quantity(peak['full'], 'Pa')}" if "full" in peak else ""
@@ -171,3 +179,13 @@ def energy_sentence(result: RunResult) -> str:
         f"of frame and extensions do {size['drives']}, loads and travelling pads {size['others']}, and damping and the "
         f"error of the steps take {size['lost']}."
     )
+
+
+def _model_key_number(result: RunResult) -> Iterator[KeyNumber]:
+    """Yield the error of the structural model as a key number; yield nothing if this error is not known."""
+    part = result.summary.get("budget", {}).get("model")
+    if part is None or part["beside"] is None or part.get("beam") is None:
+        return
+    frequencies = format_percent(part["frequency"] or 0.0)
+    more = f"{scope_words(result)}; lowest frequencies {frequencies}; beside {model_traits(part['beside']).words}"
+    yield KeyNumber(format_percent(part["beam"]), "the model's own error", more)

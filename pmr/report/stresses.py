@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from pmr.files.arrays import Summary
 from pmr.report import sentences
 from pmr.report.blocks import Block, Drawing, Grid
-from pmr.report.figures import loads as figures
+from pmr.report.figures import histories, shapes
 from pmr.report.figures.canvas import drawing
-from pmr.report.figures.histories import Timeline, difference_clause, drawn_history
 from pmr.report.forces import extremes_grid
 from pmr.report.numbers import NOTHING, SPACE, format_time, significant, unit_for
 from pmr.results import Response, RunResult
@@ -31,12 +30,12 @@ def stress_block(result: RunResult, prefix: str) -> Block | None:
     for number, (name, body) in enumerate(result.bodies.items()):
         if "reduced" not in body.peak_stress:
             continue
-        below = difference_clause(Timeline(result), figures.stress_histories(result, body))
+        below = histories.difference_clause(histories.Timeline(result), histories.stress_histories(result, body))
         peak = parts.get(name, result.summary).get("stress_peak", {}).get("reduced")
         dot = f" The dot is the largest of all, {sentences.peak_clause(peak)}." if peak else ""
         caption = f"Largest von Mises stress over {name or 'the whole body'}{below}.{dot}"
         anchor = f"{prefix}-stress" if name == ALONE else f"{prefix}-stress-{number}"
-        drawings.append(drawing(anchor, figures.stress_figure, caption, result, body))
+        drawings.append(drawing(anchor, histories.stress_figure, caption, result, body))
     grids = tuple(_part_grids(result))
     heading = " ".join(filter(None, ("Stress", stress_remark(result.scene))))
     return Block(heading=heading, drawings=drawings, grids=grids) if drawings or grids else None
@@ -56,7 +55,7 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
     if not shown:
         return None
     caption = "Forces and moments of sections along each beam, from the smallest to the largest over time."
-    drawn = drawing(f"{prefix}-envelopes", figures.envelope_figure, caption, result, shown)
+    drawn = drawing(f"{prefix}-envelopes", shapes.envelope_figure, caption, result, shown)
     extremes, units = dict[str, Extremes](), dict[str, str]()
     for name, part in summaries_by_section(result.summary).items():
         for what, force in part.get("section_forces", {}).get("reduced", {}).items():
@@ -147,7 +146,7 @@ def _history_drawing(result: RunResult, anchor: str, name: str, unit: str) -> Dr
         return response.other(name) if name in response.other_names else np.full(len(response.t), np.nan)
 
     label = " ".join(name.split(" ")[-2:]).capitalize()
-    return drawn_history(anchor, result, values, name[:1].upper() + name[1:], label, unit)
+    return histories.drawn_history(anchor, result, values, name[:1].upper() + name[1:], label, unit)
 
 
 def _places_of(probes: Iterable[Summary]) -> str:

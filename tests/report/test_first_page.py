@@ -14,7 +14,7 @@ import pytest
 from boom_results import SUMMARY, MakeSpace
 
 from pmr.report import columns
-from pmr.report.blocks import Chapter, Drawing, KeyNumber, Table
+from pmr.report.blocks import Chapter, Drawing, KeyNumber, Notices, Table
 from pmr.report.document import render_runs as rendered
 from pmr.report.errors import rows as error_rows
 from pmr.report.errors import summed_errors
@@ -364,7 +364,7 @@ def test_the_first_page_in_print_answers_all_of_it(make_space: MakeSpace) -> Non
     drawn = Drawing("case-1-sketch", '<svg width="80mm" height="70mm"></svg>', 150 * "m", half=True)
     first = Chapter(
         anchor="case-1", title="Boom", opening=50 * "m", sketch=drawn, first=first_page_tables(found),
-        warnings=["second order is left out"], key_numbers=[KeyNumber("1", "coordinates")],
+        notices=Notices(warnings=["second order is left out"]), key_numbers=[KeyNumber("1", "coordinates")],
     )  # fmt: skip
     page, *_ = weasyprint.HTML(string=rendered([first])).render().pages
     assert {"case-1-sketch", "case-1-asked", "case-1-warnings", "case-1-first-1", "case-1-first-2"} <= set(page.anchors)
@@ -436,7 +436,7 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     assert said.startswith(f"about 426{SPACE}MPa, 120{SPACE}% of the 355{SPACE}MPa of yield, left wall")
     (over,) = overload_sentences(grown)
     assert over == f"largest von Mises stress in walls: {said}"
-    page = rendered([Chapter(anchor="case-1", title="Boom", overloads=[over], first=first_page_tables(grown))])
+    page = rendered([Chapter(anchor="case-1", title="Boom", notices=Notices([over]), first=first_page_tables(grown))])
     assert page.index("More than is allowed") < page.index("What was asked")
     sketched = chapter(grown, "case-1").sketch
     assert sketched is not None and f"426{SPACE}MPa" in drawn_text(sketched.svg) and "in walls" in sketched.caption

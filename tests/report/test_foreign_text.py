@@ -11,7 +11,7 @@ import pytest
 from fuzz.names import fit
 
 from pmr.errors import escape_controls
-from pmr.report.blocks import Chapter
+from pmr.report.blocks import Chapter, Notices
 from pmr.report.document import render_runs as render
 from pmr.report.document import write_report
 from pmr.report.sections import chapter as case
@@ -62,7 +62,7 @@ def test_a_report_shows_names_as_they_are(html: str, kind: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", TEXTS)
 def test_a_title_is_shown_as_it_is(kind: str) -> None:
-    page = render([Chapter(anchor="case-1", title=TEXTS[kind], warnings=[TEXTS[kind]])])
+    page = render([Chapter(anchor="case-1", title=TEXTS[kind], notices=Notices(warnings=[TEXTS[kind]]))])
     assert re.search(r"<title>(.*?)</title>", page)[1] == unescape_once(escape_controls(TEXTS[kind]))
     assert "<script>alert" not in page and "49" not in re.findall(r"<h1>(.*?)</h1>", page)
     assert escape_controls(page.replace("\n", "")) == page.replace("\n", "")

@@ -18,7 +18,7 @@ from pmr import RunResult
 from pmr.report import album, columns, player, sections, subject
 from pmr.report import forces as loads
 from pmr.report.document import render_runs
-from pmr.report.figures import loads as drawn_loads
+from pmr.report.figures import histories
 from pmr.report.figures import space as figures
 from pmr.report.figures.canvas import style
 from pmr.report.figures.histories import Timeline
@@ -135,7 +135,7 @@ def test_no_panel_is_empty_and_round_off_is_not_drawn(turned: RunResult) -> None
     """A force that stays at -75 kN lies within its axes; what is 1e-11 of it has no curve."""
     outputs = turned.responses["reduced"].outputs
     with style():
-        drawn = drawn_loads.output_figure(turned, [one for one in outputs if one.name == "reaction of pivot x"])
+        drawn = histories.output_figure(turned, [one for one in outputs if one.name == "reaction of pivot x"])
         views = [
             figures.side_view(turned),
             figures.plan_view(turned),

@@ -20,7 +20,7 @@ from fontTools import subset
 from fontTools.ttLib import TTFont
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap, to_rgb
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator, NullLocator
@@ -28,7 +28,6 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 from pmr.errors import escape_controls
 from pmr.report.blocks import Drawing
 from pmr.report.numbers import format_input, power_of_ten
-from pmr.report.renderer import RAMP
 
 WIDE = 6.7  # in, the text width of an A4 page
 HALF = 3.25  # in, width of each of two figures beside each other
@@ -80,7 +79,6 @@ _STYLE: Mapping[str, Any] = {
 }
 ROW, ENTRY, LETTER = 0.14, 0.42, 0.062  # in, of a legend: height of a row, width of a line and of a letter
 LETTERS = 5  # of the labels of ticks for which there is room beside the label of the y-axis
-SHADES = 60  # number of colours in the ramp
 
 
 @dataclass(frozen=True)
@@ -294,24 +292,6 @@ def bins_of(ax: Axes) -> int:
     """Number of intervals into which a signal over the width of `ax` is divided, each drawn with its peaks."""
     inches = ax.get_window_extent().width / mpl.rcParams["figure.dpi"]
     return max(40, int(BINS_PER_INCH * inches))
-
-
-def colour_scale(largest: float) -> Figure:
-    """Draw the colour scale of stresses from 0 to `largest` in MPa, with the colour of larger stresses at its end."""
-    colours = LinearSegmentedColormap.from_list("stress", RAMP)
-    figure, axes = make_sheet(HALF, 0.55, margins={"left": 0.1, "right": 0.3, "top": 0.08, "bottom": 0.36})
-    ax = axes[0, 0]
-    for k in range(SHADES):
-        ax.axvspan(k / SHADES, (k + 1.2) / SHADES, color=colours(k / (SHADES - 1.0)), linewidth=0.0)
-    ticks = np.linspace(0.0, 1.0, 5)
-    names = [format_input(float(f"{tick * largest:.3g}")) for tick in ticks]
-    ax.set_xticks(ticks, [*names[:-1], f"≥ {names[-1]}"])
-    ax.set_yticks([])
-    ax.set_xlim(0.0, 1.0)
-    ax.grid(False)
-    ax.spines[:].set_visible(False)
-    ax.set_xlabel("Von Mises stress in MPa")
-    return figure
 
 
 FONT = "pmr figures"  # name of the font that the page embeds

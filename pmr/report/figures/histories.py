@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from os.path import commonprefix
 from typing import Any
 
 import numpy as np
@@ -17,16 +18,24 @@ from pmr.report import subject
 from pmr.report.blocks import Drawing
 from pmr.report.columns import ResponseFunction, extreme_indices, interpolate, invisible_difference
 from pmr.report.figures.canvas import (
+    HALF,
+    INK,
     PENS,
+    ROW,
+    SECTIONS,
     SHADE,
     WIDE,
     add_legend,
     bins_of,
     drawing,
+    legend_rows,
     make_sheet,
 )
 from pmr.report.numbers import NOTHING, format_length, format_percent, unit_for
-from pmr.results import Response, RunResult
+from pmr.report.subject import field_times
+from pmr.results import BodyResult, Response, RunResult
+from pmr.results.quantities import UNIT_QUANTITIES, unit_text
+from pmr.results.response import Output
 
 PAUSE = 2  # samples; a standstill of so many samples does not divide a motion
 FLATTEST = 1e-3  # least range of an axis as a share of its largest value, so that labels of ticks stay short
@@ -284,4 +293,61 @@ def estimate_band(result: RunResult, quantity: ResponseFunction, error_bound: Ar
     time.trace(ax, off, unit.size)
     time.frame(ax, f"Difference in {unit.name}")
     add_legend(figure, [*time.legend(list(off)), Patch(color=BAND, label="estimate")])
+    return figure
+
+
+#: Largest number of lines that are drawn thicker the earlier they come, so that lines show that lie on each other.
+MOST_THICK = 4
+
+
+def line_figure(
+    result: RunResult, lines: Mapping[str, Array], base: str, quantity: str, colours: Sequence[str] = SECTIONS[1:]
+) -> Figure:
+    """Draw `lines` (T,) of the reduced model over time in one panel, with their names in the legend.
+
+    `base` is their unit without prefix, and `quantity` the name on the axis.  A line without a name has no entry.
+    """
+    time, unit, names = Timeline(result), unit_for(largest_of(lines), base), [name for name in lines if name]
+    shade = time.shade_legend()
+    rows = legend_rows([*names, *(str(entry.get_label()) for entry in shade)], HALF)
+    more = ROW * (rows - 1)
+    figure, axes = make_sheet(HALF, 1.9 + more, margins={"top": 0.28 + more})
+    ax, handles = axes[0, 0], list[Line2D]()
+    for k, (name, line) in enumerate(lines.items()):
+        width = 0.8 if len(lines) > MOST_THICK else 0.7 + 0.3 * (len(lines) - 1 - k)
+        look: dict[str, Any] = {"color": colours[k % len(colours)], "linewidth": width}
+        shown = extreme_indices(line, bins_of(ax))
+        ax.plot(time.t[shown], line[shown] / unit.size, **look)
+        handles += [Line2D([], [], label=name, **look)] if name else []
+    time.frame(ax, f"{quantity} in {unit_text(unit.name)}" if unit.name else quantity)
+    ax.axhline(0.0, linewidth=0.0)  # the axis of a constant line includes zero
+    add_legend(figure, [*handles, *shade], rows)
+    return figure
+
+
+def output_figure(result: RunResult, outputs: Sequence[Output]) -> Figure:
+    """Draw outputs of one unit over time in one panel; names are without the words that all of them begin with."""
+    words, response = [output.name.split(" ") for output in outputs], result.responses["reduced"]
+    shared, unit = len(commonprefix(words)), outputs[0].unit
+    lines = {" ".join(of[shared:]): response.other(output.name) for of, output in zip(words, outputs, strict=True)}
+    return line_figure(result, lines, unit, UNIT_QUANTITIES[unit].capitalize())
+
+
+def stress_histories(result: RunResult, body: BodyResult) -> dict[str, Array]:
+    """Largest stress (T,) of a body in Pa over time, by model, in the order in which the models are drawn."""
+    names, t = [name for name in ("full", "reduced") if name in body.peak_stress], field_times(result, body)
+    return {name: interpolate(result.responses["reduced"].t, t, body.peak_stress[name]) for name in names}
+
+
+def stress_figure(result: RunResult, body: BodyResult) -> Figure:
+    """Draw the largest von Mises stress of a body over time, and its difference to the reference model.
+
+    A dot is at the peak.
+    """
+    time, signals = Timeline(result), stress_histories(result, body)
+    peak = int(np.argmax(signals["reduced"]))
+    figure, unit = history_figure(time, signals, "Stress", "Pa"), unit_for(largest_of(signals), "Pa")
+    ax = figure.axes[0]
+    ax.plot(time.t[peak], signals["reduced"][peak] / unit.size, "o", markersize=4.0, color=INK, zorder=5.0)
+    ax.set_ylim(bottom=0.0)
     return figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import floor, log10
 from typing import Any
 
@@ -9,13 +10,25 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from pmr.report.columns import spread_indices
-from pmr.report.figures.canvas import HALF, INK, MUTED, PENS, WIDE, add_legend, log_axis, make_sheet, octave_axis
-from pmr.report.numbers import share_captured
+from pmr.report.figures.canvas import (
+    HALF,
+    INK,
+    MUTED,
+    PENS,
+    WIDE,
+    add_legend,
+    log_axis,
+    make_sheet,
+    octave_axis,
+    section_colours,
+)
+from pmr.report.numbers import format_input, share_captured, unit_for
 from pmr.report.renderer import RAMP
 from pmr.report.subject import crossing, moving_part, reach
 from pmr.results import FrequencyResponse, RunResult, Shapes
@@ -225,3 +238,62 @@ def frequencies_caption(result: RunResult) -> str:
     along = " Level stretches belong to vibration along the axis." if level.any() else ""
     part = moving_part(result)
     return f"Lowest eigenfrequencies{f' while the {part} rests' if part else ''}.{along}"
+
+
+def envelope_figure(result: RunResult, quantities: Sequence[str]) -> Figure:
+    """Draw the range over time of forces or moments along the beams, by the reduced model, one panel a quantity.
+
+    `quantities` are the names of these forces and moments.
+    """
+    envelopes_by_body = {
+        name: body.envelopes["reduced"] for name, body in result.bodies.items() if "reduced" in body.envelopes
+    }
+    columns = min(len(quantities), 2)
+    rows = -(-len(quantities) // columns)
+    gaps = {"hspace": 0.45, "wspace": 0.28}
+    figure, axes = make_sheet(
+        WIDE, 0.66 + 1.25 * rows, rows, columns, margins={"top": 0.42}, sharex=True, gridspec_kw=gaps
+    )
+    colours = {name: colour for name, colour in section_colours(result.bodies).items() if name in envelopes_by_body}
+    for k, quantity in enumerate(quantities):
+        ax = axes.flat[k]
+        shown = {name: envelope for name, envelope in envelopes_by_body.items() if quantity in envelope.names}
+        numbers = {name: envelope.names.index(quantity) for name, envelope in shown.items()}
+        largest = max(
+            np.abs([envelope.least[numbers[n]], envelope.most[numbers[n]]]).max() for n, envelope in shown.items()
+        )
+        unit = unit_for(float(largest), next(envelope.units[numbers[n]] for n, envelope in shown.items()))
+        for name, envelope in shown.items():
+            of = numbers[name]
+            band = envelope.least[of] / unit.size, envelope.most[of] / unit.size
+            ax.fill_between(envelope.x, *band, color=colours[name], alpha=0.45, linewidth=0.8)
+        ax.axhline(0.0, linewidth=0.4, color="0.5")
+        ax.set_title(f"{quantity.capitalize()} in {unit.name}", loc="left", pad=2.0)
+        if k >= len(quantities) - columns:
+            ax.set_xlabel("From the tail in m")
+            ax.tick_params(labelbottom=True)
+    for ax in axes.flat[len(quantities) :]:
+        ax.set_visible(False)
+    add_legend(figure, [Patch(color=colour, alpha=0.45, label=name) for name, colour in colours.items() if name])
+    return figure
+
+
+SHADES = 60  # number of colours in the ramp
+
+
+def colour_scale(largest: float) -> Figure:
+    """Draw the colour scale of stresses from 0 to `largest` in MPa, with the colour of larger stresses at its end."""
+    colours = LinearSegmentedColormap.from_list("stress", RAMP)
+    figure, axes = make_sheet(HALF, 0.55, margins={"left": 0.1, "right": 0.3, "top": 0.08, "bottom": 0.36})
+    ax = axes[0, 0]
+    for k in range(SHADES):
+        ax.axvspan(k / SHADES, (k + 1.2) / SHADES, color=colours(k / (SHADES - 1.0)), linewidth=0.0)
+    ticks = np.linspace(0.0, 1.0, 5)
+    names = [format_input(float(f"{tick * largest:.3g}")) for tick in ticks]
+    ax.set_xticks(ticks, [*names[:-1], f"≥ {names[-1]}"])
+    ax.set_yticks([])
+    ax.set_xlim(0.0, 1.0)
+    ax.grid(False)
+    ax.spines[:].set_visible(False)
+    ax.set_xlabel("Von Mises stress in MPa")
+    return figure

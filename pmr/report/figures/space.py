@@ -29,7 +29,7 @@ from pmr.report.figures.canvas import (
     octave_axis,
     section_colours,
 )
-from pmr.report.figures.loads import line_figure
+from pmr.report.figures.histories import line_figure
 from pmr.report.numbers import SPACE, enlargement, format_input, format_quantity
 from pmr.report.subject import (
     abscissa_label,

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pmr.files.arrays import Summary
 from pmr.report import scene_tables
-from pmr.report.blocks import Block, Chapter, Grid, Table
+from pmr.report.blocks import Block, Chapter, Grid, Notices, Table
 from pmr.report.document import ReportFiles, render, with_date, write_page
 from pmr.report.numbers import format_quantity
 from pmr.report.studies import chart, runs
@@ -66,11 +66,9 @@ def study_chapter(study: FinishedStudy, anchor: str) -> Chapter:
     """
     build = CHAPTERS.get(study.kind, runs.build_chapter)
     content = (runs.build_chapter if study.unfinished_runs else build)(study, anchor)
-    hints = [f"{text[:1].upper()}{text[1:]}" for text in study.summary.get("hints", ())]
-    content = replace(content, warnings=[*hints, *content.warnings])
     published = comparison(study)
     if published.rows and not any(block.errors for block in content.blocks):
         content = replace(content, blocks=[*content.blocks, Block("Beside the publication", errors=published)])
     unfinished = [f"{run_name(run)} ({run.status}: {run.reason})" for run in study.unfinished_runs]
     warnings = [warning.line(len(study.results.runs)) for warning in study.results.warnings]
-    return replace(content, unfinished=unfinished, warnings=[text[:1].upper() + text[1:] for text in warnings])
+    return replace(content, notices=Notices((), [*study.summary.get("hints", ()), *warnings], unfinished))

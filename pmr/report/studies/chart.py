@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from pmr.errors import letters, two_digits
 from pmr.files.arrays import Array
-from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, Grid, KeyNumber, Table
-from pmr.report.columns import spread_indices
+from pmr.report.blocks import END_OF_SCREEN, SCREEN, Block, Chapter, KeyNumber, Table
 from pmr.report.figures.canvas import drawing
 from pmr.report.figures.load_chart import (
     NOT_PERMITTED,
@@ -22,13 +20,15 @@ from pmr.report.figures.load_chart import (
     pointer_cells,
 )
 from pmr.report.numbers import SPACE, format_input, format_quantity
-from pmr.report.studies.chart_words import (
-    NO_LOAD,
+from pmr.report.studies.chart_tables import (
+    Parts,
+    case_grid,
     ceiling,
+    duty_grids,
+    error_bar_grids,
     format_load,
     headline,
-    load_step,
-    round_down,
+    limit_grid,
     slewing_clause,
 )
 from pmr.report.studies.finished import FinishedStudy
@@ -37,15 +37,11 @@ from pmr.results.response import FORCES
 from pmr.scene.keys import ALONE
 from pmr.studies import charting
 from pmr.studies.charting import governing_limit
-from pmr.studies.duty import NOT_LIMITED, DutyTable, LeastLoads, LoadCase
-from pmr.studies.limits import KINDS, STABILITY, STABILITY_WORDS
+from pmr.studies.duty import NOT_LIMITED, DutyTable, LeastLoads
+from pmr.studies.limits import STABILITY, STABILITY_WORDS
 
-#: Endings of the names of the arrays with error bars: for the sum of all parts, then for each part.
-PARTS = ("", *(f".{of}" for of in charting.PARTS))
 #: Text in place of a load if no load up to the largest one that was tried reaches the limit.
 NOT_REACHED = "limit not reached"
-#: Most boom lengths in the tables of loads, and most of them side by side: more are cut off on paper.
-MOST_LENGTHS, LENGTHS_BESIDE = 24, 8
 #: Least error bar in kg that is shown beside a load.
 SHOWN = 0.5
 
@@ -64,8 +60,8 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     blocks = [
         _statement_block("What load and radius are", parts[0]["at.definitions"]),
         _statement_block("What is not in this chart", parts[0]["at.left_out"]),
-        Block("Limits", grids=(_limit_grid(study, names, parts),)),
-        Block("Load cases", grids=(_case_grid(study),)),
+        Block("Limits", grids=(limit_grid(study, names, parts),)),
+        Block("Load cases", grids=(case_grid(study),)),
     ]
     chapter = Chapter(
         anchor=prefix, title=study.title, headline=headline(study, least, parts[0]["at.slewing"]), blocks=blocks
@@ -95,9 +91,9 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     explained = replace(
         blocks[2],
         text=" ".join(_paragraphs(study, parts)),
-        grids=(*blocks[2].grids, *_error_bar_grids(study, names, parts)),
+        grids=(*blocks[2].grids, *error_bar_grids(study, names, parts)),
     )
-    over_radius = Block("Load over radius", (lines,), grids=tuple(_duty_grids(study, duty, not_covered)))
+    over_radius = Block("Load over radius", (lines,), grids=tuple(duty_grids(study, duty, not_covered)))
     pages = governing_pages(study, shown_names, parts, prefix)
     return replace(
         chapter,
@@ -108,7 +104,8 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
 
 def _statement_block(heading: str, statements: Array) -> Block:
     """Build a block of statements (n, 2), each a subject and clauses about it."""
-    return Block(heading, table=Table("", tuple((str(subject), str(clauses)) for subject, clauses in statements)))
+    table = Table("", tuple((str(subject), str(clauses)) for subject, clauses in statements))
+    return Block(heading, tables=[table], columns=1)
 
 
 def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error: Array, number: int) -> str:
@@ -207,168 +204,6 @@ def _hoisting_sentences(study: FinishedStudy) -> list[str]:
     return [f"{sentence}. No load in the chart has this factor unless a case says so."]
 
 
-def _limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
-    """Build the table of the limits `names`: amount, factor, and numbers of points.
-
-    Behind the quantity stands what it leaves out.  Points are counted at which the limit governs, is not reached, or is
-    passed without a load.
-    """
-    limits = {str(limit["name"]): limit for limit in study.study_file["limits"]}
-    rows = []
-    for n, (name, remark) in enumerate(zip(names, parts[0]["at.remarks"], strict=True)):
-        limit = limits.get(name, {"of": "equilibrium", "factor": 1.0})
-        amount = limit.get("most") or limit.get("least")
-        counts = (str(study.figures[f"{what}.{name}"]) for what in ("governs", "never", "at_no_load"))
-        rows.append(
-            (
-                f"{letters(n)} {STABILITY_WORDS if name == STABILITY else name}",
-                ", ".join(filter(None, (str(limit["of"]), str(remark)))),
-                _format_amount(limit, amount),
-                f"{limit['factor']:g}",
-                *counts,
-            )
-        )
-    heads = ("limit", "of", "amount", "factor", "governs", "not reached", "passed empty")
-    return Grid(
-        "Limits with the letters of pictures and tables, the number of points at which they govern, at which no load "
-        "up to the end of the search reaches them, and at which the boom passes them without a load: it is not "
-        f"permitted there, even empty. Points are counted for each of the slewing angles {_degrees(parts)}.",
-        heads,
-        tuple(rows),
-    )
-
-
-def _degrees(parts: Parts) -> str:
-    """List the slewing angles of a chart in degrees."""
-    return ", ".join(f"{angle:.4g}°" for angle in parts[0]["at.slewing"])
-
-
-def _error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
-    """List with a table of the error bars of the limits `names` and of their parts, as shares of the load.
-
-    It is empty if no error bars were asked for.
-    """
-    if not study.study_file["error_bars"]:
-        return []
-    load = np.concatenate([part["load"] for part in parts])
-    rows = []
-    for k, name in enumerate(names):
-        some = load[:, k] > 0.0
-        if not some.any():
-            continue  # no load of the chart reaches this limit
-        shares = [np.concatenate([p[f"error{of}"][:, k] for p in parts])[some] / load[some, k] for of in PARTS]
-        rows.append(
-            (
-                STABILITY_WORDS if name == STABILITY else name,
-                *(_format_share(np.median(share)) for share in shares),
-                _format_share(shares[0].max()),
-            )
-        )
-    caption = "Half width of the error bars as a share of the load: the median of all points, of each part by itself."
-    return [Grid(caption, ("limit", "in all", "reduction", "mesh", "model", "large rotations", "largest"), tuple(rows))]
-
-
-def _format_share(share: float) -> str:
-    """Format a share in per cent; NaN is printed as ``not known``."""
-    return "not known" if np.isnan(share) else f"{two_digits(100.0 * share)}{SPACE}%" if share >= 1e-5 else "0"
-
-
-def _case_grid(study: FinishedStudy) -> Grid:
-    """Build the table of load cases: factors of weights and load, wind, loads of the scene, and the verdict."""
-    rows = []
-    for content in study.study_file["cases"]:
-        case = LoadCase.model_validate(content)
-        hoisted = case.hoisting_factor(study.study_file["classes"])
-        load = (
-            f"{case.load:g}"
-            if case.hoisting_class is None
-            else f"{case.load:g} × {hoisted:.4g} ({case.hoisting_class})"
-        )
-        wind = "–" if case.wind is None else f"{case.wind.speed:g}{SPACE}m/s, {case.wind.pressure:.4g}{SPACE}Pa"
-        forces = case.loads | (case.wind.forces if case.wind else {})
-        acting = ", ".join(f"{name} {force:.5g}{SPACE}N" for name, force in forces.items()) or "–"
-        stands = study.figures.get(f"stands.{case.name}")
-        verdict = "in service" if case.in_service else f"stands at {stands} points"
-        rows.append(
-            (
-                case.name,
-                f"{case.weight:g}",
-                f"{case.machine:g}",
-                load if case.in_service else "0",
-                wind,
-                acting,
-                verdict,
-                case.standard or "–",
-            )
-        )
-    heads = ("case", "boom's weight", "machine's weight", "load", "wind", "loads of the scene", "found", "factors from")
-    return Grid("What acts at once: factors of weights and load, pressure of the wind, and loads.", heads, tuple(rows))
-
-
-def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
-    """Format the amount of a limit with its unit; None is printed as a dash."""
-    if amount is None:
-        return "–"
-    unit = "Pa" if limit.get("area") else KINDS[str(limit["of"])].unit
-    if unit == "Hz":
-        return f"{amount:g}{SPACE}Hz"  # nobody speaks of a boom's millihertz
-    return format_quantity(amount, unit) if unit else f"{amount:g}"
-
-
-def _duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Iterator[Grid]:
-    """Yield the table of loads over radius and boom length with letters of limits, and that of their lower bounds.
-
-    The caption of the lower bounds says what is `not_covered` by them.
-    """
-    columns, step = spread_indices(len(duty.lengths), MOST_LENGTHS), load_step(float(np.nanmax(duty.load, initial=0.0)))
-
-    def cell(r: int, e: int, values: Array) -> str:
-        """Entry of `values`, in kg, at radius number `r` and boom length number `e`, with the letter of its limit.
-
-        Empty where the entry is NaN, and `NO_LOAD` where nothing remains of it after rounding down.
-        """
-        if np.isnan(values[r, e]):
-            return ""
-        if values[r, e] >= duty.up_to:
-            return duty.load_text(values[r, e])
-        letter = letters(int(duty.which[r, e])) if duty.which[r, e] >= 0 else "–"
-        load = round_down(float(values[r, e]), step)
-        return f"{load:.10g}{SPACE}{letter}" if load > 0.0 else f"{NO_LOAD}{SPACE}{letter}"
-
-    ends = (
-        f" >{duty.up_to:.0f} is more than that: {NOT_LIMITED}, the search ends there."
-        if (duty.load >= duty.up_to).any()
-        else ""
-    )
-    more = (
-        f" {len(columns)} of {len(duty.lengths)} boom lengths fit, evenly spread; all are in duty.csv."
-        if len(columns) < len(duty.lengths)
-        else ""
-    )
-    is_small = (duty.lower[:, columns] < step).any()
-    least = f" {NO_LOAD} is {NOT_PERMITTED}, or with less than {step:g}{SPACE}kg." if is_small else ""
-    caption = (
-        f"Allowed load in kg, rounded down to {step:g}{SPACE}kg, over radius and boom length, from the pivot, "
-        f"undeformed. The letter is that of the limit that governs.{least}{ends} Between the "
-        "luffing angles of the chart, each limit is interpolated. Empty cells are "
-        f"radii that the tip does not reach.{more}"
-    )
-    named = {caption: duty.load}
-    if study.study_file["error_bars"]:
-        named[f"Lower bounds: these loads, less error bars and doubt of interpolation. Not in them: {not_covered}."] = (
-            duty.lower
-        )
-    parts_of_columns = np.array_split(columns, -(-len(columns) // LENGTHS_BESIDE))
-    for text, values in named.items():
-        for n, part in enumerate(parts_of_columns):
-            head = ("radius in m", *(f"{duty.lengths[e]:.4g}{SPACE}m" for e in part))
-            rows = [(f"{radius:g}", *(cell(r, int(e), values) for e in part)) for r, radius in enumerate(duty.radii)]
-            caption = "The same for longer booms." if n else text
-            yield Grid(caption, head, tuple(row for row in rows if any(row[1:])))
-
-
-#: Arrays by name of each run of a study, one mapping for each run.
-Parts = Sequence[Mapping[str, Array]]
 #: Share of the largest force or displacement below which a force or displacement is round-off.
 ROUND_OFF = 1e-9
 
@@ -422,7 +257,7 @@ def _governing_page(
     text += "".join(f" {name}" for name in _stop_sentences(study, names[n], arrays["at.stops"][n]))
     drawn = drawing(anchor, bent_boom, caption, boom)
     return Block(
-        f"Governed by {names[n]}", (drawn,), text=text, tables=_use_tables(names, n, arrays, sections), two_columns=True
+        f"Governed by {names[n]}", (drawn,), text=text, tables=_use_tables(names, n, arrays, sections), columns=2
     )
 
 

@@ -100,7 +100,7 @@ def test_a_study_with_a_failed_run_says_so_and_shows_its_table(folder: Path, tmp
     file = tmp_path / "broken" / "summary.json"
     summary = json.loads(file.read_text())
     summary["runs"][1] |= {"status": "failed", "reason": "the bearing broke", "figures": {}}
-    file.write_text(json.dumps(summary | {"figures": {}}))
+    file.write_text(json.dumps(summary | {"figures": {}, "hints": ["up_to = 1 kg is unusual"]}))
     page = render_studies(tmp_path / "broken")
-    assert "the bearing broke" in page
+    assert "the bearing broke" in page and "<li>Up_to = 1 kg is unusual.</li>" in page
     assert f"{len(summary['runs']) - 1} of {len(summary['runs'])} runs are there" in page

@@ -21,7 +21,7 @@ from pmr.report.figures.load_chart import (
     load_chart,
 )
 from pmr.report.studies.chart import _duty_grids, build_chapter
-from pmr.report.studies.chart_words import (
+from pmr.report.studies.chart_tables import (
     NO_WALLS,
     case_sentence,
     format_load,

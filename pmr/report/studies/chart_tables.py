@@ -1,0 +1,307 @@
+"""Tables, sentences and numbers of a load chart: its limits and cases, and what it carries in these cases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from pmr.errors import letters, two_digits
+from pmr.files.arrays import Array, Summary
+from pmr.report.blocks import Grid
+from pmr.report.columns import spread_indices
+from pmr.report.figures.load_chart import NOT_PERMITTED
+from pmr.report.numbers import SPACE, format_input, format_quantity
+from pmr.report.studies.finished import FinishedStudy
+from pmr.studies import charting
+from pmr.studies.duty import NOT_LIMITED, DutyTable, LoadCase
+from pmr.studies.limits import KINDS, STABILITY, STABILITY_WORDS
+from pmr.studies.study import StudyResults
+
+#: Sentence of a chart without limits of pads or of the stress field.
+NO_WALLS = (
+    " These loads are not those that are allowed: walls and pads are not looked at, and walls may yield at pads under "
+    "smaller loads. A run states the stress of walls at pads."
+)
+#: Sign in tables where the boom is not permitted even empty.
+NO_LOAD = "—"
+#: Largest step in kg to which loads are rounded down in tables; smaller ones keep three digits of the largest load.
+STEP = 10.0
+
+
+def load_step(largest: float) -> float:
+    """Return the step in kg to which loads are rounded down in a table whose largest load is `largest` in kg."""
+    return STEP if largest <= 0.0 else min(float(10.0 ** (np.floor(np.log10(largest)) - 2.0)), STEP)
+
+
+def round_down(load: float, step: float) -> float:
+    """Round a load in kg down to a multiple of `step` in kg."""
+    return float(np.floor(load / step + 1e-9) * step)
+
+
+def format_load(load: float | np.floating) -> str:
+    """Format a load in kg with four significant digits, rounded down, never with a power of ten."""
+    digit = 10.0 ** (np.floor(np.log10(load)) - 3.0) if load > 0.0 else 1.0
+    return f"{format_input(float(f'{round_down(float(load), float(digit)):.4g}'))}{SPACE}kg"
+
+
+def ceiling(study: FinishedStudy) -> str:
+    """Words for a load that no limit allows at most: the search ends before one is reached."""
+    return f"more than {format_load(study.study_file['up_to'])} (search ends there)"
+
+
+def case_sentence(asked: Summary) -> str:
+    """Sentence on the cases in service of a study file: factors of load and weights, wind, other loads and stops."""
+    cases = [case for case in map(LoadCase.model_validate, asked["cases"]) if case.in_service]
+    plain = all(case.weight == case.machine == case.load == 1.0 and case.hoisting_class is None for case in cases)
+    calm = not any(case.wind or any(case.loads.values()) for case in cases)
+    if plain and calm:
+        swings = "motion: stops on pages of limits alone" if asked.get("stops") else "no motion"
+        return f"Static, factors of load and weight 1.0, no wind, {swings}: not a rated capacity."
+    texts = []
+    for case in cases:
+        factor = case.load * case.hoisting_factor(asked["classes"])
+        acting = [
+            f"{name} {force:.4g}{SPACE}N" for name, force in case.acting_amounts(asked["classes"])["loads"].items()
+        ]
+        loads = ", ".join(acting) or "no wind"
+        factors = f"factor of load {factor:.4g}, of the boom's weight {case.weight:.4g}"
+        factors += "" if case.machine == 1.0 else f", of the machine's {case.machine:.4g}"
+        texts.append(f"{case.name} ({factors}, {loads})")
+    return f"Static, for {'; '.join(texts)}."
+
+
+def slewing_clause(angles: Array) -> str:
+    """Clause on the slewing `angles` in degrees of a chart, of which the smallest load counts."""
+    several = "the least over" if len(angles) > 1 else "at"
+    return f"{several} slewing by {', '.join(f'{angle:.4g}°' for angle in angles)}"
+
+
+def headline(study: FinishedStudy, least_loads: Array, slewing: Array) -> str:
+    """Sentences on the case and on the range of `least_loads` (E, A) in kg, which are NaN where no limit is reached.
+
+    `slewing` are the slewing angles in degrees.
+    """
+    case = case_sentence(study.study_file)
+    if not np.isfinite(least_loads).any():
+        hint = (
+            ""
+            if study.study_file["limits"]
+            else f" Only {STABILITY_WORDS} was evaluated: [[limits]] of the study adds others."
+        )
+        most = format_input(study.study_file["up_to"], "kg")
+        return f"No limit is reached up to {most} at any of {least_loads.size} points.{hint} {case}"
+    limits = [f"{limit['name']} (factor {limit['factor']:g})" for limit in study.study_file["limits"]]
+    walls = "" if {"pad", "field"} & {str(limit["of"]) for limit in study.study_file["limits"]} else NO_WALLS
+    by = f"by these limits alone: {', '.join([*limits, STABILITY_WORDS])}; {slewing_clause(slewing)}.{walls}"
+    empty, permitted = int((least_loads <= 0.0).sum()), least_loads[least_loads > 0.0]
+    never = f"At {empty} of {least_loads.size} points the boom is {NOT_PERMITTED}. " if empty else ""
+    if not len(permitted):
+        return f"{case} {never}This is so {by}" if not np.isnan(least_loads).any() else f"{case} {never}"
+    high = ceiling(study) if np.isnan(least_loads).any() else format_load(permitted.max())
+    carries = f"{'Elsewhere it' if empty else 'It'} carries {format_load(permitted.min())} to {high}"
+    return f"{case} {never}{carries}, depending on extension and angle, {by}"
+
+
+def terminal_grid(results: StudyResults, rows: int) -> Grid:
+    """Build the terminal's table of a chart: for each of at most `rows` extensions the radii and the allowed loads."""
+    done = [run for run in results.runs if run.status == "done"]
+    names = list(dict.fromkeys(name for run in done for name in run.parameters))
+    lines, empty = [], False
+    for run in done[:rows]:
+        arrays = results.arrays(run.key)
+        place, load = arrays["place"], np.nan_to_num(arrays["load"], nan=np.inf).min(axis=1)
+        empty = empty or bool((load == 0.0).any())
+        cells = [_load_cell(float(load[at])) for at in (load.argmin(), load.argmax())]
+        lines.append(
+            (
+                *(f"{float(run.parameters[name] or 0.0):.3g}" for name in names),
+                f"{np.linalg.norm(place[0]):.3g}",
+                f"{place[:, 0].min():.3g}–{place[:, 0].max():.3g}",
+                *cells,
+            )
+        )
+    more = f"{len(done) - rows} more extensions, and all" if len(done) > rows else "All"
+    sign = f"{NO_LOAD} is {NOT_PERMITTED}. " if empty else ""
+    caption = f"{sign}{more} points are in chart.csv, loads over radius in duty.csv, pages to print in report.pdf."
+    heads = (*(f"{name.removeprefix('extension.')} out [m]" for name in names), "boom length [m]", "radius [m]")
+    return Grid(caption, (*heads, "least load [kg]", "most load [kg]"), tuple(lines))
+
+
+def _load_cell(load: float) -> str:
+    """Format a load in kg for the terminal; `NO_LOAD` for 0, and words where no limit is reached."""
+    if np.isinf(load):
+        return "no limit reached"
+    return NO_LOAD if load == 0.0 else f"{load:.0f}"
+
+
+#: Endings of the names of the arrays with error bars: for the sum of all parts, then for each part.
+PARTS = ("", *(f".{of}" for of in charting.PARTS))
+
+
+#: Most boom lengths in the tables of loads, and most of them side by side: more are cut off on paper.
+MOST_LENGTHS, LENGTHS_BESIDE = 24, 8
+
+
+def limit_grid(study: FinishedStudy, names: list[str], parts: Parts) -> Grid:
+    """Build the table of the limits `names`: amount, factor, and numbers of points.
+
+    Behind the quantity stands what it leaves out.  Points are counted at which the limit governs, is not reached, or is
+    passed without a load.
+    """
+    limits = {str(limit["name"]): limit for limit in study.study_file["limits"]}
+    rows = []
+    for n, (name, remark) in enumerate(zip(names, parts[0]["at.remarks"], strict=True)):
+        limit = limits.get(name, {"of": "equilibrium", "factor": 1.0})
+        amount = limit.get("most") or limit.get("least")
+        counts = (str(study.figures[f"{what}.{name}"]) for what in ("governs", "never", "at_no_load"))
+        rows.append(
+            (
+                f"{letters(n)} {STABILITY_WORDS if name == STABILITY else name}",
+                ", ".join(filter(None, (str(limit["of"]), str(remark)))),
+                _format_amount(limit, amount),
+                f"{limit['factor']:g}",
+                *counts,
+            )
+        )
+    heads = ("limit", "of", "amount", "factor", "governs", "not reached", "passed empty")
+    return Grid(
+        "Limits with the letters of pictures and tables, the number of points at which they govern, at which no load "
+        "up to the end of the search reaches them, and at which the boom passes them without a load: it is not "
+        f"permitted there, even empty. Points are counted for each of the slewing angles {_degrees(parts)}.",
+        heads,
+        tuple(rows),
+    )
+
+
+def _degrees(parts: Parts) -> str:
+    """List the slewing angles of a chart in degrees."""
+    return ", ".join(f"{angle:.4g}°" for angle in parts[0]["at.slewing"])
+
+
+def error_bar_grids(study: FinishedStudy, names: list[str], parts: Parts) -> list[Grid]:
+    """List with a table of the error bars of the limits `names` and of their parts, as shares of the load.
+
+    It is empty if no error bars were asked for.
+    """
+    if not study.study_file["error_bars"]:
+        return []
+    load = np.concatenate([part["load"] for part in parts])
+    rows = []
+    for k, name in enumerate(names):
+        some = load[:, k] > 0.0
+        if not some.any():
+            continue  # no load of the chart reaches this limit
+        shares = [np.concatenate([p[f"error{of}"][:, k] for p in parts])[some] / load[some, k] for of in PARTS]
+        rows.append(
+            (
+                STABILITY_WORDS if name == STABILITY else name,
+                *(_format_share(np.median(share)) for share in shares),
+                _format_share(shares[0].max()),
+            )
+        )
+    caption = "Half width of the error bars as a share of the load: the median of all points, of each part by itself."
+    return [Grid(caption, ("limit", "in all", "reduction", "mesh", "model", "large rotations", "largest"), tuple(rows))]
+
+
+def _format_share(share: float) -> str:
+    """Format a share in per cent; NaN is printed as ``not known``."""
+    return "not known" if np.isnan(share) else f"{two_digits(100.0 * share)}{SPACE}%" if share >= 1e-5 else "0"
+
+
+def case_grid(study: FinishedStudy) -> Grid:
+    """Build the table of load cases: factors of weights and load, wind, loads of the scene, and the verdict."""
+    rows = []
+    for content in study.study_file["cases"]:
+        case = LoadCase.model_validate(content)
+        hoisted = case.hoisting_factor(study.study_file["classes"])
+        load = (
+            f"{case.load:g}"
+            if case.hoisting_class is None
+            else f"{case.load:g} × {hoisted:.4g} ({case.hoisting_class})"
+        )
+        wind = "–" if case.wind is None else f"{case.wind.speed:g}{SPACE}m/s, {case.wind.pressure:.4g}{SPACE}Pa"
+        forces = case.loads | (case.wind.forces if case.wind else {})
+        acting = ", ".join(f"{name} {force:.5g}{SPACE}N" for name, force in forces.items()) or "–"
+        stands = study.figures.get(f"stands.{case.name}")
+        verdict = "in service" if case.in_service else f"stands at {stands} points"
+        rows.append(
+            (
+                case.name,
+                f"{case.weight:g}",
+                f"{case.machine:g}",
+                load if case.in_service else "0",
+                wind,
+                acting,
+                verdict,
+                case.standard or "–",
+            )
+        )
+    heads = ("case", "boom's weight", "machine's weight", "load", "wind", "loads of the scene", "found", "factors from")
+    return Grid("What acts at once: factors of weights and load, pressure of the wind, and loads.", heads, tuple(rows))
+
+
+def _format_amount(limit: Mapping[str, object], amount: float | None) -> str:
+    """Format the amount of a limit with its unit; None is printed as a dash."""
+    if amount is None:
+        return "–"
+    unit = "Pa" if limit.get("area") else KINDS[str(limit["of"])].unit
+    if unit == "Hz":
+        return f"{amount:g}{SPACE}Hz"  # nobody speaks of a boom's millihertz
+    return format_quantity(amount, unit) if unit else f"{amount:g}"
+
+
+def duty_grids(study: FinishedStudy, duty: DutyTable, not_covered: str) -> Iterator[Grid]:
+    """Yield the table of loads over radius and boom length with letters of limits, and that of their lower bounds.
+
+    The caption of the lower bounds says what is `not_covered` by them.
+    """
+    columns, step = spread_indices(len(duty.lengths), MOST_LENGTHS), load_step(float(np.nanmax(duty.load, initial=0.0)))
+
+    def cell(r: int, e: int, values: Array) -> str:
+        """Entry of `values`, in kg, at radius number `r` and boom length number `e`, with the letter of its limit.
+
+        Empty where the entry is NaN, and `NO_LOAD` where nothing remains of it after rounding down.
+        """
+        if np.isnan(values[r, e]):
+            return ""
+        if values[r, e] >= duty.up_to:
+            return duty.load_text(values[r, e])
+        letter = letters(int(duty.which[r, e])) if duty.which[r, e] >= 0 else "–"
+        load = round_down(float(values[r, e]), step)
+        return f"{load:.10g}{SPACE}{letter}" if load > 0.0 else f"{NO_LOAD}{SPACE}{letter}"
+
+    ends = (
+        f" >{duty.up_to:.0f} is more than that: {NOT_LIMITED}, the search ends there."
+        if (duty.load >= duty.up_to).any()
+        else ""
+    )
+    more = (
+        f" {len(columns)} of {len(duty.lengths)} boom lengths fit, evenly spread; all are in duty.csv."
+        if len(columns) < len(duty.lengths)
+        else ""
+    )
+    is_small = (duty.lower[:, columns] < step).any()
+    least = f" {NO_LOAD} is {NOT_PERMITTED}, or with less than {step:g}{SPACE}kg." if is_small else ""
+    caption = (
+        f"Allowed load in kg, rounded down to {step:g}{SPACE}kg, over radius and boom length, from the pivot, "
+        f"undeformed. The letter is that of the limit that governs.{least}{ends} Between the "
+        "luffing angles of the chart, each limit is interpolated. Empty cells are "
+        f"radii that the tip does not reach.{more}"
+    )
+    named = {caption: duty.load}
+    if study.study_file["error_bars"]:
+        named[f"Lower bounds: these loads, less error bars and doubt of interpolation. Not in them: {not_covered}."] = (
+            duty.lower
+        )
+    parts_of_columns = np.array_split(columns, -(-len(columns) // LENGTHS_BESIDE))
+    for text, values in named.items():
+        for n, part in enumerate(parts_of_columns):
+            head = ("radius in m", *(f"{duty.lengths[e]:.4g}{SPACE}m" for e in part))
+            rows = [(f"{radius:g}", *(cell(r, int(e), values) for e in part)) for r, radius in enumerate(duty.radii)]
+            caption = "The same for longer booms." if n else text
+            yield Grid(caption, head, tuple(row for row in rows if any(row[1:])))
+
+
+#: Arrays by name of each run of a study, one mapping for each run.
+Parts = Sequence[Mapping[str, Array]]
