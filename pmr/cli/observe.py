@@ -100,7 +100,7 @@ def identify(
     from pmr.scene import load_any
 
     table, file, changes = FrequencyTable.read(measured), scene_file(scene), list(overrides or ())
-    start = dict(map(_start_of, fit))
+    start = _starts(fit)
 
     def reduce_with(fitted: Sequence[str]) -> System:
         """Reduce the scene with fitted values, and return its system."""
@@ -149,13 +149,16 @@ def identify(
         out.text(str(path))
 
 
-def _start_of(text: str) -> tuple[str, float]:
-    """Key and value at the start from ``KEY=START``; an InputError is raised for another text."""
-    key, _, value = text.partition("=")
-    try:
-        return key.strip(), float(value)
-    except ValueError:
-        raise InputError("command line", "--fit", text, "KEY=START with a number is allowed") from None
+def _starts(fit: Sequence[str]) -> dict[str, float]:
+    """Values at the start by key, from texts ``KEY=START``; an InputError is raised for another text."""
+    starts = dict[str, float]()
+    for text in fit:
+        key, _, value = text.partition("=")
+        try:
+            starts[key.strip()] = float(value)
+        except ValueError:
+            raise InputError("command line", "--fit", text, "KEY=START with a number is allowed") from None
+    return starts
 
 
 def _toml_line(change: str) -> str:

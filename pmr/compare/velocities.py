@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -115,9 +116,16 @@ def _has_rate_tables(body: SlidingBody) -> bool:
     return body.flexibility is not None and not attached
 
 
-def only_body_motion(system: System, run: SystemTrajectory, excitation: Excitation) -> tuple[ReducedModel, Trajectory]:
+class BodyMotion(NamedTuple):
+    """A single body and its motion."""
+
+    body: ReducedModel
+    motion: Trajectory
+
+
+def only_body_motion(system: System, run: SystemTrajectory, excitation: Excitation) -> BodyMotion:
     """The single body, with only the rows of its contacts, and its motion with one path coordinate s (T,) in m."""
     (body,), (motion,) = system.reduced.values(), run.bodies.values()
     rows = [body.row_names.index(contact.inner.row) for contact in system.contacts]
     s = excitation.on_slider.path_within(body.domain) if excitation.paths else np.full(len(run.t), body.domain[0])
-    return body.with_rows(rows), replace(motion, s=s)
+    return BodyMotion(body.with_rows(rows), replace(motion, s=s))

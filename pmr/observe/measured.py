@@ -165,7 +165,8 @@ class Observation:
             used = {name: values for name, values in measured.items() if name != sensor.output}
             fewer = replace(observer, sensors=remaining).run(used)
             without[sensor.output] = {
-                name: float(np.mean(fewer.of(name)[1])) / max(float(np.mean(estimates.of(name)[1])), 1e-300)
+                name: float(np.mean(fewer.of(name).deviation))
+                / max(float(np.mean(estimates.of(name).deviation)), 1e-300)
                 for name in names
                 if name in (*fewer.unknowns, *fewer.outputs)
             }
@@ -210,7 +211,7 @@ class Observation:
             "not_covered": sorted({name for name in estimates.outputs if not self._is_covered(name)}),
             "coverage": {name: estimates.coverage(name, values) for name, values in self.truth.items()},
             "rms_error": {
-                name: float(np.sqrt(np.nanmean((estimates.of(name)[0] - values) ** 2)))
+                name: float(np.sqrt(np.nanmean((estimates.of(name).mean - values) ** 2)))
                 for name, values in self.truth.items()
             },
             "without_sensor": {name: dict(ratios) for name, ratios in self.without.items()},

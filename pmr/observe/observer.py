@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import scipy.stats
@@ -89,33 +90,56 @@ class Parameter:
     per_kilogram: Array | None = None  # (T, q): growth of the sensitivity with 1 kg of the estimated payload
 
 
+class Estimate(NamedTuple):
+    """Mean and standard deviation (T,) of an output or unknown at T steps."""
+
+    mean: Array
+    deviation: Array
+
+
 @dataclass(frozen=True)
 class Estimates:
-    """Estimates at T steps: outputs (T, q) and unknowns (T, u) with standard deviations, innovations of p sensors."""
+    """Estimates of q outputs, then of u unknowns, at T steps with standard deviations, and innovations of p sensors."""
 
     t: Array  # (T,) s
     outputs: tuple[str, ...]
-    mean: Array  # (T, q)
-    deviation: Array  # (T, q)
     unknowns: tuple[str, ...]
-    unknown_mean: Array  # (T, u)
-    unknown_deviation: Array  # (T, u)
+    means: Array  # (T, q + u)
+    deviations: Array  # (T, q + u)
     sensors: tuple[str, ...]
     innovations: Array  # (T, p): over their standard deviations; NaN where nothing was measured
     alarms: NDArray[np.bool_]  # (T, p): whether a sensor disagrees with the model, is stuck or silent
     excluded: NDArray[np.bool_]  # (T, p): whether a sensor was found at fault and is not used
     drift: NDArray[np.bool_]  # (T,): whether the payload's estimate drifts; False without a payload
 
-    def of(self, name: str) -> tuple[Array, Array]:
-        """Mean and standard deviation (T,) of an output or unknown; an InputError is raised for another name."""
-        if name in self.outputs:
-            k = self.outputs.index(name)
-            return self.mean[:, k], self.deviation[:, k]
-        if name not in self.unknowns:
+    @property
+    def mean(self) -> Array:
+        """Means (T, q) of the outputs."""
+        return self.means[:, : len(self.outputs)]
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviations (T, q) of the outputs."""
+        return self.deviations[:, : len(self.outputs)]
+
+    @property
+    def unknown_mean(self) -> Array:
+        """Means (T, u) of the unknowns."""
+        return self.means[:, len(self.outputs) :]
+
+    @property
+    def unknown_deviation(self) -> Array:
+        """Standard deviations (T, u) of the unknowns."""
+        return self.deviations[:, len(self.outputs) :]
+
+    def of(self, name: str) -> Estimate:
+        """Estimate of an output or unknown over time; an InputError is raised for another name."""
+        names = (*self.outputs, *self.unknowns)
+        if name not in names:
             allowed = f"one of these is allowed: {', '.join((*self.unknowns, *self.outputs))}"
             raise InputError("observe", "estimate", name, allowed)
-        k = self.unknowns.index(name)
-        return self.unknown_mean[:, k], self.unknown_deviation[:, k]
+        k = names.index(name)
+        return Estimate(self.means[:, k], self.deviations[:, k])
 
     def coverage(self, name: str, truth: Array, share: float = 0.9) -> float:
         """Share of T true values within the bands of the output or unknown `name` that should hold `share` of them.
@@ -284,11 +308,9 @@ class Observer:
         return Estimates(
             self.model.t,
             self.model.outputs,
-            watched.mean,
-            np.sqrt(watched.variance),
             self.unknowns,
-            means,
-            deviations,
+            np.hstack([watched.mean, means]),
+            np.hstack([np.sqrt(watched.variance), deviations]),
             tuple(sensor.output for sensor in self.sensors),
             watched.innovations,
             watched.alarms,

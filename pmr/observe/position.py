@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -41,10 +42,20 @@ class PlaceModels:
     rows: Array  # (S, o, n): further outputs, such as displacements
 
 
-def sensor_modes(space: StateSpace, load: str, mass: float = 0.0) -> tuple[Array, Array, Array]:
-    """Frequencies (S, r) in Hz, modes (S, r, r) and shapes b (S, r) with a sensor of `mass` kg at the place of a load.
+class SensorModes(NamedTuple):
+    """Modes of a body with a sensor at S places of a path.
 
     The frequencies of each place ascend.  Its modes are columns, orthonormal in the mass that includes the sensor.
+    """
+
+    frequencies: Array  # (S, r) Hz
+    modes: Array  # (S, r, r)
+    shapes: Array  # (S, r): b, of the modes without the sensor at its place
+
+
+def sensor_modes(space: StateSpace, load: str, mass: float = 0.0) -> SensorModes:
+    """Modes at the places of a state space with a sensor of `mass` kg at the place of a load.
+
     Raises InputError if the state space has no such load.
     """
     if load not in space.inputs:
@@ -55,7 +66,7 @@ def sensor_modes(space: StateSpace, load: str, mass: float = 0.0) -> tuple[Array
     for k, (A, b) in enumerate(zip(space.A, shapes, strict=True)):
         squares, modes[k] = scipy.linalg.eigh(-A[r:, :r], np.eye(r) + mass * np.outer(b, b))
         frequencies[k] = np.sqrt(np.abs(squares)) / (2.0 * np.pi)
-    return frequencies, modes, shapes
+    return SensorModes(frequencies, modes, shapes)
 
 
 def place_models(
@@ -144,6 +155,13 @@ class PositionSettings:
     share: float = 0.36  # least level over activity
 
 
+class Band(NamedTuple):
+    """Lower and upper end (T,) in m of a band of positions."""
+
+    low: Array
+    high: Array
+
+
 @dataclass(frozen=True)
 class Positions:
     """Position at T steps with its band, mean states, and further outputs of the most likely place."""
@@ -174,9 +192,9 @@ class Positions:
         within = (share - sums[steps, at]) / np.maximum(self.probability[steps, at], 1e-300)
         return np.asarray(edges[at] + width * np.clip(within, 0.0, 1.0))
 
-    def band(self, share: float = 0.9) -> tuple[Array, Array]:
-        """Lower and upper end (T,) in m of the band that holds `share` of the probability."""
-        return self.quantile(0.5 - 0.5 * share), self.quantile(0.5 + 0.5 * share)
+    def band(self, share: float = 0.9) -> Band:
+        """Band that holds `share` of the probability."""
+        return Band(self.quantile(0.5 - 0.5 * share), self.quantile(0.5 + 0.5 * share))
 
 
 @dataclass(frozen=True)

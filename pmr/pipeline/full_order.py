@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -59,6 +60,13 @@ class References:
     missing: Mapping[str, str]  # reason why a reference is missing, by its name; ``ancf`` on rank 0 alone
 
 
+class FullMotion(NamedTuple):
+    """Response of the full system, which ranks other than 0 may lack, and this rank's rows of states, by body."""
+
+    response: Response | None
+    states: Mapping[str, BodyStates]
+
+
 @dataclass(frozen=True)
 class FullOrder:
     """All bodies of a scene in full order (`system`), and the name of their `simulator`; every method is collective."""
@@ -107,7 +115,8 @@ class FullOrder:
         `checkpoint` a simulation that was interrupted continues.  References that fail are listed in
         `References.missing`.
         """
-        responses, missing, states = dict[str, Response](), dict[str, str](), dict[str, BodyStates]()
+        responses, missing = dict[str, Response](), dict[str, str]()
+        states: Mapping[str, BodyStates] = {}
         for name in [name for name in ("full", "ancf") if name in self.scene.compare.against]:
             try:
                 if name == "full":
@@ -127,7 +136,7 @@ class FullOrder:
         trusted (`pmr.compare.trust`); for ``"full"`` on every rank.
         """
         if name == "full":
-            return self._simulate_full(clock or Clock(), (), None, None)[0]
+            return self._simulate_full(clock or Clock(), (), None, None).response
         if self.system.comm.rank > 0:
             return None
         with (clock or Clock()).stage(name) as done:
@@ -138,7 +147,7 @@ class FullOrder:
 
     def _simulate_full(
         self, clock: Clock, steps: Sequence[int], checkpoint: Checkpoint | None, stepping: TimeStepping | None
-    ) -> tuple[Response | None, dict[str, BodyStates]]:
+    ) -> FullMotion:
         """Simulate the full system; return its response, and this rank's rows of the states at `steps`, by body.
 
         Raises SimulationError on every rank if the response can't be trusted.
@@ -148,9 +157,8 @@ class FullOrder:
         rigid, x = system.compliance.rigid, side_positions(system, excitation)
         refuse_unsupported(self.simulator, needs_of(system, rigid, x, excitation.stepping.rho_inf), REFERENCE)
         with clock.stage("full") as done:
-            response: Response | None
             if self.simulator == "petsc":
-                response, states = self._simulate_distributed(excitation, steps, done, checkpoint)
+                motion = self._simulate_distributed(excitation, steps, done, checkpoint)
             else:
 
                 def make() -> Simulation:
@@ -160,16 +168,17 @@ class FullOrder:
 
                 _ = self.gathered_system  # collective
                 simulated = call_on_first_rank(comm, make)
-                response = None if simulated is None else simulated.response
                 of_all = comm.bcast(None if simulated is None else simulated.states)
                 states = {name: of.select_coordinates(system.bodies[name].share) for name, of in of_all.items()}
-        if reason := comm.bcast(None if response is None else reason_for_distrust(response, rigid_contacts(system))):
+                motion = FullMotion(None if simulated is None else simulated.response, states)
+        of_first = motion.response
+        if reason := comm.bcast(None if of_first is None else reason_for_distrust(of_first, rigid_contacts(system))):
             raise SimulationError(reason)
-        return response, states
+        return motion
 
     def _simulate_distributed(
         self, excitation: Excitation, steps: Sequence[int], done: Progress, checkpoint: Checkpoint | None
-    ) -> tuple[Response, dict[str, BodyStates]]:
+    ) -> FullMotion:
         """Simulate the full system by PETSc on all ranks; return response and states as `_simulate_full`.
 
         `steps` are the numbers of the steps whose states are returned.
@@ -188,7 +197,8 @@ class FullOrder:
             surplus=history.surplus,
         )
         x, f = side_positions(system, excitation), excitation.forces(system.input_names)
-        return with_forces_on_machine(self.scene, response), _states_of_bodies(system, history, list(steps), x, f)
+        states = _states_of_bodies(system, history, list(steps), x, f)
+        return FullMotion(with_forces_on_machine(self.scene, response), states)
 
     def _with_terms(self) -> FullSystem:
         """Return the distributed system with the terms of its moving frame; unchanged if the frame has no terms.
@@ -223,7 +233,14 @@ def _states_of_bodies(
     return states_of_bodies
 
 
-def _support_reactions(full_system: FullSystem, history: History) -> tuple[dict[str, Supports], dict[str, Array]]:
+class SupportReactions(NamedTuple):
+    """Rigid supports of each body, h of them, and their forces or moments (T, h) in N or N m, by body."""
+
+    supports: Mapping[str, Supports]
+    forces: Mapping[str, Array]
+
+
+def _support_reactions(full_system: FullSystem, history: History) -> SupportReactions:
     """Return by body the h rigid supports with forces that are no outputs of the system, and the forces (T, h) in N."""
     system, bearing_contacts = full_system.with_supports(), set(output_contacts(full_system))
     inner = {k: contact.inner for k, contact in enumerate(system.contacts) if k not in bearing_contacts}
@@ -235,7 +252,7 @@ def _support_reactions(full_system: FullSystem, history: History) -> tuple[dict[
         if support_rows:
             supports[name] = [(row.name, row.unit) for row in support_rows]
             reactions[name] = forces[:, [rows[name, row.name] for row in support_rows]]
-    return supports, reactions
+    return SupportReactions(supports, reactions)
 
 
 def _lanczos_frequencies(full_system: FullSystem, places_of: Array, count: int, c: Array) -> Array | None:

@@ -7,7 +7,7 @@ from concurrent.futures import Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -261,10 +261,17 @@ def _measure(
     return of_model | of_mesh
 
 
-def _total_sizes(built: Mapping[str, AssembledBody]) -> tuple[int, int]:
+class FullSizes(NamedTuple):
+    """Total numbers of coordinates and of outputs of all full models of a scene."""
+
+    coordinates: int
+    outputs: int
+
+
+def _total_sizes(built: Mapping[str, AssembledBody]) -> FullSizes:
     """Return the total numbers of coordinates and of outputs of all full models."""
     models = [body.model for body in built.values()]
-    return sum(model.size for model in models), sum(model.outputs.getSize()[1] for model in models)
+    return FullSizes(sum(model.size for model in models), sum(model.outputs.getSize()[1] for model in models))
 
 
 def full_model(

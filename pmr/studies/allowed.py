@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -87,15 +88,22 @@ def _find_root(used: UsedShares, points: list[Point], tolerance: float) -> float
         points = sorted([*points, *_points(used, sorted(trial_loads))])
 
 
-def _interpolate_load(points: Sequence[Point], k: int) -> tuple[float, float]:
-    """Return the load in kg at which a polynomial through points near the k-th has share 1, and its last change in kg.
+class RootEstimate(NamedTuple):
+    """Load in kg at which an interpolating polynomial has share 1, and its change by the last degree in kg."""
+
+    load: float
+    change: float
+
+
+def _interpolate_load(points: Sequence[Point], k: int) -> RootEstimate:
+    """Return the load at which a polynomial through points near the k-th has share 1, and its last change.
 
     The load is a polynomial in share - 1 through at most `POINTS` points along which the share increases, evaluated by
     Neville's scheme.  The last change is the difference from the value of the polynomial of one degree less.  Both
     numbers are NaN if the share of the k-th point is infinite.
     """
     if points[k][1] == np.inf:
-        return np.nan, np.nan
+        return RootEstimate(np.nan, np.nan)
     first, last = k - 1, k
     while last - first + 1 < POINTS:
         lower = first > 0 and points[first - 1][1] < points[first][1]
@@ -114,7 +122,7 @@ def _interpolate_load(points: Sequence[Point], k: int) -> tuple[float, float]:
             for i in range(len(loads) - 1)
         ]
         root, change = loads[0], abs(loads[0] - root)
-    return root, change
+    return RootEstimate(root, change)
 
 
 #: (3 / 2)^2 / 2: half the square of 3 / 2, the ratio of a cantilever's slope at the tip to its deflection over length.
