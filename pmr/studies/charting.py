@@ -307,7 +307,7 @@ def _point_arrays(
     loads = chart.loads(places)
     case, load = _least_case(loads), np.fmin.reduce(loads)
     row: dict[str, NDArray[Any]] = {"load": load, "case": case, "member": np.array("")}
-    (which,) = governing_limit(load[None])
+    which = int(governing_limit(load))
     if 0 <= which < len(chart.limits):
         place = places[case[which]]
         state = place.equilibria.state(float(load[which]) * (1.0 - JUST_BELOW))
@@ -342,29 +342,9 @@ def case_amount(case: Summary, part: str) -> float:
 
 
 def governing_limit(load: Array) -> NDArray[np.int64]:
-    """Return the number of the limit with the smallest load at each point, (P,); -1 where all loads are NaN.
+    """Return the number of the limit with the smallest load at each point, (...,); -1 where all loads are NaN.
 
-    `load` (P, l) in kg holds the loads of l limits at P points; NaN if no load up to the largest one reaches the limit.
+    `load` (..., l) in kg holds the loads of l limits; NaN if no load up to the largest one reaches the limit.
     """
     least = np.where(np.isnan(load), np.inf, load)
-    return np.where(np.isfinite(least.min(axis=1)), least.argmin(axis=1), -1)
-
-
-def lower_bounds(load: Array, error: Array, up_to: float) -> Array:
-    """Return `load` (P, l) in kg minus `error` (P, l) in kg; a NaN load counts as `up_to` in kg, a NaN error as 0."""
-    return np.asarray(np.nan_to_num(load, nan=up_to) - np.nan_to_num(error))
-
-
-def limits_in_doubt(load: Array, error: Array, up_to: float) -> NDArray[np.bool_]:
-    """Return which limits may govern within their error bars, (P, l); all false at points where only one may.
-
-    `load` and `error` are (P, l) in kg, at P points and of l limits.  A limit may govern if its load minus its error is
-    at most the smallest sum of load and error of any limit at the point.  A NaN load means that no load up to `up_to`
-    reaches the limit; such a limit may govern only if `up_to` minus its error is below `up_to`.  A NaN error counts as
-    0.
-    """
-    low = lower_bounds(load, error, up_to)
-    low = np.where(np.isnan(load) & (low >= up_to), np.inf, low)
-    high = np.where(np.isnan(load), np.inf, load + np.nan_to_num(error))
-    may = (low <= high.min(axis=1)[:, None]) & np.isfinite(low)
-    return may & (may.sum(axis=1) > 1)[:, None]
+    return np.where(np.isfinite(least.min(axis=-1)), least.argmin(axis=-1), -1)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
@@ -21,7 +22,7 @@ from pmr.errors import InputError, letters
 from pmr.errors.environment import import_package
 from pmr.files.arrays import Array
 from pmr.scene.keys import SceneTable, Usual
-from pmr.studies.charting import lower_bounds
+from pmr.studies.charting import governing_limit
 from pmr.studies.study import csv_text
 
 #: Words in place of a limit where none is reached up to the largest load that is tried.
@@ -30,6 +31,51 @@ NOT_LIMITED = "not limited by what is looked at"
 STEPS, MOST_RADII = (1.0, 2.0, 5.0), 30
 #: Largest difference in rad between angles that count as the same; also a share of a radius.
 SAME_ANGLE = 1e-6
+
+
+@dataclass(frozen=True)
+class ChartLoads:
+    """Loads (..., l) in kg at which l limits are reached at the points of a chart, with their errors (..., l) in kg.
+
+    A load is NaN where no load up to `up_to` in kg reaches the limit; an error that is NaN counts as 0.
+    """
+
+    load: Array
+    error: Array
+    up_to: float
+
+    @cached_property
+    def least(self) -> Array:
+        """Smallest load of all limits (...,) in kg; infinite where no limit is reached."""
+        return np.asarray(np.nan_to_num(self.load, nan=np.inf).min(axis=-1))
+
+    @cached_property
+    def which(self) -> NDArray[np.int64]:
+        """Number of the limit with the smallest load (...,); -1 where no limit is reached."""
+        return governing_limit(self.load)
+
+    @cached_property
+    def lower(self) -> Array:
+        """Loads less their errors (..., l) in kg; a limit that is not reached counts as reached at `up_to`."""
+        return np.asarray(np.nan_to_num(self.load, nan=self.up_to) - np.nan_to_num(self.error))
+
+    @cached_property
+    def lower_bound(self) -> Array:
+        """Load (...,) in kg that all limits allow at least, less their errors; 0 where none is allowed."""
+        return np.maximum(self.lower.min(axis=-1), 0.0)
+
+    @cached_property
+    def may_govern(self) -> NDArray[np.bool_]:
+        """Whether each limit may govern within the errors (..., l); false at points where only one may.
+
+        A limit may govern if its load minus its error is at most the smallest sum of load and error of any limit at the
+        point.  A limit that is not reached may govern only if `up_to` minus its error is below `up_to`.
+        """
+        not_reached = np.isnan(self.load)
+        low = np.where(not_reached & (self.lower >= self.up_to), np.inf, self.lower)
+        high = np.where(not_reached, np.inf, self.load + np.nan_to_num(self.error)).min(axis=-1, keepdims=True)
+        may = (low <= high) & np.isfinite(low)
+        return np.asarray(may & (may.sum(axis=-1, keepdims=True) > 1))
 
 
 class LeastLoads(NamedTuple):
@@ -98,7 +144,7 @@ class DutyTable:
     def from_loads(cls, least: LeastLoads, up_to: float) -> DutyTable:
         """Return the duty table of a chart; `up_to` is the largest load in kg that was tried."""
         radii = _round_radii(least.place[:, :, 0])
-        lower = np.maximum(lower_bounds(least.load, least.error, up_to), 0.0)
+        lower = np.maximum(ChartLoads(least.load, least.error, up_to).lower, 0.0)
         columns = np.array([least.at_radii(radii, lower, e, up_to) for e in range(len(least.load))])
         load, bound = np.moveaxis(columns, 0, 2)  # (R, E, l) each
         limited, which = load.min(axis=2), load.argmin(axis=2)
@@ -240,6 +286,20 @@ class Wind(SceneTable):
         for exposed in self.on:
             by_load[exposed.load] = by_load.get(exposed.load, 0.0) + self.pressure * exposed.area * exposed.shape
         return by_load
+
+
+class Hoist(SceneTable):
+    """How a load is hoisted off the ground, for the dynamic factor on its weight that is computed at each point."""
+
+    speed: Annotated[float, Field(gt=0.0), Usual(1e-3, 5.0, unit="m/s")] = Field(
+        description="Steady speed of the hook, m/s"
+    )
+    rope_stiffness: Annotated[float, Field(gt=0.0), Usual(1e4, 1e10, unit="N/m")] = Field(
+        description="Stiffness of all falls of the rope together, N/m"
+    )
+    hoisting_class: str | None = Field(
+        default=None, description="One of `classes`, whose factor is shown for comparison"
+    )
 
 
 class LoadCase(SceneTable):

@@ -30,7 +30,8 @@ from pmr.studies import shared
 from pmr.studies.allowed import Place, allowed_loads, large_rotation_changes
 from pmr.studies.chart_models import ComparedModel
 from pmr.studies.chart_points import StopMotion, governing_details, largest_governed_rows
-from pmr.studies.charting import MARGIN, Chart, case_amount, governing_limit, limits_in_doubt, lower_bounds
+from pmr.studies.charting import MARGIN, Chart, case_amount, governing_limit
+from pmr.studies.duty import ChartLoads
 from pmr.studies.limits import Limit, with_fields
 from pmr.system.body import kinds_of
 from pmr.system.terms import carried_inertia
@@ -486,10 +487,10 @@ def test_pads_of_a_rigid_boom_carry_what_statics_say(unilateral: bool) -> None:
 def test_another_limit_may_govern_within_the_error_bars() -> None:
     load, error = np.array([[10.0, 11.0, np.nan], [10.0, 20.0, np.nan]]), np.array([[1.0, 0.5, 0.0]] * 2)
     assert governing_limit(load).tolist() == [0, 0]
-    assert limits_in_doubt(load, error, 100.0).tolist() == [[True, True, False], [False, False, False]]
+    assert ChartLoads(load, error, 100.0).may_govern.tolist() == [[True, True, False], [False, False, False]]
     error[:, 2] = 90.5  # of a limit that is not reached up to 100 kg by one model, but by another one at 9.5 kg
-    assert limits_in_doubt(load, error, 100.0).tolist() == [[True, True, True], [True, False, True]]
-    assert lower_bounds(load, error, 100.0).tolist() == [[9.0, 10.5, 9.5], [9.0, 19.5, 9.5]]
+    assert ChartLoads(load, error, 100.0).may_govern.tolist() == [[True, True, True], [True, False, True]]
+    assert ChartLoads(load, error, 100.0).lower.tolist() == [[9.0, 10.5, 9.5], [9.0, 19.5, 9.5]]
     assert governing_limit(np.full((1, 2), np.nan)).tolist() == [-1]
 
 

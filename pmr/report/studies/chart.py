@@ -37,7 +37,7 @@ from pmr.results.response import FORCES
 from pmr.scene.keys import ALONE
 from pmr.studies import charting
 from pmr.studies.charting import governing_limit
-from pmr.studies.duty import NOT_LIMITED, DutyTable, LeastLoads
+from pmr.studies.duty import NOT_LIMITED, ChartLoads, DutyTable, LeastLoads
 from pmr.studies.limits import STABILITY, STABILITY_WORDS
 
 #: Text in place of a load if no load up to the largest one that was tried reaches the limit.
@@ -54,9 +54,9 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     names = [*(str(limit["name"]) for limit in study.study_file["limits"]), STABILITY]
     parts = [study.results.arrays(run.key) for run in study.results.runs]
     table = LeastLoads.from_rows(parts, len(study.study_file["slewing"]))
-    load = np.where(np.isnan(table.load), np.inf, table.load)
-    which = governing_limit(table.load.reshape(-1, len(names))).reshape(load.shape[:2])
-    least = np.where(which >= 0, load.min(axis=2), np.nan)
+    up_to = float(study.study_file["up_to"])
+    loads = ChartLoads(table.load, table.error, up_to)
+    which, least = loads.which, np.where(np.isinf(loads.least), np.nan, loads.least)
     blocks = [
         _statement_block("What load and radius are", parts[0]["at.definitions"]),
         _statement_block("What is not in this chart", parts[0]["at.left_out"]),
@@ -69,7 +69,6 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
     if not np.isfinite(least).any():  # the picture and the table of loads would be empty
         return chapter
     error = np.where(which >= 0, np.take_along_axis(table.error, np.maximum(which, 0)[..., None], 2)[..., 0], np.nan)
-    up_to = float(study.study_file["up_to"])
     shown_names = [*names[:-1], STABILITY_WORDS]
     chart, beyond = LoadChart(table.place, least, which, shown_names, up_to), bool((which < 0).any())
     slewed = f" Loads are {slewing_clause(parts[0]['at.slewing'])}."

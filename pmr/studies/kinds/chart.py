@@ -28,8 +28,8 @@ from pmr.simulation.statics.postures import HOOK, with_hook
 from pmr.studies import shared
 from pmr.studies.chart_models import compute_postures, compute_richer_postures
 from pmr.studies.chart_points import Stop, replaced_mass_warnings
-from pmr.studies.charting import allow_row, governing_limit, limits_in_doubt, lower_bounds
-from pmr.studies.duty import CLASSES, NOT_LIMITED, DutyTable, LeastLoads, LoadCase, hoisting_factor
+from pmr.studies.charting import allow_row
+from pmr.studies.duty import CLASSES, NOT_LIMITED, ChartLoads, DutyTable, Hoist, LeastLoads, LoadCase, hoisting_factor
 from pmr.studies.limits import STABILITY, STABILITY_WORDS, Limit
 from pmr.studies.study import Count, StudyBase, StudyResults, csv_text
 from pmr.studies.tasks import Plan, Scalar, Task
@@ -74,20 +74,6 @@ class Range(SceneTable):
             values = self.least + shares * (self.most - self.least)
             rows.append(dict(zip(names, values.tolist(), strict=True)))
         return rows
-
-
-class Hoist(SceneTable):
-    """How a load is hoisted off the ground, for the dynamic factor on its weight that is computed at each point."""
-
-    speed: Annotated[float, Field(gt=0.0), Usual(1e-3, 5.0, unit="m/s")] = Field(
-        description="Steady speed of the hook, m/s"
-    )
-    rope_stiffness: Annotated[float, Field(gt=0.0), Usual(1e4, 1e10, unit="N/m")] = Field(
-        description="Stiffness of all falls of the rope together, N/m"
-    )
-    hoisting_class: str | None = Field(
-        default=None, description="One of `classes`, whose factor is shown for comparison"
-    )
 
 
 class Study(StudyBase):
@@ -209,14 +195,14 @@ class Study(StudyBase):
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
         """Return the figures that the docstring of the class lists, over all points."""
         table = self.table(results)
-        names, load = self.names, table["load"]
-        least, doubt = governing_limit(load), limits_in_doubt(load, table["error"], self.up_to).any(axis=1)
-        figures: dict[str, Scalar] = {"points": len(load), "limits": len(names), "in_doubt": int(doubt.sum())}
+        names, loads = self.names, self.loads(table)
+        figures: dict[str, Scalar] = {"points": len(loads.load), "limits": len(names)}
+        figures["in_doubt"] = int(loads.may_govern.any(axis=1).sum())
         for k, name in enumerate(names):
             figures |= {
-                f"governs.{name}": int((least == k).sum()),
-                f"never.{name}": int(np.isnan(load[:, k]).sum()),
-                f"at_no_load.{name}": int((load[:, k] == 0.0).sum()),
+                f"governs.{name}": int((loads.which == k).sum()),
+                f"never.{name}": int(np.isnan(loads.load[:, k]).sum()),
+                f"at_no_load.{name}": int((loads.load[:, k] == 0.0).sum()),
             }
         if self.hoist is not None:
             factors = table["hoist"][np.isfinite(table["hoist"])]
@@ -228,32 +214,24 @@ class Study(StudyBase):
 
     def summary_line(self, results: StudyResults) -> str:
         """Return a line with the least and the largest allowed load in kg, by all limits, over the points."""
-        points = len(self._points)
-        columns = [results.column(name) for name in ("load.least", "load.most")]
-        if not all(np.isfinite(column).any() for column in columns):
+        points, table = len(self._points), self.table(results)
+        loads = self.loads(table)
+        if not np.isfinite(loads.least).any():
             alone = f"; only {STABILITY_WORDS} was evaluated; [[limits]] of the study adds others"
             hint = "" if self.limits else alone
             return f"no limit is reached up to {self.up_to:.10g} kg at any of {points} points{hint}"
-        most = f"{float(np.nanmax(columns[1])):.0f} kg"
-        if (governing_limit(self.table(results)["load"]) < 0).any():
+        most = f"{loads.least.max():.0f} kg"
+        if np.isinf(loads.least).any():
             most = f"more than {self.up_to:.10g} kg, where the search ends,"
-        load = np.nan_to_num(self.table(results)["load"], nan=np.inf).min(axis=1)
-        empty, permitted = int((load == 0.0).sum()), load[load > 0.0]
+        empty, permitted = int((loads.least == 0.0).sum()), loads.least[loads.least > 0.0]
         never = f"not permitted, even empty, at {empty} of {points} points"
         if not len(permitted):
             return never
         carried = f"it carries {min(float(permitted.min()), self.up_to):.0f} to {most}"
         where = f"at the other {len(permitted)}" if empty else f"at {points} points"
-        first = f"{never}; " if empty else ""
-        return f"{first}{carried} {where}, by all limits{self._error_bar_clause(results)}"
-
-    def _error_bar_clause(self, results: StudyResults) -> str:
-        """Return a clause: by how many kg at most error bars lower the loads, and which errors they do not cover."""
-        table = self.table(results)
-        load = np.nan_to_num(table["load"], nan=self.up_to).min(axis=1)
-        lower = np.maximum(lower_bounds(table["load"], table["error"], self.up_to).min(axis=1), 0.0)
-        less = f", less error bars of up to {(load - lower).max():.3g} kg" if self.error_bars else ""
-        return f"{less}; not covered: {self.not_covered(results)}"
+        first, lowered = f"{never}; " if empty else "", np.minimum(loads.least, self.up_to) - loads.lower_bound
+        less = f", less error bars of up to {lowered.max():.3g} kg" if self.error_bars else ""
+        return f"{first}{carried} {where}, by all limits{less}; not covered: {table['not_covered'][0]}"
 
     @property
     def _in_service(self) -> list[LoadCase]:
@@ -287,6 +265,10 @@ class Study(StudyBase):
         parts = [results.arrays(run.key) for run in results.runs if run.status == "done"]
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0] if name[:3] != "at."}
 
+    def loads(self, table: Mapping[str, NDArray[Any]]) -> ChartLoads:
+        """Return the loads of all limits in a table that `Study.table` returned."""
+        return ChartLoads(table["load"], table["error"], self.up_to)
+
     def tables(self, results: StudyResults) -> Mapping[str, str | bytes]:
         """Return the contents of ``chart.csv``, ``duty.csv`` and ``duty.xlsx``; all three keys are always there.
 
@@ -297,7 +279,8 @@ class Study(StudyBase):
         if not any(done):
             return {"chart.csv": "", "duty.csv": "", "duty.xlsx": ""}
         points, table = compress(self._points, np.repeat(done, self._row_size)), self.table(results)
-        rows = [self._cells(table, k, *point) for k, point in enumerate(points)]
+        loads = self.loads(table)
+        rows = [self._cells(table, loads, k, *point) for k, point in enumerate(points)]
         cells = [[_cell(value) for _, value in row] for row in rows]
         done_rows = [results.arrays(run.key) for run in results.runs if run.status == "done"]
         duty = DutyTable.from_loads(LeastLoads.from_rows(done_rows, len(self.slewing)), self.up_to)
@@ -308,17 +291,21 @@ class Study(StudyBase):
         }
 
     def _cells(
-        self, table: Mapping[str, NDArray[Any]], k: int, row: Mapping[str, float], luffing: float, slewing: float
+        self,
+        table: Mapping[str, NDArray[Any]],
+        loads: ChartLoads,
+        k: int,
+        row: Mapping[str, float],
+        luffing: float,
+        slewing: float,
     ) -> list[tuple[str, float | str]]:
         """Return pairs (column head, value) of the k-th row of ``chart.csv``.
 
         The point has extensions `row` in m and the angles `luffing` and `slewing` in the scene's unit; `table` is the
-        one that `Study.table` returns.
+        one that `Study.table` returns, with its `loads`.
         """
         angle, names = self._angle_unit, np.array(self.names)
-        load, error = table["load"][k], table["error"][k]
-        lower = float(max(0.0, lower_bounds(load[None], error[None], self.up_to).min()))
-        (which,), (doubt,) = governing_limit(load[None]), limits_in_doubt(load[None], error[None], self.up_to)
+        load, which, lower = loads.load[k], loads.which[k], float(loads.lower_bound[k])
         is_limited = which >= 0
         return [
             *((f"extension {name} [m]", extension) for name, extension in row.items()),
@@ -331,20 +318,16 @@ class Study(StudyBase):
             ("governed by", names[which] if is_limited else NOT_LIMITED),
             ("governing member", str(table["member"][k])),
             ("case", self._in_service[int(table["case"][k, which])].name if is_limited else ""),
-            ("may govern", " | ".join(names[doubt])),
+            ("may govern", " | ".join(names[loads.may_govern[k]])),
             *([("hoisting factor", table["hoist"][k])] if self.hoist else []),
             *(
                 (f"{case.name}, passed", " | ".join(names[passed]) or "none")
                 for case, passed in zip(self._out_of_service, table["passed"][k], strict=True)
             ),
             *((f"{name} [kg]", value) for name, value in zip(self.names, load, strict=True)),
-            *((f"{name} error [kg]", value) for name, value in zip(self.names, error, strict=True)),
+            *((f"{name} error [kg]", value) for name, value in zip(self.names, loads.error[k], strict=True)),
             ("not covered", str(table["not_covered"][k])),
         ]
-
-    def not_covered(self, results: StudyResults) -> str:
-        """Return the errors that the error bars do not cover, as clauses separated by semicolons."""
-        return str(self.table(results)["not_covered"][0])
 
     @property
     def _row_size(self) -> int:

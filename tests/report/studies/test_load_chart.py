@@ -20,10 +20,11 @@ from pmr.report.figures.load_chart import (
     label_ends,
     load_chart,
 )
-from pmr.report.studies.chart import _duty_grids, build_chapter
+from pmr.report.studies.chart import build_chapter
 from pmr.report.studies.chart_tables import (
     NO_WALLS,
     case_sentence,
+    duty_grids,
     format_load,
     headline,
     load_step,
@@ -113,7 +114,7 @@ def test_tables_of_loads_have_all_boom_lengths_and_are_not_wider_than_paper() ->
     load = np.array([[9000.0] * 12, [np.nan] * 11 + [551.3]])
     duty = DutyTable(radii, lengths, load, load, np.zeros(load.shape, dtype=int), 2e4)
     study: Any = SimpleNamespace(study_file={"error_bars": False})
-    first, second = _duty_grids(study, duty, "")
+    first, second = duty_grids(study, duty, "")
     heads = [*first.head[1:], *second.head[1:]]
     assert heads == [f"{length:.4g}\u00a0m" for length in lengths] and len(first.head) == 7
     assert [len(grid.rows) for grid in (first, second)] == [1, 2]
