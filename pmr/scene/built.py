@@ -94,7 +94,7 @@ class Body(Geometry):
     """
 
     shear: Switch = Field(default=True, description="Whether beams in space have shear deformation and rotary inertia")
-    shear_correction: Annotated[float, Field(gt=0.0, strict=True), Quantity("1", 1e-3, 1e6)] = Field(
+    shear_correction: Annotated[float, Quantity("1", 1e-3, 1e6)] = Field(
         default=5.0 / 6.0, description="Shear correction factor kappa of shells"
     )
     section: BeamSection | None = Field(
@@ -103,9 +103,7 @@ class Body(Geometry):
     walls: Literal["rigid", "give"] = Field(
         default="rigid", description="Whether the local compliance of the walls under pads is added to a beam"
     )
-    attached_mass_per_length: Annotated[
-        float, Field(ge=0.0, strict=True), Quantity("kg/m", 0.0, 1e6), Usual(0.05, 100.0)
-    ] = Field(
+    attached_mass_per_length: Annotated[float, Quantity("kg/m", 0.0, 1e6), Usual(0.05, 100.0)] = Field(
         default=0.0,
         exclude=True,
         description="Mass of hoses, cables and paint along a box, spread over its walls as a part of their density",
@@ -149,9 +147,9 @@ class FaceNormal(SceneTable):
     normal: Annotated[Vector, AfterValidator(unit_vector)] = Field(
         description="Normal of the face, out of the body; any length"
     )
-    angle: Annotated[
-        float, Field(ge=0.01, le=45.0, strict=True), Quantity("degrees", 0.01, 45.0), Usual(0.01, 45.0)
-    ] = Field(default=1.0, description="Largest angle between this normal and that of a facet")
+    angle: Annotated[float, Field(ge=0.01, le=45.0), Quantity("degrees", 0.01, 45.0), Usual(0.01, 45.0)] = Field(
+        default=1.0, description="Largest angle between this normal and that of a facet"
+    )
 
 
 class NodeGroups(SceneTable):
@@ -181,7 +179,7 @@ class MeshChoice(SceneTable):
     )
     cells: Literal["hexahedra", "tetrahedra"] = Field(default="hexahedra", description="Shape of the cells of a solid")
     elements: Count = Field(default=60, description="Number of elements of a beam")
-    grading: Annotated[float, Field(strict=True), Quantity("1", 1e-3, 1e3)] = Field(
+    grading: Annotated[float, Quantity("1", 1e-3, 1e3)] = Field(
         default=1.0, description="Length of a planar beam's last element over that of its first one"
     )
     file: ExistingFile | None = Field(
@@ -388,7 +386,7 @@ class Load(PlacedLoad):
     component along this axis of the unit vector in which the wind blows.
     """
 
-    expansion: Annotated[float, Field(gt=0.0, strict=True), Quantity("1/K", 1e-9, 1.0), Usual(1e-6, 1e-4)] = Field(
+    expansion: Annotated[float, Quantity("1/K", 1e-9, 1.0), Usual(1e-6, 1e-4)] = Field(
         default=1.2e-5, description="Coefficient of thermal expansion"
     )
     depth: Length | None = Field(
@@ -396,7 +394,7 @@ class Load(PlacedLoad):
         description="Distance of the faces between which temperatures differ, or depth that wind meets; by default "
         "that of the box",
     )
-    azimuth: Annotated[float, Field(strict=True), Quantity("frame.unit", -720.0, 720.0), Usual(0.0, 400.0)] = Field(
+    azimuth: Annotated[float, Quantity("frame.unit", -720.0, 720.0), Usual(0.0, 400.0)] = Field(
         default=0.0, description="Angle of the direction in which wind blows, from X of the ground to the left"
     )
     shape: Positive = Field(default=1.0, description="Shape factor of wind")
@@ -453,19 +451,18 @@ class Gravity(ShorthandTable):
 
     model_config = ConfigDict(json_schema_extra={"not": {"required": ["inclination", "direction"]}})
 
-    acceleration: Annotated[float, Field(gt=0.0, strict=True), Quantity("m/s^2", 1e-9, 1e6), Usual(1.2, 30.0)] = Field(
+    acceleration: Annotated[float, Quantity("m/s^2", 1e-9, 1e6), Usual(1.2, 30.0)] = Field(
         default=GRAVITY, description="Acceleration of free fall"
     )
     direction: Annotated[Vector, AfterValidator(unit_vector)] = Field(
         default=(0.0, 0.0, -1.0), description="Direction of the weight; its length does not count"
     )
-    rise: Annotated[float, Field(ge=0.0, strict=True), Quantity("s", 0.0, 1e9), Usual(0.0, 200.0)] = Field(
+    rise: Annotated[float, Quantity("s", 0.0, 1e9), Usual(0.0, 200.0)] = Field(
         default=1.0,
         description="Time within which the weight rises smoothly from zero (by default 0 where `start` is equilibrium)",
     )
     inclination: (
-        Annotated[float, Field(ge=-90.0, le=90.0, strict=True), Quantity("degrees", -90.0, 90.0), Usual(1.6, 90.0)]
-        | None
+        Annotated[float, Field(ge=-90.0, le=90.0), Quantity("degrees", -90.0, 90.0), Usual(1.6, 90.0)] | None
     ) = Field(
         default=None,
         exclude=True,

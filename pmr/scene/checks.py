@@ -15,7 +15,6 @@ from pmr.scene.extension_checks import check_free_extension
 from pmr.scene.frame_checks import check_exclusions, check_frame, check_hoist, check_wind
 from pmr.scene.joint_checks import check_joints, check_section
 from pmr.scene.joints import JointPads
-from pmr.scene.keys import check_bounds
 from pmr.scene.members import member_at
 from pmr.scene.scene import Scene
 from pmr.scene.structure_checks import describe_jump, scene_error
@@ -26,7 +25,6 @@ MOST_STEPS = 1_000_000
 
 def check_scene(scene: Scene) -> None:
     """Raise an InputError for the first key of a scene that contradicts another key; its file is ``"scene"``."""
-    check_bounds(scene)  # first, so that other checks compute with finite numbers
     check_time(scene)
     _check_outputs(scene)
     _check_accuracy(scene)

@@ -11,16 +11,15 @@ from pydantic import Field, model_validator
 from pmr.scene.keys import Area, Length, Place, Pressure, Quantity, SceneTable, Stiffness, Usual, key_error
 from pmr.scene.signals import Signal, SignalBase
 
-_NotNegative = Field(ge=0.0, strict=True)
-Volume = Annotated[float, Field(gt=0.0, strict=True), Quantity("m^3", 1e-12, 1e6), Usual(1e-7, 10.0)]
-HoseVolume = Annotated[float, _NotNegative, Quantity("m^3", 0.0, 1e6), Usual(0.0, 1.0)]
-Gauge = Annotated[float, _NotNegative, Quantity("Pa", 0.0, 1e12), Usual(1e4, 1e8)]
-Gain = Annotated[float, Field(gt=0.0, strict=True), Quantity("m^3/s/Pa^0.5", 1e-15, 1e6), Usual(1e-10, 1e-5)]
-Leakage = Annotated[float, _NotNegative, Quantity("m^3/s/Pa", 0.0, 1e6), Usual(0.0, 1e-9)]
-Friction = Annotated[float, _NotNegative, Quantity("N s/m", 0.0, 1e15), Usual(1.0, 1e9)]
-StopDamping = Annotated[float, _NotNegative, Quantity("s/m", 0.0, 1e6), Usual(0.0, 100.0)]
-Part = Annotated[float, Field(ge=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)]
-PilotRatio = Annotated[float, _NotNegative, Quantity("1", 0.0, 100.0)]
+Volume = Annotated[float, Quantity("m^3", 1e-12, 1e6), Usual(1e-7, 10.0)]
+HoseVolume = Annotated[float, Quantity("m^3", 0.0, 1e6), Usual(0.0, 1.0)]
+Gauge = Annotated[float, Quantity("Pa", 0.0, 1e12), Usual(1e4, 1e8)]
+Gain = Annotated[float, Quantity("m^3/s/Pa^0.5", 1e-15, 1e6), Usual(1e-10, 1e-5)]
+Leakage = Annotated[float, Quantity("m^3/s/Pa", 0.0, 1e6), Usual(0.0, 1e-9)]
+Friction = Annotated[float, Quantity("N s/m", 0.0, 1e15), Usual(1.0, 1e9)]
+StopDamping = Annotated[float, Quantity("s/m", 0.0, 1e6), Usual(0.0, 100.0)]
+Part = Annotated[float, Field(ge=0.0, lt=1.0), Quantity("1", 0.0, 1.0)]
+PilotRatio = Annotated[float, Quantity("1", 0.0, 100.0)]
 #: Largest opening of a valve, in either direction.
 OPEN = 1.0
 

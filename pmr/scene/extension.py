@@ -13,8 +13,8 @@ from pmr.scene.keys import Distance, Quantity, Speed, Stiffness, Usual, key_erro
 from pmr.scene.signals import Constant, SignalBase
 from pmr.scene.signals.base import Array, Interval, Strand
 
-Force = Annotated[float, Field(ge=0.0, strict=True), Quantity("N", 0.0, 1e15), Usual(0.0, 1e7)]
-Rate = Annotated[float, Field(strict=True), Quantity("m/s", -1e6, 1e6), Usual(0.0, 10.0)]
+Force = Annotated[float, Quantity("N", 0.0, 1e15), Usual(0.0, 1e7)]
+Rate = Annotated[float, Quantity("m/s", -1e6, 1e6), Usual(0.0, 10.0)]
 
 
 class FirstExtension(SignalBase):

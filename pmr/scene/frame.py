@@ -35,16 +35,14 @@ from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
 
 #: Directions in which a machine moves, as keys of `[frame.base]`: displacements of the pivot, roll, pitch and yaw.
 DIRECTIONS: tuple[Direction, ...] = ("x", "y", "z", "rx", "ry", "rz")
-_Strict = Field(strict=True)
-_NotNegative = Field(ge=0.0, strict=True)
-Spring = Annotated[float, _NotNegative, Quantity("N/m", 0.0, 1e15), Usual(2e3, 1e14, unit="N/m")]
-TurningSpring = Annotated[float, _NotNegative, Quantity("N m/rad", 0.0, 1e15), Usual(2e3, 1e15, unit="N m/rad")]
-Damper = Annotated[float, _NotNegative, Quantity("N s/m", 0.0, 1e15)]
-TurningDamper = Annotated[float, _NotNegative, Quantity("N m s/rad", 0.0, 1e15)]
-Displacement = Annotated[float, _Strict, Quantity("m", -1e6, 1e6)]
-Angle = Annotated[float, _Strict, Quantity("frame.unit", -1e6, 1e6)]
-Velocity = Annotated[float, _Strict, Quantity("m/s", -1e6, 1e6)]
-AngularRate = Annotated[float, _Strict, Quantity("frame.unit/s", -1e6, 1e6)]
+Spring = Annotated[float, Quantity("N/m", 0.0, 1e15), Usual(2e3, 1e14, unit="N/m")]
+TurningSpring = Annotated[float, Quantity("N m/rad", 0.0, 1e15), Usual(2e3, 1e15, unit="N m/rad")]
+Damper = Annotated[float, Quantity("N s/m", 0.0, 1e15)]
+TurningDamper = Annotated[float, Quantity("N m s/rad", 0.0, 1e15)]
+Displacement = Annotated[float, Quantity("m", -1e6, 1e6)]
+Angle = Annotated[float, Quantity("frame.unit", -1e6, 1e6)]
+Velocity = Annotated[float, Quantity("m/s", -1e6, 1e6)]
+AngularRate = Annotated[float, Quantity("frame.unit/s", -1e6, 1e6)]
 Straight = TypeVar("Straight", bound=float)
 Turned = TypeVar("Turned", bound=float)
 
@@ -233,10 +231,10 @@ class BoomAngles(SceneTable):
         description="Luffing angle over time: how far the boom is raised; free: its motion is computed, with what "
         "drives the cylinder",
     )
-    luffing_start: Annotated[float, _Strict, Quantity("frame.unit", -1e6, 1e6), ROCKED, RAISED] = Field(
+    luffing_start: Annotated[float, Quantity("frame.unit", -1e6, 1e6), ROCKED, RAISED] = Field(
         default=0.0, description="Where a free luffing angle begins"
     )
-    luffing_rate: Annotated[float, _Strict, Quantity("frame.unit/s", -1e6, 1e6), SWUNG] = Field(
+    luffing_rate: Annotated[float, Quantity("frame.unit/s", -1e6, 1e6), SWUNG] = Field(
         default=0.0, description="How fast a free luffing angle moves at the start"
     )
     slewing: Annotated[Signal, TURNED, SLEWED] | None = Field(

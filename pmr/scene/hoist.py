@@ -50,9 +50,9 @@ KINDS = {HEIGHT: "hook_height", **dict.fromkeys(PLACES, "hook_place"), **dict.fr
 KINDS |= {ROPE_FORCE: "hoist_force", **dict.fromkeys(WINCH_PULLS, "winch_pull")}
 #: Outputs whose extremes are in summary.json, by their keys there.
 KEYS = {"height": HEIGHT, **dict(zip(("swing_along", "swing_across"), SWINGS, strict=True)), "force": ROPE_FORCE}
-_DAMPING = Annotated[float, Field(ge=0.0, strict=True), Quantity("N s", 0.0, 1e15)]
-_ANGLE = Annotated[float, Field(strict=True, ge=-3.1, le=3.1), Quantity("rad", -3.1, 3.1), Usual(0.0, 1.6, unit="rad")]
-_SPEED = Annotated[float, Field(strict=True), Quantity("m/s", -1e3, 1e3), Usual(0.0, 30.0, unit="m/s")]
+_DAMPING = Annotated[float, Quantity("N s", 0.0, 1e15)]
+_ANGLE = Annotated[float, Field(ge=-3.1, le=3.1), Quantity("rad", -3.1, 3.1), Usual(0.0, 1.6, unit="rad")]
+_SPEED = Annotated[float, Quantity("m/s", -1e3, 1e3), Usual(0.0, 30.0, unit="m/s")]
 
 
 class Winch(SceneTable):

@@ -29,7 +29,6 @@ from pmr.scene.keys import (
     Place,
     Quantity,
     SceneTable,
-    Size,
     Speed,
     Stiffness,
     Switch,
@@ -54,8 +53,8 @@ class PadPlaces(SceneTable):
         default=None,
         description="Places of the pads across each face, by its name; none: a point on the axis of planar beams",
     )
-    length: Annotated[Size, Usual(0.001, 5.0)] = Field(default=0.3, description="Length of a pad along the axis")
-    width: Annotated[Size, Usual(0.001, 3.0)] = Field(default=0.08, description="Width of a pad across the face")
+    length: Annotated[Length, Usual(0.001, 5.0)] = Field(default=0.3, description="Length of a pad along the axis")
+    width: Annotated[Length, Usual(0.001, 3.0)] = Field(default=0.08, description="Width of a pad across the face")
     stiffness: PadStiffness | Literal["rigid"] = Field(default=3e8, description="Stiffness of each pad")
     unilateral: Switch = Field(default=True, description="Whether pads only push, and lift off where they would pull")
     clearance: Annotated[Distance | dict[Face, Distance], Usual(0.0, 0.2)] = Field(
@@ -133,7 +132,7 @@ class Rope(SceneTable):
         description="Length of a strand under tension where this extension is 0 (of a section that follows by default "
         "from the geometry of the sections)",
     )
-    lengthens: Annotated[float, Field(strict=True), Quantity("1", -1e3, 1e3)] = Field(
+    lengthens: Annotated[float, Quantity("1", -1e3, 1e3)] = Field(
         default=0.0, description="By how much that grows with this extension: -1 of a rope that a winch takes in"
     )
 
@@ -165,7 +164,7 @@ class Joint(SceneTable):
     follows: str | None = Field(
         default=None, description="Name of a section that this one follows: extension = ratio * its extension + offset"
     )
-    ratio: Annotated[float, Field(strict=True), Quantity("1", -1e3, 1e3)] = Field(
+    ratio: Annotated[float, Quantity("1", -1e3, 1e3)] = Field(
         default=1.0, description="Ratio of this extension to that of the section it follows"
     )
     offset: Annotated[Place, Usual(0.0, 2.0, "reach")] = Field(

@@ -25,6 +25,7 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     PlainSerializer,
     ValidationError,
@@ -32,8 +33,9 @@ from pydantic import (
     WrapValidator,
 )
 from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core.core_schema import no_info_after_validator_function
 
-from pmr.errors import NAMED, InputError, environment, escape_controls, is_name, missing_file_reason, similar_name_hint
+from pmr.errors import NAMED, environment, escape_controls, is_name, missing_file_reason, similar_name_hint
 
 Location = Sequence[str | int]
 Schema = dict[str, Any]
@@ -251,49 +253,60 @@ class ShorthandTable(SceneTable):
 
 @dataclass(frozen=True)
 class Quantity:
-    """Unit of a number ("1" if it has none), and the smallest and largest value that is allowed."""
+    """Unit of a number ("1" if it has none), and the smallest and largest value that is allowed.
+
+    As an annotation of a field's type it lets numbers within these bounds pass, and neither texts nor truth values.
+    """
 
     unit: str
     low: float
     high: float
 
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+        least = {} if self.low < 0.0 else {"gt": 0.0} if 0.0 < self.low < 1.0 else {"ge": self.low}
+        schema: Any = {**handler(source), "strict": True, **least}
+        return no_info_after_validator_function(self._check, schema)
+
+    def _check(self, value: float) -> float:
+        """Return `value` if it is within the bounds; raises ValueError otherwise."""
+        if not self.low <= value <= self.high:
+            unit = "" if self.unit == "1" else f", in {self.unit}"
+            raise ValueError(f"a number from {self.low:g} to {self.high:g} is allowed{unit}")
+        return value
+
     def __get_pydantic_json_schema__(self, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {**handler(core_schema), "unit": self.unit}
 
 
-_Positive, _NotNegative, _Strict = Field(gt=0.0, strict=True), Field(ge=0.0, strict=True), Field(strict=True)
-_Count = Field(ge=1, strict=True)
-
-Length = Annotated[float, _Positive, Quantity("m", 1e-6, 1e6), Usual(1e-5, 300.0)]
+Length = Annotated[float, Quantity("m", 1e-6, 1e6), Usual(1e-5, 300.0)]
 Thickness = Annotated[Length, Usual(5e-5, 0.3)]  # of a plate
-Size = Annotated[float, _Positive, Quantity("m", 0.0, 1e6), Usual(0.0, 300.0)]  # the mesher says how small it may be
-Distance = Annotated[float, _NotNegative, Quantity("m", 0.0, 1e6), Usual(0.0, 300.0)]
-Place = Annotated[float, _Strict, Quantity("m", -1e6, 1e6), Usual(0.0, 300.0)]
-Area = Annotated[float, _Positive, Quantity("m^2", 1e-14, 1e10), Usual(1e-6, 2.0)]
-SecondMoment = Annotated[float, _Positive, Quantity("m^4", 1e-26, 1e20), Usual(1e-12, 0.5)]
+Size = Annotated[float, Quantity("m", 1e-12, 1e6), Usual(0.0, 300.0)]  # the mesher says how small it may be
+Distance = Annotated[float, Quantity("m", 0.0, 1e6), Usual(0.0, 300.0)]
+Place = Annotated[float, Quantity("m", -1e6, 1e6), Usual(0.0, 300.0)]
+Area = Annotated[float, Quantity("m^2", 1e-14, 1e10), Usual(1e-6, 2.0)]
+SecondMoment = Annotated[float, Quantity("m^4", 1e-26, 1e20), Usual(1e-12, 0.5)]
 #: A larger stiffness is "rigid".
-Stiffness = Annotated[float, _Positive, Quantity("N/m", 1e-6, 1e15), Usual(2e5, 1e14)]
+Stiffness = Annotated[float, Quantity("N/m", 1e-6, 1e15), Usual(2e5, 1e14)]
 PadStiffness = Annotated[Stiffness, Usual(2e6, 1e14)]
 SupportStiffness = Annotated[
     float,
-    _Positive,
     Quantity("N/m, of angles N m/rad", 1e-6, 1e15),
     Usual(2e5, 1e14, "straight", "N/m"),
     Usual(2e3, 1e14, "turning", "N m/rad"),
 ]
-AxialStiffness = Annotated[float, _Positive, Quantity("N", 1e-3, 1e15)]
-Pressure = Annotated[float, _Positive, Quantity("Pa", 1e-3, 1e18)]
-Density = Annotated[float, _Positive, Quantity("kg/m^3", 1e-9, 1e9)]
-Mass = Annotated[float, _NotNegative, Quantity("kg", 0.0, 1e12), Usual(0.05, 1e8)]
-Inertia = Annotated[float, _NotNegative, Quantity("kg m^2", 0.0, 1e15)]
-Frequency = Annotated[float, _Positive, Quantity("Hz", 1e-9, 1e12)]
-Speed = Annotated[float, _Positive, Quantity("m/s", 1e-12, 1e9)]
-Time = Annotated[float, _Positive, Quantity("s", 1e-12, 1e9)]
-Share = Annotated[float, _NotNegative, Quantity("1", 0.0, 1e9)]
-Friction = Annotated[float, _NotNegative, Quantity("1", 0.0, 1.0)]  # dry steel on steel has 0.8
-Positive = Annotated[float, _Positive, Quantity("1", 1e-12, 1e18)]
-Count = Annotated[int, _Count, Quantity("1", 1, 1_000_000)]
-Component = Annotated[float, _Strict, Quantity("1", -1e300, 1e300)]
+AxialStiffness = Annotated[float, Quantity("N", 1e-3, 1e15)]
+Pressure = Annotated[float, Quantity("Pa", 1e-3, 1e18)]
+Density = Annotated[float, Quantity("kg/m^3", 1e-9, 1e9)]
+Mass = Annotated[float, Quantity("kg", 0.0, 1e12), Usual(0.05, 1e8)]
+Inertia = Annotated[float, Quantity("kg m^2", 0.0, 1e15)]
+Frequency = Annotated[float, Quantity("Hz", 1e-9, 1e12)]
+Speed = Annotated[float, Quantity("m/s", 1e-12, 1e9)]
+Time = Annotated[float, Quantity("s", 1e-12, 1e9)]
+Share = Annotated[float, Quantity("1", 0.0, 1e9)]
+Friction = Annotated[float, Quantity("1", 0.0, 1.0)]  # dry steel on steel has 0.8
+Positive = Annotated[float, Quantity("1", 1e-12, 1e18)]
+Count = Annotated[int, Quantity("1", 1, 1_000_000)]
+Component = Annotated[float, Quantity("1", -1e300, 1e300)]
 
 
 def _check_name(text: str) -> str:
@@ -363,34 +376,6 @@ def _annotations(parts: tuple[object, ...]) -> Iterator[Any]:
     for part in parts:
         yield part
         yield from _annotations((*getattr(part, "__metadata__", ()), *get_args(part)))
-
-
-def check_bounds(part: SceneTable) -> None:
-    """Raise an InputError for the first number of a table, or of the tables within it, that is out of its bounds."""
-    for key, value, quantity in _bounded_numbers(part, ""):
-        if not quantity.low <= value <= quantity.high:
-            unit = "" if quantity.unit == "1" else f", in {quantity.unit}"
-            allowed = f"a number from {quantity.low:g} to {quantity.high:g} is allowed{unit}"
-            raise InputError("scene", key, value, allowed)
-
-
-def _bounded_numbers(part: object, key: str, quantity: Quantity | None = None) -> Iterator[tuple[str, float, Quantity]]:
-    """Yield every number in a table and in the tables within it: its dotted key, its value, and its unit and bounds.
-
-    `key` and `quantity` belong to `part` itself.
-    """
-    if isinstance(part, (int, float)) and quantity is not None:
-        yield key, part, quantity
-    elif isinstance(part, (tuple, list)):
-        for i, entry in enumerate(part):
-            yield from _bounded_numbers(entry, f"{key}[{i}]", quantity)
-    elif isinstance(part, dict):
-        for name, entry in part.items():
-            yield from _bounded_numbers(entry, f"{key}.{name}", quantity)
-    elif isinstance(part, SceneTable):
-        for name in type(part).model_fields:
-            entry_key = f"{key}.{name}" if key else name
-            yield from _bounded_numbers(getattr(part, name), entry_key, quantity_of(type(part), name))
 
 
 #: Name of a body alone in a system, and name of the path on which its moving rows travel.

@@ -37,11 +37,9 @@ SimulatorName = Literal["march", "exudyn", "exudyn-multiplier", "exudyn-callback
 class TimeChoice(SceneTable):
     """Simulated time and steps of the generalized-alpha method (index 3, constant step)."""
 
-    end: Annotated[float, Field(gt=0.0, strict=True), Quantity("s", 1e-9, 1e9), Usual(1e-4, 4e3)] = Field(
-        description="Simulated time"
-    )
+    end: Annotated[float, Quantity("s", 1e-9, 1e9), Usual(1e-4, 4e3)] = Field(description="Simulated time")
     step: Annotated[Time, Usual(1e-9, 0.5)] = Field(description="Time step")
-    rho_inf: Annotated[float, Field(ge=0.0, le=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(
+    rho_inf: Annotated[float, Field(ge=0.0, le=1.0), Quantity("1", 0.0, 1.0)] = Field(
         default=0.9,
         description="Spectral radius of generalized-alpha at infinite frequency: 1 has no numerical damping",
     )
@@ -61,7 +59,7 @@ class Observe(SceneTable):
 
     start: Place | None = Field(default=None, description="First place along the axis")
     end: Place | None = Field(default=None, description="Last place along the axis")
-    count: Annotated[int, Field(ge=1, strict=True), Quantity("1", 1, 10_000)] = Field(
+    count: Annotated[int, Quantity("1", 1, 10_000)] = Field(
         default=29, description="Number of places, evenly spaced from start to end"
     )
     tip: Name = Field(
@@ -266,7 +264,7 @@ class Compare(SceneTable):
         description="Richer structural model with which the error of the scene's own one is measured; 'auto': by "
         "`pmr run` beside a shell that takes little time",
     )
-    model_tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0)] = Field(
+    model_tolerance: Annotated[float, Field(lt=1.0), Quantity("1", 1e-12, 1.0)] = Field(
         default=0.05,
         description="Allowed error of the structural model, by which body.model = 'auto' chooses; a run warns where "
         "its model or mesh is further off",
@@ -291,7 +289,7 @@ class Accuracy(_Target):
     the mesh is included; a second mesh measures it.  The search for a step begins at `time.step`.
     """
 
-    tolerance: Annotated[float, Field(gt=0.0, lt=1.0, strict=True), Quantity("1", 0.0, 1.0), Usual(0.0, 0.3)] = Field(
+    tolerance: Annotated[float, Field(lt=1.0), Quantity("1", 1e-12, 1.0), Usual(0.0, 0.3)] = Field(
         description="Allowed error as a fraction"
     )
 
@@ -304,10 +302,10 @@ class Budget(_Target):
     """
 
     coordinates: Count | None = Field(default=None, description="Largest number of coordinates")
-    microseconds_per_step: Annotated[float, Field(gt=0.0, strict=True), Quantity("us", 0.0, 1e9)] | None = Field(
+    microseconds_per_step: Annotated[float, Quantity("us", 1e-12, 1e9)] | None = Field(
         default=None, description="Longest computing time of a step"
     )
-    real_time: Annotated[float, Field(gt=0.0, strict=True), Quantity("1", 0.0, 1e12)] | None = Field(
+    real_time: Annotated[float, Quantity("1", 1e-12, 1e12)] | None = Field(
         default=None, description="Smallest ratio of simulated to computing time"
     )
 

@@ -66,7 +66,7 @@ class Material(SceneTable):
     """Isotropic and linear elastic material; structural steel by default."""
 
     young: Annotated[Pressure, Usual(1e6, 2e12)] = Field(default=210.0e9, description="Young's modulus E")
-    poisson: Annotated[float, Field(gt=-1.0, lt=0.5, strict=True), Quantity("1", -0.99, 0.4999)] = Field(
+    poisson: Annotated[float, Field(gt=-1.0, lt=0.5), Quantity("1", -0.99, 0.4999)] = Field(
         default=0.3, description="Poisson's ratio nu"
     )
     density: Annotated[Density, Usual(20.0, 25e3)] = Field(default=7850.0, description="Density rho")
@@ -97,14 +97,14 @@ class Damping(ShorthandTable):
         }
     )
 
-    mass: Annotated[float, Field(ge=0.0, strict=True), Quantity("1/s", 0.0, 1e9)] = Field(
+    mass: Annotated[float, Quantity("1/s", 0.0, 1e9)] = Field(
         default=0.0, description="Factor of the mass matrix M in D"
     )
-    stiffness: Annotated[float, Field(ge=0.0, strict=True), Quantity("s", 0.0, 1e6)] = Field(
+    stiffness: Annotated[float, Quantity("s", 0.0, 1e6)] = Field(
         default=0.0, description="Factor of the stiffness matrix K in D"
     )
 
-    ratio: Annotated[float, Field(ge=0.0, strict=True), Quantity("1", 0.0, 1e9), Usual(0.0, 0.3)] | None = Field(
+    ratio: Annotated[float, Quantity("1", 0.0, 1e9), Usual(0.0, 0.3)] | None = Field(
         default=None, exclude=True, description="Damping ratio at the two frequencies"
     )
     frequencies: tuple[Frequency, Frequency] | None = Field(
@@ -206,11 +206,11 @@ class MoverBody(SceneTable):
     """
 
     mass: Annotated[Mass, Usual(1e-12, 1e6)] = Field(description="Mass, on which loads act")
-    wheel_mass: Annotated[float, Field(ge=0.0, strict=True), Quantity("kg", 0.0, 1e12), Usual(0.0, 1e6)] = Field(
+    wheel_mass: Annotated[float, Quantity("kg", 0.0, 1e12), Usual(0.0, 1e6)] = Field(
         default=0.0, description="Mass of the wheel or axle; more than 0 with a stiffness"
     )
     stiffness: Stiffness | Literal["rigid"] = Field(default="rigid", description="Stiffness between mass and wheel")
-    damping: Annotated[float, Field(ge=0.0, strict=True), Quantity("N s/m", 0.0, 1e15), Usual(0.0, 1e9)] = Field(
+    damping: Annotated[float, Quantity("N s/m", 0.0, 1e15), Usual(0.0, 1e9)] = Field(
         default=0.0, description="Damper between mass and wheel, beside the stiffness"
     )
     length: Length = Field(default=1.0, description="Length along x by which the mover is drawn")
@@ -234,18 +234,17 @@ class Profile(SceneTable):
     """A straight planar beam by its stiffnesses, along x from 0 to `length`."""
 
     length: Length = Field(description="Length along x")
-    bending_stiffness: Annotated[
-        float, Field(gt=0.0, strict=True), Quantity("N m^2", 1e-15, 1e25), Usual(0.5, 3e8, "sag")
-    ] = Field(description="Bending stiffness E I")
-    mass_per_length: Annotated[float, Field(gt=0.0, strict=True), Quantity("kg/m", 1e-12, 1e12), Usual(1e-3, 1e5)] = (
-        Field(description="Mass per length rho A")
+    bending_stiffness: Annotated[float, Quantity("N m^2", 1e-15, 1e25), Usual(0.5, 3e8, "sag")] = Field(
+        description="Bending stiffness E I"
     )
-    axial_stiffness: (
-        Annotated[float, Field(gt=0.0, strict=True), Quantity("N", 1e-9, 1e25), Usual(4e4, 1e12, "mass per length")]
-        | None
-    ) = Field(default=None, description="Axial stiffness E A")
+    mass_per_length: Annotated[float, Quantity("kg/m", 1e-12, 1e12), Usual(1e-3, 1e5)] = Field(
+        description="Mass per length rho A"
+    )
+    axial_stiffness: Annotated[float, Quantity("N", 1e-9, 1e25), Usual(4e4, 1e12, "mass per length")] | None = Field(
+        default=None, description="Axial stiffness E A"
+    )
     axial: Switch = Field(default=False, description="Whether the beam has axial coordinates")
-    tension: Annotated[float, Field(ge=0.0, strict=True), Quantity("N", 0.0, 1e15), Usual(0.0, 1e12)] = Field(
+    tension: Annotated[float, Quantity("N", 0.0, 1e15), Usual(0.0, 1e12)] = Field(
         default=0.0, description="Axial tension, as of a wire between two supports, which resists its deflection"
     )
 
@@ -296,7 +295,7 @@ class BeamSection(SceneTable):
     torsion_constant: SecondMoment = Field(description="Torsion constant J")
     shear_area_y: Area | None = Field(default=None, description="Shear area kappa A for forces along y")
     shear_area_z: Area | None = Field(default=None, description="Shear area kappa A for forces along z")
-    product_of_inertia: Annotated[float, Field(strict=True), Quantity("m^4", -1e20, 1e20), Usual(0.0, 0.5)] = Field(
+    product_of_inertia: Annotated[float, Quantity("m^4", -1e20, 1e20), Usual(0.0, 0.5)] = Field(
         default=0.0, description="Product of inertia, the integral of y z; zero where y or z is an axis of symmetry"
     )
     centroid: Annotated[tuple[Place, Place], Usual(0.0, 5.0)] = Field(
