@@ -29,14 +29,14 @@ from pmr.files.whole import FULL, NotWrittenError
 
 def scene_schema() -> str:
     """Return the JSON schema of a scene file as text."""
-    from pmr.scene.hints import scene_file_schema
+    from pmr.scene.files import scene_file_schema
 
     return json.dumps(scene_file_schema(), indent=1) + "\n"
 
 
 def study_schema(*kinds: str) -> str:
     """Return as text the JSON schema of a study file of the given kinds; without kinds, that of all kinds."""
-    from pmr.scene.hints import union_schema
+    from pmr.scene.files import union_schema
     from pmr.studies.call import schemas
 
     schemas_by_kind = schemas()
@@ -67,7 +67,7 @@ def schema(
         pmr schema frame.cylinder
     """
     from pmr.cli.key_reference import describe_key
-    from pmr.scene.hints import scene_form_schemas
+    from pmr.scene.files import scene_form_schemas
     from pmr.studies.call import kind_names, schemas
 
     makers: dict[str, Callable[[], str]] = {"scene": scene_schema, "study": study_schema}

@@ -16,10 +16,10 @@ from pmr.results.response import LUFFING_ANGLE, Extremes
 from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.cylinder import Oil
+from pmr.scene.drive_checks import misplaced_supports
 from pmr.scene.frame_checks import distance_along
 from pmr.scene.hoist import HEIGHT, KEYS, KINDS, Hoist
 from pmr.scene.keys import LUFFING_CYLINDER
-from pmr.scene.luffing_checks import misplaced_supports
 from pmr.scene.mechanism import CYLINDER, NEAR, PinAndCylinder, pin_and_cylinder, supports_at_lug
 from pmr.simulation.frame_motion import ComputedMotion
 from pmr.simulation.native.extension import ACCELERATION, CYLINDER_UNITS, STOP, column_name

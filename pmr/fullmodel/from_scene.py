@@ -21,8 +21,7 @@ from pmr.models import StructuralModel
 from pmr.models.box_mesh import DIMENSIONS, BoxBoom, write_shell, write_solid
 from pmr.models.matrices import Matrices
 from pmr.models.mesh_drawing import NotDrawnError
-from pmr.models.mesh_faces import add_faces
-from pmr.models.named_mesh import NamedMesh, read_mesh
+from pmr.models.named_mesh import NamedMesh, add_faces, read_mesh
 from pmr.scene.built import Load, PadRing
 from pmr.scene.choice import (
     axis_loads,

@@ -34,7 +34,6 @@ import ufl
 
 from pmr.fem.compat import cellwise, lagrange_rule, lagrange_space, rule_points
 from pmr.models import Forms, UnitState
-from pmr.models.mesh_faces import skin
 from pmr.models.meshed import (
     FACES,
     CellProperties,
@@ -45,7 +44,7 @@ from pmr.models.meshed import (
     outward_signs,
     region_properties,
 )
-from pmr.models.named_mesh import NamedMesh
+from pmr.models.named_mesh import NamedMesh, skin
 from pmr.results.field_stress import SPATIAL, StressRows
 from pmr.scene import Body
 from pmr.scene.structures import SolidBody

@@ -43,7 +43,7 @@ from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
 from pmr.results.quantities import QUANTITIES, stress_name, stress_remark, wall_stress, wall_stress_on_short_cells
 from pmr.results.response import Extremes
-from pmr.scene.left_out import left_out
+from pmr.scene.hints import left_out
 
 Rows = Iterator[tuple[str, str]]
 
@@ -66,7 +66,7 @@ def first_page_tables(result: RunResult) -> tuple[Table, ...]:
 
 
 def _left_out_rows(result: RunResult) -> Rows:
-    """Yield a row for each subject with what the scene's model leaves out (`pmr.scene.left_out`)."""
+    """Yield a row for each subject with what the scene's model leaves out (`pmr.scene.hints`)."""
     rows, recovery = left_out(result.scene), result.scene.recovery
     if recovery is not None and "reduced" in result.summary.get("max_von_mises", {}):
         rows["strength"] += f", stresses between times {format_input(recovery.every, 's')} apart (recovery.every)"

@@ -3,7 +3,7 @@
 Each check raises an InputError for the first key that contradicts another key.  The file of the error is ``"scene"``,
 for which the reader of the scene puts the name of the file.  Checks of a single table are in its validators, checks of
 one body in `pmr.scene.structure_checks`, of neighbouring sections in `pmr.scene.joint_checks`, of a moving frame in
-`pmr.scene.frame_checks`, and of a free extension in `pmr.scene.extension_checks`.
+`pmr.scene.frame_checks`, and of a free extension in `pmr.scene.drive_checks`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pmr.scene.choice import REFERENCE, SimulatorNeeds, fewest_rows, is_pinned_beam, refuse_unsupported
-from pmr.scene.extension_checks import check_free_extension
+from pmr.scene.drive_checks import check_free_extension
 from pmr.scene.frame_checks import check_exclusions, check_frame, check_hoist, check_wind
 from pmr.scene.joint_checks import check_joints, check_section
 from pmr.scene.joints import JointPads

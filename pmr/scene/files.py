@@ -1,4 +1,4 @@
-"""Reading of scene files: validation, keys without effect, and keys of earlier versions.
+"""Reading of scene files: validation, keys without effect, and keys of earlier versions; JSON schemas for editors.
 
 A scene file with a key of an earlier version is refused; the error names the key's new name or what replaces it.  A
 scene in saved results or in a saved model was valid for the version that wrote it: keys that no longer exist are left
@@ -6,6 +6,10 @@ out.
 
 Keys that a scene file sets and that have no effect on the scene are refused too, because whoever sets a key expects an
 effect.
+
+The schemas are those of pydantic, extended by what files may contain besides: a file that `extends` another one may
+leave out keys, a number stands for a constant signal, and entries of lists may be changed by their names.  The dialect
+is JSON Schema's draft 7, which editors of TOML know.
 """
 
 from __future__ import annotations
@@ -16,12 +20,14 @@ from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
 from pmr.errors import InputError
 from pmr.scene.checks import check_scene
 from pmr.scene.choice import has_axial_motion, has_giving_walls, is_planar, model_of, observed_places, traits_of
+from pmr.scene.keys import Schema
 from pmr.scene.members import Member, member_at, members
 from pmr.scene.model_traits import CELLS
 from pmr.scene.scene import BodyFile, Scene
@@ -291,3 +297,81 @@ def _checked_scene(file: TomlFile) -> Scene:
         error = error.with_key(scene.file_key(error.key))
         raise error.with_source(file.origin(error.key)) from None
     return scene
+
+
+DRAFT = "http://json-schema.org/draft-07/schema#"
+EXTENDS = {
+    "type": "string",
+    "description": "File that this one changes: a path relative to it, or the name of one that comes with pmr",
+}
+#: Suffix of the names of schemas of tables that need not be complete.
+IN_PART = ", in part"
+
+
+def scene_form_schemas() -> list[Schema]:
+    """Return the schemas of the two forms of a scene file: with a body at the top, and with a list of sections."""
+    return [BodyFile.model_json_schema(), Scene.model_json_schema(mode="validation")]
+
+
+def scene_file_schema() -> Schema:
+    """Return the schema of a scene file with one body or with several sections."""
+    body, several = scene_form_schemas()
+    section = {"$ref": f"#/$defs/BoomSection{IN_PART}"}  # the table of keys that sections share
+    about = several["properties"]["section"]["description"]
+    several["properties"]["section"] = {"allOf": [section], "description": about}
+    several["properties"]["sections"]["items"] = {"allOf": [section, {"required": ["name"]}]}
+    return union_schema([body, several], "Scene of pmr")
+
+
+def union_schema(schemas: Sequence[Schema], title: str) -> Schema:
+    """Return the schema, with a title, of files that fit any one of `schemas`.
+
+    Tables with the same name are equal in all of these.
+    """
+    parts: Schema = {}
+    complete, extending = [], []
+    for schema in schemas:
+        spelled_schema = _in_draft_7(schema)
+        parts |= spelled_schema.pop("$defs", {})
+        changed = _without_required_keys(spelled_schema)
+        changed["properties"]["extends"] = EXTENDS
+        complete.append(spelled_schema)
+        extending.append(changed | {"required": ["extends"]})
+    parts |= {f"{name}{IN_PART}": _without_required_keys(part) for name, part in parts.items()}
+    return {"$schema": DRAFT, "title": title, "$defs": parts, "anyOf": [*complete, *extending]}
+
+
+def _in_draft_7(node: object) -> Any:
+    """Return a node of a pydantic schema in draft 7, with units in descriptions, and numbers allowed as signals."""
+    if isinstance(node, list):
+        return [_in_draft_7(entry) for entry in node]
+    if not isinstance(node, dict):
+        return node
+    spelled_node = {key: _in_draft_7(value) for key, value in node.items() if key != "discriminator"}
+    if "prefixItems" in spelled_node:
+        spelled_node["items"] = spelled_node.pop("prefixItems")
+    if "constant" in node.get("discriminator", {}).get("mapping", {}):
+        spelled_node["anyOf"] = [{"type": "number"}, {"oneOf": spelled_node.pop("oneOf")}]
+    if isinstance(node.get("description"), str) and isinstance(node.get("unit"), str) and node["unit"] != "1":
+        spelled_node["description"] += f", in {node['unit']}"
+    return spelled_node
+
+
+def _without_required_keys(node: object) -> Any:
+    """Return a node of a schema in which no key is required and tables may change single entries of lists of tables."""
+    if isinstance(node, list):
+        return [_without_required_keys(entry) for entry in node]
+    if not isinstance(node, dict):
+        return node
+    part = {key: _without_required_keys(value) for key, value in node.items()}
+    if isinstance(part.get("required"), list):
+        del part["required"]
+    if isinstance(node.get("$ref"), str) and not node["$ref"].endswith(IN_PART):
+        part["$ref"] = f"{node['$ref']}{IN_PART}"
+    if isinstance(node.get("oneOf"), list):
+        part["anyOf"] = part.pop("oneOf")
+    if node.get("type") == "array" and "$ref" in str(node.get("items")):
+        about = {key: part.pop(key) for key in ("description", "default", "title") if key in part}
+        entries = {"type": "object", "additionalProperties": part["items"]}
+        part = {**about, "anyOf": [part, entries]}
+    return part

@@ -2,7 +2,7 @@
 
 `EXCLUSIONS` lists parts of a scene that do not go together.  The other checks refuse angles that jump, and
 whatever the motion of the frame or its terms of second order do not cover.  Places of head and winch of a hoist on the
-boom stand here too.  Checks of the luffing cylinder are in `pmr.scene.luffing_checks`.
+boom stand here too.  Checks of the luffing cylinder are in `pmr.scene.drive_checks`.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from pmr.files.arrays import Array
 from pmr.scene.built import Gravity
 from pmr.scene.choice import has_axial_motion, input_directions, is_planar, model_of, traits_of
+from pmr.scene.drive_checks import FREE, check_luffing
 from pmr.scene.frame import Frame, Machine
 from pmr.scene.joints import JointPads
-from pmr.scene.luffing_checks import FREE, check_luffing
 from pmr.scene.members import member_at, members
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase, Table

@@ -1,32 +1,27 @@
-"""Hints at unusual numbers of a scene, and JSON schemas of scene and study files for editors.
+"""Hints at unusual numbers of a scene, and what its model leaves out, in words for a run's first page and load charts.
 
 The usual range of a key is declared on its field (`pmr.scene.keys.Usual`): a range of magnitudes, in the key's unit or
 in multiples of a scale, such as the length of the section.  A table may add scales (`hint_scales`), and numbers that
 are not fields of it (`hint_numbers`).  Hints refuse nothing: a number may be possible and yet be in another unit.
-
-The schemas are those of pydantic, extended by what files may contain besides: a file that `extends` another one may
-leave out keys, a number stands for a constant signal, and entries of lists may be changed by their names.  The dialect
-is JSON Schema's draft 7, which editors of TOML know.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from pydantic import BaseModel
 
-from pmr.scene.built import GRAVITY
-from pmr.scene.choice import traits_of
+from pmr.scene.built import GRAVITY, Load
+from pmr.scene.choice import has_walls_that_could_give, traits_of
 from pmr.scene.joints import BoomSection
-from pmr.scene.keys import Hinted, Schema, Usual, quantity_of, usual_ranges
-from pmr.scene.left_out import hung_force_remark
+from pmr.scene.keys import Hinted, Usual, qualified_name, quantity_of, usual_ranges
 from pmr.scene.members import members
-from pmr.scene.scene import BodyFile, Scene
+from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase
+from pmr.scene.structures import PointMass
 
 Scales = Mapping[str, float]
 
@@ -231,79 +226,143 @@ def _mass(part: BoomSection) -> float:
     return body.material.density * volume
 
 
-DRAFT = "http://json-schema.org/draft-07/schema#"
-EXTENDS = {
-    "type": "string",
-    "description": "File that this one changes: a path relative to it, or the name of one that comes with pmr",
-}
-#: Suffix of the names of schemas of tables that need not be complete.
-IN_PART = ", in part"
+#: Least share of a hung load's mass that point masses at its place must have, so that the load counts as having a mass.
+HAS_MASS = 0.5
 
 
-def scene_form_schemas() -> list[Schema]:
-    """Return the schemas of the two forms of a scene file: with a body at the top, and with a list of sections."""
-    return [BodyFile.model_json_schema(), Scene.model_json_schema(mode="validation")]
+def left_out(scene: Scene, at_rest: bool = False) -> dict[str, str]:
+    """Return effects that the model of a scene does not contain, as clauses by subject.
 
-
-def scene_file_schema() -> Schema:
-    """Return the schema of a scene file with one body or with several sections."""
-    body, several = scene_form_schemas()
-    section = {"$ref": f"#/$defs/BoomSection{IN_PART}"}  # the table of keys that sections share
-    about = several["properties"]["section"]["description"]
-    several["properties"]["section"] = {"allOf": [section], "description": about}
-    several["properties"]["sections"]["items"] = {"allOf": [section, {"required": ["name"]}]}
-    return union_schema([body, several], "Scene of pmr")
-
-
-def union_schema(schemas: Sequence[Schema], title: str) -> Schema:
-    """Return the schema, with a title, of files that fit any one of `schemas`.
-
-    Tables with the same name are equal in all of these.
+    The list follows from the scene: what has a key of its own, such as wind or friction, is named only where the scene
+    does not use it.  A model `at_rest`, as that of a load chart, has neither friction nor fatigue.
     """
-    parts: Schema = {}
-    complete, extending = [], []
-    for schema in schemas:
-        spelled_schema = _in_draft_7(schema)
-        parts |= spelled_schema.pop("$defs", {})
-        changed = _without_required_keys(spelled_schema)
-        changed["properties"]["extends"] = EXTENDS
-        complete.append(spelled_schema)
-        extending.append(changed | {"required": ["extends"]})
-    parts |= {f"{name}{IN_PART}": _without_required_keys(part) for name, part in parts.items()}
-    return {"$schema": DRAFT, "title": title, "$defs": parts, "anyOf": [*complete, *extending]}
+    clauses = {
+        "strength": _strength(scene, at_rest),
+        "walls": _walls(scene),
+        "pads": _pads(scene, at_rest),
+        "masses": _masses(scene),
+        "loads": _loads(scene),
+        "machine": _machine(scene),
+    }
+    return {subject: ", ".join(parts) for subject, parts in clauses.items() if parts}
 
 
-def _in_draft_7(node: object) -> Any:
-    """Return a node of a pydantic schema in draft 7, with units in descriptions, and numbers allowed as signals."""
-    if isinstance(node, list):
-        return [_in_draft_7(entry) for entry in node]
-    if not isinstance(node, dict):
-        return node
-    spelled_node = {key: _in_draft_7(value) for key, value in node.items() if key != "discriminator"}
-    if "prefixItems" in spelled_node:
-        spelled_node["items"] = spelled_node.pop("prefixItems")
-    if "constant" in node.get("discriminator", {}).get("mapping", {}):
-        spelled_node["anyOf"] = [{"type": "number"}, {"oneOf": spelled_node.pop("oneOf")}]
-    if isinstance(node.get("description"), str) and isinstance(node.get("unit"), str) and node["unit"] != "1":
-        spelled_node["description"] += f", in {node['unit']}"
-    return spelled_node
+def hung_forces(scene: Scene) -> dict[str, float]:
+    """Return the mass in kg that would weigh as much as each force, by load name, that only pulls the tip down.
+
+    These are forces on the last section along the vertical whose largest pull during the run counts.  The result is
+    empty without gravity, and if the masses at the tip are at least the share `HAS_MASS` of the sum.
+    """
+    part = scene.sections[-1]
+    gravity = scene.gravity.acceleration if scene.gravity is not None else 0.0
+    at_tip = sum(mass.mass for mass in part.masses if mass.on == "tip")
+    hung = {
+        qualified_name(part.name, load.name): -load.signal.bounds(0.0, scene.time.end)[0] / gravity
+        for load in part.loads
+        if gravity and is_hung(load, scene)
+    }
+    return hung if at_tip < HAS_MASS * sum(hung.values()) else {}
 
 
-def _without_required_keys(node: object) -> Any:
-    """Return a node of a schema in which no key is required and tables may change single entries of lists of tables."""
-    if isinstance(node, list):
-        return [_without_required_keys(entry) for entry in node]
-    if not isinstance(node, dict):
-        return node
-    part = {key: _without_required_keys(value) for key, value in node.items()}
-    if isinstance(part.get("required"), list):
-        del part["required"]
-    if isinstance(node.get("$ref"), str) and not node["$ref"].endswith(IN_PART):
-        part["$ref"] = f"{node['$ref']}{IN_PART}"
-    if isinstance(node.get("oneOf"), list):
-        part["anyOf"] = part.pop("oneOf")
-    if node.get("type") == "array" and "$ref" in str(node.get("items")):
-        about = {key: part.pop(key) for key in ("description", "default", "title") if key in part}
-        entries = {"type": "object", "additionalProperties": part["items"]}
-        part = {**about, "anyOf": [part, entries]}
-    return part
+def is_hung(load: Load, scene: Scene) -> bool:
+    """Return whether a load is a force that pulls the tip of a section down in space, and never up."""
+    low, high = load.signal.bounds(0.0, scene.time.end)
+    is_down = (load.acts, load.axes, load.direction, load.on) == ("force", "ground", "z", "tip")
+    return is_down and low < 0.0 >= high
+
+
+def hung_force_remark(scene: Scene) -> str:
+    """Return a sentence that names the forces of `hung_forces`; empty if there are none."""
+    hung = hung_forces(scene)
+    names = " and ".join(f"{name} ({mass:.4g} kg)" for name, mass in hung.items())
+    are, its = ("are forces", "their") if len(hung) > 1 else ("is a force", "its")
+    return (
+        f"{names} {are} without mass: frequencies, accelerations and the forces that they cause lack {its} inertia; "
+        "[[masses]] with payload = true, or [hoist], has it"
+        if hung
+        else ""
+    )
+
+
+def _strength(scene: Scene, at_rest: bool) -> list[str]:
+    """Effects on strength that no stress contains; with `at_rest`, fatigue is always among them.
+
+    The list is empty if no section has a cross-section.
+    """
+    if all(part.body.profile is not None or part.body.mover is not None for part in scene.sections):
+        return []  # lines without a section, which have no stress
+    clauses, boxes = list[str](), [member for member in members(scene) if member.part.body.box is not None]
+    if any(traits_of(member).is_beam and member.pads for member in boxes):
+        clauses.append("local bending of walls under pads in the stress of beams")
+    if boxes:
+        clauses.append("buckling of plates")
+    clauses += ["how loads enter walls at lugs, hinges and the head"] if boxes else []
+    clauses += ["welds, bolts and cut-outs", "plastic deformation"]
+    return clauses if scene.fatigue is not None and not at_rest else [*clauses, "fatigue"]
+
+
+def _walls(scene: Scene) -> list[str]:
+    """What stiff walls of beams leave out of the motion, if pads press on them."""
+    if not any(has_walls_that_could_give(member) and member.pads for member in members(scene)):
+        return []
+    return [
+        "compliance of walls under pads, so that deflections are too small, frequencies too high and forces of pads "
+        "off: body.walls = 'give' adds it"
+    ]
+
+
+def _pads(scene: Scene, at_rest: bool) -> list[str]:
+    """Effects in pads that the scene does not use; with `at_rest`, friction is always among them.
+
+    The list is empty if there are no pads.
+    """
+    rings = [ring for part in scene.sections for ring in part.rings]
+    if not rings:
+        return []
+    clauses = [] if not at_rest and any(getattr(ring, "friction", 0.0) for ring in rings) else ["friction"]
+    gaps = [ring.clearance.values() if isinstance(ring.clearance, dict) else [ring.clearance] for ring in rings]
+    if not any(gap for of_ring in gaps for gap in of_ring):
+        clauses.append("play, which at side pads changes the stress in walls")
+    return [*clauses, "wear", "spread of the pressure under a pad"]
+
+
+def _masses(scene: Scene) -> list[str]:
+    """Parts of a boom of boxes that have no mass in the model, unless the scene names a mass for them."""
+    if not any(part.body.box for part in scene.sections):
+        return []
+    joined = any(part.joint is not None and part.joint.cylinder is not None for part in scene.sections)
+    cylinders = ["cylinders"] if joined or scene.frame is not None and scene.frame.cylinder is not None else []
+    return [*cylinders, "stiffeners, pads, hoses and fittings, unless [[masses]] has them: walls alone have weight"]
+
+
+def _loads(scene: Scene) -> list[str]:
+    """Loads and their dynamic effects that the scene does not have.
+
+    The list is empty for a scene without a frame whose sections are no boxes.
+    """
+    loads = [load for part in scene.sections for load in part.loads]
+    masses: list[PointMass] = [mass for part in scene.sections for mass in part.masses]
+    if scene.frame is None and not any(part.body.box for part in scene.sections):
+        return []
+    acting = {load.acts for load in loads}
+    clauses = [] if "wind" in acting else ["wind on the sections"]
+    clauses += [] if "temperature" in acting else ["temperature"]
+    if any(mass.payload for mass in masses):
+        clauses.append("swing of the payload, which is fixed to the tip, and its rope")
+    return clauses
+
+
+def _machine(scene: Scene) -> list[str]:
+    """Parts of the machine that the model holds rigid or leaves out; empty for a single body without a frame."""
+    frame = scene.frame
+    if frame is None and len(scene.sections) == 1:
+        return []
+    clauses = ["play in hinges"]
+    if frame is not None and frame.machine is None:
+        stands = frame.ground is not None
+        clauses.append("ground and chassis that give way" if stands else "what the machine stands on, and its tipping")
+    if frame is None or frame.cylinder is None or frame.cylinder.oil is None:
+        clauses.append("oil and valves: drives follow the given motion")
+    else:
+        clauses.append("relief valves and dry friction of the cylinder on oil")
+    return [*clauses, "buckling of cylinders"]

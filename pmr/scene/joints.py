@@ -16,7 +16,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from pmr.errors import LONGEST_NAME
 from pmr.scene import run_settings
 from pmr.scene.built import ENDS, Body, Face, Load, MeshChoice, PadRing, Slider, Support, clearance_on
-from pmr.scene.extension import FreeExtension
+from pmr.scene.cylinder import FreeExtension
 from pmr.scene.keys import (
     OVER_TIME,
     AxialStiffness,

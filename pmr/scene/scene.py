@@ -19,8 +19,7 @@ from pmr.errors import InputError
 from pmr.files.arrays import Indices
 from pmr.scene import run_settings
 from pmr.scene.built import WEIGHT, Body, Gravity, Load, MeshChoice, PadRing, Slider, Support
-from pmr.scene.cylinder import LuffingCylinder
-from pmr.scene.extension import FreeExtension
+from pmr.scene.cylinder import FreeExtension, LuffingCylinder
 from pmr.scene.frame import Frame
 from pmr.scene.hoist import Hoist
 from pmr.scene.joints import BoomSection, Joint, OneBody, ScaledSignal

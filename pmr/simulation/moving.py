@@ -24,7 +24,7 @@ from pmr.kernel.further import ANGLES, AXES, ComputedData
 from pmr.scene import Scene
 from pmr.scene.built import Gravity
 from pmr.scene.checks import MOST_STEPS
-from pmr.scene.extension import FirstExtension
+from pmr.scene.cylinder import FirstExtension
 from pmr.scene.files import stored_scene
 from pmr.scene.hoist import ROPE
 from pmr.scene.keys import LUFFING, RECORDED, input_name

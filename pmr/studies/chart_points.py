@@ -21,8 +21,8 @@ from pmr.results.quantities import von_mises_stress
 from pmr.results.run import SummaryPart, grave_warnings
 from pmr.scene import Scene
 from pmr.scene.built import force_name
+from pmr.scene.hints import is_hung
 from pmr.scene.keys import SceneTable, Usual
-from pmr.scene.left_out import is_hung
 from pmr.simulation.statics.loaded import LoadedState, LoadedStates
 from pmr.simulation.statics.postures import HOOK, DeflectionOutputs, PostureMatrices
 from pmr.simulation.statics.swings import DecelerationLoads, stopping_swing

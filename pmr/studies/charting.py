@@ -18,7 +18,7 @@ from pmr.files.arrays import Array, Summary
 from pmr.results.quantities import stress_remark
 from pmr.scene import Scene
 from pmr.scene.choice import has_walls_that_could_give
-from pmr.scene.left_out import left_out
+from pmr.scene.hints import left_out
 from pmr.scene.members import members
 from pmr.simulation.statics.postures import HOOK, MACHINE_WEIGHT, WEIGHT, DeflectionOutputs, PostureMatrices
 from pmr.simulation.statics.swings import Rope, lift_off

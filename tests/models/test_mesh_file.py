@@ -18,9 +18,8 @@ from pmr.files.decks import read_deck
 from pmr.fullmodel.build import warnings
 from pmr.fullmodel.from_scene import structure_of
 from pmr.models import StructuralModel
-from pmr.models.mesh_faces import add_faces
 from pmr.models.mesh_file import read_mesh_file
-from pmr.models.named_mesh import read_mesh
+from pmr.models.named_mesh import add_faces, read_mesh
 from pmr.models.trace import Window
 from pmr.scene.built import FaceNormal
 from pmr.scene.members import members

@@ -8,8 +8,7 @@ from pmr import InputError
 from pmr import scene as scenes
 from pmr.cli.app import TEMPLATES
 from pmr.scene.choice import observed_places
-from pmr.scene.hints import hints
-from pmr.scene.left_out import left_out
+from pmr.scene.hints import hints, left_out
 from pmr.scene.members import member_at
 
 CRANE = Path(str(TEMPLATES / "crane.toml"))

@@ -26,9 +26,8 @@ from pmr.kernel.kernel import Kernel, Signals
 from pmr.kernel.machine import CYLINDER_COLUMNS, cylinder_numbers
 from pmr.kernel.state import Record, Settings, State, StepError
 from pmr.scene import Scene
-from pmr.scene.cylinder import LuffingCylinder, Oil
-from pmr.scene.extension import FreeExtension
-from pmr.scene.extension_checks import moved_sections
+from pmr.scene.cylinder import FreeExtension, LuffingCylinder, Oil
+from pmr.scene.drive_checks import moved_sections
 from pmr.scene.frame import INERTIA
 from pmr.scene.keys import cylinder_name
 from pmr.scene.signals import SignalBase
