@@ -17,7 +17,7 @@ from pmr.scene.joint_checks import check_joints, check_section
 from pmr.scene.joints import JointPads
 from pmr.scene.members import member_at
 from pmr.scene.scene import Scene
-from pmr.scene.structure_checks import describe_jump, scene_error
+from pmr.scene.structure_checks import describe_jump, refuse, scene_error
 from pmr.scene.structures import Damping
 
 MOST_STEPS = 1_000_000
@@ -89,9 +89,8 @@ def _check_computed_motions(scene: Scene) -> None:
 def _check_fatigue(scene: Scene) -> None:
     """Refuse fatigue without a probe that measures stress."""
     measured = [measure for part in scene.sections for probe in part.probes for measure in probe.measures]
-    if scene.fatigue is not None and "stress" not in measured:
-        allowed = "a probe with measures = ['stress'] is needed: damage is that of its stresses"
-        raise scene_error("fatigue", None, allowed)
+    allowed = "a probe with measures = ['stress'] is needed: damage is that of its stresses"
+    refuse(scene.fatigue is not None and "stress" not in measured, "fatigue", None, allowed)
 
 
 def check_time(scene: Scene) -> None:
@@ -110,18 +109,16 @@ def check_time(scene: Scene) -> None:
 def _check_reduction(scene: Scene) -> None:
     """Refuse contradictory settings of the reduction, and fewer coordinates than constraint rows."""
     choice = scene.reduction
-    if choice.basis == "paper" and choice.flexibility:
-        allowed = "'eigenmodes' or 'free_modes' is allowed with flexibility: supports then need no coordinates"
-        raise scene_error("reduction.basis", choice.basis, allowed)
+    allowed = "'eigenmodes' or 'free_modes' is allowed with flexibility: supports then need no coordinates"
+    refuse(choice.basis == "paper" and choice.flexibility, "reduction.basis", choice.basis, allowed)
     if (choice.basis == "file") != (choice.file is not None):
         raise scene_error("reduction.file", choice.file and str(choice.file), "a file is allowed with basis = 'file'")
     if choice.ports and (choice.basis != "free_modes" or not choice.flexibility):
         allowed = "free modes with flexibility are allowed to have ports"
         raise scene_error("reduction.ports", list(choice.ports), allowed)
     if choice.uses_pod:
-        if scene.only_section.slider is None:
-            allowed = "'free_modes' is allowed for a body that does not slide, as this basis is made along a path"
-            raise scene_error("reduction.basis", choice.basis, allowed)
+        allowed = "'free_modes' is allowed for a body that does not slide, as this basis is made along a path"
+        refuse(scene.only_section.slider is None, "reduction.basis", choice.basis, allowed)
         _check_pod(scene)
     rows, points = fewest_rows(member_at(scene)), len(scene.points)
     if not choice.flexibility and choice.coordinates < rows:
@@ -137,9 +134,8 @@ def _check_pod(scene: Scene) -> None:
     """
     choice = scene.reduction
     pool = choice.snapshots * choice.modes
-    if choice.coordinates > pool:
-        allowed = f"at most snapshots * modes = {pool} are allowed"
-        raise scene_error("reduction.coordinates", choice.coordinates, allowed)
+    allowed = f"at most snapshots * modes = {pool} are allowed"
+    refuse(choice.coordinates > pool, "reduction.coordinates", choice.coordinates, allowed)
     if isinstance(choice.positions, str):
         return
     if len(choice.positions) != choice.snapshots:
@@ -156,8 +152,7 @@ def _check_frequency_response(scene: Scene) -> None:
         if not part.observe.frequency_response:
             continue
         key = scene.section_key(number, "observe.frequency_response")
-        if number < len(scene.sections) - 1:
-            raise scene_error(key, True, f"false is allowed: the tip is that of {scene.names[-1]}")
+        refuse(number < len(scene.sections) - 1, key, True, f"false is allowed: the tip is that of {scene.names[-1]}")
         if any(ring.unilateral for ring in rings):
             raise scene_error(key, True, "true is allowed with pads that hold both ways: some only push")
         if any(ring.friction for ring in rings if isinstance(ring, JointPads)):

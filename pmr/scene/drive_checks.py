@@ -14,7 +14,7 @@ from pmr.scene.keys import LUFFING
 from pmr.scene.mechanism import NEAR, supports_at_lug
 from pmr.scene.members import member_at, members
 from pmr.scene.scene import Scene
-from pmr.scene.structure_checks import scene_error
+from pmr.scene.structure_checks import refuse, scene_error
 
 #: Key and value of a luffing angle that is computed, for messages.
 FREE = "frame.luffing = 'free'"
@@ -81,17 +81,15 @@ def _check_drive(scene: Scene, frame: Frame) -> None:
     cylinder = frame.cylinder
     if frame.luffing != "free":
         for key in ("luffing_start", "luffing_rate"):
-            if getattr(frame, key):
-                raise scene_error(f"frame.{key}", getattr(frame, key), f"{FREE} is needed with it")
+            refuse(getattr(frame, key), f"frame.{key}", getattr(frame, key), f"{FREE} is needed with it")
         keys = () if cylinder is None else (*cylinder.drives, *(k for k in ("damping",) if cylinder.damping))
         if keys:
             raise scene_error(f"frame.cylinder.{keys[0]}", None, f"{FREE} is needed with it: the angle is prescribed")
         return
     if cylinder is None:
         return
-    if not cylinder.drives:
-        allowed = f"force, length or oil is needed beside {FREE}; without frame.cylinder the boom swings by itself"
-        raise scene_error("frame.cylinder", None, allowed)
+    allowed = f"force, length or oil is needed beside {FREE}; without frame.cylinder the boom swings by itself"
+    refuse(not cylinder.drives, "frame.cylinder", None, allowed)
     if (opening := cylinder.worst_opening(scene.time.end)) is not None:
         raise scene_error("frame.cylinder.oil.valve.opening", opening, "openings from -1 to 1 are allowed")
     length = float(cylinder.length_and_arm(frame.angles.luffing.value(np.zeros(1))).length[0])
@@ -137,14 +135,12 @@ def _check_holding_cylinder(scene: Scene, frame: Frame) -> None:
     if not base.has_joint or not traits_of(base).is_beam:
         allowed = "a boom of several sections whose base is a beam is allowed with it: body.model = 'beam3d' in the "
         raise scene_error(key, None, f"{allowed}section {scene.names[0]!r} makes it one; the others may be shells")
-    if frame.luffing is None:
-        raise scene_error("frame.luffing", None, f"the angle that the boom is raised by is needed with {key}")
+    refuse(frame.luffing is None, "frame.luffing", None, f"the angle that the boom is raised by is needed with {key}")
     if LUFFING in scene.names:
         raise scene_error("sections.name", LUFFING, f"other names are allowed beside {key}: a path has this one")
     at = frame.cylinder.lug[0] - frame.tail_position[0]
-    if not 0.0 <= at <= base.part.length:
-        allowed = "with a stiffness, a place on the base is allowed"
-        raise scene_error("frame.cylinder.lug", frame.cylinder.lug[0], allowed)
+    allowed = "with a stiffness, a place on the base is allowed"
+    refuse(not 0.0 <= at <= base.part.length, "frame.cylinder.lug", frame.cylinder.lug[0], allowed)
     clamped = any("ry" in support.held_directions for support in base.part.supports)
     for k, support in enumerate(base.part.supports if not clamped else ()):
         place = base.part.position_of(support.on)
@@ -169,17 +165,13 @@ def check_free_extension(scene: Scene) -> None:
     for number, extension in scene.free_extensions.items():
         free = f"the free extension of {scene.names[number]}"
         key = f"sections[{number}].joint"
-        if number != min(scene.free_extensions):
-            raise scene_error(f"{key}.extension.kind", "free", "one free extension is allowed")
+        refuse(number != min(scene.free_extensions), f"{key}.extension.kind", "free", "one free extension is allowed")
         if scene.frame is None:
-            allowed = f"a table is needed beside {free}: luffing = 0 is a level boom"
-            raise scene_error("frame", None, allowed)
-        if scene.frame.second_order is not False:
-            allowed = f"false is allowed beside {free}: what a boom shortens by bending is not in its equation"
-            raise scene_error("frame.second_order", scene.frame.second_order, allowed)
-        if scene.start != "equilibrium":
-            allowed = f"'equilibrium' is allowed beside {free}, which its cylinder holds then"
-            raise scene_error("start", scene.start, allowed)
+            raise scene_error("frame", None, f"a table is needed beside {free}: luffing = 0 is a level boom")
+        allowed = f"false is allowed beside {free}: what a boom shortens by bending is not in its equation"
+        refuse(scene.frame.second_order is not False, "frame.second_order", scene.frame.second_order, allowed)
+        allowed = f"'equilibrium' is allowed beside {free}, which its cylinder holds then"
+        refuse(scene.start != "equilibrium", "start", scene.start, allowed)
         if (opening := extension.worst_opening(scene.time.end)) is not None:
             raise scene_error(f"{key}.extension.oil.valve.opening", opening, "openings from -1 to 1 are allowed")
         _check_moved_sections(scene, number, free)
@@ -207,9 +199,7 @@ def _check_moved_sections(scene: Scene, number: int, free: str) -> None:
         joint, key = scene.joint(k), f"sections[{k}].joint"
         if joint.rope is not None:
             raise scene_error(f"{key}.rope", None, f"none is allowed beside {free}: its cylinder moves the section")
-        if joint.cylinder.stiffness != "rigid":
-            allowed = f"'rigid' is allowed beside {free}: oil or a spring gives way"
-            raise scene_error(f"{key}.cylinder.stiffness", joint.cylinder.stiffness, allowed)
-        if not has_driven_tail(member_at(scene, k)):
-            allowed = f"a model with displacements along the boom is allowed beside {free}"
-            raise scene_error(scene.section_key(k, "body.model"), None, allowed)
+        allowed = f"'rigid' is allowed beside {free}: oil or a spring gives way"
+        refuse(joint.cylinder.stiffness != "rigid", f"{key}.cylinder.stiffness", joint.cylinder.stiffness, allowed)
+        allowed = f"a model with displacements along the boom is allowed beside {free}"
+        refuse(not has_driven_tail(member_at(scene, k)), scene.section_key(k, "body.model"), None, allowed)

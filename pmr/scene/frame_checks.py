@@ -21,7 +21,7 @@ from pmr.scene.members import member_at, members
 from pmr.scene.scene import Scene
 from pmr.scene.signals import SignalBase, Table
 from pmr.scene.signals.base import ROUND_OFF
-from pmr.scene.structure_checks import scene_error
+from pmr.scene.structure_checks import refuse, scene_error
 
 
 class Exclusion(NamedTuple):
@@ -92,30 +92,25 @@ def check_machine(scene: Scene, frame: Frame, machine: Machine) -> None:
     Where the scene starts in equilibrium, the start of a direction with a spring follows from it: it is refused.
     """
     for direction, value in machine.start.nonzero.items() if scene.start == "equilibrium" else ():
-        if getattr(machine.stiffness, direction):
-            allowed = f"start = 'rest' is needed with it: in equilibrium {direction} begins where its spring holds it"
-            raise scene_error(f"frame.machine.start.{direction}", value, allowed)
+        allowed = f"start = 'rest' is needed with it: in equilibrium {direction} begins where its spring holds it"
+        refuse(getattr(machine.stiffness, direction), f"frame.machine.start.{direction}", value, allowed)
     motions = {} if frame.base is None else frame.base.motions
     for direction in machine.free:
-        if direction in motions and not machine.is_sprung(direction):
-            allowed = f"a spring or a damper in {direction} is allowed on what moves: the machine is free there"
-            raise scene_error(f"frame.base.{direction}", None, allowed)
+        allowed = f"a spring or a damper in {direction} is allowed on what moves: the machine is free there"
+        refuse(direction in motions and not machine.is_sprung(direction), f"frame.base.{direction}", None, allowed)
 
 
 def _check_computed(scene: Scene, frame: Frame, computed: str) -> None:
     """Refuse settings that do not go with a computed motion; `computed` is its key with the value in words."""
-    if frame.second_order == "auto":
-        raise scene_error("frame.second_order", "auto", f"true or false is allowed beside {computed}")
+    refuse(frame.second_order == "auto", "frame.second_order", "auto", f"true or false is allowed beside {computed}")
     for member in members(scene):
-        if is_planar(member):
-            key = scene.section_key(member.number, "body.model")
-            raise scene_error(key, model_of(member), f"a model in space is allowed beside {computed}")
+        key = scene.section_key(member.number, "body.model")
+        refuse(is_planar(member), key, model_of(member), f"a model in space is allowed beside {computed}")
     keyed = [(k, key, ring) for k, part in enumerate(scene.sections) for key, ring in part.keyed_rings.items()]
     for number, ring_key, ring in keyed:
         key = f"sections[{number}].{ring_key}"
-        if ring.unilateral:
-            allowed = f"false is allowed beside {computed}: pads that hold both ways"
-            raise scene_error(f"{key}.unilateral", True, allowed)
+        allowed = f"false is allowed beside {computed}: pads that hold both ways"
+        refuse(ring.unilateral, f"{key}.unilateral", True, allowed)
         if isinstance(ring, JointPads) and ring.friction:
             raise scene_error(f"{key}.friction", ring.friction, f"0 is allowed beside {computed}")
 
@@ -135,12 +130,10 @@ def _check_ground(scene: Scene) -> None:
     if scene.gravity is None:
         raise scene_error("gravity", None, "a table is needed beside frame.ground: the weight presses on the ground")
     for support in scene.sections[0].supports:
-        if support.points == "all":
-            allowed = "'mean' is allowed beside frame.ground, as forces of 'all' points are not known"
-            raise scene_error(scene.section_key(0, "supports"), "all", allowed)
-    if not has_axial_motion(member_at(scene, 0)):
-        allowed = "true is allowed beside frame.ground, as forces along the boom have a moment about the ground"
-        raise scene_error(scene.section_key(0, "body.profile.axial"), False, allowed)
+        allowed = "'mean' is allowed beside frame.ground, as forces of 'all' points are not known"
+        refuse(support.points == "all", scene.section_key(0, "supports"), "all", allowed)
+    allowed = "true is allowed beside frame.ground, as forces along the boom have a moment about the ground"
+    refuse(not has_axial_motion(member_at(scene, 0)), scene.section_key(0, "body.profile.axial"), False, allowed)
 
 
 #: An angle may jump by this share of its range, which is round-off.
@@ -179,12 +172,11 @@ def check_frame(scene: Scene) -> None:
     for axis, motion in (frame.base.motions if frame.base else {}).items():
         if axis in ("x", "y", "z"):
             _check_smooth(scene, f"base.{axis}", "a motion", motion)
-    if scene.gravity is not None and scene.gravity.direction != Gravity().direction:
-        allowed = (
-            "neither direction nor inclination is allowed beside a frame: "
-            "frame.luffing already says how the boom is inclined"
-        )
-        raise scene_error("gravity", None, allowed)
+    allowed = (
+        "neither direction nor inclination is allowed beside a frame: "
+        "frame.luffing already says how the boom is inclined"
+    )
+    refuse(scene.gravity is not None and scene.gravity.direction != Gravity().direction, "gravity", None, allowed)
     for member in members(scene):
         if traits_of(member).kind == "matrices":
             allowed = "models with a mesh are allowed in a frame: matrices do not say where their mass is"
@@ -194,9 +186,8 @@ def check_frame(scene: Scene) -> None:
             raise scene_error(f"frame.{key}", None, "models in space are allowed with it: beam2d has no lateral motion")
     for number in range(1, len(scene.sections) if frame.second_order else 1):
         least = scene.extension(number).bounds(0.0, scene.time.end)[0]
-        if least <= 0.0:
-            allowed = f"an extension above 0 is allowed with frame.second_order: here it is {least:g} m"
-            raise scene_error(f"sections[{number}].joint", None, allowed)
+        allowed = f"an extension above 0 is allowed with frame.second_order: here it is {least:g} m"
+        refuse(least <= 0.0, f"sections[{number}].joint", None, allowed)
     for support in scene.sections[0].supports if frame.second_order else ():
         if "x" in support.held_directions and scene.sections[0].position_of(support.on) not in (0.0, None):
             allowed = "the tail is allowed as the place that holds the base along with frame.second_order"
@@ -295,16 +286,14 @@ def check_hoist(scene: Scene) -> None:
         allowed = f"frame.ground.height, {frame.ground.height:g}, is the pivot's height, and none beside it is allowed"
         raise scene_error("hoist.pivot_height", hoist.pivot_height, allowed)
     for key, name in (("section", hoist.section), ("winch.section", hoist.winch.section)):
-        if name and name not in scene.names:
-            raise scene_error(f"hoist.{key}", name, f"{', '.join(scene.names)} are allowed")
+        refuse(name and name not in scene.names, f"hoist.{key}", name, f"{', '.join(scene.names)} are allowed")
     if frame is not None and frame.base_angles and not hoist.winch.section:
         raise scene_error("hoist.winch.section", None, "a section is allowed where the base rolls, pitches or yaws")
     is_lifted = frame is not None and frame.base is not None and "z" in frame.base.motions
     ground_height = 0.0 if frame is None or frame.ground is None else frame.ground.height
     for key, height in (("hoist.pivot_height", hoist.pivot_height), ("frame.ground.height", ground_height)):
-        if height and is_lifted:
-            allowed = "0 is allowed where frame.base.z moves the pivot: the height of the hook is measured from it"
-            raise scene_error(key, height, allowed)
+        allowed = "0 is allowed where frame.base.z moves the pivot: the height of the hook is measured from it"
+        refuse(height and is_lifted, key, height, allowed)
     for member in members(scene):
         if hoist.lateral_key and is_planar(member):
             key = scene.section_key(member.number, "body.model")
@@ -312,13 +301,11 @@ def check_hoist(scene: Scene) -> None:
                 f"a model in space is allowed beside hoist.{hoist.lateral_key}, which is not in the vertical plane"
             )
             raise scene_error(key, model_of(member), allowed)
-        if traits_of(member).kind == "matrices":
-            key = scene.section_key(member.number, "body.model")
-            raise scene_error(key, "matrices", "models with a mesh are allowed with [hoist]")
+        key = scene.section_key(member.number, "body.model")
+        refuse(traits_of(member).kind == "matrices", key, "matrices", "models with a mesh are allowed with [hoist]")
         for place, (on, (x, _, _)) in member.rope_places.items():
             key = "hoist.on" if place == "head" else "hoist.winch.at"
-            if not 0.0 <= x <= member.part.length:
-                raise scene_error(key, x, f"0 to {member.part.length:g} m is allowed")
+            refuse(not 0.0 <= x <= member.part.length, key, x, f"0 to {member.part.length:g} m is allowed")
             if frame is not None and frame.second_order and on != "tip" and x != member.part.length:
                 allowed = "a section's tip is allowed with frame.second_order, which takes forces along the boom there"
                 raise scene_error(key, on, allowed)

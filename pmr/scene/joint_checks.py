@@ -24,6 +24,7 @@ from pmr.scene.structure_checks import (
     check_structure,
     check_wheel,
     describe_jump,
+    refuse,
     scene_error,
 )
 
@@ -47,9 +48,8 @@ def check_fit(scene: Scene, number: int) -> None:
             allowed = f"{sizes}: a section has to fit into the one before it"
             raise scene_error(f"sections[{number}].body.box.{side}", getattr(inner, side), allowed)
     beyond, face = min((room, face) for face, room in gaps(inner.sides, outer.sides).items())
-    if beyond <= 0.0:
-        allowed = f"{name} comes {-beyond:.6g} m too close to the {face} of {around}: a section has to fit into it"
-        raise scene_error(f"sections[{number}].body.box", None, allowed)
+    allowed = f"{name} comes {-beyond:.6g} m too close to the {face} of {around}: a section has to fit into it"
+    refuse(beyond <= 0.0, f"sections[{number}].body.box", None, allowed)
     _check_tail(scene, number, inner, outer)
     _check_frames(scene, number, inner, outer)
     for seat in seats(scene, number):
@@ -65,12 +65,11 @@ def _check_tail(scene: Scene, number: int, inner: Box, outer: Box) -> None:
         return
     ends = inner.profile_at(0.0), outer.profile_at(max(first, 0.0))
     beyond = min(gaps(*(profile.sides for profile in ends)).values())
-    if beyond <= 0.0:
-        allowed = (
-            f"{scene.names[number]} gets {first:.6g} m near the tail of {scene.names[number - 1]}, which tapers over "
-            f"{low:.6g} m: there it comes {-beyond:.6g} m too close"
-        )
-        raise scene_error(f"sections[{number - 1}].body.box.tail_taper.length", low, allowed)
+    allowed = (
+        f"{scene.names[number]} gets {first:.6g} m near the tail of {scene.names[number - 1]}, which tapers over "
+        f"{low:.6g} m: there it comes {-beyond:.6g} m too close"
+    )
+    refuse(beyond <= 0.0, f"sections[{number - 1}].body.box.tail_taper.length", low, allowed)
 
 
 def _check_frames(scene: Scene, number: int, inner: Box, outer: Box) -> None:
@@ -98,18 +97,15 @@ def _check_clearance(seat: Seat, key: str, inner: tuple[str, Box], outer: tuple[
     inner_faces, outer_faces = section.faces, tube.faces
     for face in seat.ring.faces or ():
         for body, faces in ((name, inner_faces), (around, outer_faces)):
-            if face not in faces:
-                allowed = f"faces that {body} has are allowed: {', '.join(faces) or 'none'}"
-                raise scene_error(f"{key}.faces", face, allowed)
-        if inner_faces[face].normal @ outer_faces[face].normal < PARALLEL:
-            allowed = f"faces that are parallel are allowed: the {face} of {name} and that of {around} are not"
-            raise scene_error(f"{key}.faces", face, allowed)
+            allowed = f"faces that {body} has are allowed: {', '.join(faces) or 'none'}"
+            refuse(face not in faces, f"{key}.faces", face, allowed)
+        allowed = f"faces that are parallel are allowed: the {face} of {name} and that of {around} are not"
+        refuse(inner_faces[face].normal @ outer_faces[face].normal < PARALLEL, f"{key}.faces", face, allowed)
     room = gaps(section.sides, tube.sides)
     for face in seat.ring.faces or ("bottom", "top"):  # points stand above and below
         clearance, gap = seat.ring.clearance_on(face), room.get(face, np.inf)
-        if clearance > gap * (1.0 + SLACK):
-            allowed = f"at most {gap:.6g} m is allowed: this is the width of the gap between {name} and {around} there"
-            raise scene_error(f"{key}.clearance", clearance, allowed)
+        allowed = f"at most {gap:.6g} m is allowed: this is the width of the gap between {name} and {around} there"
+        refuse(clearance > gap * (1.0 + SLACK), f"{key}.clearance", clearance, allowed)
 
 
 def check_joints(scene: Scene) -> None:
@@ -158,17 +154,13 @@ def _check_section_names(scene: Scene) -> None:
 def _check_reduction(scene: Scene, number: int) -> None:
     """Refuse settings of the reduction, slider and length of section `number` that no section of a boom can have."""
     choice, key = scene.sections[number].reduction, f"sections[{number}].reduction"
-    if choice.basis != "free_modes" or choice.file is not None:
-        allowed = "'free_modes' is allowed, without a file: sections have no common path"
-        raise scene_error(f"{key}.basis", choice.basis, allowed)
-    if choice.ports:
-        raise scene_error(f"{key}.ports", list(choice.ports), "no ports are allowed for sections of a boom")
-    if scene.sections[number].slider is not None:
-        allowed = "joints move sections that slide in one another: leave it out"
-        raise scene_error(f"sections[{number}].slider", None, allowed)
-    if scene.sections[number].length <= 0.0:
-        allowed = "observe.start and observe.end are needed where a mesh that is read says how long a section is"
-        raise scene_error(f"sections[{number}].observe", None, allowed)
+    allowed = "'free_modes' is allowed, without a file: sections have no common path"
+    refuse(choice.basis != "free_modes" or choice.file is not None, f"{key}.basis", choice.basis, allowed)
+    refuse(choice.ports, f"{key}.ports", list(choice.ports), "no ports are allowed for sections of a boom")
+    allowed = "joints move sections that slide in one another: leave it out"
+    refuse(scene.sections[number].slider is not None, f"sections[{number}].slider", None, allowed)
+    allowed = "observe.start and observe.end are needed where a mesh that is read says how long a section is"
+    refuse(scene.sections[number].length <= 0.0, f"sections[{number}].observe", None, allowed)
 
 
 def _check_drive(scene: Scene, number: int) -> None:
@@ -187,20 +179,18 @@ def _check_drive(scene: Scene, number: int) -> None:
                 allowed += f": the base, {follows}, does not extend, so that nothing can follow it"
             raise scene_error(f"{key}.follows", joint.follows, allowed)
         chain.append(follows)
-    if joint.rope is not None and rope_length(scene, number) is None:
-        allowed = (
-            "a length is needed: it is computed only for a rope from the head of the section before the one that "
-            f"{scene.names[number]} slides in, over the head of that one, which it follows with a ratio of 1"
-        )
-        raise scene_error(f"{key}.rope.length", None, allowed)
+    allowed = (
+        "a length is needed: it is computed only for a rope from the head of the section before the one that "
+        f"{scene.names[number]} slides in, over the head of that one, which it follows with a ratio of 1"
+    )
+    refuse(joint.rope is not None and rope_length(scene, number) is None, f"{key}.rope.length", None, allowed)
     path = scene.extension(number)
     if joint.rope is not None and longest_rope(scene, number) <= 0.0:
         least = min(joint.rope.lengthens * s for s in path.bounds(0.0, scene.time.end))
         allowed = f"more than {-least:g} m is allowed: on the way it gets {-least:g} m shorter than where s = 0"
         raise scene_error(f"{key}.rope.length", joint.rope.length, allowed)
     jump = describe_jump(path, 1e-9 * max(1.0, *map(abs, path.bounds(0.0, scene.time.end))))
-    if jump is not None:
-        raise scene_error(f"{key}.extension", None, f"{scene.names[number]} {jump}")
+    refuse(jump is not None, f"{key}.extension", None, f"{scene.names[number]} {jump}")
 
 
 def _check_flexible_drive(scene: Scene, number: int) -> None:
@@ -281,9 +271,8 @@ def _check_ground_supports(scene: Scene, number: int) -> None:
             allowed = f"directions without x are allowed: {scene.names[number]} travels with the extension of {moves}"
             raise scene_error(key, value, allowed)
     for i, ring in enumerate(scene.sections[number].pads):
-        if ring.moving:
-            key, allowed = f"sections[{number}].pads[{i}].moving", "false is allowed: pads that move belong to a joint"
-            raise scene_error(key, True, allowed)
+        key, allowed = f"sections[{number}].pads[{i}].moving", "false is allowed: pads that move belong to a joint"
+        refuse(ring.moving, key, True, allowed)
 
 
 def _check_extension(scene: Scene, number: int) -> None:
@@ -300,28 +289,24 @@ def _check_extension(scene: Scene, number: int) -> None:
     (first, last), length = path.bounds(0.0, scene.time.end), scene.sections[number - 1].length
     by = "overlap" if joint.overlap is not None else "follows" if isinstance(path, ScaledSignal) else "extension"
     key, slack = f"sections[{number}].joint.{by}", SLACK * length
-    if first < -BEYOND_ENDS * length:
-        behind = f"the tail of {name} gets {-first:.6g} m behind that of {outer}"
-        raise scene_error(key, None, f"{behind}; an extension of 0 m or more is allowed")
+    behind = f"the tail of {name} gets {-first:.6g} m behind that of {outer}"
+    refuse(first < -BEYOND_ENDS * length, key, None, f"{behind}; an extension of 0 m or more is allowed")
     needed = max(ring.at for ring in joint.tail) + max(ring.at for ring in joint.mouth)
-    if last >= length - slack:
-        out = f"it pulls {name} out of {outer}: an extension of {last:.6g} m leaves no overlap"
-        raise scene_error(key, None, f"{out}, less than {length - needed:.6g} m is allowed")
-    if not length - last > needed + slack:
-        allowed = (
-            f"the overlap of {name} and {outer} gets down to {length - last:.6g} m, and their pads reach "
-            f"{needed:.6g} m from the tail and the mouth; an extension of less than {length - needed:.6g} m is allowed"
-        )
-        raise scene_error(key, None, allowed)
+    out = f"it pulls {name} out of {outer}: an extension of {last:.6g} m leaves no overlap"
+    refuse(last >= length - slack, key, None, f"{out}, less than {length - needed:.6g} m is allowed")
+    allowed = (
+        f"the overlap of {name} and {outer} gets down to {length - last:.6g} m, and their pads reach "
+        f"{needed:.6g} m from the tail and the mouth; an extension of less than {length - needed:.6g} m is allowed"
+    )
+    refuse(not length - last > needed + slack, key, None, allowed)
     for (i, tail), (k, mouth) in product(enumerate(joint.tail), enumerate(joint.mouth)):
         most, face = length - tail.at - mouth.at - (tail.length + mouth.length) / 2.0, _common_face(tail, mouth)
         if face is not None and last > most + slack:
             both = f"pads of tail[{i}] and mouth[{k}] overlap on the {face} at an extension of {last:.6g} m"
             raise scene_error(key, None, f"{both}; with the length of these pads at most {most:.6g} m is allowed")
     ends = length - min(ring.at for ring in joint.mouth) - scene.sections[number].length
-    if first < ends - slack:
-        before = f"at an extension of {first:.6g} m {name} ends before a pad at the mouth of {outer}"
-        raise scene_error(key, None, f"{before}; {ends:.6g} m or more is allowed")
+    before = f"at an extension of {first:.6g} m {name} ends before a pad at the mouth of {outer}"
+    refuse(first < ends - slack, key, None, f"{before}; {ends:.6g} m or more is allowed")
 
 
 def _common_face(ring: JointPads, other: JointPads) -> str | None:

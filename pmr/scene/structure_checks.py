@@ -38,8 +38,7 @@ def check_structure(member: Member) -> None:
         check_names(key, (part.name for part in getattr(member.part, key)))
     # masses on planar beams turn about y alone
     for i, mass in enumerate(() if traits_of(member).is_planar else member.part.masses):
-        if not is_inertia(mass.inertia):
-            raise scene_error(f"masses[{i}].inertia", list(mass.inertia), ALLOWED_INERTIA)
+        refuse(not is_inertia(mass.inertia), f"masses[{i}].inertia", list(mass.inertia), ALLOWED_INERTIA)
     fields = (INERTIA + field for field in inertia_fields(member))
     check_reserved("loads", (load.name for load in member.part.loads), (WEIGHT, *fields))
     _check_ground_loads(member)
@@ -63,8 +62,7 @@ def _check_ground_loads(member: Member) -> None:
     for i, load in enumerate(member.part.loads):
         if load.axes == "body":
             continue
-        if member.frame is None:
-            raise scene_error(f"loads[{i}].axes", load.axes, "'body' is allowed without a frame that moves")
+        refuse(member.frame is None, f"loads[{i}].axes", load.axes, "'body' is allowed without a frame that moves")
         if load.direction.startswith("r"):
             raise scene_error(f"loads[{i}].direction", load.direction, "x, y and z are allowed with axes = 'ground'")
         if "x" not in motion_directions(member):
@@ -87,23 +85,20 @@ def _check_points_wind_and_temperatures(member: Member) -> None:
             )
         if load.acts == "force":
             continue
-        if not traits_of(member).is_beam:
-            allowed = "'force' is allowed on a body that is no beam"
-            raise scene_error(f"loads[{i}].acts", load.acts, allowed)
+        allowed = "'force' is allowed on a body that is no beam"
+        refuse(not traits_of(member).is_beam, f"loads[{i}].acts", load.acts, allowed)
         if load.acts == "wind" and member.frame is None:
             raise scene_error(f"loads[{i}].acts", "wind", "'force' is allowed without [frame], which says where up is")
         if member.frame is not None and traits_of(member).is_planar and load.blows_sideways(member.frame.unit):
             allowed = "0 or half a turn is allowed on a planar beam, which side wind does not move"
             raise scene_error(f"loads[{i}].azimuth", load.azimuth, allowed)
-        if load.depth is None and (box is None or varies):
-            allowed = "the distance of the faces is needed on a body without a box, or with one that varies along it"
-            raise scene_error(f"loads[{i}].depth", None, allowed)
+        allowed = "the distance of the faces is needed on a body without a box, or with one that varies along it"
+        refuse(load.depth is None and (box is None or varies), f"loads[{i}].depth", None, allowed)
         for k, probe in enumerate(member.part.probes if load.acts == "temperature" else ()):
-            if set(probe.measures) - {"displacement"}:
-                allowed = (
-                    "displacement is allowed beside a temperature: [recovery] has stresses of beams without its strain"
-                )
-                raise scene_error(f"probes[{k}].measures", list(probe.measures), allowed)
+            allowed = (
+                "displacement is allowed beside a temperature: [recovery] has stresses of beams without its strain"
+            )
+            refuse(set(probe.measures) - {"displacement"}, f"probes[{k}].measures", list(probe.measures), allowed)
 
 
 def _check_places(member: Member) -> None:
@@ -119,9 +114,7 @@ def _check_places(member: Member) -> None:
         places += [("observe.start", observe.start), ("observe.end", observe.end)]
     for i, mass in enumerate(member.part.masses):
         if mass.at is not None and traits_of(member).is_planar:
-            allowed = (
-                "none is allowed on a planar beam, whose masses are at `on`, on its axis: a model in space has one"
-            )
+            allowed = "none is allowed on a planar beam, whose masses are at `on`, its axis: a model in space has one"
             raise scene_error(f"masses[{i}].at", list(mass.at), allowed)
         if not isinstance(mass.on, str) and mass.coupling == "rigid":
             raise scene_error(f"masses[{i}].coupling", "rigid", "'average' is allowed at a place along the body")
@@ -149,9 +142,8 @@ def _check_sliding_points(member: Member) -> None:
     for offset in member.points:
         which = f" (offset {offset:g} m)" if offset else ""
         for s in (low + offset, high + offset):
-            if not -BEYOND_ENDS * length <= s <= (1.0 + BEYOND_ENDS) * length:
-                allowed = f"the slider reaches {s:g} m{which}; on the beam, 0 to {length:g} m, is allowed"
-                raise scene_error("slider.path", None, allowed)
+            allowed = f"the slider reaches {s:g} m{which}; on the beam, 0 to {length:g} m, is allowed"
+            refuse(not -BEYOND_ENDS * length <= s <= (1.0 + BEYOND_ENDS) * length, "slider.path", None, allowed)
         for at in held:
             if at is not None and low + offset - slack <= at <= high + offset + slack:
                 allowed = (
@@ -167,12 +159,10 @@ def _check_travel(member: Member) -> None:
     if slider is None or slider.travel is None:
         return
     (low, high), (first, last) = slider.travel, member.bounds
-    if member.points:
-        raise scene_error("slider.travel", [low, high], "points have the whole beam: leave it out")
+    refuse(member.points, "slider.travel", [low, high], "points have the whole beam: leave it out")
     slack = BEYOND_ENDS * (high - low)
-    if not low < high or first < low - slack or last > high + slack:
-        allowed = f"two places in m, the smaller one first, around the path's {first:.6g} to {last:.6g} are allowed"
-        raise scene_error("slider.travel", [low, high], allowed)
+    allowed = f"two places in m, the smaller one first, around the path's {first:.6g} to {last:.6g} are allowed"
+    refuse(not low < high or first < low - slack or last > high + slack, "slider.travel", [low, high], allowed)
 
 
 def _check_body(member: Member) -> None:
@@ -205,16 +195,14 @@ def _check_body(member: Member) -> None:
     if body.box is not None:
         _check_box_variation(member, body.box)
     for name, region in body.regions.items():
-        if traits.is_beam:
-            raise scene_error(f"body.regions.{name}", None, "regions are for shells and solids")
+        refuse(traits.is_beam, f"body.regions.{name}", None, "regions are for shells and solids")
         if model == "solid" and region.thickness is not None:
             raise scene_error(f"body.regions.{name}.thickness", region.thickness, "a solid has none")
     if traits.is_beam and not traits.is_planar and member.part.mesh.elements > MOST_ELEMENTS:
         allowed = f"at most {MOST_ELEMENTS} are allowed for {model}"
         raise scene_error("mesh.elements", member.part.mesh.elements, allowed)
-    if member.part.mesh.grading != 1.0 and model != "beam2d":
-        allowed = "1 is allowed: elements of beam2d alone can be graded"
-        raise scene_error("mesh.grading", member.part.mesh.grading, allowed)
+    allowed = "1 is allowed: elements of beam2d alone can be graded"
+    refuse(member.part.mesh.grading != 1.0 and model != "beam2d", "mesh.grading", member.part.mesh.grading, allowed)
     if member.part.reduction.positions == "nodes" and member.part.reduction.uses_pod and not traits.is_beam:
         allowed = "'path' or a list of places in m is allowed: nodes are a beam's"
         raise scene_error("reduction.positions", "nodes", allowed)
@@ -232,22 +220,16 @@ def check_wheel(joint: Joint | None, prefix: str) -> None:
 def _check_mover(member: Member) -> None:
     """Refuse a mover of another model, one that runs on nothing, and whatever it can't have."""
     part = member.part
-    if part.body.mover is None:
-        raise scene_error("body.mover", None, "a table with the mass is needed with body.model = 'mover'")
-    if traits_of(member).kind != "mass":
-        raise scene_error("body.model", part.body.model, "auto or mover is allowed with body.mover")
+    refuse(part.body.mover is None, "body.mover", None, "a table with the mass is needed with body.model = 'mover'")
+    refuse(traits_of(member).kind != "mass", "body.model", part.body.model, "auto or mover is allowed with body.mover")
     check_wheel(part.joint, "")
     for key in ("masses", "pads", "probes", "supports"):
-        if getattr(part, key):
-            raise scene_error(key, None, "none is allowed on a mover, which has a mass and a wheel alone")
+        refuse(getattr(part, key), key, None, "none is allowed on a mover, which has a mass and a wheel alone")
     for i, load in enumerate(part.loads):
-        if load.direction != "z":
-            raise scene_error(f"loads[{i}].direction", load.direction, "z is allowed on a mover")
+        refuse(load.direction != "z", f"loads[{i}].direction", load.direction, "z is allowed on a mover")
     for key in ("thickness", "regions", "section"):
-        if getattr(part.body, key):
-            raise scene_error(f"body.{key}", None, "none is allowed on a mover, which has no walls")
-    if part.body.walls == "give":
-        raise scene_error("body.walls", "give", "'rigid' is allowed on a mover, which has no walls")
+        refuse(getattr(part.body, key), f"body.{key}", None, "none is allowed on a mover, which has no walls")
+    refuse(part.body.walls == "give", "body.walls", "give", "'rigid' is allowed on a mover, which has no walls")
     if member.frame is not None:
         raise scene_error("frame", None, "none is allowed beside a mover, whose motion in a frame is not computed")
     if member.scene.recovery is not None:
@@ -262,9 +244,8 @@ def _check_box_variation(member: Member, box: Box) -> None:
         raise scene_error("body.model", model, f"{', '.join(others)} and {last} are allowed with {key}")
     if box.varying_keys and member.part.body.section is not None:
         raise scene_error("body.section", None, f"none is allowed with {key}, which says what the section is")
-    if box.varying_keys and member.part.mesh.grading != 1.0:
-        allowed = f"1 is allowed with {key}, which says where nodes are"
-        raise scene_error("mesh.grading", member.part.mesh.grading, allowed)
+    allowed = f"1 is allowed with {key}, which says where nodes are"
+    refuse(box.varying_keys and member.part.mesh.grading != 1.0, "mesh.grading", member.part.mesh.grading, allowed)
     if box.frames and traits.is_planar:  # also frames from a file that this one extends: their mass would be missing
         raise scene_error("body.model", model, "beam3d and shell are allowed with body.box.frames; [] has none")
     if box.frames:
@@ -274,9 +255,8 @@ def _check_box_variation(member: Member, box: Box) -> None:
 def _check_frames(box: Box) -> None:
     """Refuse frames that are not in order within the box or do not fit into its profile."""
     places = (0.0, *box.frames, box.length)
-    if any(b <= a for a, b in pairwise(places)):
-        allowed = f"ascending places within 0 and {box.length:g} m are allowed"
-        raise scene_error("body.box.frames", list(box.frames), allowed)
+    allowed = f"ascending places within 0 and {box.length:g} m are allowed"
+    refuse(any(b <= a for a, b in pairwise(places)), "body.box.frames", list(box.frames), allowed)
     radii = [side.radius for side in box.sides if side.centre is not None]
     room = min(radii, default=min(box.width, box.height) / 2.0)
     if box.frame_depth != "full" and not 0.0 < box.frame_depth < room:
@@ -287,13 +267,11 @@ def _check_frames(box: Box) -> None:
 def _check_flexible_walls(member: Member) -> None:
     """Refuse walls that give way on a body without a box, or on a beam without pads on faces."""
     box, key = member.part.body.box, "body.walls"
-    if box is None:
-        raise scene_error(key, "give", "'rigid' is allowed without body.box: nothing says how thick the walls are")
+    refuse(box is None, key, "give", "'rigid' is allowed without body.box: nothing says how thick the walls are")
     traits = traits_of(member)
     if not traits.is_beam:
         return  # the walls of these models give way anyway
-    if not traits.walls_may_give:
-        raise scene_error(key, "give", f"'rigid' is allowed: walls of {model_of(member)} are not computed")
+    refuse(not traits.walls_may_give, key, "give", f"'rigid' is allowed: walls of {model_of(member)} are not computed")
     if member.points or not member.pads:
         raise scene_error(key, "give", "'rigid' is allowed without pads that have faces: walls give way under those")
 
@@ -320,9 +298,8 @@ def _check_planar_beam(member: Member) -> None:
         allowed = "bottom, top, left and right are allowed for beam2d, or body.model = 'beam3d'"
         raise scene_error(slanted[0], None, allowed)
     moving = [ring for ring in member.pads if ring.moving]
-    if moving and not any({"bottom", "top"} & set(ring.faces) for ring in moving):
-        allowed = "a ring with moving = true at bottom or top is needed: a planar beam does not feel pads on its sides"
-        raise scene_error("pads", None, allowed)
+    allowed = "a ring with moving = true at bottom or top is needed: a planar beam does not feel pads on its sides"
+    refuse(moving and not any({"bottom", "top"} & set(ring.faces) for ring in moving), "pads", None, allowed)
     if member.gravity is not None and member.gravity.direction[1] != 0.0:
         raise scene_error("gravity.direction", list(member.gravity.direction), "x and z are allowed for beam2d")
 
@@ -356,9 +333,8 @@ def _check_pad_range(member: Member, length: float, ring: PadRing, key: str) -> 
         f"the face {face} offers {first:.6g} to {last:.6g} m, all of a pad has to be on it"
         + ("; where the box tapers, its faces are not parallel to the axis" if (first, last) != (0.0, length) else "")
     )
-    if ring.moving:
-        slider = member.part.slider
-        raise scene_error("slider.travel" if slider and slider.travel else "slider.path", None, allowed)
+    slider = member.part.slider
+    refuse(ring.moving, "slider.travel" if slider and slider.travel else "slider.path", None, allowed)
     raise scene_error(key, ring.at, allowed)
 
 
@@ -378,9 +354,8 @@ def _check_pad_width(box: Box, ring: PadRing, place: tuple[str, Face, float], ke
     """
     name, face, across = place
     faces = box.faces
-    if face not in faces:
-        offered = f"{', '.join(faces)} are allowed, which are flat" if faces else "no pads are allowed: nothing is flat"
-        raise scene_error(key, None, f"this profile has no flat face {face}: {offered}")
+    offered = f"{', '.join(faces)} are allowed, which are flat" if faces else "no pads are allowed: nothing is flat"
+    refuse(face not in faces, key, None, f"this profile has no flat face {face}: {offered}")
     (low, high), slack = faces[face].span, SLACK * max(box.width, box.height)
     start, end = across - ring.width / 2.0, across + ring.width / 2.0
     if low - slack <= start and end <= high + slack:
@@ -403,8 +378,7 @@ def check_reserved(key: str, names: Iterable[str], reserved: Iterable[str]) -> N
     """Raise an InputError if one of the names in the list with the key `key` is reserved for an input that pmr adds."""
     allowed = "another name is allowed: this one is that of an input built in"
     for i, name in enumerate(names):
-        if name in reserved:
-            raise scene_error(f"{key}[{i}].name", name, allowed)
+        refuse(name in reserved, f"{key}[{i}].name", name, allowed)
 
 
 def scene_error(key: str, value: object, allowed: str) -> InputError:
@@ -413,6 +387,12 @@ def scene_error(key: str, value: object, allowed: str) -> InputError:
     The reader of the file adds the file's name.
     """
     return InputError("scene", key, value, allowed)
+
+
+def refuse(when: object, key: str, value: object, allowed: str) -> None:
+    """Raise the error of a key of a scene if `when` is true; `allowed` says what is allowed."""
+    if when:
+        raise scene_error(key, value, allowed)
 
 
 #: Allowed ratios of a box: length over smaller side, and smaller side over wall.
@@ -427,9 +407,8 @@ def check_loads(part: OneBody, end: float) -> None:
     for i, load in enumerate(part.loads):
         with np.errstate(all="ignore"):
             largest = float(np.abs(load.signal.bounds(0.0, end)).max())
-        if not largest <= LARGEST_LOAD:
-            allowed = f"at most {LARGEST_LOAD:g} N or N m are allowed, here it is {largest:.3g}"
-            raise scene_error(f"loads[{i}].signal", None, allowed)
+        allowed = f"at most {LARGEST_LOAD:g} N or N m are allowed, here it is {largest:.3g}"
+        refuse(not largest <= LARGEST_LOAD, f"loads[{i}].signal", None, allowed)
 
 
 def check_proportions(part: OneBody) -> None:
@@ -452,9 +431,8 @@ def check_proportions(part: OneBody) -> None:
 
 def _check_ratio(key: str, ratio: float, allowed: tuple[float, float], what: str) -> None:
     """Refuse a ratio outside of the range `allowed`; `what` names the ratio in the message."""
-    if not allowed[0] <= ratio <= allowed[1]:
-        ratio_allowed = f"a ratio of {what} from {allowed[0]:g} to {allowed[1]:g} is allowed, here it is {ratio:.3g}"
-        raise scene_error(key, None, ratio_allowed)
+    ratio_allowed = f"a ratio of {what} from {allowed[0]:g} to {allowed[1]:g} is allowed, here it is {ratio:.3g}"
+    refuse(not allowed[0] <= ratio <= allowed[1], key, None, ratio_allowed)
 
 
 def describe_jump(path: SignalBase, least: float) -> str | None:
