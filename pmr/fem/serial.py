@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from pmr.files.arrays import Array, Indices
 
 Value = TypeVar("Value")
-#: Pairs of the local and the global number of rows, and of columns, which are the same here.
-Sizes: TypeAlias = tuple[tuple[int, int], tuple[int, int]]
+#: Two sizes, as PETSc returns them, and the pairs of the local and the global number of rows, and of columns.
+Pair: TypeAlias = tuple[int, int]
+Sizes: TypeAlias = tuple[Pair, Pair]
 
 
 class Comm:
@@ -112,18 +113,18 @@ class Mat:
     def duplicate(self, copy: bool = False) -> Mat:
         return self.copy()
 
-    def getSize(self) -> tuple[int, int]:
+    def getSize(self) -> Pair:
         rows, columns = self.values.shape
         return int(rows), int(columns)
 
-    def getLocalSize(self) -> tuple[int, int]:
+    def getLocalSize(self) -> Pair:
         return self.getSize()
 
-    def getSizes(self) -> tuple[tuple[int, int], tuple[int, int]]:
+    def getSizes(self) -> Sizes:
         rows, columns = self.getSize()
         return (rows, rows), (columns, columns)
 
-    def getOwnershipRange(self) -> tuple[int, int]:
+    def getOwnershipRange(self) -> Pair:
         return 0, self.getSize()[0]
 
     def getDenseArray(self) -> Array:
@@ -135,7 +136,7 @@ class Mat:
     def getDiagonal(self) -> Vec:
         return Vec(self.values.diagonal())
 
-    def createVecs(self) -> tuple[Vec, Vec]:
+    def createVecs(self) -> tuple[Vec, ...]:
         return self.createVecRight(), self.createVecLeft()
 
     def createVecRight(self) -> Vec:

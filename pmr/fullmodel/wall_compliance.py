@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -81,9 +82,16 @@ class SlidingCompliance:
     standing: Array  # (p, k, m) m/N: between sliding pads and fixed pads and ends
 
 
+class WallCompliance(NamedTuple):
+    """The walls' compliance (m, m) under m fixed pads and ends, and that of each ring of sliding pads."""
+
+    standing: Array
+    sliding: list[SlidingCompliance]
+
+
 def wall_compliance(
     body: PlateBody, standing: tuple[Pad, ...], ends: tuple[tuple[str, str], ...], rings: tuple[Ring, ...]
-) -> tuple[Array, list[SlidingCompliance]]:
+) -> WallCompliance:
     """Compute the walls' compliance (m, m) for m fixed pads and ends, and for rings of sliding pads; not collective.
 
     `standing` are the fixed pads, and `ends` are pairs such as ``("tip", "y")``.  Bodies with equal sections share the
@@ -93,21 +101,21 @@ def wall_compliance(
     """
 
     def compute() -> dict[str, Array]:
-        C, sliding = _compute_compliance(body, standing, ends, rings)
-        by_name = {"standing": C}
-        for i, ring in enumerate(sliding):
+        computed = _compute_compliance(body, standing, ends, rings)
+        by_name = {"standing": computed.standing}
+        for i, ring in enumerate(computed.sliding):
             by_name |= npz.record_arrays(ring, f"{i}.")
         return by_name
 
     request = repr((body, standing, ends, rings, environment.computing_digest()))
     stored = npz.stored_or_computed("walls", request, compute)
-    numbers = range(len(rings))
-    return stored["standing"], [npz.record_from_arrays(SlidingCompliance, stored, f"{i}.") for i in numbers]
+    sliding = [npz.record_from_arrays(SlidingCompliance, stored, f"{i}.") for i in range(len(rings))]
+    return WallCompliance(stored["standing"], sliding)
 
 
 def _compute_compliance(
     body: PlateBody, standing: tuple[Pad, ...], ends: tuple[tuple[str, str], ...], rings: tuple[Ring, ...]
-) -> tuple[Array, list[SlidingCompliance]]:
+) -> WallCompliance:
     """Compute the result of `wall_compliance`, from its arguments, by solves on the shell and the beam of the body."""
     box, line = body.box, _beam_of(body)
     shell, beam = HeldModel(shell_of(body), body), HeldModel(line, body)
@@ -123,7 +131,7 @@ def _compute_compliance(
         sliding.append(SlidingCompliance(u, _smooth(under_pads), _smooth(D[:, k:].transpose(0, 2, 1))))
     for model in (shell, beam):
         model.destroy()
-    return (C + C.T) / 2.0, sliding
+    return WallCompliance((C + C.T) / 2.0, sliding)
 
 
 class HeldModel:
@@ -252,7 +260,7 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     part = member.part
     box, mesh, body = part.body.box, part.mesh, part.body
     assert box is not None  # the scene's check
-    staying, sliding = _split_by_sliding(member, pads)
+    staying, rings = _split_by_sliding(member, pads)
     masses = tuple(mass for mass in part.masses if mass.coupling == "rigid")
     plates = PlateBody(
         draw_box(box, mesh.size, mesh.along or 0.0),
@@ -265,8 +273,10 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
     )
     moves = motion_directions(member)
     ends = tuple((end, d) for end in ENDS if end in _loaded_ends(part) for d in AT_AN_END if d in moves)
-    rings = tuple(Ring(tuple(sliding_pads), span) for span, sliding_pads in sliding)
-    C, compliances = comm.bcast(call_on_first_rank(comm, lambda: wall_compliance(plates, tuple(staying), ends, rings)))
+    compliance: WallCompliance = comm.bcast(
+        call_on_first_rank(comm, lambda: wall_compliance(plates, staying, ends, rings))
+    )
+    C = compliance.standing
     rho = body.material.density
     soft = np.diagonal(C) > 0.0  # an end that is stiffer than the beam's end is left as stiff as it
     soft_ends = [end for end, gives in zip(ends, soft[len(staying) :], strict=True) if gives]
@@ -277,24 +287,31 @@ def walls_of(member: Member, pads: Sequence[Pad], comm: MPI.Comm) -> Walls:
         Standing(tuple(pad.name for pad in staying), tuple(soft_ends), C[np.ix_(soft, soft)], np.array(weights)),
         tuple(
             Sliding(
-                pads=tuple(pad.name for pad in sliding_pads),
-                first=np.array([pad.at for pad in sliding_pads]),
-                u=compliance.u,
-                compliance=compliance.sliding,
-                standing_compliance=compliance.standing[:, :, soft],
-                masses=np.array([rho * _wall_volume(pad, box) for pad in sliding_pads]),
+                pads=tuple(pad.name for pad in ring.pads),
+                first=np.array([pad.at for pad in ring.pads]),
+                u=of_ring.u,
+                compliance=of_ring.sliding,
+                standing_compliance=of_ring.standing[:, :, soft],
+                masses=np.array([rho * _wall_volume(pad, box) for pad in ring.pads]),
             )
-            for (_, sliding_pads), compliance in zip(sliding, compliances, strict=True)
+            for ring, of_ring in zip(rings, compliance.sliding, strict=True)
         ),
     )
 
 
-def _split_by_sliding(member: Member, pads: Sequence[Pad]) -> tuple[list[Pad], list[tuple[float, list[Pad]]]]:
-    """Pads at rest, and for each group of pads that slide together the distance in m and the pads.
+class _PadGroups(NamedTuple):
+    """Pads at rest, and groups of pads that slide together."""
+
+    staying: tuple[Pad, ...]
+    rings: tuple[Ring, ...]
+
+
+def _split_by_sliding(member: Member, pads: Sequence[Pad]) -> _PadGroups:
+    """Pads of a body that stay, and groups of those that slide together.
 
     Pads that move, but by no distance, are at rest.  `at` of each returned pad is its first position along the body, m.
     """
-    staying, sliding = list[Pad](), dict[int, tuple[float, list[Pad]]]()
+    staying, sliding = list[Pad](), dict[int, Ring]()
     rings = {name: ring for ring in member.pads for name, _, _ in ring.named_pads}
     for pad in pads:
         ring = rings[pad.name]
@@ -305,10 +322,11 @@ def _split_by_sliding(member: Member, pads: Sequence[Pad]) -> tuple[list[Pad], l
         joint, (first, last) = (0, member.travel) if of_joint is None else (of_joint.joint, of_joint.positions)
         at = replace(pad, at=first + pad.at)
         if last > first:
-            sliding.setdefault(joint, (last - first, []))[1].append(at)
+            together = sliding.get(joint, Ring((), last - first))
+            sliding[joint] = replace(together, pads=(*together.pads, at))
         else:
             staying.append(at)
-    return staying, list(sliding.values())
+    return _PadGroups(tuple(staying), tuple(sliding.values()))
 
 
 def _wall_volume(pad: Pad, box: Box) -> float:

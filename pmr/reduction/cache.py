@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -104,6 +104,13 @@ def _csr(A: sp.csr_matrix) -> tuple[NDArray[Any], ...]:
     return A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data
 
 
+class SystemFiles(NamedTuple):
+    """Paths of the file that shows that a scene's system is stored, and of the file that holds its refusal."""
+
+    stored: Path
+    refusal: Path
+
+
 @dataclass(frozen=True)
 class SystemCache:
     """Folder in which the reduced systems of scenes are stored that are compared with one scene."""
@@ -148,11 +155,11 @@ class SystemCache:
         """Whether the folder has a file for the system of this scene, or for the refusal to reduce it."""
         return any(file.is_file() for file in self._system_files(scene))
 
-    def _system_files(self, scene: Scene) -> tuple[Path, Path]:
-        """Paths of the file that shows that a scene's system is stored, and of the file that holds its refusal."""
+    def _system_files(self, scene: Scene) -> SystemFiles:
+        """Paths of the files of a scene's system."""
         path = scene.travel if ALONE in scene.bodies else None  # joints are part of the structure
         request = {"scene": structure_text(scene), "path": path}
-        return self._file("system", request), self._file("unheld", request | {"end": scene.time.end})
+        return SystemFiles(self._file("system", request), self._file("unheld", request | {"end": scene.time.end}))
 
     def _file(self, kind: str, request: Mapping[str, object]) -> Path:
         """Path of the file for this kind of content and this request."""

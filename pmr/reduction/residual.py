@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -110,9 +111,8 @@ def section_model(
     x = _cylinder_responses(residual, shared, flexibility)
     answers = None if x is None else _cylinder_values(residual, shared, x, motions)
     loads = carrier_loads(model, shared.carriers)
-    span, spanned = (
-        _spanning_vectors(residual, loads) if inertia and model.matrices else (None, np.zeros((0, loads.shape[1])))
-    )
+    has_span = inertia and model.matrices
+    span, spanned = _spanning_vectors(residual, loads) if has_span else _Span(None, np.zeros((0, loads.shape[1])))
     body.free_factor()
     free_dropped(model.comm)
     values = _carrier_measures(model, shared, basis)
@@ -151,28 +151,33 @@ def _cylinder_responses(
     return x * 0.0 if load @ flexibility.rows @ load <= HELD * np.diagonal(flexibility.rows).max() else x
 
 
-def _spanning_vectors(residual: ResidualFlexibility, loads: sp.csc_matrix) -> tuple[Array | None, Array]:
-    """Vectors (n_local, p) that span the responses R g to loads g (n_local, L), and their coefficients (p, L) in these.
+class _Span(NamedTuple):
+    """Vectors (n_local, p), and coefficients (p, L) by which they give each of L responses; no vectors if p is 0."""
 
-    Each response is the product of the vectors and one column of coefficients.
+    vectors: Array | None
+    coefficients: Array
+
+
+def _spanning_vectors(residual: ResidualFlexibility, loads: sp.csc_matrix) -> _Span:
+    """Vectors (n_local, p) that span the responses R g to loads g (n_local, L), and the responses' coefficients.
 
     If there are too many loads, the vectors are None and p is 0.  For a beam, p is at most its number of coordinates;
     for a shell, at most L.
     """
     model = residual.model
     if model.size * loads.shape[1] > MOST_ENTRIES:
-        return None, np.zeros((0, loads.shape[1]))
+        return _Span(None, np.zeros((0, loads.shape[1])))
     Z = residual.apply(loads.toarray(order="F"))
     size = np.sqrt(model.comm.allreduce(np.sum(Z**2, axis=0)))
     Z *= np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
     if model.size < 2 * loads.shape[1]:  # a beam: the vectors are coordinates; matrices are sparse
         every = np.concatenate(model.comm.allgather(Z))
         noise = np.abs(every) <= ROUND_OFF * np.finfo(float).eps  # parts of a beam that bends in one plane, or twists
-        return np.eye(model.size)[model.share], np.where(noise, 0.0, every) * size
+        return _Span(np.eye(model.size)[model.share], np.where(noise, 0.0, every) * size)
     share, Q = np.linalg.eigh(inner(Z, Z, model.comm))
     is_spanned = share > SPANNED * share[-1]
     root = np.sqrt(share[is_spanned])
-    return Z @ (Q[:, is_spanned] / root), (root[:, None] * Q[:, is_spanned].T) * size
+    return _Span(Z @ (Q[:, is_spanned] / root), (root[:, None] * Q[:, is_spanned].T) * size)
 
 
 def _with_matrices(

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -80,7 +81,7 @@ class SectionForces:
         q (S, n) are the full coordinates; every rank passes all of them and gets the whole result.  `acting` are the
         loads and contact forces at these times; None if nothing acts.
         """
-        a, supports = self._whole.acceleration(q, acting)
+        a, supports = self._whole.motion(q, acting)
         displaced = self._pieces.displacement(q)
         on_pieces = self._pieces.loads(displaced, a, supports, acting)
         if self._between is not None:
@@ -97,6 +98,13 @@ class SectionForces:
         return np.einsum("sm,smp->sp", acting.friction_forces, before & (np.array(self.names) == "normal force"))
 
 
+class _BeamMotion(NamedTuple):
+    """Acceleration (S, n) in m/s^2 and rad/s^2, and forces (S,) in N or N m of rigid supports by name."""
+
+    acceleration: Array
+    supports: dict[str, Array]
+
+
 class _WholeBeam:
     """The whole beam: its acceleration, and the forces of its rigid supports."""
 
@@ -111,14 +119,15 @@ class _WholeBeam:
         self._support_responses = self._mass.solve(self._held.T.toarray())
         self._support_stiffness = np.linalg.pinv(self._held @ self._support_responses, hermitian=True)
 
-    def acceleration(self, q: Array, acting: BodyStates | None) -> tuple[Array, dict[str, Array]]:
-        """Acceleration (S, n) in m/s^2 and rad/s^2, and forces (S,) in N or N m of rigid supports by name.
+    def motion(self, q: Array, acting: BodyStates | None) -> _BeamMotion:
+        """Acceleration of the beam at S times, and the forces of its rigid supports.
 
         q (S, n) are the coordinates, `acting` the loads and contact forces; None if nothing acts.
         """
         free = self._mass.solve((_state_loads(self._B, self._rows, acting, len(q)) - q @ self._K).T)
         supports = self._support_stiffness @ (self._held @ free)
-        return (free - self._support_responses @ supports).T, dict(zip(self._names, supports, strict=True))
+        by_name = dict(zip(self._names, supports, strict=True))
+        return _BeamMotion((free - self._support_responses @ supports).T, by_name)
 
 
 class _BeamPieces:

@@ -316,9 +316,9 @@ class FreeExtension(DrivenCylinder):
         return self
 
     @property
-    def reach(self) -> tuple[float, float]:
+    def reach(self) -> Interval:
         """Smallest and greatest extension in m that the boom is made for: the stroke, and as far as stops give way."""
-        return self.stroke[0] - self.stop_travel, self.stroke[1] + self.stop_travel
+        return Interval(self.stroke[0] - self.stop_travel, self.stroke[1] + self.stop_travel)
 
     @property
     def first(self) -> FirstExtension:

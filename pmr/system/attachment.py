@@ -40,6 +40,7 @@ once, as R does, and have the damping that R lacks.  To first order in c, in the
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -194,8 +195,15 @@ def with_attachment_modes(
     return _extend_frame_matrices(with_modes, model, G @ turned[:g], turned[g:])
 
 
-def _diagonalise(K: Array, M: Array) -> tuple[Array, Array]:
-    """Combinations X (k, a) with X^T M X = I and X^T K X = diag(omega^2), and omega^2 (a,) in (rad/s)^2, ascending.
+class _DiagonalForm(NamedTuple):
+    """Combinations X (k, a) with X^T M X = I and X^T K X = diag(omega^2), and omega^2 (a,) in (rad/s)^2, ascending."""
+
+    combinations: Array
+    stiffness: Array
+
+
+def _diagonalise(K: Array, M: Array) -> _DiagonalForm:
+    """Combinations of vectors that are M-orthonormal with a diagonal stiffness, for their stiffness K and mass M.
 
     K and M are (k, k).  Directions without stiffness or inertia are left out: they are round-off in a model that has
     nearly all modes of its mesh.
@@ -211,7 +219,7 @@ def _diagonalise(K: Array, M: Array) -> tuple[Array, Array]:
     stiff = stiffness > 0.0
     X = np.zeros((count, int(np.count_nonzero(stiff))))
     X[sound] = apart @ turned[:, stiff]
-    return X, stiffness[stiff]
+    return _DiagonalForm(X, stiffness[stiff])
 
 
 def _append_vectors(model: ReducedModel, stiffness: Array, measures: Array, outputs: Array) -> ReducedModel:

@@ -167,15 +167,6 @@ def stack_tables(tables: Sequence[PPoly], domain: tuple[float, float], columns: 
     return PPoly(np.stack([table.c for table in common], axis=2), common[0].x)
 
 
-def join_columns(*tables: PPoly) -> PPoly:
-    """Table with values (m, n_1 + n_2 + ...), of the columns of tables with values (m, n_1), (m, n_2) and so on.
-
-    The result has the domain of the first table.
-    """
-    common = align_tables(*tables)
-    return PPoly(np.concatenate([table.c for table in common], axis=3), common[0].x)
-
-
 def align_tables(*tables: PPoly, domain: tuple[float, float] | None = None) -> list[PPoly]:
     """Return these tables on common breaks and with the same degree, exactly.
 

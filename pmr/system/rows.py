@@ -190,12 +190,18 @@ def row_on_coordinates(name: str, breaks: Array, dofs: ArrayLike, coefficients: 
     return Row(name, breaks, carriers, touched.reshape(dofs.shape), coefficients)
 
 
-def columns_by_interval(touching: Indices, n: int, k: int) -> tuple[Indices, Indices, Indices]:
+class IntervalColumns(NamedTuple):
+    """Codes ``interval * n + column``, each once and ascending; index of each among those of its interval; columns."""
+
+    codes: Indices  # (c,)
+    place: Indices  # (c,)
+    columns: Indices  # (k, w)
+
+
+def columns_by_interval(touching: Indices, n: int, k: int) -> IntervalColumns:
     """Columns out of n that each of k intervals touches, from the codes `touching`: ``interval * n + column``.
 
-    The codes may be in any order.  Three arrays are returned: the codes that occur, once each and ascending; the index
-    of each of these among the codes of its interval; and the columns (k, w).  An interval with fewer than w columns
-    repeats its last one.
+    The codes may be in any order.  An interval with fewer than w columns repeats its last one.
     """
     different = np.unique(touching)
     interval, width = different // n, np.bincount(different // n, minlength=k)
@@ -203,7 +209,7 @@ def columns_by_interval(touching: Indices, n: int, k: int) -> tuple[Indices, Ind
     columns = np.zeros((k, max(1, int(width.max(initial=0)))), np.int64)
     columns[interval, place] = different % n
     missing = np.arange(columns.shape[1]) >= width[:, None]
-    return different, place, np.where(missing, columns.max(axis=1, keepdims=True), columns)
+    return IntervalColumns(different, place, np.where(missing, columns.max(axis=1, keepdims=True), columns))
 
 
 def dense_entries(entries: sp.csr_matrix, powers: int) -> TouchedWeights:

@@ -23,7 +23,7 @@ REFUSED = {
      "mouth[0].clearance = 0.5: at most 0.0135 m is allowed"), ("section.joint.tail.0.clearance=0.0136",
      "sections[1]…clearance = 0.0136: at most 0.0125 m"), ("section.joint.friction_speed=0.1",
      "joint.friction_speed = 0.1: this key is no longer allowed: pads stick"), ("section.joint.tail.0.friction=50",
-     "friction = 50.0: a number from 0 to 1 is allowed"), ("section.joint.tail.0.static_friction=0.2",
+     "friction = 50: a number from 0 to 1 is allowed"), ("section.joint.tail.0.static_friction=0.2",
      "static_friction = 0.2 is allowed beside a smaller friction"),
      ("sections.fly.supports=[{on='tip',kind='clamped'}]", "supports[0].kind = 'clamped': directions"),
      ("sections.middle.supports=[{on='tip',directions=['x'],stiffness=1e5}]", "directions: directions without x"),
