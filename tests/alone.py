@@ -1,7 +1,5 @@
 """Functions of `pmr.compare` for a body alone, which they take as the system of one body."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from pmr import ReducedModel, System

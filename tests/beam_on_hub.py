@@ -3,8 +3,6 @@
 All move in the plane of X and Z; angles turn X towards Z.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """OpenBLAS libraries that this process has loaded, and the kernels by which they compute."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Structured blocks of solid cells with named faces, for small tests."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pmr.models.named_mesh import NamedMesh, named_mesh

@@ -1,7 +1,5 @@
 """Results in space that formulas give on a coarse box, so every number of a report is known beforehand."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

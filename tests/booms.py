@@ -1,7 +1,5 @@
 """Reference boom of workflows/boom_beam.toml with any structural model."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Meshes of small box booms as shells and solids, with the groups that a boom has: walls, tail and tip."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pmr.models.named_mesh import NamedMesh, named_mesh

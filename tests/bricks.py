@@ -1,7 +1,5 @@
 """Bar of trilinear bricks as another program would hand it over: matrices on nodes, assembled by NumPy alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from pathlib import Path

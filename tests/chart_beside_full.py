@@ -1,7 +1,5 @@
 """Allowed loads at random positions, by a reduced boom with error bars and by the boom of full order."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Compare a machine at a point of its load chart with a run at rest that has the load as a mass at its tip."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

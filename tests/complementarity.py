@@ -1,7 +1,5 @@
 """Forces of unilateral contacts of a system at rest, by a method that the package does not use."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.linalg
 import scipy.optimize

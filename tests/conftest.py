@@ -1,7 +1,5 @@
 """Fixtures that all tests share, and which tests run on several ranks, kernels of BLAS and stacks."""
 
-from __future__ import annotations
-
 import gc
 import os
 import shlex
@@ -14,14 +12,16 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ["PMR_CACHE"] = os.path.join(tempfile.gettempdir(), f"pmr-tests-{os.getpid()}")
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import blas
 import pytest
 from oracle import CASES, Case, full_body, paper_basis, project, rich_body
+from processes import Called, called
 
 from pmr import scene
-from pmr.cli import run as run_command
+from pmr.cli import run as cli_run
 from pmr.kernel import state
 from pmr.kernel._native import ffi, lib
 from pmr.report import album, document
@@ -164,6 +164,12 @@ def _what_is_loaded_stays() -> None:
 
 
 @pytest.fixture
+def run_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Called]:
+    """Function that runs the command `pmr` with some arguments in this process."""
+    return partial(called, monkeypatch, capsys)
+
+
+@pytest.fixture
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace drawings and pictures by empty ones; they take most of a page's time."""
 
@@ -172,7 +178,7 @@ def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
         return Drawing(name, "<svg></svg>", caption)
 
     monkeypatch.setattr(drawing, "__code__", empty.__code__)  # many modules have the function itself
-    monkeypatch.setattr(run_command, "has_free_core", lambda: False)  # another process would help
+    monkeypatch.setattr(cli_run, "has_free_core", lambda: False)  # another process would help
     monkeypatch.setattr(album, "render_shots", lambda shots: [b""] * len(shots))
 
 

@@ -4,8 +4,6 @@ First-order shear deformation, Sanders' strains: Reddy, Mechanics of Laminated C
 2004, sections 8.2 and 8.3.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -1,7 +1,5 @@
 """A box boom as a deck of Abaqus: half a tube in a file of its own, of which two instances are tied to each other."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 WIDTH, HEIGHT, LENGTH, WALL = 0.3, 0.4, 3.0, 0.008

@@ -1,7 +1,5 @@
 """Bodies of the tests as distributed models, equal on every rank."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

@@ -1,7 +1,5 @@
 """Amplitudes of a frame that moves, from its drivers: an oracle that adds up all products one by one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Excitations of the bodies of the tests, whose inputs are a tip load F and a moment T."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

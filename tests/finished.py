@@ -1,7 +1,5 @@
 """Compute studies in this process, with the tasks, store and tables of `pmr study` but without its workers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -4,8 +4,6 @@ Stiffness after Przemieniecki: Theory of Matrix Structural Analysis, 1968, secti
 the same element by Gauss quadrature, section 11.3.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 GAUSS = np.polynomial.legendre.leggauss(5)

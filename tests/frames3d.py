@@ -1,7 +1,5 @@
 """Bodies as other programs assemble them, by NumPy alone: a lattice of bars, and a frame of beams with rotations."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

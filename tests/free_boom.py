@@ -1,7 +1,5 @@
 """Small boom of two sections on a base that moves freely."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A small boom whose section slides by itself, and the mass of that section."""
 
-from __future__ import annotations
-
 from functools import cache
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Small boom on a rigid body in Exudyn, with momentum and energy of both."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Distributed matrices as dense copies on every rank."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pmr.fem.compat import MPI

@@ -1,7 +1,5 @@
 """Parameters of generalized-alpha, for integrators of the tests' own."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

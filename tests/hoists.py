@@ -1,7 +1,5 @@
 """Booms with a hoist: a cantilever of one section, as stiff as wanted, whose tip carries head sheaves."""
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import replace
 from typing import Any

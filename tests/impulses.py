@@ -5,8 +5,6 @@ Momentum changes by h ((1 - gamma) a_n + gamma a_{n+1}) with (1 - alpha_m) a_{n+
 generalized-alpha scheme for constrained mechanical systems, Multibody System Dynamics 18, 2007, equations 5 to 7).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from generalized_alpha import GeneralizedAlpha
 from numpy.typing import NDArray

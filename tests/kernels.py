@@ -1,7 +1,5 @@
 """Kernels of small systems, and what their modes are in coordinates of the bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Read arrays back from text in Modelica."""
 
-from __future__ import annotations
-
 import json
 import re
 

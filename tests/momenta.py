@@ -1,7 +1,5 @@
 """Momentum and energy of a boom on a free base: integrals over its mass, from its mass matrix at one time."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pmr.files.arrays import Array

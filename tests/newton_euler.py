@@ -5,8 +5,6 @@ Shares no formula with `pmr.simulation.frame`.  The axes of the boom are R = exp
     R' = psi' Z R - phi' R Y,    R'' = psi'' Z R + psi'^2 Z Z R - 2 psi' phi' Z R Y - phi'' R Y + phi'^2 R Y Y
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A boom on oil that luffs by itself, and the equations of a rigid boom and of the oil's flows in NumPy."""
 
-from __future__ import annotations
-
 from functools import cache
 from types import SimpleNamespace
 

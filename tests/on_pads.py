@@ -1,7 +1,5 @@
 """Planar beam between pads that only push: two below it and two above, in NumPy alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

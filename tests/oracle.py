@@ -1,7 +1,5 @@
 """Beam, snapshots, basis and error measure of the paper, and an integrator, in NumPy alone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

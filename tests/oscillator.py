@@ -1,7 +1,5 @@
 """An oscillator with one load as a linear model, its histories, and measurements of them."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import expm
 

@@ -1,7 +1,5 @@
 """Plugin of pytest (``-p other_kernel``) that loads the kernel from the folder PMR_KERNEL, not the package's."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import sys

@@ -1,7 +1,5 @@
 """An Exudyn user's own mbs with solver settings of their own."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import exudyn as exu

@@ -1,7 +1,5 @@
 """Simulate a full model alone in PETSc, as the system of one body, with its rows in place of contacts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

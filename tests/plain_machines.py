@@ -1,7 +1,5 @@
 """Cranes with rigid walls and pads that hold both ways: quick to reduce and linear, for tests and benchmarks."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 _FOLDER = Path(__file__).parent / "machines"

@@ -4,8 +4,6 @@ It shares with the kernel only what a system says of itself (`pmr.system.assembl
 finds the closed contacts by trying all sets.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product

@@ -1,7 +1,5 @@
 """Run commands in this process or in processes of their own, on one rank or several."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Random scenes of booms that luff, slew and extend with second order, of one to four sections."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

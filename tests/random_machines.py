@@ -1,7 +1,5 @@
 """Random machines for load charts: booms of two to four sections at one point, with all keys that a run takes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

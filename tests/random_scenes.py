@@ -1,7 +1,5 @@
 """Random scenes, with damping or without: planar beams on one slider or two, booms in space, and driven booms."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pmr import scene as scenes

@@ -1,7 +1,5 @@
 """What pads with play hold although a term tips it: a bar, a chain of masses; their equilibria, in NumPy alone."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

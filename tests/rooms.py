@@ -3,8 +3,6 @@
 A room is a folder or a module of `pmr`.  Imports within functions and for type checking count as any other.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter

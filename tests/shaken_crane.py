@@ -1,7 +1,5 @@
 """A crane that is raised, slewed and telescoped by some metres within a tenth of its workflow's time, on a truck."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import plain_machines

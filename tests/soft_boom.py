@@ -5,8 +5,6 @@ nothing of pmr.  Gerstmayr, Irschik: On the correct representation of bending an
 nodal coordinate formulation with an elastic line approach, Journal of Sound and Vibration 318, 2008.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

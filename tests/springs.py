@@ -1,7 +1,5 @@
 """Compliant rows as springs that travel with the slider: an oracle from the tables of a body."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pmr.files.arrays import Array

@@ -1,7 +1,5 @@
 """Frequency response of a state space."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

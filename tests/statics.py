@@ -1,7 +1,5 @@
 """Static response of a full model without rows."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pmr.fem.compat import PETSc

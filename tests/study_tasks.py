@@ -3,8 +3,6 @@
 python study_tasks.py FOLDER JOBS          (under mpiexec: the ranks are the workers)
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

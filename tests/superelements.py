@@ -1,7 +1,5 @@
 """Craig-Bampton models of a bar of bricks, made from its full matrices by NumPy."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import bricks

@@ -1,7 +1,5 @@
 """Structured surfaces for benchmarks: a rectangle of triangles mapped into space, with named sides and corners."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

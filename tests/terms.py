@@ -1,7 +1,5 @@
 """Small systems with terms that vary in time, and references for them: merged matrices, closed forms."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -6,8 +6,6 @@ Others have directions in another order, nodes with axes of their own, exchanged
 tries all, otherwise every tenth is.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable

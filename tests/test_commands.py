@@ -1,7 +1,5 @@
 """Every command of the manual is run by a test or by `.ci/manual`, or stands here with why none does."""
 
-from __future__ import annotations
-
 import re
 import runpy
 import shlex
@@ -12,7 +10,6 @@ from typing import Any
 
 import pytest
 import typer
-from processes import called
 
 from pmr import scene as scenes
 from pmr.cli.app import app
@@ -194,9 +191,9 @@ def test_no_page_brings_in_the_package_of_someone_else() -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command) -> None:
     monkeypatch.chdir(tmp_path)
     for command, short in RUN.items():
-        done = called(monkeypatch, capsys, *shlex.split(f"{command} {short}")[1:])
+        done = run_command(*shlex.split(f"{command} {short}")[1:])
         assert done.returncode == 0, (command, done.stderr)
     assert (tmp_path / "body.SID_FEM").is_file()

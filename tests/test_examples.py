@@ -1,7 +1,5 @@
 """The examples of the manual run, and the figures on their pages are what they should be."""
 
-from __future__ import annotations
-
 import runpy
 from collections.abc import Callable
 from pathlib import Path

@@ -3,8 +3,6 @@
 A body of given matrices goes the whole way without FEniCSx, and without PETSc, and ends where it does with them.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
@@ -86,14 +84,14 @@ def test_without_exudyn_march_does_the_work(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("without_figures")
-def test_without_a_library_of_weasyprint_all_but_the_report_is_there(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_without_a_library_of_weasyprint_all_but_the_report_is_there(tmp_path: Path, monkeypatch, run_command) -> None:
     hidden = hide("weasyprint", "raise OSError('cannot load library libpango')", tmp_path)
     forget("weasyprint", hidden, monkeypatch)
     monkeypatch.chdir(tmp_path)
     short = ["--set", "time.end=0.1", "--set", "mesh.elements=10", "--set", "compare.against=['full']"]
     short += ["--set", "slider.path=1.25"]
     scene = str(WORKFLOWS / "paper_simple.toml")
-    found = called(monkeypatch, capsys, "run", scene, "--out", "results", *short)
+    found = run_command("run", scene, "--out", "results", *short)
     assert found.returncode == 1 and "Traceback" not in found.stderr
     assert "installation: weasyprint: not found (cannot load library libpango)" in found.stderr
     assert "pip install jinja2 matplotlib fonttools weasyprint" in found.stderr

@@ -1,7 +1,5 @@
 """Full operators, bases as arrays and full coordinates, as a researcher uses them from `import pmr`."""
 
-from __future__ import annotations
-
 import numpy as np
 import plain_machines
 import pytest
@@ -13,13 +11,9 @@ from pmr.fem.compat import MPI
 from pmr.scene import Scene
 
 CHANGES = [
-    "mesh.elements=12",
-    "time.end=0.2",
-    "time.step=2e-3",
-    "compare.against=[]",
-    "reduction.estimate=false",
+    "mesh.elements=12", "time.end=0.2", "time.step=2e-3", "compare.against=[]", "reduction.estimate=false",
     "reduction.product=mass",
-]
+]  # fmt: skip
 
 
 def beam(*changes: str) -> Scene:

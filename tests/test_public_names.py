@@ -1,7 +1,5 @@
 """The names of `import pmr`: each is there, and a room that is called does what its name says."""
 
-from __future__ import annotations
-
 import importlib
 import subprocess
 import sys

@@ -4,8 +4,6 @@ Beams, shells and solids; lengths, sections and stiffnesses over decades; pads, 
 PMR_SWEEP=full tries all 200, otherwise every twenty-fifth is.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """What the README shows works, and what it points to exists."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re

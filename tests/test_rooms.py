@@ -1,7 +1,5 @@
 """Limits of what a reader has to hold in mind: rooms, arrows between them, and no circle anywhere."""
 
-from __future__ import annotations
-
 import grimp
 import pytest
 import rooms

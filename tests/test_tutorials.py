@@ -1,7 +1,5 @@
 """The tutorials do what they say: their commands run in order, and the figures on the page are those that come out."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re
@@ -33,10 +31,7 @@ NOT_MEASURED = re.compile("reports/(heavy|both_ways|first_order|fields)|payloads
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_the_first_boom(
-    tmp_path: Path,
-    unmeasured: Callable[[bool], None],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, unmeasured: Callable[[bool], None], monkeypatch: pytest.MonkeyPatch, run_command
 ) -> None:
     page = (PAGES / "first_boom.md").read_text()
     (study,) = blocks("first_boom.md", "toml")
@@ -47,7 +42,7 @@ def test_the_first_boom(
         refused, command = asked.startswith("$ "), shlex.split(asked.removeprefix("$ "))
         command += next((short for name, short in SHORT.items() if name in asked), [])
         unmeasured(NOT_MEASURED.search(asked) is not None)
-        done = called(monkeypatch, capsys, *command[1:])
+        done = run_command(*command[1:])
         assert done.returncode == (2 if refused else 0), done.stderr
         if refused:
             assert done.stderr.split() == " ".join(answer).split()
@@ -79,10 +74,7 @@ def test_the_first_boom(
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_crane_from_an_empty_folder(
-    tmp_path: Path,
-    unmeasured: Callable[[bool], None],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, unmeasured: Callable[[bool], None], monkeypatch: pytest.MonkeyPatch, run_command
 ) -> None:
     page = (PAGES / "crane.md").read_text()
     monkeypatch.chdir(tmp_path)
@@ -91,7 +83,7 @@ def test_a_crane_from_an_empty_folder(
         refused, command = asked.startswith("$ "), shlex.split(asked.removeprefix("$ "))
         command += ["--set", "time.end=0.5"] if "reports/fields" in asked else []
         unmeasured(NOT_MEASURED.search(asked) is not None)
-        done = called(monkeypatch, capsys, *command[1:])
+        done = run_command(*command[1:])
         assert done.returncode == (2 if refused else 0), done.stderr
         if refused:
             assert done.stderr.split() == " ".join(answer).split()
@@ -125,7 +117,7 @@ def test_a_crane_from_an_empty_folder(
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_load_chart_from_an_empty_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], run_command
 ) -> None:
     page, (study,) = (PAGES / "load_chart.md").read_text(), blocks("load_chart.md", "toml")
     (tmp_path / "chart.toml").write_text(study)
@@ -138,7 +130,7 @@ def test_a_load_chart_from_an_empty_folder(
                 called(patch, capsys, *command)
             command = ["study", "reports/chart_mine/chart.toml", "--out", "reports/chart_mine"]
         command += [] if command[0] == "new" else [*ONE_WORKER, "--set", "error_bars=false"]  # shells beside beams
-        done = called(monkeypatch, capsys, *command)
+        done = run_command(*command)
         assert done.returncode == 0, done.stderr
     stable, found = (
         json.loads((tmp_path / "reports" / name / "summary.json").read_text()) for name in ("chart_mine", "chart")

@@ -1,7 +1,5 @@
 """The scenes and meshes that come with the package."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import re

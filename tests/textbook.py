@@ -4,8 +4,6 @@ Element matrices after Cook, Malkus, Plesha: Concepts and Applications of Finite
 sections 4.2 and 13.3.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pmr.files.arrays import Array

@@ -5,8 +5,6 @@ without a mass at the tip.  Paths have kinks, stops or none; loads are forces an
 chirps far above the first modes; rho_inf is 0.6 to 1.  Booms are inclined and carry loads beside their axis.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Booms on a pin and an elastic luffing cylinder, and statics of a rigid boom by hand."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Turret in Exudyn with prescribed slewing and luffing angles: its kinematics are Exudyn's."""
 
-from __future__ import annotations
-
 import exudyn as exu
 import numpy as np
 from exudyn.itemInterface import NodeGenericODE2, ObjectKinematicTree, SensorKinematicTree

@@ -1,7 +1,5 @@
 """Boxes with a varying section, as beams and as shells, and their static response to loads at the tip."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

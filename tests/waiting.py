@@ -1,7 +1,5 @@
 """Wait for other processes, however slow the machine is."""
 
-from __future__ import annotations
-
 import subprocess
 import time
 from collections.abc import Callable

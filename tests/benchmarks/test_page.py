@@ -4,8 +4,6 @@ Ways taken in turn, their least and median times, and the exponent of a power la
 Messages are counted exactly: a program whose messages are known, and the page of made-up records.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Runs in processes of their own and what stops them; models compared; the section's page."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -3,8 +3,6 @@
 So a kill or an interruption that follows comes in the middle of a study, however slow the machine is.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 

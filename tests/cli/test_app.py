@@ -1,7 +1,5 @@
 """The command as a user calls it: a process of its own, its files, its exit code."""
 
-from __future__ import annotations
-
 import io
 import json
 import subprocess
@@ -10,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from oracle import flexible, full_body
-from processes import called, python
+from processes import python
 
 from pmr.cli.console import Output
 from pmr.cli.info import describe_model
@@ -63,11 +61,11 @@ def test_the_summary_keeps_its_contract(folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_several_scenes_make_one_report(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_several_scenes_make_one_report(tmp_path: Path, run_command) -> None:
     second = tmp_path / "second.toml"
     second.write_text(f'extends = "{Path(SIMPLE).resolve()}"\ntitle = "A second scene"\n')
     both = ("run", SIMPLE, str(second), "--out", str(tmp_path / "out"))
-    done = called(monkeypatch, capsys, *both, *SHORT, "--set", "compare.against=[]")
+    done = run_command(*both, *SHORT, "--set", "compare.against=[]")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "report.pdf").exists()
     for stem in ("paper_simple", "second"):
@@ -77,9 +75,9 @@ def test_several_scenes_make_one_report(tmp_path: Path, monkeypatch, capsys) -> 
 
 
 @pytest.mark.slow
-def test_info_says_what_a_file_holds(folder: Path, monkeypatch, capsys) -> None:
+def test_info_says_what_a_file_holds(folder: Path, run_command) -> None:
     files = ([], [str(folder / "reduced.npz")], [SIMPLE])
-    stack, model, scene = (called(monkeypatch, capsys, "info", *file) for file in files)
+    stack, model, scene = (run_command("info", *file) for file in files)
     assert "dolfinx" in stack.stdout and "float64" in stack.stdout
     assert "20 coordinates" in model.stdout and "slider" in model.stdout and "F in N" in model.stdout
     assert "estimated error" in model.stdout
@@ -101,9 +99,9 @@ def test_info_names_inputs_and_outputs_with_units() -> None:
 
 
 @pytest.mark.slow
-def test_an_exported_script_runs_without_pmr(folder: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_an_exported_script_runs_without_pmr(folder: Path, tmp_path: Path, run_command) -> None:
     (tmp_path / "reduced.npz").write_bytes((folder / "reduced.npz").read_bytes())
-    done = called(monkeypatch, capsys, "export", str(tmp_path / "reduced.npz"), "--to", "exudyn")
+    done = run_command("export", str(tmp_path / "reduced.npz"), "--to", "exudyn")
     assert done.returncode == 0, done.stderr
     script = Path(done.stdout.strip())
     assert script.parent == tmp_path and "pmr" not in [
@@ -117,11 +115,11 @@ def test_an_exported_script_runs_without_pmr(folder: Path, tmp_path: Path, monke
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_a_report_that_cant_be_drawn_loses_no_results(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_report_that_cant_be_drawn_loses_no_results(tmp_path: Path, run_command) -> None:
     """Where the PDF belongs stands a folder, which comes up last of all."""
     (tmp_path / "out" / "report.pdf").mkdir(parents=True)
     short = ["--set", "time.end=0.2", "--set", "slider.path=1.3", "--set", "compare.against=[]"]
-    done = called(monkeypatch, capsys, "run", SIMPLE, "--out", str(tmp_path / "out"), *short)
+    done = run_command("run", SIMPLE, "--out", str(tmp_path / "out"), *short)
     assert done.returncode == 1 and len(done.stderr.strip().splitlines()) == 1
     assert "the report can't be drawn (" in done.stderr and "report.pdf" in done.stderr
     assert "coordinates; simulated in" in done.stdout
@@ -169,18 +167,18 @@ BAD = [
 ]
 
 
-def test_tables_of_others_are_not_replaced(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_tables_of_others_are_not_replaced(tmp_path: Path, run_command) -> None:
     """Old tables of a run are removed, so that a folder with tables and no run is another's."""
     (tmp_path / "tables").mkdir()
     (tmp_path / "tables" / "mine.csv").write_text("a,b\n")
-    done = called(monkeypatch, capsys, "run", SIMPLE, "--out", str(tmp_path))
+    done = run_command("run", SIMPLE, "--out", str(tmp_path))
     assert done.returncode == 2 and "results would replace tables/mine.csv" in done.stderr
     assert (tmp_path / "tables" / "mine.csv").read_text() == "a,b\n"
 
 
 @pytest.mark.parametrize(("arguments", "says"), BAD, ids=[" ".join(a)[:60] for a, _ in BAD])
-def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says: str, monkeypatch, capsys) -> None:
-    done = called(monkeypatch, capsys, *arguments)
+def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says: str, run_command) -> None:
+    done = run_command(*arguments)
     assert done.returncode == 2
     assert done.stdout == "" and len(done.stderr.strip().splitlines()) == 1
     assert says in done.stderr
@@ -189,20 +187,20 @@ def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_number_in_another_unit_is_a_warning_of_the_run_its_summary_and_its_report(
-    tmp_path: Path, monkeypatch, capsys
+    tmp_path: Path, run_command
 ) -> None:
     keys = ["time.end=0.1", "slider.path=1.3", "compare.against=[]", "simulation.simulators=['march']"]
     keys += ["damping={ratio=0.5,frequencies=[1.0,10.0]}"]
-    done = called(monkeypatch, capsys, "run", SIMPLE, "--out", str(tmp_path), *(p for k in keys for p in ("--set", k)))
+    done = run_command("run", SIMPLE, "--out", str(tmp_path), *(p for k in keys for p in ("--set", k)))
     hint = "damping.ratio = 0.5 is unusual: up to 0.3 is usual here; is it in % (0.005)?"
     assert done.returncode == 0 and f"warning: {hint}\n" in done.stdout
     assert json.loads((tmp_path / "summary.json").read_text())["warnings"][0] == hint
     assert f"D{hint[1:]}" in (tmp_path / "report.html").read_text()
 
 
-def test_it_is_told_beside_what_makes_a_run_fail(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_it_is_told_beside_what_makes_a_run_fail(tmp_path: Path, run_command) -> None:
     keys = ["mesh.elements=2", "reduction.modes=10", "compare.against=[]", "damping={ratio=0.5,frequencies=[1.0,10.0]}"]
-    done = called(monkeypatch, capsys, "run", SIMPLE, "--out", str(tmp_path), *(p for k in keys for p in ("--set", k)))
+    done = run_command("run", SIMPLE, "--out", str(tmp_path), *(p for k in keys for p in ("--set", k)))
     hint, refused = done.stderr.splitlines()
     assert done.returncode == 2 and hint.startswith("warning: damping.ratio = 0.5 is unusual: ")
     assert "6 free coordinates; ask for fewer" in refused
@@ -215,29 +213,29 @@ def test_bad_input_ends_a_process_of_its_own_likewise() -> None:
     assert len(done.stderr.strip().splitlines()) == 1
 
 
-def test_the_place_for_results_is_tried_before_anything_is_computed(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_the_place_for_results_is_tried_before_anything_is_computed(tmp_path: Path, run_command) -> None:
     (tmp_path / "file").write_text("")
     for out in (f"{tmp_path}/file", f"{tmp_path}/file/x"):
-        done = called(monkeypatch, capsys, "run", SIMPLE, "--out", out)
+        done = run_command("run", SIMPLE, "--out", out)
         assert done.returncode == 2 and "can be written to is allowed" in done.stderr and done.stdout == ""
 
 
 @pytest.mark.slow
-def test_an_export_replaces_no_model(folder: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_an_export_replaces_no_model(folder: Path, tmp_path: Path, run_command) -> None:
     model = folder / "reduced.npz"
     content = model.read_bytes()
     (tmp_path / "script.npz").write_bytes(b"another")
     for out in (model, folder, tmp_path / "script.py"):
-        assert called(monkeypatch, capsys, "export", str(model), "--out", str(out)).returncode == 2
+        assert run_command("export", str(model), "--out", str(out)).returncode == 2
     assert model.read_bytes() == content and (tmp_path / "script.npz").read_bytes() == b"another"
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_several_simulators_say_how_far_they_agree(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_several_simulators_say_how_far_they_agree(tmp_path: Path, run_command) -> None:
     short = ("--set", "time.end=0.2", "--set", "slider.path=1.3", "--set", "compare.against=[]")
     names = ("--simulators", "exudyn-callback, march,exudyn")
-    done = called(monkeypatch, capsys, "run", SIMPLE, *short, *names, "--out", str(tmp_path))
+    done = run_command("run", SIMPLE, *short, *names, "--out", str(tmp_path))
     assert done.returncode == 0, done.stderr
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert list(summary["seconds"]["simulate"]) == ["exudyn-callback", "march", "exudyn"]

@@ -1,13 +1,10 @@
 """The command that fits keys of a scene to measured frequencies."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from processes import called
 
 import pmr
 from pmr import InputError
@@ -33,14 +30,12 @@ def write_frequencies(file: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_scene_is_written_with_the_values_that_its_frequencies_have(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_scene_is_written_with_the_values_that_its_frequencies_have(tmp_path: Path, run_command) -> None:
     write_frequencies(file := tmp_path / "f.csv")
     words = ["identify", "dropbear", "--measured", str(file), "--out", str(tmp_path / "out")]
     words += [part for change in CHANGES for part in ("--set", change)]
     fit = [part for key in (f"{LENGTH}=0.5", f"{STIFFNESS}=250", "damping.ratio=0.01") for part in ("--fit", key)]
-    done = called(monkeypatch, capsys, *words, *fit)
+    done = run_command(*words, *fit)
     assert done.returncode == 0, done.stderr
     figures = json.loads((tmp_path / "out" / "identify.json").read_text())
     for name, value in ((LENGTH, 0.47), (STIFFNESS, 270.0), ("damping.ratio", 0.005)):
@@ -58,10 +53,10 @@ def test_the_scene_is_written_with_the_values_that_its_frequencies_have(
         (["--fit", "body.nothing=1.0"], "body.nothing"),
         (["--fit", f"{LENGTH}=0.5", "--set", "reduction.coordinates=1"], "the model has fewer"),
     ):
-        refused = called(monkeypatch, capsys, *words, *wrong)
+        refused = run_command(*words, *wrong)
         assert refused.returncode == 2 and said in refused.stderr and refused.stderr.count("\n") == 1, refused.stderr
     file.write_text(file.read_text().replace("s [m]", "roller"))
-    refused = called(monkeypatch, capsys, *words, "--fit", f"{LENGTH}=0.5")
+    refused = run_command(*words, "--fit", f"{LENGTH}=0.5")
     assert refused.returncode == 2 and "a column for each path is allowed" in refused.stderr
 
 
@@ -81,7 +76,7 @@ def test_the_scene_is_written_with_the_values_that_its_frequencies_have(
         ("s,f1,f2\n1,160.3,26.3\n", "frequencies"),
         ("s,f1,d1\n1,26.3,7\n", "damping"),
     ],
-)
+)  # fmt: skip
 def test_a_table_that_is_none_is_refused(tmp_path: Path, text: str, key: str) -> None:
     (tmp_path / "f.csv").write_text(text)
     with pytest.raises(InputError) as refused:

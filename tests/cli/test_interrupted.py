@@ -1,7 +1,5 @@
 """A run that is killed, or has no room left, leaves the results that were there or its own, whole."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
@@ -15,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from processes import UNDRAWN, called, undrawn
+from processes import UNDRAWN, undrawn
 
 from pmr import ReducedModel, RunResult
 from pmr.files.whole import finish_swap
@@ -77,7 +75,7 @@ def old(tmp_path_factory: pytest.TempPathFactory) -> Old:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_a_run_may_be_killed_at_any_time(old: Old, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_run_may_be_killed_at_any_time(old: Old, tmp_path: Path, run_command) -> None:
     rng = np.random.default_rng(19)
     before, outcomes = digests(old.folder), []
     for k in KILLS:
@@ -98,7 +96,7 @@ def test_a_run_may_be_killed_at_any_time(old: Old, tmp_path: Path, monkeypatch, 
         assert found in ({OLD}, {NEW})
         if found == {OLD}:
             assert {name: value for name, value in digests(folder).items() if "checkpoint" not in name} == before
-        assert called(monkeypatch, capsys, *command(folder, NEW)).returncode == 0
+        assert run_command(*command(folder, NEW)).returncode == 0
         assert coordinates(folder) == {NEW}
         left = {path.name for path in folder.iterdir()}
         assert left == {path.name for path in old.folder.iterdir()}  # no rest, and the notes

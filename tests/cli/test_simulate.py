@@ -1,7 +1,5 @@
 """`pmr simulate`: a saved model under another scene, where there is no FEniCSx."""
 
-from __future__ import annotations
-
 import json
 import sys
 from dataclasses import replace
@@ -9,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from processes import FENICSX, PETSC, called, without
+from processes import FENICSX, PETSC, without
 
 from pmr import InputError, ReducedModel, System, scene, simulate
 from pmr import pipeline as whole
@@ -89,12 +87,12 @@ REFUSED = [
 
 @pytest.mark.parametrize(("arguments", "says"), REFUSED, ids=[" ".join(a) for a, _ in REFUSED])
 def test_what_does_not_fit_the_model_is_refused_in_one_line(
-    saved: Path, arguments: list[str], says: str, tmp_path: Path, monkeypatch, capsys
+    saved: Path, arguments: list[str], says: str, tmp_path: Path, monkeypatch, run_command
 ) -> None:
     chosen = [] if "--scene" in arguments else ["--scene", str(ROOT / "workflows" / "evolved_residual.toml")]
     monkeypatch.setitem(sys.modules, "exudyn", None)
     out = str(tmp_path / "out")
-    done = called(monkeypatch, capsys, "simulate", str(saved), *chosen, *arguments, "--out", out)
+    done = run_command("simulate", str(saved), *chosen, *arguments, "--out", out)
     assert done.returncode == 2
     assert says in done.stderr and len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "out" / "summary.json").exists()
@@ -178,8 +176,6 @@ def test_a_load_beyond_what_the_model_was_made_for_is_said(saved: Path) -> None:
     assert "beyond the highest enrichment mode" in said[300.0] and "enrichment" not in said[8.0]
 
 
-def test_the_folder_of_the_model_is_left_alone(saved: Path, monkeypatch, capsys) -> None:
-    done = called(
-        monkeypatch, capsys, "simulate", str(saved), "--scene", "evolved_residual", "--out", str(saved.parent)
-    )
+def test_the_folder_of_the_model_is_left_alone(saved: Path, run_command) -> None:
+    done = run_command("simulate", str(saved), "--scene", "evolved_residual", "--out", str(saved.parent))
     assert done.returncode == 2 and "other than the model's" in done.stderr

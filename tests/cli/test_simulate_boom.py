@@ -1,7 +1,5 @@
 """`pmr simulate` of a saved boom: what `pmr run` finds, without FEniCSx, and none but the boom it was made from."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +8,7 @@ from typing import Any
 import numpy as np
 import plain_machines
 import pytest
-from processes import FENICSX, PETSC, called, without
+from processes import FENICSX, PETSC, without
 
 import pmr
 from pmr import InputError, System
@@ -158,11 +156,11 @@ def test_another_boom_or_a_body_alone_is_refused(system: System, folder: Path) -
         pmr.simulate(pmr.load_scene("boom_two"), alone)
 
 
-def test_an_extension_beyond_the_systems_rows_is_refused(folder: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_an_extension_beyond_the_systems_rows_is_refused(folder: Path, tmp_path: Path, run_command) -> None:
     """Further in than the one that it was made from; in one line, with file, section, time."""
     further_in = "sections.fly.joint.extension={kind='ramp',times=[0.0,0.1],values=[0.7,0.5]}"
     asked = ("--scene", "boom_two", *sets([*SHORT, further_in]), "--out", str(tmp_path / "out"))
-    done = called(monkeypatch, capsys, "simulate", str(folder / "system.npz"), *asked)
+    done = run_command("simulate", str(folder / "system.npz"), *asked)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
     assert "boom_two.toml: sections.fly.joint = 0.59" in done.stderr
     assert "0.6 to 5.7 m is allowed; left at t = 0.05" in done.stderr
@@ -178,14 +176,14 @@ def test_models_that_know_no_scene_are_simulated_as_they_are(system: System) -> 
     np.testing.assert_array_equal(found.displacement, expected.displacement)
 
 
-def test_info_says_what_a_saved_boom_is(folder: Path, system: System, monkeypatch, capsys) -> None:
+def test_info_says_what_a_saved_boom_is(folder: Path, system: System, run_command) -> None:
     """Bodies, contacts, paths with their ranges, and frequencies where the scene's paths end."""
-    done = called(monkeypatch, capsys, "info", str(folder / "system.npz"))
+    done = run_command("info", str(folder / "system.npz"))
     said = " ".join(done.stdout.split())
     assert done.returncode == 0 and "2 bodies, 11 coordinates" in said and "body fly 8 coordinates" in said
     assert "fly from 0.6 to 5.7 m" in said and "fly tail bottom (only pushes)" in said
     assert "cylinder of fly (holds both ways)" in said and "fly.tip force in N" in said
     hertz = Assembly(system).frequencies(system.side_coordinates({"fly": 0.6}), 4)
     assert f"frequencies, fly at 0.6 m {', '.join(f'{f:.4g}' for f in hertz)} Hz" in said
-    scene = " ".join(called(monkeypatch, capsys, "info", "boom_three").stdout.split())
+    scene = " ".join(run_command("info", "boom_three").stdout.split())
     assert "middle body box width 260 mm, height 360 mm" in scene and "values (0.6, 4.5, 0.6) m" in scene

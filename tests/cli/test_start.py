@@ -2,8 +2,6 @@
 `pmr chart`: the study that it writes, and what it refuses.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import runpy
@@ -13,7 +11,6 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from processes import called
 from typer.testing import CliRunner
 
 import pmr
@@ -188,10 +185,10 @@ def test_walls_of_templates_give_on_cells_about_as_wide_as_their_pads(kind: str)
     [("boom_beam", "1000", "SCENE = "), ("crane", "0", "--up-to = 0"), ("crane", "-5", "--up-to = -5")],
 )
 def test_what_has_no_chart_is_refused_in_one_line(
-    scene: str, up_to: str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+    scene: str, up_to: str, says: str, tmp_path: Path, run_command
 ) -> None:
     folder = tmp_path / "chart"
-    done = called(monkeypatch, capsys, "chart", scene, "--up-to", up_to, "--out", str(folder))
+    done = run_command("chart", scene, "--up-to", up_to, "--out", str(folder))
     assert done.returncode == 2 and says in done.stderr and done.stderr.count("\n") == 1, done.stderr
     assert not folder.exists()
 
@@ -204,10 +201,10 @@ def _only_write_charts(monkeypatch: pytest.MonkeyPatch, sections: tuple[str, ...
 
 
 def test_the_study_that_it_writes_asks_for_all_that_the_scene_goes_through(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command
 ) -> None:
     _only_write_charts(monkeypatch)
-    called(monkeypatch, capsys, "chart", "crane", "--up-to", "20000", "--out", str(tmp_path))
+    run_command("chart", "crane", "--up-to", "20000", "--out", str(tmp_path))
     asked = call.load(tmp_path / "chart.toml").parts[0].study
     assert (asked.extensions[0], asked.extensions[-1]) == (
         {"middle": 0.6, "fly": 0.6}, {"middle": 4.5, "fly": 4.5},
@@ -216,7 +213,7 @@ def test_the_study_that_it_writes_asks_for_all_that_the_scene_goes_through(
 
 
 def test_the_study_that_it_writes_looks_over_all_sides_of_a_boom_that_slews(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command
 ) -> None:
     """Rear and front of the template differ, left and right do not; one mass beside the middle takes the whole turn."""
     _only_write_charts(monkeypatch)
@@ -227,7 +224,7 @@ def test_the_study_that_it_writes_looks_over_all_sides_of_a_boom_that_slews(
         signal = f"slewing = {{ kind = 'smooth_ramp', times = [2.0, 10.0], values = [0.0, {most}] }}"
         text = re.sub(r"^slewing = .*$", signal, template, flags=re.M)
         (tmp_path / "crane.toml").write_text(text)
-        done = called(monkeypatch, capsys, "chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / most))
+        done = run_command("chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / most))
         assert done.returncode == 0, done.stderr
         assert call.load(tmp_path / most / "chart.toml").parts[0].study.slewing == angles
     carrier, outrigger = "at = [-0.6, 0.0, -0.9]", "at = [-2.6, 2.4]"
@@ -241,21 +238,21 @@ def test_the_study_that_it_writes_looks_over_all_sides_of_a_boom_that_slews(
     ):
         assert old in template
         (tmp_path / "crane.toml").write_text(template.replace(old, new))
-        called(monkeypatch, capsys, "chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / name))
+        run_command("chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / name))
         study = tmp_path / name / "chart.toml"
         assert call.load(study).parts[0].study.slewing == angles, name
         assert ("alike on left and right" in study.read_text()) is (angles != whole)
 
 
 def test_limits_of_walls_take_the_pads_of_their_joint_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command
 ) -> None:
     """Neither those of another section whose name begins alike."""
     _only_write_charts(monkeypatch, ("middle", "middle 2"))
     monkeypatch.chdir(tmp_path)
     template = (TEMPLATES / "crane.toml").read_text().replace('name = "fly"', 'name = "middle 2"')
     (tmp_path / "crane.toml").write_text(template)
-    called(monkeypatch, capsys, "chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / "out"))
+    run_command("chart", "crane.toml", "--up-to", "20000", "--out", str(tmp_path / "out"))
     limits = {limit.name: limit for limit in call.load(tmp_path / "out" / "chart.toml").parts[0].study.limits}
     pads = force_names(scenes.load_any(tmp_path / "crane.toml"))["pad"]
     taken = [[p for p in pads if limits[f"walls at pads of {n}"].concerns(p)] for n in ("middle", "middle 2")]
@@ -263,48 +260,48 @@ def test_limits_of_walls_take_the_pads_of_their_joint_alone(
 
 
 def test_without_fenicsx_walls_are_not_limited_and_what_needs_it_is_refused_before_a_folder_is_made(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, run_command
 ) -> None:
     _only_write_charts(monkeypatch)
     find = util.find_spec
     monkeypatch.setattr("pmr.errors.environment.util.find_spec", lambda name: None if name == "dolfinx" else find(name))
-    done = called(monkeypatch, capsys, "chart", "crane", "--up-to", "20000", "--out", str(tmp_path / "refused"))
+    done = run_command("chart", "crane", "--up-to", "20000", "--out", str(tmp_path / "refused"))
     assert done.returncode == 2 and "installation: dolfinx: not found" in done.stderr, done.stderr
     assert not (tmp_path / "refused").exists()
     monkeypatch.setattr("pmr.scene.model_traits.ModelTraits.needs_fenicsx", False)
-    done = called(monkeypatch, capsys, "chart", "crane", "--up-to", "20000", "--out", str(tmp_path / "out"))
+    done = run_command("chart", "crane", "--up-to", "20000", "--out", str(tmp_path / "out"))
     assert done.returncode == 0 and "walls at pads are not limited: dolfinx is not installed" in caplog.text
     assert "walls at pads of" not in (tmp_path / "out" / "chart.toml").read_text()
 
 
 def test_a_chart_without_a_largest_load_takes_the_mass_of_machine_and_boom(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command
 ) -> None:
     """18 t of machine and 2.2 t of boom, rounded up; without a machine, five times the mass of the boom."""
     _only_write_charts(monkeypatch)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "crane.toml").write_text((TEMPLATES / "crane.toml").read_text())
-    done = called(monkeypatch, capsys, "chart", "crane.toml", "--out", str(tmp_path / "ground"))
+    done = run_command("chart", "crane.toml", "--out", str(tmp_path / "ground"))
     assert call.load(tmp_path / "ground" / "chart.toml").parts[0].study.up_to == 21000.0
     assert "21000 kg is the largest load that is looked for" in " ".join(done.stdout.split())
-    called(monkeypatch, capsys, "chart", "crane", "--out", str(tmp_path / "boom"))
+    run_command("chart", "crane", "--out", str(tmp_path / "boom"))
     assert call.load(tmp_path / "boom" / "chart.toml").parts[0].study.up_to == 13000.0
     text = (
         (TEMPLATES / "crane.toml").read_text().replace("mass = 150.0", "mass = 3000.0").replace("= 1000.0", "= 5000.0")
     )
     (tmp_path / "crane.toml").write_text(text)  # a hook block is a part of the boom, and the payload is not
-    called(monkeypatch, capsys, "chart", "crane.toml", "--out", str(tmp_path / "block"))
+    run_command("chart", "crane.toml", "--out", str(tmp_path / "block"))
     assert call.load(tmp_path / "block" / "chart.toml").parts[0].study.up_to == 24000.0
     (tmp_path / "crane.toml").write_text(text.replace("density = 7850.0", "density = 7.85"))
-    done = called(monkeypatch, capsys, "chart", "crane.toml", "--out", str(tmp_path / "unknown"))
+    done = run_command("chart", "crane.toml", "--out", str(tmp_path / "unknown"))
     assert done.returncode == 2 and "--up-to" in done.stderr and "the mass of the boom is not known" in done.stderr
 
 
-def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_a_chart_of_a_folder_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command) -> None:
     _only_write_charts(monkeypatch)
     monkeypatch.chdir(tmp_path)
-    called(monkeypatch, capsys, "new", "crane", "mine")
-    called(monkeypatch, capsys, "chart", "mine", "--up-to", "20000")
+    run_command("new", "crane", "mine")
+    run_command("chart", "mine", "--up-to", "20000")
     study = call.load(tmp_path / "reports" / "chart_mine" / "chart.toml").parts[0].study
     limits = [(limit.of, limit.most, limit.factor) for limit in study.limits]
     # the scene has outriggers, a probe of stress and pads
@@ -332,16 +329,14 @@ def test_a_key_can_be_read_about_without_the_manual(key: str, texts: tuple[str, 
 
 
 @pytest.mark.parametrize("key", ["hoist.fals", "sections.masses.nothing", "nothing", "hoist.falls.more"])
-def test_a_key_that_is_not_there_is_refused_in_one_line(
-    key: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    refused = called(monkeypatch, capsys, "schema", key)
+def test_a_key_that_is_not_there_is_refused_in_one_line(key: str, run_command) -> None:
+    refused = run_command("schema", key)
     assert refused.returncode == 2 and f"KIND = '{key}'" in refused.stderr and refused.stderr.count("\n") == 1
 
 
-def test_a_chart_without_what_reports_need_is_refused_by_the_package(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_chart_without_what_reports_need_is_refused_by_the_package(tmp_path: Path, monkeypatch, run_command) -> None:
     find = util.find_spec
     monkeypatch.setattr("pmr.errors.environment.util.find_spec", lambda name: None if name == "jinja2" else find(name))
-    done = called(monkeypatch, capsys, "chart", "crane", "--out", str(tmp_path / "out"))
+    done = run_command("chart", "crane", "--out", str(tmp_path / "out"))
     assert done.returncode == 2 and "installation: jinja2: not found; it writes reports" in done.stderr, done.stderr
     assert not (tmp_path / "out").exists()

@@ -3,8 +3,6 @@ What a run prints while it computes, where there is no terminal.
 The command of earlier versions, which scripts may still call.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
@@ -84,6 +82,6 @@ def test_a_long_run_says_each_stage_once_and_a_short_one_nothing(
     assert not stages(monkeypatch, capsys, tmp_path, quiet=1000.0)
 
 
-def test_nothing_is_to_be_compiled(monkeypatch, capsys) -> None:
-    done = called(monkeypatch, capsys, "compile")
+def test_nothing_is_to_be_compiled(run_command) -> None:
+    done = run_command("compile")
     assert done.returncode == 0 and done.stdout.startswith("nothing is to be compiled")

@@ -1,7 +1,5 @@
 """The command ``pmr study``, and the batch scripts around it, as a user calls them."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal
@@ -11,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from processes import UNDRAWN, called, python, undrawn
+from processes import UNDRAWN, python, undrawn
 from waiting import PATIENCE, wait_until
 
 from pmr.studies.study import Store, StudyResults
@@ -79,29 +77,29 @@ def test_a_study_leaves_what_the_help_says(done: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_called_again_it_goes_on(small: Path, done: Path, monkeypatch, capsys) -> None:
+def test_called_again_it_goes_on(small: Path, done: Path, run_command) -> None:
     before = tables(done)
-    again = called(monkeypatch, capsys, "study", str(small), "--out", str(done))
+    again = run_command("study", str(small), "--out", str(done))
     assert again.returncode == 0 and "2 of 2 runs are there; 0 tasks" in again.stdout
     assert tables(done) == before
 
 
 @pytest.mark.slow
-def test_runs_can_be_named_and_computed_one_by_one(small: Path, done: Path, monkeypatch, capsys) -> None:
+def test_runs_can_be_named_and_computed_one_by_one(small: Path, done: Path, run_command) -> None:
     names = [f"basis=eigenmodes,coordinates={r}" for r in (10, 20)]
-    assert called(monkeypatch, capsys, "study", str(small), "--list").stdout.split() == names
+    assert run_command("study", str(small), "--list").stdout.split() == names
     before = tables(done)
-    one = called(monkeypatch, capsys, "study", str(small), "--out", str(done), "--only", names[1])
+    one = run_command("study", str(small), "--out", str(done), "--only", names[1])
     assert one.returncode == 0 and one.stdout == "1 of 1 runs are there; 0 tasks were computed now\n"
     assert tables(done) == before
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_a_failing_run_leaves_exit_code_1_and_the_other_runs(small: Path, done: Path, monkeypatch, capsys) -> None:
+def test_a_failing_run_leaves_exit_code_1_and_the_other_runs(small: Path, done: Path, run_command) -> None:
     more = "change.reduction.snapshots=21"  # more than the mesh has nodes for
     asked = ("study", str(small), "--out", str(done.with_name("failed")), "--set", more, "--jobs", "1")
-    failed = called(monkeypatch, capsys, *asked)
+    failed = run_command(*asked)
     assert failed.returncode == 1 and "0 of 2 runs are there" in failed.stdout
     both = "basis=eigenmodes,coordinates=10, basis=eigenmodes,coordinates=20"
     assert f"failed: {both}: InputError: scene: reduction.snapshots" in failed.stderr
@@ -120,8 +118,8 @@ BAD = [
 
 
 @pytest.mark.parametrize(("arguments", "says"), BAD, ids=[" ".join(a[-2:]) for a, _ in BAD])
-def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says: str, monkeypatch, capsys) -> None:
-    done = called(monkeypatch, capsys, "study", *arguments)
+def test_bad_input_ends_with_one_line_and_exit_code_2(arguments: list[str], says: str, run_command) -> None:
+    done = run_command("study", *arguments)
     assert done.returncode == 2
     assert done.stdout == "" and len(done.stderr.strip().splitlines()) == 1
     assert says in done.stderr
@@ -137,15 +135,13 @@ def test_bad_input_is_said_once_on_several_ranks() -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_killed_and_started_again_it_makes_the_same_table(
-    small: Path, done: Path, tmp_path: Path, monkeypatch, capsys
-) -> None:
+def test_killed_and_started_again_it_makes_the_same_table(small: Path, done: Path, tmp_path: Path, run_command) -> None:
     arguments, count = ["study", str(small), "--out", str(tmp_path), "--jobs", "1"], 2
     child = subprocess.Popen([sys.executable, HELD, str(count), *arguments])
     wait_until(lambda: len(list(tmp_path.glob("tasks/*.npz"))) == count, child)
     child.kill()
     child.wait()
-    again = called(monkeypatch, capsys, *arguments)
+    again = run_command(*arguments)
     assert again.returncode == 0, again.stderr
     assert int(again.stdout.split(";")[1].split()[0]) <= 4 - count
     assert tables(tmp_path) == tables(done)
@@ -215,13 +211,13 @@ def test_the_slurm_script_makes_the_same_table_under_mpiexec(
 
 @pytest.mark.parametrize("name", ["tasks", "tasks/0123456789abcdef01234567.npz", "runs.csv", "summary.json"])
 def test_what_stands_in_the_place_of_results_is_told_before_work(
-    name: str, small: Path, tmp_path: Path, monkeypatch, capsys
+    name: str, small: Path, tmp_path: Path, monkeypatch, run_command
 ) -> None:
     monkeypatch.chdir(tmp_path)
     there = Path(name)
     there.parent.mkdir(exist_ok=True)
     there.write_text("") if name == "tasks" else there.mkdir()
-    refused = called(monkeypatch, capsys, "study", str(small), "--out", ".", "--jobs", "1")
+    refused = run_command("study", str(small), "--out", ".", "--jobs", "1")
     assert refused.returncode == 2 and refused.stdout == "" and refused.stderr.count("\n") == 1
     assert refused.stderr.startswith("pmr: command line: --out = ") and name in refused.stderr
     assert "can be written to is allowed (" in refused.stderr

@@ -1,7 +1,5 @@
 """Where a command may write: a file takes the place of a file or of nothing, never of what the command reads."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 
@@ -75,17 +73,11 @@ def test_what_a_command_reads_it_does_not_write_over(model: Path, tmp_path: Path
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["run", LONG],
-        ["new", "boom", LONG],
-        ["info", f"{LONG}.npz"],
-        ["export", LONG],
-        ["matrices", LONG],
-        ["study", LONG],
-        ["simulate", LONG, "--scene", "paper_simple"],
-        ["flexible", LONG, "--at", "1"],
+        ["run", LONG], ["new", "boom", LONG], ["info", f"{LONG}.npz"], ["export", LONG], ["matrices", LONG],
+        ["study", LONG], ["simulate", LONG, "--scene", "paper_simple"], ["flexible", LONG, "--at", "1"],
         ["run", "paper_simple", "--out", LONG],
     ],
-)
+)  # fmt: skip
 def test_a_name_that_no_file_can_have_is_one_line(arguments: list[str], monkeypatch, capsys, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
     assert "Traceback" not in refused(monkeypatch, capsys, *arguments)

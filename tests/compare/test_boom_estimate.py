@@ -7,8 +7,6 @@ Random booms that luff, slew and telescope with second order: reduced beside ful
 Two as a rule; ``PMR_SWEEP=full`` takes 40.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 

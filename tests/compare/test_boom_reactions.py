@@ -1,7 +1,5 @@
 """Forces by which the ground holds a boom of sections: with loads, weight and inertia they sum to zero at all times."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 What damping makes of the residual part's own deformation, against full models.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

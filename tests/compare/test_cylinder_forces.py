@@ -4,8 +4,6 @@ Forces of pads and of cylinders, apart, on booms that were random before any of 
 Two as a rule; ``PMR_SWEEP=full`` takes 40.
 """
 
-from __future__ import annotations
-
 import os
 from functools import cache
 from pathlib import Path

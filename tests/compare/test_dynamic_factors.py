@@ -1,7 +1,5 @@
 """Largest forces of a motion over those at rest: a boom that stands has the factor 1, one that is let go some 2."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import free_boom

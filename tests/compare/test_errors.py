@@ -1,7 +1,5 @@
 """Errors between responses, energies, and recovered velocities against derivatives of the body's coordinates."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 Twelve scenes as a rule, and two on pads that only push; ``PMR_SWEEP=full`` takes 60 and 40.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from dataclasses import replace

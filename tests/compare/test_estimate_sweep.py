@@ -3,8 +3,6 @@
 Twelve scenes as a rule; ``PMR_SWEEP=full`` takes 200.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 

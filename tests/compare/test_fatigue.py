@@ -1,7 +1,5 @@
 """Damage by load cycles from a scene to its summary, beside the closed form of a sinusoid."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """How far forces of two runs are apart, and which figures of a run a part of its budget covers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Runs of a boom that luffs by itself: what they state of its cylinder, and what their report shows."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +16,9 @@ from pmr.scene.built import force_name
 pytestmark = pytest.mark.slow  # three sections are reduced
 
 QUICK = (
-    "section.mesh.elements=6",
-    "section.reduction.estimate=false",
-    "time.end=1.4",
-    "compare.against=[]",
+    "section.mesh.elements=6", "section.reduction.estimate=false", "time.end=1.4", "compare.against=[]",
     "compare.richer='none'",
-)
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """Frequencies of held systems and of beams in closed form; the response in frequency that a scene may ask for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -110,12 +108,8 @@ def test_static_tip_deflection(s: float) -> None:
 BOOM = Path(__file__).parents[2] / "workflows" / "boom_beam.toml"
 
 ASKED = [
-    "observe.frequency_response=true",
-    "time.end=0.1",
-    "compare.against=[]",
-    "mesh.elements=12",
-    "recovery.every=0.1",
-]
+    "observe.frequency_response=true", "time.end=0.1", "compare.against=[]", "mesh.elements=12", "recovery.every=0.1",
+]  # fmt: skip
 
 STEADY = "slider.path=2.5"
 

@@ -1,7 +1,5 @@
 """Friction of a stiff section on two pads, its cylinder elastic, beside statics: sliding, reversal, rest, swinging."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Energies and loads of a response whose boom has a hoist, beside the balance of energy and the rope's directions."""
 
-from __future__ import annotations
-
 import re
 
 import hoists

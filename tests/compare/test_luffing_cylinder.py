@@ -1,7 +1,5 @@
 """The cylinder that raises a boom, beside statics and the power that a rise takes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import turning_cylinder

@@ -1,7 +1,5 @@
 """The model's part of the budget: motions of two models, and what they are apart."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

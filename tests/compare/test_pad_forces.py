@@ -1,7 +1,5 @@
 """Which pad carries what: every force under the name of its pad, from the structure to the report."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable
@@ -29,17 +27,10 @@ MIXED = (
     f"{{name='tail',at=0.15,{ALL_ROUND}}},{{name='mouth',moving=true,{ALL_ROUND}}}]"
 )
 AT_REST = (
-    "body.model=beam3d",
-    "mesh.elements=20",
-    MIXED,
-    "slider.path=1.8",
-    "loads=[]",
-    "compare.against=[]",
-    "recovery.stress=false",
-    "recovery.every=0.5",
-    "damping={ratio=0.5,frequencies=[1.0,60.0]}",
+    "body.model=beam3d", "mesh.elements=20", MIXED, "slider.path=1.8", "loads=[]", "compare.against=[]",
+    "recovery.stress=false", "recovery.every=0.5", "damping={ratio=0.5,frequencies=[1.0,60.0]}",
     "time={end=2.5,step=1e-2,rho_inf=0.5}",
-)
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,6 @@
 What is left of motions and forces that cancel or that nothing drives is nobody's error.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 

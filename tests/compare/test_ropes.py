@@ -1,7 +1,5 @@
 """Sections that ropes move with others, beside statics and the work that telescoping takes."""
 
-from __future__ import annotations
-
 import runpy
 from dataclasses import replace
 from pathlib import Path

@@ -4,8 +4,6 @@ The error of the time step on random scenes with steps ten times as long, agains
 Eight scenes as a rule; ``PMR_SWEEP=full`` takes 60.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from warnings import catch_warnings, simplefilter

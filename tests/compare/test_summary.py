@@ -1,7 +1,5 @@
 """Where it is looked how much axial forces change a boom's stiffness."""
 
-from __future__ import annotations
-
 import numpy as np
 import one_body
 import pytest

@@ -1,7 +1,5 @@
 """What is no reference, what no linear model describes, and what does not fit into memory: the run says so, and why."""
 
-from __future__ import annotations
-
 import logging
 import tracemalloc
 from collections.abc import Callable

@@ -2,8 +2,6 @@
 The declared order of quadratic solids, measured: 4 in the frequencies of smooth modes.
 """
 
-from __future__ import annotations
-
 import meshio
 import numpy as np
 import pytest

@@ -4,8 +4,6 @@ An element's shear strain is constant, which is exact in statics, where the shea
 varies along the element.  The error is a small one: it is the shear's share of the compliance that converges so.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -8,8 +8,6 @@ deflection than the thin shell), and under a point force the deflection grows wi
 reference with shear held rigid, and, where shear counts, with the series under a load spread over a patch.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

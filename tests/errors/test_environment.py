@@ -1,7 +1,5 @@
 """Names that are imported when they are first asked for."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess
@@ -12,7 +10,7 @@ import blas
 import numpy as np
 import pytest
 import scipy.linalg
-from processes import called, python
+from processes import python
 
 from pmr import InputError
 from pmr.cli import app
@@ -115,12 +113,12 @@ def test_letters_that_a_terminal_lacks_are_spelled_out(encoding: str, tmp_path: 
         ImportError("SciPy needs NumPy 2.3 or less. Got NumPy 9.9."),
     ],
 )
-def test_packages_that_do_not_fit_together_are_one_line(error: Exception, monkeypatch, capsys) -> None:
+def test_packages_that_do_not_fit_together_are_one_line(error: Exception, monkeypatch, run_command) -> None:
     def fail(standalone_mode: bool) -> None:
         raise error
 
     monkeypatch.setattr(app, "app", fail)
-    done = called(monkeypatch, capsys, "info")
+    done = run_command("info")
     assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
     assert str(error) in done.stderr and np.__version__ in done.stderr and "make setup" in done.stderr
 

@@ -1,7 +1,5 @@
 """What other packages add: a distribution beside a script, as Python finds it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

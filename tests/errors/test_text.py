@@ -1,7 +1,5 @@
 """Numbers in sentences."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from xml.etree import ElementTree
@@ -9,7 +7,6 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
-from processes import called
 
 from pmr import InputError
 from pmr.cli import console
@@ -17,14 +14,9 @@ from pmr.errors import escape_controls, overview, two_digits, two_digits_below, 
 
 PLAIN = ["[/red]", "[bold]x", "root:x:0", ":smile:", "$x^2$", "\\frac", "<b>&amp;", "ä ß 漢 שלום 😀 F²", "{0} %s", "_F"]
 STEERING = {
-    "\x1b[31m": r"\x1b[31m",
-    "a\nb\tc\r": r"a\nb\tc\r",
-    "\u202eabc": r"\u202eabc",
-    "\0\x7f\x9b": r"\x00\x7f\x9b",
-    "\ud800x\udcff": r"\ud800x\udcff",
-    "\ufffe\ufeff": r"\ufffe\ufeff",
-    "\U000e0041": r"\U000e0041",
-}
+    "\x1b[31m": r"\x1b[31m", "a\nb\tc\r": r"a\nb\tc\r", "\u202eabc": r"\u202eabc", "\0\x7f\x9b": r"\x00\x7f\x9b",
+    "\ud800x\udcff": r"\ud800x\udcff", "\ufffe\ufeff": r"\ufffe\ufeff", "\U000e0041": r"\U000e0041",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("text", [*PLAIN, *STEERING])
@@ -44,10 +36,10 @@ BEAM = Path("workflows/paper_simple.toml").resolve()
 
 
 @pytest.mark.parametrize("text", [*PLAIN, *STEERING])
-def test_info_shows_a_title_as_it_is(text: str, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_info_shows_a_title_as_it_is(text: str, tmp_path: Path, run_command) -> None:
     scene, quoted = tmp_path / "scene.toml", "".join(f"\\U{ord(letter):08x}" for letter in text)
     scene.write_text(f'extends = "{BEAM}"\ntitle = "{quoted}"\n', encoding="utf-8")
-    done = called(monkeypatch, capsys, "info", str(scene))
+    done = run_command("info", str(scene))
     if any(0xD800 <= ord(letter) < 0xE000 for letter in text):  # halves of a pair are not text, says TOML
         assert done.returncode == 2 and "not valid TOML" in done.stderr
     else:
@@ -57,8 +49,8 @@ def test_info_shows_a_title_as_it_is(text: str, tmp_path: Path, monkeypatch, cap
 
 
 @pytest.mark.parametrize("name", ["[/red]", ":smile:", "\x1b[31m", "\u202e", "\udcff"])
-def test_a_files_name_is_shown_as_it_is(name: str, monkeypatch, capsys) -> None:
-    done = called(monkeypatch, capsys, "run", f"{name}.toml")
+def test_a_files_name_is_shown_as_it_is(name: str, run_command) -> None:
+    done = run_command("run", f"{name}.toml")
     assert done.returncode == 2 and done.stderr == f"pmr: {escape_controls(name)}.toml: no such scene file\n"
 
 

@@ -2,8 +2,6 @@
 The .mat for Simscape's flexible body: frames first, six coordinates each; its frequencies are the full model's.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -163,11 +161,11 @@ def test_exudyn_reads_its_file_and_finds_the_frequencies(body: NodalBody, tmp_pa
 
 
 @pytest.mark.slow
-def test_the_command_writes_either(scene_file: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_the_command_writes_either(scene_file: Path, tmp_path: Path, run_command) -> None:
     for to in ("sid", "ffrf"):
         target = tmp_path / f"{to}.file"
         options = ["--at", "0.85", "--to", to, "--modes", "3", "--out", str(target)]
-        done = called(monkeypatch, capsys, "flexible", str(scene_file), *options)
+        done = run_command("flexible", str(scene_file), *options)
         assert done.returncode == 0, done.stderr
         assert target.exists() and "3 modes" in done.stdout and ": tip, at 2, 0, 0 m" in done.stdout
 
@@ -184,10 +182,10 @@ REFUSED = [
 
 @pytest.mark.parametrize(("options", "says"), REFUSED, ids=[says for _, says in REFUSED])
 def test_what_such_files_cannot_hold_is_refused(
-    options: list[str], says: str, scene_file: Path, tmp_path: Path, monkeypatch, capsys
+    options: list[str], says: str, scene_file: Path, tmp_path: Path, run_command
 ) -> None:
     chosen = options if "--at" in options else ["--at", "0.85", *options]
-    done = called(monkeypatch, capsys, "flexible", str(scene_file), *chosen, "--out", str(tmp_path / "body"))
+    done = run_command("flexible", str(scene_file), *chosen, "--out", str(tmp_path / "body"))
     assert done.returncode == 2 and says in done.stderr and not (tmp_path / "body").exists()
 
 
@@ -304,10 +302,8 @@ REFUSED_SIMSCAPE = [
 
 
 @pytest.mark.parametrize(("file", "overrides", "says"), REFUSED_SIMSCAPE, ids=[says for *_, says in REFUSED_SIMSCAPE])
-def test_what_has_no_frames_is_refused(
-    file: str, overrides: list[str], says: str, tmp_path: Path, monkeypatch, capsys
-) -> None:
+def test_what_has_no_frames_is_refused(file: str, overrides: list[str], says: str, tmp_path: Path, run_command) -> None:
     options = [part for one in overrides for part in ("--set", one)]
     asked = ["--at", "2", "--to", "simscape", "--out", str(tmp_path / "body.mat"), *options]
-    done = called(monkeypatch, capsys, "flexible", file, *asked)
+    done = run_command("flexible", file, *asked)
     assert done.returncode == 2 and says in done.stderr and len(done.stderr.splitlines()) == 1

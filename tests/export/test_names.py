@@ -1,7 +1,5 @@
 """No reader sees more than a name: every file that is written of a model is read again, and its names counted."""
 
-from __future__ import annotations
-
 import csv
 import io
 import os

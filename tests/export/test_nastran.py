@@ -1,7 +1,5 @@
 """Files of Nastran read by pyNastran: OUTPUT4 has all digits, and so has the sum of both parts of DMIG entries."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

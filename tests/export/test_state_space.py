@@ -3,8 +3,6 @@
 A state space in Modelica: its text read back, and simulated beside the compiled loop with its places held.
 """
 
-from __future__ import annotations
-
 import re
 import runpy
 from dataclasses import replace
@@ -20,7 +18,6 @@ from nested import Nested, reduced
 from numpy.typing import NDArray
 from on_pads import beam_on_pads, flexible_on_pads
 from oracle import flexible, project, rich_body
-from processes import called
 
 from pmr import InputError, ReducedModel, System
 from pmr.export.control import RESERVED, write_modelica
@@ -55,11 +52,9 @@ def response(model: ReducedModel, s: float, w: float) -> NDArray[np.complex128]:
     return np.vstack([y, x[r:]])
 
 
-def test_matlab_and_python_control_read_the_same(saved: Path, model: ReducedModel, monkeypatch, capsys) -> None:
+def test_matlab_and_python_control_read_the_same(saved: Path, model: ReducedModel, run_command) -> None:
     target = saved.with_name("boom.py")
-    done = called(
-        monkeypatch, capsys, "export", str(saved), "--to", "python-control", "--at", "2.3,1.7,2.9", "--out", str(target)
-    )
+    done = run_command("export", str(saved), "--to", "python-control", "--at", "2.3,1.7,2.9", "--out", str(target))
     assert done.returncode == 0, done.stderr
     space, data = state_space(System.of(model), {"slider": S}, "model"), scipy.io.loadmat(target.with_suffix(".mat"))
     np.testing.assert_array_equal(data["s"].ravel(), S)
@@ -76,14 +71,14 @@ def test_matlab_and_python_control_read_the_same(saved: Path, model: ReducedMode
 
 
 def test_interpolated_matrices_are_as_far_off_as_the_file_says(
-    saved: Path, model: ReducedModel, monkeypatch, capsys, caplog
+    saved: Path, model: ReducedModel, caplog, run_command
 ) -> None:
     """Static gains halfway between places, beside the equations; without --at within 1 %."""
     found = []
     for at in ("1.7,2.3,2.9", None):
         target = saved.with_name(f"boom{at is None}.mat")
         more = () if at is None else ("--at", at)
-        done = called(monkeypatch, capsys, "export", str(saved), "--to", "matlab", *more, "--out", str(target))
+        done = run_command("export", str(saved), "--to", "matlab", *more, "--out", str(target))
         assert done.returncode == 0, done.stderr
         data, m = scipy.io.loadmat(target), len(model.outputs)
         s, off, size = data["s"].ravel(), [], []
@@ -105,8 +100,8 @@ def test_interpolated_matrices_are_as_far_off_as_the_file_says(
 
 
 @pytest.mark.slow
-def test_a_table_and_a_picture(saved: Path, model: ReducedModel, monkeypatch, capsys) -> None:
-    done = called(monkeypatch, capsys, "export", str(saved), "--to", "frequency-response", "--at", "1.7,2.3")
+def test_a_table_and_a_picture(saved: Path, model: ReducedModel, run_command) -> None:
+    done = run_command("export", str(saved), "--to", "frequency-response", "--at", "1.7,2.3")
     assert done.returncode == 0, done.stderr
     table = np.genfromtxt(saved.with_name("frequency_response.csv"), delimiter=",", skip_header=1)
     assert table.shape == (800, 6) and saved.with_name("frequency_response.png").read_bytes()[:4] == b"\x89PNG"
@@ -122,7 +117,7 @@ def test_places_off_the_path_are_refused(model: ReducedModel, asked: str) -> Non
         path_positions(System.of(model), asked)
 
 
-def test_what_leaves_no_state_space_is_refused(monkeypatch, capsys, tmp_path: Path) -> None:
+def test_what_leaves_no_state_space_is_refused(tmp_path: Path, run_command) -> None:
     rich = rich_body()
     for model, says in (
         (project(rich, np.eye(rich.size)[:, 2:]), "slider.* are rigid"),
@@ -130,11 +125,9 @@ def test_what_leaves_no_state_space_is_refused(monkeypatch, capsys, tmp_path: Pa
     ):
         with pytest.raises(InputError, match=says):
             state_space(System.of(model), {"slider": np.array([2.0, 2.5])}, "model")
-    done = called(monkeypatch, capsys, "export", "reduced.npz", "--to", "exudyn", "--at", "2")
+    done = run_command("export", "reduced.npz", "--to", "exudyn", "--at", "2")
     assert done.returncode == 2 and "it is allowed with --to matlab" in done.stderr
-    done = called(
-        monkeypatch, capsys, "export", "reduced.npz", "--to", "[/red]"
-    )  # no markup of what is shown meanwhile
+    done = run_command("export", "reduced.npz", "--to", "[/red]")  # no markup of what is shown meanwhile
     assert done.returncode == 2 and "--to = '[/red]': one of exudyn" in done.stderr
 
 
@@ -200,11 +193,11 @@ def test_simulated_it_is_the_compiled_loop_with_its_places_held(system: System, 
     assert off[0] / off[1] == pytest.approx(4.0, rel=0.1)
 
 
-def test_a_name_that_is_none_is_refused(system: System, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_name_that_is_none_is_refused(system: System, tmp_path: Path, run_command) -> None:
     saved = str(system.save(tmp_path / "system.npz"))
     for name in ("when.mo", "2.mo", "boom.txt"):
         out = str(tmp_path / name)
-        done = called(monkeypatch, capsys, "export", saved, "--to", "modelica", "--at", "2", "--out", out)
+        done = run_command("export", saved, "--to", "modelica", "--at", "2", "--out", out)
         assert done.returncode == 2 and "with .mo, is allowed" in done.stderr
-    done = called(monkeypatch, capsys, "export", saved, "--to", "modelica", "--at", "2")
+    done = run_command("export", saved, "--to", "modelica", "--at", "2")
     assert done.returncode == 0 and (tmp_path / "StateSpace.mo").exists(), done.stderr

@@ -2,8 +2,6 @@
 A section's model is no model of a boom: refused wherever a whole body is asked for, written alone if named.
 """
 
-from __future__ import annotations
-
 import runpy
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +11,6 @@ import pytest
 import scipy.io
 from numpy.typing import NDArray
 from oracle import project, rich_body
-from processes import called
 from state_spaces import frequency_response
 
 import pmr
@@ -85,11 +82,11 @@ def test_natural_frequencies_are_those_of_the_system(system: System) -> None:
 
 
 @pytest.mark.slow
-def test_files_say_the_same(saved: Path, system: System, monkeypatch, capsys) -> None:
+def test_files_say_the_same(saved: Path, system: System, run_command) -> None:
     """Places on each path by its name; the table of a response, and stiffnesses of Nastran at each place."""
     space = state_space(system, S, "system.npz")
     for to in ("python-control", "frequency-response", "dmig", "op4"):
-        done = called(monkeypatch, capsys, "export", str(saved), "--to", to, "--at", AT)
+        done = run_command("export", str(saved), "--to", to, "--at", AT)
         assert done.returncode == 0, done.stderr
     data = scipy.io.loadmat(saved.with_name("state_space.mat"))
     for name in "ABCD":
@@ -119,29 +116,29 @@ def test_without_places_all_sections_come_out_together(system: System) -> None:
         np.testing.assert_allclose(found[path], np.linspace(low, high, 21))
 
 
-def test_a_section_of_a_system_is_written_alone_where_it_is_named(saved: Path, monkeypatch, capsys) -> None:
-    done = called(monkeypatch, capsys, "export", str(saved), "--to", "matlab", "--section", "middle")
+def test_a_section_of_a_system_is_written_alone_where_it_is_named(saved: Path, run_command) -> None:
+    done = run_command("export", str(saved), "--to", "matlab", "--section", "middle")
     assert done.returncode == 0 and "section middle alone, without its joints" in done.stdout
     inputs = [str(cell[0]) for cell in scipy.io.loadmat(saved.with_name("state_space.mat"))["inputs"].ravel()]
     assert inputs and all(name.startswith("middle.") for name in inputs)
-    done = called(monkeypatch, capsys, "export", str(saved), "--to", "matlab", "--section", "jib")
+    done = run_command("export", str(saved), "--to", "matlab", "--section", "jib")
     assert done.returncode == 2 and "--section = 'jib': 'base', 'middle', 'fly' is allowed" in done.stderr
 
 
 @pytest.mark.parametrize("to", BODY_FORMATS)
-def test_a_flexible_body_is_none_of_several_sections(to: str, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_flexible_body_is_none_of_several_sections(to: str, tmp_path: Path, run_command) -> None:
     """In one line that says why, and what takes them."""
     target = tmp_path / "body"
-    done = called(monkeypatch, capsys, "flexible", "boom_three", "--at", "2", "--to", to, "--out", str(target))
+    done = run_command("flexible", "boom_three", "--at", "2", "--to", to, "--out", str(target))
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and not target.exists()
     assert "sections = ['base', 'middle', 'fly']: one body is allowed: such a file holds nodes" in done.stderr
 
 
 @pytest.mark.slow
-def test_pads_that_only_push_leave_no_state_space(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_pads_that_only_push_leave_no_state_space(tmp_path: Path, run_command) -> None:
     pushing = pmr.reduce(pmr.load_scene("boom_two", SHORT)).system.save(tmp_path / "system.npz")
     for to in (name for name, one in FORMATS.items() if "at" in one.options):
-        done = called(monkeypatch, capsys, "export", str(pushing), "--to", to)
+        done = run_command("export", str(pushing), "--to", to)
         assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
         assert "system.npz: rows: rows that hold both ways are allowed: fly tail bottom" in done.stderr
 
@@ -188,8 +185,8 @@ def fly(models: dict[str, ReducedModel], tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("to", FORMATS)
-def test_no_format_takes_it_for_a_boom(to: str, fly: Path, monkeypatch, capsys) -> None:
-    done = called(monkeypatch, capsys, "export", str(fly), "--to", to)
+def test_no_format_takes_it_for_a_boom(to: str, fly: Path, run_command) -> None:
+    done = run_command("export", str(fly), "--to", to)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
     assert "reduced-fly.npz: section = 'fly'" in done.stderr
     assert [file.name for file in fly.parent.iterdir()] == [fly.name]
@@ -197,10 +194,10 @@ def test_no_format_takes_it_for_a_boom(to: str, fly: Path, monkeypatch, capsys) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("to", FORMATS)
-def test_it_is_written_alone_where_it_is_named(to: str, fly: Path, monkeypatch, capsys) -> None:
+def test_it_is_written_alone_where_it_is_named(to: str, fly: Path, run_command) -> None:
     """Only where it is named by its own name, and only as what needs no path: a state space of the free section."""
     named = ("export", str(fly), "--to", to, "--section")
-    wrong, done = (called(monkeypatch, capsys, *named, name) for name in ("base", "fly"))
+    wrong, done = (run_command(*named, name) for name in ("base", "fly"))
     assert wrong.returncode == 2
     if to not in STATE_SPACES:
         assert done.returncode == 2 and "it is allowed with --to matlab, " in done.stderr
@@ -209,9 +206,9 @@ def test_it_is_written_alone_where_it_is_named(to: str, fly: Path, monkeypatch, 
     assert done.returncode == 0 and "section fly alone, without its joints" in done.stdout
 
 
-def test_what_is_written_is_the_free_section(fly: Path, monkeypatch, capsys) -> None:
+def test_what_is_written_is_the_free_section(fly: Path, run_command) -> None:
     """Its own modes, three of them rigid, and the answer O (K - w^2 M + i w D)^-1 B + W to forces."""
-    assert called(monkeypatch, capsys, "export", str(fly), "--to", "matlab", "--section", "fly").returncode == 0
+    assert run_command("export", str(fly), "--to", "matlab", "--section", "fly").returncode == 0
     data, model = scipy.io.loadmat(fly.with_name("state_space.mat")), ReducedModel.load(fly)
     A, B, C, D = (data[name][:, :, 0] for name in "ABCD")
     assert data["s"].shape == (1, 1) and data["inputs"][0, 0].item() == "fly.tip force" and len(C) == len(model.outputs)
@@ -241,10 +238,10 @@ def test_it_is_not_simulated_as_a_whole_body(models: dict[str, ReducedModel]) ->
         add_sliding_body(exudyn.SystemContainer().AddSystem(), models["fly"], Constant(amount=1.0), loads)
 
 
-def test_a_whole_body_is_no_section(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_whole_body_is_no_section(tmp_path: Path, run_command) -> None:
     scene = pmr.load_scene("evolved_residual", ["mesh.elements=6"])
     model = pmr.reduce(scene).reduced.save(tmp_path / "reduced.npz")
-    done = called(monkeypatch, capsys, "export", str(model), "--to", "matlab", "--section", "fly")
+    done = run_command("export", str(model), "--to", "matlab", "--section", "fly")
     assert done.returncode == 2 and "--section = 'fly': none is allowed" in done.stderr
     with pytest.raises(InputError, match="pmr.simulate: models = 'ReducedModel': a model for each section"):
         pmr.simulate(pmr.load_scene("boom_two", SHORT), ReducedModel.load(model))

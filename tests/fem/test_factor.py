@@ -2,8 +2,6 @@
 A factor on each rank, and columns on their way to it and back.
 """
 
-from __future__ import annotations
-
 import logging
 
 import numpy as np

@@ -3,8 +3,6 @@ Compiled forms: a form is compiled once, however many other forms a process has 
 Products of distributed matrices, and the memory that they give back.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -3,8 +3,6 @@
 python compiling.py [wait]
 """
 
-from __future__ import annotations
-
 import signal
 import sys
 

@@ -1,7 +1,5 @@
 """Compiled forms are whole or not there: where one process is killed while it compiles, the next goes on."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

@@ -1,7 +1,5 @@
 """Decks of Abaqus and CalculiX: nodes, elements and sets, and what is not read is refused by its line."""
 
-from __future__ import annotations
-
 import os
 import resource
 import time

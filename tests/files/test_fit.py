@@ -1,7 +1,5 @@
 """Matrices that don't belong to their nodes, directions or units are refused, and the reason is the true one."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Matrices of other programs: every kind of file says the same, and what is unsound is refused in one line."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable
@@ -13,7 +11,6 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse as sp
-from processes import called
 
 from pmr.errors import InputError
 from pmr.files import npz
@@ -248,11 +245,11 @@ BAD: list[tuple[Callable[[ForeignFiles], ForeignFiles], str]] = [
 
 @pytest.mark.parametrize(("change", "says"), BAD, ids=[says for _, says in BAD])
 def test_a_bad_file_ends_with_one_line_and_exit_code_2(
-    change: Callable[[ForeignFiles], ForeignFiles], says: str, tmp_path: Path, monkeypatch, capsys
+    change: Callable[[ForeignFiles], ForeignFiles], says: str, tmp_path: Path, run_command
 ) -> None:
     files = change(as_calculix(tmp_path))
     options = [part for key in ("mass", "dofs", "nodes") for part in (f"--{key}", str(getattr(files, key)))]
-    done = called(monkeypatch, capsys, "matrices", str(files.stiffness), *options)
+    done = run_command("matrices", str(files.stiffness), *options)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
     assert says in done.stderr
     assert not (tmp_path / "job-matrices.npz").exists()
@@ -286,10 +283,10 @@ def test_bad_files_of_abaqus_and_nastran_are_refused_in_one_line(
     assert says in str(caught.value) and len(str(caught.value).splitlines()) == 1
 
 
-def test_the_command_says_what_mass_it_has_read_and_what_holds_it(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_the_command_says_what_mass_it_has_read_and_what_holds_it(tmp_path: Path, run_command) -> None:
     """Bars of 1 kg/m; along z the first node's share, a third and a sixth twice of each bar there, is left out."""
     files, points = as_calculix(tmp_path), given().points
-    done = called(monkeypatch, capsys, "matrices", str(files.stiffness))
+    done = run_command("matrices", str(files.stiffness))
     lengths = {(i, j): float(np.linalg.norm(points[i] - points[j])) for i, j in combinations(range(4), 2)}
     missing = sum(2.0 / 3.0 * length for (i, _), length in lengths.items() if i == 0)
     mass = (3.0 * sum(lengths.values()) - missing) / 3.0
@@ -342,9 +339,9 @@ def test_damping_is_read_by_its_file_or_name(write: Callable[[Path], ForeignFile
     assert stored.D is not None and (stored.D != body.D).nnz == 0
 
 
-def test_the_command_reads_damping_by_its_name(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_the_command_reads_damping_by_its_name(tmp_path: Path, run_command) -> None:
     files = with_damping(as_dmig(tmp_path), tmp_path)
-    done = called(monkeypatch, capsys, "matrices", str(files.stiffness), "--damping-name", "BAAX")
+    done = run_command("matrices", str(files.stiffness), "--damping-name", "BAAX")
     assert done.returncode == 0, done.stderr
     assert "viscous damping on 3 coordinates; the damping of a scene is added to it" in done.stdout
     body = GivenMatrices.load(tmp_path / "job-matrices.npz")
@@ -588,8 +585,8 @@ def test_imaginary_parts_of_other_files_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["", ".", "/", ".."])
-def test_a_name_that_is_no_file_is_refused_in_one_line(name: str, monkeypatch, capsys) -> None:
-    done = called(monkeypatch, capsys, "matrices", name)
+def test_a_name_that_is_no_file_is_refused_in_one_line(name: str, run_command) -> None:
+    done = run_command("matrices", name)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
 
 

@@ -1,7 +1,5 @@
 """Superelements of Nastran: EXTSEOUT's punch, names and formats of OUTPUT4, and entries that tie displacements."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from itertools import combinations

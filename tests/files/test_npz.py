@@ -2,8 +2,6 @@
 What files hold of dataclasses, and files that earlier versions wrote.
 """
 
-from __future__ import annotations
-
 import io
 import struct
 import zipfile
@@ -28,15 +26,10 @@ from pmr.simulation.petsc.simulator import read_checkpoint
 from pmr.studies.study import Store
 
 ARRAYS = {
-    "M": np.arange(12.0).reshape(3, 4),
-    "turned": np.asfortranarray(np.arange(6).reshape(2, 3)),
-    "single": np.float32([1.5, 2.5]),
-    "big_endian": np.arange(3, dtype=">f8"),
-    "flag": np.array(True),
-    "empty": np.empty((0, 5)),
-    "text": np.array('{"a": "ä"}'),
-    "names": np.array(["a", "bc"]),
-}
+    "M": np.arange(12.0).reshape(3, 4), "turned": np.asfortranarray(np.arange(6).reshape(2, 3)),
+    "single": np.float32([1.5, 2.5]), "big_endian": np.arange(3, dtype=">f8"), "flag": np.array(True),
+    "empty": np.empty((0, 5)), "text": np.array('{"a": "ä"}'), "names": np.array(["a", "bc"]),
+}  # fmt: skip
 GIGABYTES = 2 * 10**9
 
 
@@ -225,15 +218,11 @@ def test_a_dataclass_is_its_arrays(change: dict) -> None:
 @pytest.mark.parametrize(
     ("change", "error"),
     [
-        ({"M": None}, KeyError),
-        ({"part.table.breaks": None}, KeyError),
-        ({"part.scale": np.ones(2)}, ValueError),
-        ({"names": np.array("ab")}, TypeError),
-        ({"names": np.ones(2)}, TypeError),
-        ({"notes": np.array("[]")}, TypeError),
-        ({"M": np.array(["soft"])}, ValueError),
+        ({"M": None}, KeyError), ({"part.table.breaks": None}, KeyError), ({"part.scale": np.ones(2)}, ValueError),
+        ({"names": np.array("ab")}, TypeError), ({"names": np.ones(2)}, TypeError),
+        ({"notes": np.array("[]")}, TypeError), ({"M": np.array(["soft"])}, ValueError),
     ],
-)
+)  # fmt: skip
 def test_what_is_missing_or_of_another_type_is_refused(change: dict, error: type[Exception]) -> None:
     named = {name: array for name, array in (record_arrays(whole()) | change).items() if array is not None}
     with pytest.raises(error):

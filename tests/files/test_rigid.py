@@ -1,7 +1,5 @@
 """What given matrices resist of rigid motions: supports that were left out of them, and springs to ground."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.sparse as sp

@@ -1,7 +1,5 @@
 """Superelements: boundary nodes and amplitudes of fixed-interface modes, beside the matrices they were made from."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +7,6 @@ import bricks
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from processes import called
 from superelements import bar, boundary, superelement
 
 import pmr
@@ -55,9 +52,7 @@ def test_a_superelement_is_stored_and_read(tmp_path: Path) -> None:
     assert read.modal.sum() == 3 and (read.K != part.K).nnz == 0 and np.array_equal(read.node, part.node)
 
 
-def test_modal_amplitudes_are_read_from_rows_without_a_node(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_modal_amplitudes_are_read_from_rows_without_a_node(tmp_path: Path, run_command) -> None:
     whole = bar()
     part = superelement(whole, boundary(whole), 3)
     for name, A in (("K", part.K), ("M", part.M)):
@@ -68,7 +63,7 @@ def test_modal_amplitudes_are_read_from_rows_without_a_node(
     (tmp_path / "nodes.csv").write_text("\n".join(["node,x,y,z", *places, "5000,1.2,0,0", ""]))  # the last has no row
     files = [f"--{name}={tmp_path / file}" for name, file in (("mass", "M.npz"), ("dofs", "dofs.csv"))]
     arguments = str(tmp_path / "K.npz"), *files, f"--nodes={tmp_path / 'nodes.csv'}"
-    done = called(monkeypatch, capsys, "matrices", *arguments)
+    done = run_command("matrices", *arguments)
     assert done.returncode == 0, done.stderr
     assert "3 of them modal amplitudes" in done.stdout and "free to move as a rigid body" in done.stdout
     assert len(GivenMatrices.load(tmp_path / "K-matrices.npz").points) == len(part.points)

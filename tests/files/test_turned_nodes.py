@@ -1,7 +1,5 @@
 """Matrices whose nodes have axes of their own by `*TRANSFORM`: along these, or along those of the whole."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -2,8 +2,6 @@
 Where what serves again is cached for a user.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import math

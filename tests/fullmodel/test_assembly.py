@@ -2,8 +2,6 @@
 Masses and centres of gravity of bodies, beside what their dimensions say.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -2,8 +2,6 @@
 Static solves under held rows against dense matrices.
 """
 
-from __future__ import annotations
-
 import logging
 
 import numpy as np

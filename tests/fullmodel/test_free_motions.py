@@ -1,7 +1,5 @@
 """What supports and pads leave free, against what is known of each arrangement."""
 
-from __future__ import annotations
-
 import os
 import tomllib
 from collections.abc import Sequence

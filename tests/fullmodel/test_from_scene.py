@@ -1,7 +1,5 @@
 """A boom as a planar beam: what it knows acts the same."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

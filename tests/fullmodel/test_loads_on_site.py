@@ -1,7 +1,5 @@
 """Forces beside the axis and differences of temperature beside closed forms of beams."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

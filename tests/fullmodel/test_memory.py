@@ -1,7 +1,5 @@
 """A model that is dropped gives its memory back: a process may build one after the other."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Geometric stiffness and the matrices of a turning frame against closed forms: columns, rotating beams."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """Probes as outputs: what they say beside the beam theory, the recovered stresses and the geometry."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

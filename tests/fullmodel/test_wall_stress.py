@@ -1,7 +1,5 @@
 """Stress in the walls of a box under a pad: similar boxes, shorter cells, and what limits of a chart take from it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Walls of a beam that give way: what the coordinates do that stand for their dents, and how far they give way."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

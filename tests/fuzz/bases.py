@@ -1,7 +1,5 @@
 """Small scenes of every kind, each a fraction of a second, from which mutations start."""
 
-from __future__ import annotations
-
 from typing import Any
 
 BEAM: dict[str, Any] = {

@@ -1,7 +1,5 @@
 """Random booms of several sections: accepted ones run to the end, and every section obeys Newton's law."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Judge many mutations in a process of its own, and start another one if a mutation ended it."""
 
-from __future__ import annotations
-
 import atexit
 import json
 import os

@@ -1,7 +1,5 @@
 """One case of each fault, for a test of the code that judges them."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Mesh files with changed lines, numbers and names: of a beam, a shell and a solid."""
 
-from __future__ import annotations
-
 import io
 from contextlib import redirect_stderr, redirect_stdout
 from functools import lru_cache

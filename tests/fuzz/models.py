@@ -1,7 +1,5 @@
 """Damaged, crafted or lying model files: accepted ones are described, exported and simulated."""
 
-from __future__ import annotations
-
 import io
 import json
 import struct

@@ -1,7 +1,5 @@
 """Changes that people, editors and other programs make to plain data: tables, lists, numbers, text."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from copy import deepcopy
@@ -170,21 +168,10 @@ def _order(data: Any, rng: Random) -> None:
 
 
 MUTATIONS: dict[str, Callable[[Any, Random], None]] = {
-    "delete": _delete,
-    "rename": _rename,
-    "double": _double,
-    "swap": _swap,
-    "replace": _replace,
-    "number": _number,
-    "another number": _number,
-    "unit": _unit,
-    "nudge": _nudge,
-    "nudge again": _nudge,
-    "and again": _nudge,
-    "flip": _flip,
-    "text": _text,
-    "order": _order,
-}
+    "delete": _delete, "rename": _rename, "double": _double, "swap": _swap, "replace": _replace, "number": _number,
+    "another number": _number, "unit": _unit, "nudge": _nudge, "nudge again": _nudge, "and again": _nudge,
+    "flip": _flip, "text": _text, "order": _order,
+}  # fmt: skip
 
 
 def scratched(content: bytes, rng: Random, most: int = 6) -> bytes:

@@ -1,7 +1,5 @@
 """Titles and file names of all kinds are shown unchanged, and so are all names of loads and pads that are allowed."""
 
-from __future__ import annotations
-
 import re
 import runpy
 import zlib
@@ -19,15 +17,9 @@ from pmr import scene as scenes
 from pmr.errors import LONGEST_NAME, escape_controls, is_name
 
 RANGES = (
-    (0, 32),
-    (32, 127),
-    (127, 256),
-    (0x200, 0x700),
-    (0x2000, 0x2100),
-    (0x4E00, 0x9FFF),
-    (0xFE00, 0x10000),
+    (0, 32), (32, 127), (127, 256), (0x200, 0x700), (0x2000, 0x2100), (0x4E00, 0x9FFF), (0xFE00, 0x10000),
     (0x1F300, 0x1F700),
-)
+)  # fmt: skip
 
 
 prepare = warm

@@ -1,7 +1,5 @@
 """Mutated scenes: accepted ones are run on a coarse mesh over few steps."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Random structures in space, some of whose physical keys have extreme or wrong values."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

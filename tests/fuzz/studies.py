@@ -1,7 +1,5 @@
 """Mutated studies: accepted ones are planned, and of some a run is computed."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

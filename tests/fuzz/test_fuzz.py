@@ -4,8 +4,6 @@
 number: ``python -m fuzz.worker scenes 136 137`` in this folder's parent.
 """
 
-from __future__ import annotations
-
 import os
 
 import pytest

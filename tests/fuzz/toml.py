@@ -1,7 +1,5 @@
 """Write plain data of any content as TOML."""
 
-from __future__ import annotations
-
 from datetime import date
 from typing import Any
 

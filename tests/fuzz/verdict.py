@@ -1,7 +1,5 @@
 """Verdict on one mutation."""
 
-from __future__ import annotations
-
 import json
 import signal
 import time

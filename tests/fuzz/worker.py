@@ -5,8 +5,6 @@ until that ends; another process starts it anew if a mutation killed it.  It fir
 a fourth word says that another process has: what is compiled is on disk.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import os

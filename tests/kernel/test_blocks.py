@@ -3,8 +3,6 @@
 Signals as the kernel evaluates them, beside themselves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -184,16 +182,11 @@ def test_what_is_no_number_is_refused() -> None:
 @pytest.mark.parametrize(
     "settings",
     [
-        Settings(0.0),
-        Settings(np.nan),
-        Settings(1e-3, rho_inf=1.5),
-        Settings(1e-3, parts=(2, 1)),
-        Settings(1e-3, parts=(0,)),
-        Settings(1e-3, parts=(1, 2), contact_omega=-1.0),
-        Settings(1e-3, contact_omega=1.0, tolerance=0.0),
-        Settings(1e-3, parts=tuple(range(1, 70))),
+        Settings(0.0), Settings(np.nan), Settings(1e-3, rho_inf=1.5), Settings(1e-3, parts=(2, 1)),
+        Settings(1e-3, parts=(0,)), Settings(1e-3, parts=(1, 2), contact_omega=-1.0),
+        Settings(1e-3, contact_omega=1.0, tolerance=0.0), Settings(1e-3, parts=tuple(range(1, 70))),
     ],
-)
+)  # fmt: skip
 def test_settings_that_make_no_step_are_refused(settings: Settings) -> None:
     with pytest.raises(InputError):
         State(kernel(), settings)

@@ -1,7 +1,5 @@
 """The sources alone: no warnings, no names that others could have, the same results on every kind of processor."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

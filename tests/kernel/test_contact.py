@@ -1,7 +1,5 @@
 """The complementarity problem and the friction of a joint alone, beside all sets of closed contacts and bisection."""
 
-from __future__ import annotations
-
 import threading
 from concurrent.futures import ThreadPoolExecutor
 

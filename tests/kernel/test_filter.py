@@ -1,7 +1,5 @@
 """The kernel's Kalman filter beside the textbook's formulas in NumPy (Joseph's form of the update)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

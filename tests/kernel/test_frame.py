@@ -1,7 +1,5 @@
 """A frame that is raised, slewed and shaken: loads and terms as `pmr.simulation.moving` finds them."""
 
-from __future__ import annotations
-
 import driven_frame
 import numpy as np
 import pytest

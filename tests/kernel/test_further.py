@@ -1,7 +1,5 @@
 """Further outputs and continuous time: beside balances of forces in NumPy, rotations of SciPy, and differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import plain_machines
 import pytest

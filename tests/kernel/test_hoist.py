@@ -1,7 +1,5 @@
 """A payload on a rope beside closed forms: pendulums, two coupled masses, steady slewing, winding, slack and snatch."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import hoists
@@ -11,11 +9,11 @@ from hoists import REACH, SECOND_MOMENT, G, cantilever, simulate
 from kernels import unpack
 from scipy.special import ellipk
 
-import pmr
 from pmr import InputError, SimulationError, Stepper, System
 from pmr.kernel.blocks import LINE, pack, seal
 from pmr.kernel.kernel import Kernel, checksum
 from pmr.kernel.state import Record, State
+from pmr.scene import Scene
 from pmr.scene.hoist import ROPE, ROPE_FORCE
 from pmr.simulation import Excitation
 from pmr.simulation.native.form import SystemForm
@@ -131,7 +129,7 @@ def test_the_hook_hangs_where_reeving_says(stiff: System, falls: int, hanging: f
     assert state.hoist[FORCE] == pytest.approx(force, rel=1e-14)
 
 
-def hoisted(system: System, scene: pmr.Scene) -> System:
+def hoisted(system: System, scene: Scene) -> System:
     return replace(system, hoist=hoist_of(scene), provenance=scene.provenance)
 
 

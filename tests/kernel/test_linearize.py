@@ -1,7 +1,5 @@
 """Derivatives of a step and of its outputs beside differences of steps."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

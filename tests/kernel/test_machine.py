@@ -1,7 +1,5 @@
 """A machine that carries a boom: its momenta and what has to hold it, beside the boom's equations in NumPy."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import free_boom

@@ -1,7 +1,5 @@
 """Starts: at rest, as given, in equilibrium, beside the package's statics and the equations of motion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Every law of the kernel's step beside the same in NumPy: contacts, friction, terms, damping that couples, energy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import Any

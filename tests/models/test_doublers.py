@@ -1,7 +1,5 @@
 """Beams and shells whose walls are thicker over a part of their length, against closed forms and each other."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 

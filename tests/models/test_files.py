@@ -1,7 +1,5 @@
 """Mesh files: what is not read, and cells without points, are refused in a line of ours."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import meshio

@@ -1,7 +1,5 @@
 """Given matrices as a structural model: places on nodes measure rigid motions as what they are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

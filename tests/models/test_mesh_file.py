@@ -1,7 +1,5 @@
 """Meshes from decks: a boom of two instances beside the same drawn by pmr, and groups by nodes and surfaces."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 from pathlib import Path

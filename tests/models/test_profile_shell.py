@@ -1,7 +1,5 @@
 """Shells of profiles beside beams of them: static answers to all six loads at the end, and pads on slanted faces."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

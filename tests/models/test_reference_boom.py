@@ -10,8 +10,6 @@ The solid's lie 0.75 % higher: the mid-surfaces of the walls meet in a line, so 
 mid-surface, while a solid's clear walls are one thickness narrower, between nearly rigid corners.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

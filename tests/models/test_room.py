@@ -1,7 +1,5 @@
 """What every structural model of the room fulfils, whatever it is made of."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 

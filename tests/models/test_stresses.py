@@ -1,7 +1,5 @@
 """Stresses of every model that has them: patches, the strain energy of the weak form, a cantilever."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Boxes that taper towards an end, as beams and as shells, against closed forms and each other."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Frames and diaphragms within boxes: their mass in beams, their cells in shells, and what they stiffen."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

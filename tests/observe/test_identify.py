@@ -1,7 +1,5 @@
 """Identified parameters beside those that the frequencies were made of, and beside linear regression."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

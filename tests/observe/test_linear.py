@@ -1,7 +1,5 @@
 """Linear models along paths beside marches of the same system under other loads."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Observers and measurements in files, and the command that joins them."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path
@@ -9,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from oscillator import OUTPUTS, H, history, measured, oscillator
-from processes import called
 
 import pmr
 from pmr import InputError, Observer
@@ -56,17 +53,12 @@ def test_a_table_of_measurements_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("", "columns"),
-        ("a,b\n1,2\n2,3\n", "columns"),
-        ("t,a,a\n1,2,3\n2,3,4\n", "columns"),
-        ("t [s],a [kN]\n1,2\n2,3\n", "columns"),
-        ("t [ms],a [N]\n1,2\n2,3\n", "columns"),
-        ("t,a\n1,2\n2,x\n", "line 3, a"),
-        ("t,a\n1,2\n2\n", "line 3"),
-        ("t,a\n2,2\n1,3\n", "t"),
+        ("", "columns"), ("a,b\n1,2\n2,3\n", "columns"), ("t,a,a\n1,2,3\n2,3,4\n", "columns"),
+        ("t [s],a [kN]\n1,2\n2,3\n", "columns"), ("t [ms],a [N]\n1,2\n2,3\n", "columns"),
+        ("t,a\n1,2\n2,x\n", "line 3, a"), ("t,a\n1,2\n2\n", "line 3"), ("t,a\n2,2\n1,3\n", "t"),
         ("t,a\nnan,2\n1,3\n", "t"),
     ],
-)
+)  # fmt: skip
 def test_a_table_that_is_none_is_refused(tmp_path: Path, text: str, named: str) -> None:
     file = tmp_path / "day.csv"
     file.write_text(text)
@@ -150,9 +142,7 @@ def test_it_is_written_which_sensor_matters(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_command_estimates_a_payload(
-    tmp_path: Path, undrawn: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_estimates_a_payload(tmp_path: Path, undrawn: None, run_command) -> None:
     """Measured is the motion of a boom with 60 kg more, marched by itself."""
     heavy = pmr.load_scene("boom_three", [*BOOM, "sections.fly.masses=[{name='payload',on='tip',mass=310.0}]"])
     response = pmr.simulate(heavy, pmr.reduce(heavy).reduced)
@@ -170,7 +160,7 @@ def test_the_command_estimates_a_payload(
     files = ["--measured", str(tmp_path / "day.csv"), "--observer", str(tmp_path / "sensors.toml")]
     files += ["--out", str(tmp_path / "out"), "--scene", "boom_three", "--truth", str(tmp_path / "true.csv")]
     changes = [part for change in BOOM for part in ("--set", change)]
-    done = called(monkeypatch, capsys, "observe", str(tmp_path / "system.npz"), *files, *changes)
+    done = run_command("observe", str(tmp_path / "system.npz"), *files, *changes)
     assert done.returncode == 0, done.stderr
     figures = json.loads((tmp_path / "out" / "observe.json").read_text())
     last, shares = figures["last"], figures["coverage"]
@@ -179,7 +169,7 @@ def test_the_command_estimates_a_payload(
     assert abs(last["payload"]["mean"] - 60.0) < 0.5 and last["payload"]["deviation"] < 5.0
     assert abs(last["fly: tip z"]["mean"] / tip[-1] - 1.0) < 1e-3
     (tmp_path / "sensors.toml").write_text(FILE.replace("fly: tip z", "fly: tip x"))
-    refused = called(monkeypatch, capsys, "observe", str(tmp_path / "system.npz"), *files, *changes)
+    refused = run_command("observe", str(tmp_path / "system.npz"), *files, *changes)
     assert refused.returncode == 2 and "fly: tip x" in refused.stderr
 
 

@@ -5,8 +5,6 @@ Then one of the random motions by which the manual judges bands, of a boom whose
 settings were not tuned on, where there is a folder with them.
 """
 
-from __future__ import annotations
-
 import os
 import runpy
 from dataclasses import replace

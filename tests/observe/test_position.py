@@ -1,7 +1,5 @@
 """The bank of models beside a plain mixture of Kalman filters in NumPy, and the place of a beam's slider."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Shell models for CalculiX (ccx) as an independent peer: 8-node shells with reduced integration, S8R."""
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Run comparisons with other programs only on request: ``pytest -m peers``."""
 
-from __future__ import annotations
-
 import pytest
 
 

@@ -1,7 +1,5 @@
 """Pads on 8-node rectangles, from the definition in docs/pads.md alone, without `pmr`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

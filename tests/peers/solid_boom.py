@@ -1,7 +1,5 @@
 """Reference boom as 20-node solids of CalculiX, one across the wall, and its matrices by CalculiX."""
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass

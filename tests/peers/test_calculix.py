@@ -3,8 +3,6 @@
 On pads both programs hold the same weighted means with the same springs: there equations tie nodes to them.
 """
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

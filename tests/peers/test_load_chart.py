@@ -1,7 +1,5 @@
 """Loads of a chart beside CalculiX with large displacements (NLGEOM): a box of shells, raised, its tip to the side."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Matrices that CalculiX assembled of the reference boom, the whole way; needs ``ccx``."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import tomllib
@@ -31,7 +29,7 @@ def read(boom: SolidBoom, folder: Path) -> GivenMatrices:
     return read_foreign(ForeignFiles(stiffness, *(stiffness.with_suffix(s) for s in (".mas", ".dof", ".inp"))))
 
 
-def scene_on(given: GivenMatrices, folder: Path, **sections: object) -> scenes.SceneBase:
+def scene_on(given: GivenMatrices, folder: Path, **sections: object) -> scenes.Scene:
     """The scene of the reference boom on given matrices."""
     data = tomllib.loads((WORKFLOWS / "boom.toml").read_text())
     del data["body"]["box"]

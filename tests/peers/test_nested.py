@@ -3,8 +3,6 @@
 Both hold the same differences of weighted means with the same springs: in CalculiX equations tie nodes to them.
 """
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

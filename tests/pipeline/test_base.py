@@ -1,7 +1,5 @@
 """A boom whose base moves: an earthquake, a truck, a ship."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Booms of several sections from a scene to a report."""
 
-from __future__ import annotations
-
 import json
 from importlib.util import find_spec
 from pathlib import Path

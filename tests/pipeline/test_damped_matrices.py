@@ -1,7 +1,5 @@
 """Bodies whose matrices have a damping that is not Rayleigh's, beside SciPy, and beside the same damping of a scene."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

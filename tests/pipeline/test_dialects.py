@@ -1,7 +1,5 @@
 """A body alone as `[body]` and as `[[sections]]` with one entry: the same figures, and the same report."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Booms in a frame that moves, from the scene to forces and deflections."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

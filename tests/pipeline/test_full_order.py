@@ -2,8 +2,6 @@
 Who simulates all sections in full order is whom the scene names.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Models that measurements choose: the smallest one that is near enough to a shell of the same body."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A run's own model beside a richer one: the part of the budget, and the cache that it is found in."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

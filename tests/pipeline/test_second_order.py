@@ -1,7 +1,5 @@
 """Second order of bodies alone and of sections from the scene on: stressed frequencies, columns, rotating beams."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -4,8 +4,6 @@ How motions begin, by one key for any number of bodies: at rest, or in equilibri
 How models, systems and results describe themselves in an interactive session.
 """
 
-from __future__ import annotations
-
 import runpy
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a run says of its mesh and its structural model without being asked."""
 
-from __future__ import annotations
-
 from concurrent.futures import Executor, Future
 from pathlib import Path
 

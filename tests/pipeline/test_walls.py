@@ -2,8 +2,6 @@
 A platform of four octagonal sections as beams whose walls give way, and as shells.
 """
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

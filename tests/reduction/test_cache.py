@@ -3,8 +3,6 @@
 A basis of one's own: vectors from a file, whatever spans their space.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ports: what is hung there on the coordinates alone feels the flexibility of the full body."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path

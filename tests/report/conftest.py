@@ -1,7 +1,5 @@
 """Results that formulas give: nothing is simulated, so every number of a report is known beforehand."""
 
-from __future__ import annotations
-
 import logging
 import re
 from collections.abc import Callable, Sequence

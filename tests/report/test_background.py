@@ -1,7 +1,5 @@
 """A process that helps a run: it is there where it has a core, and nothing is left of it."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

@@ -1,7 +1,5 @@
 """Bodies in pictures; and the system from the side: what holds a body, moves along it or acts on it is drawn."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -2,8 +2,6 @@
 What the report says of a tolerance: the choices, and the part of each error.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from dataclasses import replace

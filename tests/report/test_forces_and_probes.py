@@ -2,8 +2,6 @@
 Forces and moments along beams in a report: a figure, and their extremes.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Names and titles stand in a report as they were written; what can't stand in a page is spelled out."""
 
-from __future__ import annotations
-
 import re
 from html import unescape
 from pathlib import Path

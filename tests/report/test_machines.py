@@ -1,7 +1,5 @@
 """What the page says of a vehicle on a bridge, a hoist, oil and outriggers, in short runs of the workflows."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

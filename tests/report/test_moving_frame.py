@@ -1,7 +1,5 @@
 """What a report says of a frame that moves."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Callable
 from dataclasses import replace
@@ -27,12 +25,9 @@ from pmr.report.sentences import energy_sentence, frame_sentences
 from pmr.results import Fields
 
 TURNING = {
-    "luffing": {"min": 0.0, "max": 1.0471975511965976},
-    "slewing": {"min": 0.0, "max": 0.0},
-    "angular_velocity": 0.1,
-    "gyroscopic": 0.02,
-    "centrifugal": 0.0001,
-}
+    "luffing": {"min": 0.0, "max": 1.0471975511965976}, "slewing": {"min": 0.0, "max": 0.0}, "angular_velocity": 0.1,
+    "gyroscopic": 0.02, "centrifugal": 0.0001,
+}  # fmt: skip
 
 
 class _Result:

@@ -1,7 +1,5 @@
 """The page of an observer says what its files have: estimates, bands, innovations, and which sensor matters."""
 
-from __future__ import annotations
-
 import json
 import re
 from html import unescape

@@ -1,7 +1,5 @@
 """Keys of a scene in words, with values in the units that the scene declares."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Section forces as rows on coordinates, and envelopes of histories."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Damage of histories whose cycles are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What columns are, by what a response says."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

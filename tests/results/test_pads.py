@@ -1,7 +1,5 @@
 """Where pads stand as they are drawn, and what slanted ones press on a machine with."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The table of quantities, beside the columns of a response, a scene's keys and numbers by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import get_args
 

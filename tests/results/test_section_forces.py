@@ -1,7 +1,5 @@
 """What a boom of beams has as results: section forces, stress, utilisation and masses, saved and read again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

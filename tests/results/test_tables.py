@@ -1,7 +1,5 @@
 """Tables and frames of a small boom: what a reader of CSV or pandas finds, beside the arrays it comes from."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

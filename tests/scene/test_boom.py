@@ -1,7 +1,5 @@
 """Scenes of several sections: what they take over from what they share, and what is refused in one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -2,8 +2,6 @@
 Profiles of plates: what closes, what fits into what, and where places on faces are.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

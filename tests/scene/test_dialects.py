@@ -1,7 +1,5 @@
 """A body alone as `[body]` and as `[[sections]]` with one entry: one scene, with messages in the words of each file."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Scenes that earlier versions wrote into results and models are read; a file with their keys is refused in a line."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A frame that luffs and slews in a scene: what is refused, in one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import get_args
 

@@ -1,7 +1,5 @@
 """Numbers in another unit are hinted at by their key, with what is usual and the likely unit; usual ones are not."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

@@ -4,15 +4,12 @@ A hoist in a scene: what is refused, in one line, and what it makes of a boom's 
 Slips that users of hoists, oil, outriggers, loads and vehicles make: each has one line that says what is allowed.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import plain_machines
 import pytest
-from processes import called
 
 import pmr
 from pmr import InputError
@@ -144,10 +141,8 @@ def test_a_payload_at_rest_weighs_and_its_rope_presses() -> None:
     assert distance_along(scene, 0.0) == pytest.approx(np.hypot(10.0 * up + 0.5, 10.0 * up - 0.4))
 
 
-def test_a_load_chart_refuses_a_hoist(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    refused = called(monkeypatch, capsys, "chart", "hoist", "--up-to", "1000", "--out", str(tmp_path / "chart"))
+def test_a_load_chart_refuses_a_hoist(tmp_path: Path, run_command) -> None:
+    refused = run_command("chart", "hoist", "--up-to", "1000", "--out", str(tmp_path / "chart"))
     assert refused.returncode == 2 and "hoist: none is allowed in a load chart" in refused.stderr
 
 

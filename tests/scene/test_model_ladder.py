@@ -1,7 +1,5 @@
 """Beside which model a scene's own one is put, and why beside none."""
 
-from __future__ import annotations
-
 import pytest
 
 from pmr import InputError

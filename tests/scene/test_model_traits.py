@@ -1,7 +1,5 @@
 """A structural model is a module and an entry of the table of traits: every check and every word follows from these."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from importlib import import_module

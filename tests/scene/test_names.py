@@ -1,7 +1,5 @@
 """Names come in once: what a table, a deck, a script, a page or a path would read more into is refused there."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -2,8 +2,6 @@
 Every key of a scene says what it is, and every number its unit and what can be computed with.
 """
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Iterator

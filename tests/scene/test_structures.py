@@ -2,8 +2,6 @@
 Whether the walls of a beam give way: what that takes, and what it changes.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

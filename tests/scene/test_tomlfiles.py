@@ -1,7 +1,5 @@
 """Entries of lists are changed by their names, or by their numbers, from wherever a change comes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -2,8 +2,6 @@
 Keys without an effect: refused where they stand beside what decides so, and taken over from what others share.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

@@ -1,7 +1,5 @@
 """Scenes at rest: angles of the scene stay in its unit beside postures that are given in rad."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

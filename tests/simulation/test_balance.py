@@ -1,7 +1,5 @@
 """Where a motion's energy comes from: what neither loads nor moving rows put in is growth, in every simulator."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

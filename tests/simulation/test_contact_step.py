@@ -1,7 +1,5 @@
 """Steps in parts, as many as the contact of pads that only push takes."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A section that slides by itself, beside equations of a rigid section in NumPy and SciPy, and beside its replay."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Amplitudes of the loads of a frame that moves, beside positions in space differentiated twice."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

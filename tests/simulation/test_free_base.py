@@ -1,7 +1,5 @@
 """A boom on a base that moves freely: its equations beside those of a frame, and what they conserve."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import free_boom

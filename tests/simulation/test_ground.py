@@ -1,7 +1,5 @@
 """Outriggers beside complementarity in NumPy, Newton's and Euler's equations, and sums of forces on random machines."""
 
-from __future__ import annotations
-
 import os
 from typing import Any
 

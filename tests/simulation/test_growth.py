@@ -3,8 +3,6 @@
 `PMR_SWEEP=full` takes all of them.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A boom that luffs by itself, on oil, a force or a length, beside the equations of a rigid boom in NumPy and SciPy."""
 
-from __future__ import annotations
-
 from functools import cache
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """A boom that luffs by itself with a payload on a rope, beside the equations of a rigid boom and a pendulum."""
 
-from __future__ import annotations
-
 from functools import cache
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """A machine that moves by itself below a boom: held, driven, and free in space."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import free_boom

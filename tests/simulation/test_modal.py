@@ -2,8 +2,6 @@
 What signals do between two steps: said where it matters, and nothing said where the steps follow.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

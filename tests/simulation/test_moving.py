@@ -1,7 +1,5 @@
 """What drives a frame from outside, beside the signals of the scene that a run follows."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -44,16 +44,9 @@ GROUND = (
     f"{{name='weight', mass=600.0, at=[-1.0, 0.1, 0.1], slews=true}}], outriggers=[{LEGS}]}}"
 )
 PLAIN = (
-    "frame.second_order=false",
-    "start='equilibrium'",
-    "time.rho_inf=0.9",
-    "time.end=0.1",
-    "time.step=1e-3",
-    "gravity={}",
-    f"frame.slewing={RAMP}[0.0, 0.05]}}",
-    f"sections.fly.joint.extension={RAMP}[0.6, 0.62]}}",
-    GROUND,
-)
+    "frame.second_order=false", "start='equilibrium'", "time.rho_inf=0.9", "time.end=0.1", "time.step=1e-3",
+    "gravity={}", f"frame.slewing={RAMP}[0.0, 0.05]}}", f"sections.fly.joint.extension={RAMP}[0.6, 0.62]}}", GROUND,
+)  # fmt: skip
 FEATURES: dict[str, tuple[str, ...]] = {
     "hoist": (
         "hoist={payload=60.0, EA=2e6, damping=1e3, falls=2, hanging=1.5, winch={at=[-0.4, 0.1, 0.5]}, "

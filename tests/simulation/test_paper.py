@@ -1,7 +1,5 @@
 """The paper's two test cases over their 15 s: what it publishes, and what an independent oracle found."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Reactions of rigid supports: Newton's and Euler's equations of the full model, and the reduced one beside it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

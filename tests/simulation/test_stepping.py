@@ -1,7 +1,5 @@
 """Time grids, signals and words for steps that fail; starts that satisfy rigid rows."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A luffing cylinder that holds a boom along itself, beside a rigid boom by hand and beside other simulators."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

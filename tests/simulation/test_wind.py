@@ -1,7 +1,5 @@
 """Wind on a boom beside integrals of its profile."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -22,14 +20,8 @@ LENGTHS, OUT, PIVOT, ABOVE = (6.0, 5.5), 3.7, (0.4, 0.0, 0.3), 1.8
 BOXES = ((0.30, 0.40, 0.008), (0.26, 0.36, 0.006))
 PADS = [{"at": 0.2, "faces": {"bottom": [-0.05, 0.05], "top": [-0.05, 0.05], "left": [0.0], "right": [0.0]}}]
 WIND = {
-    "acts": "wind",
-    "azimuth": 70.0,
-    "shape": 1.6,
-    "exponent": 0.16,
-    "reference": 10.0,
-    "least": 4.0,
-    "above": ABOVE,
-}
+    "acts": "wind", "azimuth": 70.0, "shape": 1.6, "exponent": 0.16, "reference": 10.0, "least": 4.0, "above": ABOVE,
+}  # fmt: skip
 
 
 def still(amount: float) -> dict[str, Any]:

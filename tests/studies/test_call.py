@@ -1,7 +1,5 @@
 """Whole studies of small tasks: sharing, interruption, failures, and tables that do not depend on any of it."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

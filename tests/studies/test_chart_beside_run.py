@@ -1,7 +1,5 @@
 """A load chart's limits beside runs at rest and beside statics: the weight on the deflected boom, slopes, ropes."""
 
-from __future__ import annotations
-
 import os
 from functools import cache
 from typing import Any, get_args

@@ -1,7 +1,5 @@
 """What a load chart says of its model and warns of, beside full order and a run of the same boom at rest."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re
@@ -36,14 +34,9 @@ pytestmark = pytest.mark.slow
 EXTENSION, ANGLE, UP_TO = 1.2, 0.3, 2000.0
 LIMITS = [{"name": "tip", "of": "deflection", "most": 0.01}, {"name": "pads", "of": "pad", "most": 20e3}]
 STUDY = {
-    "kind": "chart",
-    "title": "Two thin boxes",
-    "scene": "scene.toml",
-    "up_to": UP_TO,
-    "extensions": [EXTENSION],
-    "luffing": [ANGLE],
-    "limits": LIMITS,
-}
+    "kind": "chart", "title": "Two thin boxes", "scene": "scene.toml", "up_to": UP_TO, "extensions": [EXTENSION],
+    "luffing": [ANGLE], "limits": LIMITS,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

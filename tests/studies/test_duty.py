@@ -1,7 +1,5 @@
 """Duty tables beside the points of a chart."""
 
-from __future__ import annotations
-
 import csv
 import io
 

@@ -2,8 +2,6 @@
 A body alone with second order in studies: followed where it is, refused in one line where it is not.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Loads that limits allow, beside closed forms: cantilevers to second order, pads and tipping of what is rigid."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Modes of a section's cylinder, against the wave equation of a rod and against larger bases."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Rows on carriers against C(x) V and C(x) R C(y)^T of the full model, at path coordinates of their own."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

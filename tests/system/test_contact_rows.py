@@ -2,8 +2,6 @@
 Rows of contacts as functions of paths, beside those at places, and their derivatives beside differences.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Residual flexibility of a reduced model: its file and what contradicts it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Rings of pads as fewer contacts, beside all pads by themselves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

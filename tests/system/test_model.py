@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import io
 import json
 import subprocess
@@ -155,18 +153,12 @@ def test_a_model_that_no_structure_has_is_refused(model: ReducedModel, tmp_path:
 @pytest.mark.parametrize(
     "header",
     [
-        [],
-        {"format": []},
-        {"version": "four"},
-        {"version": 1e400},
-        {"version": 4},
-        {"version": 4, "row_names": "ab", "provenance": {}},
-        {"version": 4, "row_names": [1, 2], "provenance": {}},
-        {"version": 4, "input_names": None, "provenance": {}},
-        {"version": 4, "provenance": []},
+        [], {"format": []}, {"version": "four"}, {"version": 1e400}, {"version": 4},
+        {"version": 4, "row_names": "ab", "provenance": {}}, {"version": 4, "row_names": [1, 2], "provenance": {}},
+        {"version": 4, "input_names": None, "provenance": {}}, {"version": 4, "provenance": []},
     ],
     ids=repr,
-)
+)  # fmt: skip
 def test_a_header_of_other_types_is_refused(model: ReducedModel, tmp_path: Path, header: Any) -> None:
     with np.load(model.save(tmp_path / "m.npz")) as data:
         arrays = dict(data)

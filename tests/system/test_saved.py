@@ -3,8 +3,6 @@
 Shells that slide in each other on pads of finite size: a system of bodies on any structural model.
 """
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Callable

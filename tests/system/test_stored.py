@@ -1,7 +1,5 @@
 """A model's file: nothing stands twice in it, what is read is what was written, and files of version 5 are read."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

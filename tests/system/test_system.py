@@ -1,7 +1,5 @@
 """A system of bodies: what joins them, their frequencies, and their equilibrium."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -20,12 +18,9 @@ from pmr.system.rows import Rows, fixed_row, sparse_row
 
 #: Hz, retracted to 5.4 m of overlap and extended to 1.5 m, of a separate planar code.
 FREQUENCIES = {
-    (2, 5.4): (5.865, 36.98, 60.52),
-    (2, 1.5): (2.908, 17.35, 57.16),
-    (3, 5.4): (4.975, 29.05, 39.74),
-    (3, 1.5): (1.577, 8.429, 23.71),
-    (4, 5.4): (4.400, 22.50, 33.54),
-}
+    (2, 5.4): (5.865, 36.98, 60.52), (2, 1.5): (2.908, 17.35, 57.16), (3, 5.4): (4.975, 29.05, 39.74),
+    (3, 1.5): (1.577, 8.429, 23.71), (4, 5.4): (4.400, 22.50, 33.54),
+}  # fmt: skip
 
 
 def coordinates(system: System, overlap: float) -> np.ndarray:
@@ -83,14 +78,8 @@ LIFT = [
 ]
 #: Overlap as a share of the fly, first frequency in Hz with two rigid pads at the ends of each overlap.
 RIGID_PADS = [
-    (0.05, 0.8888),
-    (0.10, 0.9407),
-    (0.15, 0.9978),
-    (0.20, 1.0609),
-    (0.25, 1.1306),
-    (0.30, 1.2082),
-    (0.35, 1.2948),
-]
+    (0.05, 0.8888), (0.10, 0.9407), (0.15, 0.9978), (0.20, 1.0609), (0.25, 1.1306), (0.30, 1.2082), (0.35, 1.2948),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("share", "frequency"), RIGID_PADS)

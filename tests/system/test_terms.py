@@ -3,8 +3,6 @@
 Modes without inertia: what terms do to the part that a basis leaves out, at rest and in motion.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Modes that move into the tables and back, against tables of the smaller and the larger model."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

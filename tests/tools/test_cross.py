@@ -1,7 +1,5 @@
 """C compiled for other systems: a program around the kernel says the same under emulators of these."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

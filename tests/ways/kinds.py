@@ -1,7 +1,5 @@
 """Small scenes of every kind, by the letters of the columns in the manual's table."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Scene of a kind with the results of `pmr run`, which every way to use it is compared with or raises `Refused`."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import sys

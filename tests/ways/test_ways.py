@@ -3,8 +3,6 @@
 The table in docs/ways.md is what is tested: a new command, format, kind of study, simulator or model has to be in it.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Every way to use a scene: a function checks it by what mathematics fixes, or raises `Refused`."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

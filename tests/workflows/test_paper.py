@@ -1,7 +1,5 @@
 """The paper's experiments on a short case beside recomputations of the tests' own, and the figures of the paper."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

@@ -1,7 +1,5 @@
 """Fixtures of searches for a model and a step."""
 
-from __future__ import annotations
-
 import pytest
 
 from pmr.compare import trials

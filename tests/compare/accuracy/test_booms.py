@@ -1,7 +1,5 @@
 """Coordinates of a boom's sections by an allowed error, or within a number of them."""
 
-from __future__ import annotations
-
 import os
 from typing import Any
 

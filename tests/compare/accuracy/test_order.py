@@ -4,8 +4,6 @@ A model and a step that are chosen by hand, judged by what their run says, as do
 Three random scenes as a rule; ``PMR_SWEEP=full`` takes 20.
 """
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

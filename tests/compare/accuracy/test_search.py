@@ -1,7 +1,5 @@
 """The search for a model and a step: against full models, and its way on trials whose errors are given."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

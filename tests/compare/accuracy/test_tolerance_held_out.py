@@ -5,8 +5,6 @@ meshes, paths with kinks and without, several loads, forces and moments, some at
 them as a rule, and two of the 40 scenes of `tolerance_scenes`; ``PMR_SWEEP=full`` takes all.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass, replace
 from typing import Any

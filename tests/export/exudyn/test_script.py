@@ -1,7 +1,5 @@
 """A script of a boom of sections: what it says as it stands is what a run says by Exudyn."""
 
-from __future__ import annotations
-
 import ast
 import runpy
 import subprocess
@@ -18,7 +16,6 @@ from driving import driven
 from numpy.typing import NDArray
 from one_body import displacement
 from oracle import flexible, project
-from processes import called
 
 import pmr
 from pmr import InputError, ReducedModel, System
@@ -219,7 +216,7 @@ def in_equal_parts(outcome: Outcome, parts: int) -> NDArray[np.float64]:
 @pytest.mark.parametrize(
     ("pads", "rise"), [("both ways", "0.0"), ("pushing", "0.0"), ("both ways", "0.02")], ids=["both", "push", "rise"]
 )
-def test_it_reproduces_the_run(pads: str, rise: str, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_it_reproduces_the_run(pads: str, rise: str, tmp_path: Path, run_command) -> None:
     """Two sections that move along the boom from equilibrium; to the tolerance that holds for a body alone.
 
     Where the weight rises, equilibrium at the start is that without it.
@@ -227,7 +224,7 @@ def test_it_reproduces_the_run(pads: str, rise: str, tmp_path: Path, monkeypatch
     changes = [*SHORT, f"gravity.rise={rise}", *(BOTH_WAYS if pads == "both ways" else [])]
     outcome = pmr.run(pmr.load_scene("boom_two", changes))
     outcome.system.save(tmp_path / "system.npz")
-    done = called(monkeypatch, capsys, "export", str(tmp_path / "system.npz"), "--to", "exudyn")
+    done = run_command("export", str(tmp_path / "system.npz"), "--to", "exudyn")
     assert done.returncode == 0, done.stderr
     script = tmp_path / "sliding_body.py"
     names = runpy.run_path(str(script))

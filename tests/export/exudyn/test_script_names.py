@@ -1,7 +1,5 @@
 """Names that come with a model are data in the script that is written for it, never code."""
 
-from __future__ import annotations
-
 import json
 import runpy
 from dataclasses import replace
@@ -24,26 +22,13 @@ TABLE = Table(times=(0.2, 0.5, 0.6, 1.1, 1.3), values=(1.0, 2.0, 1.5, 1.8, -0.5)
 STEP = Step(time=0.5, before=1.0, after=2.0)
 CODE = "__import__('pathlib').Path('ran').write_text('code ran')"
 NAMES = {
-    "triple quotes": f'"""\n{CODE}\n"""',
-    "single quotes": f"'''\n{CODE}\n'''",
-    "quote": f'"); {CODE}; ("',
-    "newline": f"F\n{CODE}\n",
-    "carriage return": f"F\r{CODE}\r",
-    "line separator": f"F\u2028{CODE}\u0085{CODE}",
-    "backslash": f'\\"""\n{CODE}\n\\',
-    "braces": "{" + CODE + "} {0} {title} {{",
-    "percent": "%(" + CODE + ")s %s %d",
-    "dollar": "$" + CODE + "${x}",
-    "NUL": f"F\0{CODE}",
-    "superscript": "F²",
-    "ligature": "ﬁ",
-    "surrogate": "F\udc80",
-    "right to left": f"F\u202e{CODE}\u2066",
-    "coding": "# -*- coding: utf-7 -*-\n+AAo-" + CODE,
-    "keyword": "import",
-    "nothing": "",
-    "long": "x" * 5000,
-}
+    "triple quotes": f'"""\n{CODE}\n"""', "single quotes": f"'''\n{CODE}\n'''", "quote": f'"); {CODE}; ("',
+    "newline": f"F\n{CODE}\n", "carriage return": f"F\r{CODE}\r", "line separator": f"F\u2028{CODE}\u0085{CODE}",
+    "backslash": f'\\"""\n{CODE}\n\\', "braces": "{" + CODE + "} {0} {title} {{", "percent": "%(" + CODE + ")s %s %d",
+    "dollar": "$" + CODE + "${x}", "NUL": f"F\0{CODE}", "superscript": "F²", "ligature": "ﬁ", "surrogate": "F\udc80",
+    "right to left": f"F\u202e{CODE}\u2066", "coding": "# -*- coding: utf-7 -*-\n+AAo-" + CODE, "keyword": "import",
+    "nothing": "", "long": "x" * 5000,
+}  # fmt: skip
 
 
 def scene(*signals: SignalBase) -> dict[str, Any]:

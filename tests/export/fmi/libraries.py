@@ -1,7 +1,5 @@
 """Call FMUs through their C interface, in both versions of FMI, with the package's library."""
 
-from __future__ import annotations
-
 import csv
 import ctypes
 import xml.etree.ElementTree as ET

@@ -1,7 +1,5 @@
 """Crane that a valve raises: a PID controller on angle and tip, and a cylinder whose oil is elastic."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 STEP, STEPS = 1e-3, 1000

@@ -1,7 +1,5 @@
 """What the files of an FMU say: names, units, starts, and the scene that they are made from."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -17,6 +15,7 @@ import pmr
 from pmr import InputError, ReducedModel, System
 from pmr.export.fmi.fmu import Contents, fmu_contents
 from pmr.export.fmi.variables import Drivers
+from pmr.reduction.bodies import Reduction
 from pmr.simulation import Excitation, TimeStepping
 from pmr.simulation.excitation import side_positions
 from pmr.simulation.moving import StoredScene, read_scene
@@ -31,7 +30,7 @@ def described(model: ReducedModel, version: str) -> Contents:
 
 
 @pytest.fixture(scope="module")
-def two() -> pmr.Reduction:
+def two() -> Reduction:
     return pmr.reduce(pmr.load_scene("boom_two", [*BOOM, *BOTH_WAYS, "time.end=0.02"]))
 
 
@@ -88,7 +87,7 @@ def renamed(system: System, scene: StoredScene, bodies: tuple[str, ...], path: s
 
 @pytest.mark.slow
 @pytest.mark.parametrize("version", ["2", "3"])
-def test_so_does_any_name_of_sections_paths_and_contacts(two: pmr.Reduction, version: str) -> None:
+def test_so_does_any_name_of_sections_paths_and_contacts(two: Reduction, version: str) -> None:
     for one, other in zip(HOSTILE, reversed(HOSTILE), strict=True):
         if one and other:
             system, scene = renamed(two.system, read_scene(two.system, "system"), (one, other), one)
@@ -137,7 +136,7 @@ def test_a_moment_has_its_unit() -> None:
     assert set(units) <= {unit.attrib["name"] for unit in root.iter("Unit")}
 
 
-def test_inputs_of_sections_have_their_units(two: pmr.Reduction) -> None:
+def test_inputs_of_sections_have_their_units(two: Reduction) -> None:
     texts = fmu_contents(two.system, read_scene(two.system, "system"), "boom", "3").texts
     root = ET.fromstring(texts["modelDescription.xml"])
     given = {v.attrib["name"]: v.attrib for v in root.iter("Float64") if v.attrib["causality"] == "input"}
@@ -157,7 +156,7 @@ def test_a_contact_that_gives_way_by_round_off_leaves_no_differential_equation(n
 
 
 @pytest.mark.slow
-def test_a_body_without_contacts_or_paths_is_a_system_too(two: pmr.Reduction, tmp_path: Path) -> None:
+def test_a_body_without_contacts_or_paths_is_a_system_too(two: Reduction, tmp_path: Path) -> None:
     """A clamped section by itself, under its weight."""
     base = two.reduced["base"].without_joints()
     system, stepping = System({"base": base}, ()), TimeStepping(0.02, STEP, 0.8)
@@ -189,7 +188,7 @@ def test_pads_with_a_clearance_find_where_they_lie(tmp_path: Path) -> None:
     np.testing.assert_allclose(forces[:-1], expected.forces[:-1], rtol=0.0, atol=1e-6 * np.abs(expected.forces).max())
 
 
-def test_what_a_file_does_not_hold_is_said_in_one_line(two: pmr.Reduction) -> None:
+def test_what_a_file_does_not_hold_is_said_in_one_line(two: Reduction) -> None:
     scene = two.system.provenance["scene"]
     file = {"kind": "table", "file": "/etc/passwd"}
     (fly,) = (part for part in scene["sections"] if part["name"] == "fly")
@@ -206,7 +205,7 @@ def test_what_a_file_does_not_hold_is_said_in_one_line(two: pmr.Reduction) -> No
         assert "\n" not in str(refused.value)
 
 
-def test_a_section_whose_mesh_is_in_a_file_needs_no_such_file(two: pmr.Reduction) -> None:
+def test_a_section_whose_mesh_is_in_a_file_needs_no_such_file(two: Reduction) -> None:
     scene = two.system.provenance["scene"]
     sections = [{**part, "mesh": {"file": "elsewhere.msh"}} for part in scene["sections"]]
     system = replace(two.system, provenance={"scene": {**scene, "sections": sections}})

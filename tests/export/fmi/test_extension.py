@@ -1,7 +1,5 @@
 """FMU of a boom with a section that slides by itself, beside a stepper."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import free_boom

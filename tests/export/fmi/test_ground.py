@@ -1,7 +1,5 @@
 """Steppers and FMUs say that forces of outriggers, or what moves by itself, are not found."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from typing import Literal

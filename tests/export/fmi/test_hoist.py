@@ -1,7 +1,5 @@
 """A hoist driven from outside: a stepper and an FMU beside the run, with a frame and without one."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any
@@ -24,15 +22,10 @@ from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
 
 CRANE = (
-    "compare.against=[]",
-    "section.mesh.elements=6",
-    "frame.slewing.times=[-0.2,1.6]",
-    "section.joint.extension.times=[0.0,0.9]",
-    "hoist.speed.times=[0.0,0.2,0.6,0.8]",
-    "hoist.wind.y.times=[0.0,0.1,0.3]",
-    "time.end=0.2",
-    "time.rho_inf=0.9",
-)
+    "compare.against=[]", "section.mesh.elements=6", "frame.slewing.times=[-0.2,1.6]",
+    "section.joint.extension.times=[0.0,0.9]", "hoist.speed.times=[0.0,0.2,0.6,0.8]",
+    "hoist.wind.y.times=[0.0,0.1,0.3]", "time.end=0.2", "time.rho_inf=0.9",
+)  # fmt: skip
 WOUND = {"hoist.EA": 1e6, "hoist.speed": {"kind": "sine", "amplitude": 0.5, "frequency": 2.0}, "time.end": 0.2}
 FORCES = np.isin([*OUTPUTS], [ROPE_FORCE, *WINCH_PULLS])
 pytestmark = pytest.mark.slow

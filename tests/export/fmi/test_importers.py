@@ -1,7 +1,5 @@
 """FMUs of the paper's evolved case with six coordinates and of the reference boom, run by FMPy and from C."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -17,7 +15,6 @@ import plain_machines
 import pytest
 from export.fmi import loop, valve
 from numpy.typing import ArrayLike
-from processes import called
 from simulation.native import test_stepper_luffing
 
 from benchmarks.fmu import Timed
@@ -190,14 +187,14 @@ def test_every_binary_exports_the_interface(exported: Exported, fmpy: Path, vers
 
 
 def test_the_self_check_of_the_manual_on_the_tutorials_boom(
-    fmpy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    fmpy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_command
 ) -> None:
     """Its commands as they are written, but that only this machine's binary is made."""
     page = (ROOT / "docs" / "fmu.md").read_text().split("## Self-check")[1]
     commands = re.findall(r"^    (\S.*)$", page.split("```")[0], flags=re.M)
     (check,) = re.findall(r"^```python\n(.*?)^```$", page, flags=re.S | re.M)
     monkeypatch.chdir(tmp_path)
-    assert called(monkeypatch, capsys, "new", "boom", "mine").returncode == 0
+    assert run_command("new", "boom", "mine").returncode == 0
     model = reduce(scene.load(Path("mine") / "scene.toml")).reduced
     fmu.write_fmu(model.save(tmp_path / "reduced.npz"), "boom.fmu", platforms=PLATFORMS[:1])
     programs = {"PATH": f"{fmpy.parent}:/usr/bin:/bin"}

@@ -3,8 +3,6 @@
 Called through the C interface, with the package's library; under the inputs of the unit's own reference.
 """
 
-from __future__ import annotations
-
 import ctypes
 import re
 import xml.etree.ElementTree as ET

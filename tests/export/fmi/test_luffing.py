@@ -1,7 +1,5 @@
 """FMUs of booms that luff: forces of the cylinder beside statics by hand, and a free angle beside a stepper."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

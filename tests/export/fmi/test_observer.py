@@ -1,7 +1,5 @@
 """An observer in an FMU beside the observer in Python: the same bits under the same measurements."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 from dataclasses import dataclass, replace
@@ -10,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from export.fmi.libraries import CallError, Instance, loaded
-from processes import called
 
 import pmr
 from pmr import InputError, System
@@ -135,13 +132,11 @@ def test_a_moving_frame_is_refused(case: Case, tmp_path: Path) -> None:
         read_unit_observer(case.sensors, file)
 
 
-def test_the_command_writes_it_and_other_formats_refuse_an_observer(
-    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_it_and_other_formats_refuse_an_observer(case: Case, tmp_path: Path, run_command) -> None:
     target = tmp_path / "observer.fmu"
     arguments = ["export", str(case.model), "--observer", str(case.sensors), "--out", str(target)]
-    assert called(monkeypatch, capsys, *arguments, "--to", "fmu").returncode == 0 and target.exists()
-    refused = called(monkeypatch, capsys, *arguments, "--to", "matlab")
+    assert run_command(*arguments, "--to", "fmu").returncode == 0 and target.exists()
+    refused = run_command(*arguments, "--to", "matlab")
     assert refused.returncode == 2 and "--observer: it is allowed with --to fmu" in refused.stderr
 
 

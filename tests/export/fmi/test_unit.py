@@ -2,8 +2,6 @@
 For which platforms an FMU has binaries.
 """
 
-from __future__ import annotations
-
 import ctypes
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """The six loads of the manual at a boom's tip, zero in the scene, as inputs of its FMU: beside statics by hand."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Run FMUs with FMPy, in its own environment: under_fmpy.py KIND FMU [npz] calls the function KIND, prints JSON."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

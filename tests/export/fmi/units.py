@@ -1,7 +1,5 @@
 """FMUs of bodies alone, of booms and of booms in frames, each with the system and the scene that it was made from."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path

@@ -1,7 +1,5 @@
 """FMU of valve.c: what `loop.Luffing` does, as a second unit beside a crane's."""
 
-from __future__ import annotations
-
 import subprocess
 import zipfile
 from pathlib import Path

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import booms
 import numpy as np
 import one_body

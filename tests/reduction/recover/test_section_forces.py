@@ -1,7 +1,5 @@
 """Section forces of beams beside statics: loads, pads, supports and inertia act where they are, not at nodes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """R M R between carriers against dense matrices, and models with enrichment modes against those without."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.linalg

@@ -1,7 +1,5 @@
 """Models with residual flexibility, and R against its definition in NumPy, which shares no code with the package."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

@@ -2,8 +2,6 @@
 Mirror images of loads: their answers are the images of answers.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

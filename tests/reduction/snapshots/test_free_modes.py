@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import hashlib
 import subprocess
 import sys
@@ -161,13 +159,10 @@ def test_every_rank_has_its_rows(load_scene) -> None:
 @pytest.mark.parametrize(
     ("nodes", "snapshots", "expected"),
     [
-        (51, 1, [25]),
-        (51, 2, [2, 51]),
-        (51, 5, [2, 14, 26, 38, 51]),
-        (51, 10, [2, 7, 12, 18, 23, 29, 34, 40, 45, 51]),
+        (51, 1, [25]), (51, 2, [2, 51]), (51, 5, [2, 14, 26, 38, 51]), (51, 10, [2, 7, 12, 18, 23, 29, 34, 40, 45, 51]),
         (10, 4, [2, 4, 7, 10]),
     ],
-)
+)  # fmt: skip
 def test_the_papers_node_set(nodes: int, snapshots: int, expected: list[int]) -> None:
     assert node_set(nodes, snapshots).tolist() == expected
 

@@ -1,7 +1,5 @@
 """Rigid-body modes against the closed form: how many the supports leave, and that they are rigid to the last digit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

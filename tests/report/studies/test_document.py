@@ -1,7 +1,5 @@
 """Reports of small studies: what they say, and that they ask for nothing from outside."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """What the report of a load chart leaves out."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

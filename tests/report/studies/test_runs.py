@@ -1,7 +1,5 @@
 """What any study says of its runs: in words and units, over what was varied."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A soft beam on rigid bodies that move freely, Exudyn's and a machine of `march`, beside Exudyn's nonlinear beams."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from beam_on_hub import LENGTH, Hub, OfTime, Swing, as_cable, as_machine, as_reduced, scene_of

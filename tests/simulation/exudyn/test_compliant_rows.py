@@ -1,7 +1,5 @@
 """Rows that give way in Exudyn: springs that travel, and multipliers kept, against an integrator of the tests' own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

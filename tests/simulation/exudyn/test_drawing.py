@@ -1,7 +1,5 @@
 """The boom in Exudyn's renderer: what is drawn is where its outputs say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import exudyn as exu

@@ -1,7 +1,5 @@
 """A boom on a rigid body of the user's in Exudyn: held, moved, and free."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import free_boom

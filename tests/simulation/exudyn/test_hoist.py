@@ -1,7 +1,5 @@
 """A payload on the rope of a stiff boom beside a mass point of Exudyn on a spring of the rope's stiffness."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import exudyn as exu

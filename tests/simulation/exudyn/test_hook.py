@@ -1,7 +1,5 @@
 """What hangs on the hook of a boom on a rigid body in Exudyn."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

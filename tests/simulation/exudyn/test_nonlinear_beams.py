@@ -1,7 +1,5 @@
 """Second order in a frame that moves, beside Exudyn's nonlinear beams in space (`soft_boom`)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

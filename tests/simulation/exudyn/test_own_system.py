@@ -1,7 +1,5 @@
 """A boom of several sections in an Exudyn user's own mbs, beside what else is in it, against the compiled simulator."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -2,8 +2,6 @@
 Exudyn beside `march` where models, steps and loads are extreme: docs/validation.md, "At the extremes".
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -110,18 +108,12 @@ PLAIN = {"force": 100.0, "step": 1e-3, "seconds": 0.5, "end": 3.0}
 @pytest.mark.parametrize(
     ("model", "change"),
     [
-        (MODEL, {"step": 1e-2}),
-        (MODEL, {"step": 1e-4, "seconds": 0.2}),
-        (MODEL, {"force": 1e-12}),
-        (MODEL, {"force": 1e9}),
-        (MODEL, {"seconds": 0.02, "end": 4.5}),
-        (replace(MODEL, pads=np.array([1e-3])), {}),
-        (replace(MODEL, pads=np.array([1e-15])), {}),
-        (flexible(FULL, 1), {}),
-        (flexible(FULL, 40), {}),
+        (MODEL, {"step": 1e-2}), (MODEL, {"step": 1e-4, "seconds": 0.2}), (MODEL, {"force": 1e-12}),
+        (MODEL, {"force": 1e9}), (MODEL, {"seconds": 0.02, "end": 4.5}), (replace(MODEL, pads=np.array([1e-3])), {}),
+        (replace(MODEL, pads=np.array([1e-15])), {}), (flexible(FULL, 1), {}), (flexible(FULL, 40), {}),
     ],
     ids=["long step", "short step", "no force", "huge force", "fast", "soft pad", "stiff pad", "one mode", "all modes"],
-)
+)  # fmt: skip
 def test_both_simulators_agree(model, change: dict[str, float]) -> None:
     asked = PLAIN | change
     end = asked["seconds"]

@@ -1,7 +1,5 @@
 """Terms that vary in time in Exudyn, beside the compiled loop."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The crane on a turret of Exudyn's own, whose angles are prescribed, beside the same scene in the compiled loop."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

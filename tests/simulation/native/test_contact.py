@@ -1,7 +1,5 @@
 """Rows that only push: the complementarity problem by itself, then statics, impacts and energy of a beam on pads."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where the compiled simulator's limits lie: the most telling points of docs/validation.md, "At the extremes"."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Friction of pads in the compiled loop: its moment, what it does to a cylinder, and who knows none."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@ Modes without inertia in the compiled loop: backward Euler of their equations, w
 A body alone as the system of one: names without a prefix, and the motion of the loop in tables.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Forces, masses and carriages that cross a beam, beside series, modal equations and statics."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The compiled simulator against an integrator of the test's own, against closed solutions and against Exudyn."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One step at a time: the same as the simulation, without an allocation."""
 
-from __future__ import annotations
-
 import gc
 import tracemalloc
 from collections.abc import Callable

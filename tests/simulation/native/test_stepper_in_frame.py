@@ -1,7 +1,5 @@
 """One step at a time in a frame that is raised and slewed from outside, with second order: what a run finds."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A stepper whose luffing angle is free, beside the run: same kernel, driven by an opening, a rope and slewing."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 
@@ -26,15 +24,9 @@ pytestmark = pytest.mark.slow  # a boom is reduced
 HOIST = "hoist={payload=60.0, EA=2e6, falls=2, hanging=1.5, winch={at=[-0.4, 0.1, 0.5]}}"
 RAMP = "{kind='smooth_ramp', times=[0.05, 0.2], values="
 KEYS = (
-    *RIGID[3:],
-    "frame.second_order=false",
-    "start='equilibrium'",
-    "time.rho_inf=0.9",
-    "time.end=0.2",
-    "time.step=1e-3",
-    f"frame.slewing={RAMP}[0.0, 0.1]}}",
-    f"hoist.speed={RAMP}[0.0, 0.3]}}",
-)
+    *RIGID[3:], "frame.second_order=false", "start='equilibrium'", "time.rho_inf=0.9", "time.end=0.2", "time.step=1e-3",
+    f"frame.slewing={RAMP}[0.0, 0.1]}}", f"hoist.speed={RAMP}[0.0, 0.3]}}",
+)  # fmt: skip
 DRIVES = {
     "opening": oil(UP_AND_DOWN, "", True),
     "length": f"frame.cylinder={{foot={FOOT.tolist()}, lug={LUG.tolist()}, length={RAMP}[1.0, 1.03]}}, spring=1e7, "

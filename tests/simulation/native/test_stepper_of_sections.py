@@ -1,7 +1,5 @@
 """A boom one step at a time: what the compiled simulator finds under the same extensions and loads."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Systems of bodies over time: against a dense integrator, one body, Newton's law, and full order."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 A hoist on a boom whose sections push, rub and bend in second order: at rest, and wound while it telescopes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -269,14 +267,9 @@ def test_amplitudes_are_taken_at_parts_of_steps() -> None:
 
 
 QUICK = (
-    "compare.against=[]",
-    "section.mesh.elements=6",
-    "time.end=1.6",
-    "time.rho_inf=0.9",
-    "frame.slewing.times=[0.2,6.0]",
-    "section.joint.extension.times=[0.5,3.0]",
-    "hoist.speed.times=[0.2,1.0,2.0,3.0]",
-)
+    "compare.against=[]", "section.mesh.elements=6", "time.end=1.6", "time.rho_inf=0.9",
+    "frame.slewing.times=[0.2,6.0]", "section.joint.extension.times=[0.5,3.0]", "hoist.speed.times=[0.2,1.0,2.0,3.0]",
+)  # fmt: skip
 
 RINGS = [f"section.joint.{ring}.0." for ring in ("tail", "mouth")]
 
@@ -291,7 +284,7 @@ KINDS = {
 }
 
 
-def run_of(changes: list[str]) -> pmr.SystemTrajectory:
+def run_of(changes: list[str]) -> SystemTrajectory:
     scene = pmr.load_scene(plain_machines.HOIST, [*QUICK, *changes])
     return systems.simulate_form(SystemForm.of(pmr.reduce(scene).system), Excitation.from_scene(scene))
 

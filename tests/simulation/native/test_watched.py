@@ -1,7 +1,5 @@
 """Steppers and FMUs warn once of displacements too large for the theory, and of a machine that tips."""
 
-from __future__ import annotations
-
 import logging
 from functools import cache
 from pathlib import Path

@@ -5,8 +5,6 @@ python interrupted.py CHECKPOINT RESULT SHARE
 From this SHARE of the steps on it waits until somebody kills it; with 1 it ends.
 """
 
-from __future__ import annotations
-
 import signal
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Simulations that were cut off go on to the same result."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """The full-order reference against an integrator of the test's own, against march, and against itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Several full models over time: against bodies that are diagonalised, Newton's law, ranks and interruptions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

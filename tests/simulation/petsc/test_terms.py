@@ -1,7 +1,5 @@
 """Terms that vary in time in full order, beside bodies that are diagonalised, on one rank and two."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

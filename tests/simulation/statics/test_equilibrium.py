@@ -1,7 +1,5 @@
 """Equilibria as solutions of one symmetric system for coordinates and forces."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.sparse as sp

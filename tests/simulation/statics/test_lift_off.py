@@ -1,7 +1,5 @@
 """Loads that are hoisted off the ground, beside closed forms and a step-by-step integration."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

@@ -1,7 +1,5 @@
 """Equilibria as functions of a load: a stepped column, and contacts that open."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product

@@ -1,7 +1,5 @@
 """Load charts of a planar telescope, beside its full order; what is refused."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

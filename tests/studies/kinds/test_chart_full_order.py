@@ -1,7 +1,5 @@
 """Load charts beside full order at random places: the reduction's part of the error bars."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

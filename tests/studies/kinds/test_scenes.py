@@ -1,7 +1,5 @@
 """The parameter study: the same figures as single runs, with nothing computed twice."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
