@@ -35,7 +35,7 @@ def scene_schema() -> str:
 
 
 def study_schema(*kinds: str) -> str:
-    """Return as text the JSON schema of a study file of the given kinds; without kinds, that of all kinds."""
+    """Return as text the JSON schema of a study file of the given kinds; of all kinds if none is given."""
     from pmr.scene.files import union_schema
     from pmr.studies.call import schemas
 

@@ -114,10 +114,12 @@ def report_failure_message(error: Exception, folder: Path) -> str:
 def prepare_folder(folder: Path, ours: Sequence[str] = ()) -> None:
     """Create a folder if it does not exist, and check that results can be written to it.
 
-    Raises InputError in three cases: if the folder, or a file in it that matches one of the patterns `ours`, can't be
-    written; if `ours` is not empty and the folder is the root of the file system; and if results of a run (`ours`
-    includes scene.json) would replace files of others.  The last is the case if the folder has no scene.json, but a
-    file that matches a pattern of `ours`.
+    Raises InputError in three cases:
+
+    - the folder, or a file in it that matches one of the patterns `ours`, can't be written;
+    - `ours` is not empty, and the folder is the root of the file system;
+    - `ours` includes scene.json, and results of a run would replace files of others: the folder has no scene.json, but
+      a file that matches a pattern of `ours` with an asterisk.
     """
     try:
         if ours and folder.resolve() == folder.resolve().parent:
@@ -225,7 +227,7 @@ def prepare_streams() -> None:
 
 
 def output_failure() -> OSError | None:
-    """Return the error by which standard output takes no more text; None while standard output works.
+    """Return the error by which standard output takes no more text, or None if standard output works.
 
     After an error the text that was not taken is dropped, as Python would try to write it again at its end.
     """

@@ -222,7 +222,7 @@ def simulate(model: Model, scene: MotionScene, out_dir: Folder = None, overrides
     table.add_row(QUANTITIES["largest"].reported, format_length(summary["max_displacement"], 4))
 
     def add_range(name: str, least: float, most: float, unit: str) -> None:
-        """Add a row with the range of a force or moment."""
+        """Add a row with the range of the force or moment called `name`, from `least` to `most` in the unit `unit`."""
         table.add_row(escape_controls(name), " to ".join(format_quantity(end, unit, 4) for end in (least, most)))
 
     for name, force in zip(response.force_names, response.slider_force.T, strict=False):

@@ -39,7 +39,10 @@ def describe_key(schema: Schema, key: str) -> list[tuple[str, str]]:
 
 
 def _tables_of(value: Schema, definitions: dict[str, Schema]) -> Iterator[Schema]:
-    """Yield the tables that a value, or a member of it if it is a list, may be."""
+    """Yield the tables that a value may be; of a list, those that a member may be.
+
+    `definitions` are the schema's definitions, to which values refer by name.
+    """
     if "$ref" in value:
         yield from _tables_of(definitions[value["$ref"].rpartition("/")[2]], definitions)
     if "properties" in value:
@@ -95,12 +98,12 @@ def allowed(value: Schema) -> str:
 
 
 def units(value: Schema | Sequence[Schema]) -> list[str]:
-    """Return the units of the numbers that a value may hold, each once; those without one have "1"."""
+    """Return the units of the numbers that a value may hold, each once; numbers without a unit are left out."""
     parts, unit = (value.values(), value.get("unit")) if isinstance(value, dict) else (value, None)
     of_parts = [unit for part in parts if isinstance(part, dict | list) for unit in units(part)]
     return list(dict.fromkeys([unit, *of_parts] if isinstance(unit, str) and unit != "1" else of_parts))
 
 
 def one_line(text: str) -> str:
-    """Return a docstring on one line, as Markdown."""
+    """Return a text, such as a docstring, on one line, as Markdown."""
     return " ".join(text.split()).replace("``", "`")

@@ -242,7 +242,10 @@ def _print_outcome(outcome: Outcome) -> None:
 
 
 def _print_errors(error_rows: Sequence[Row]) -> None:
-    """Print a table of errors, with a column of published numbers if any row has one."""
+    """Print a table of errors, one line for each of `error_rows`.
+
+    It has a column of published numbers if one of the rows has such a number.
+    """
     published = any(row.published for row in error_rows)
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     for head in ("e_NRMS, or largest value", "here", *(("published", "") if published else ())):

@@ -116,7 +116,8 @@ def _run_experiment(
 ) -> NoReturn:
     """Run the script of an experiment of the paper (docs/paper.md) in its own process, and exit with its code.
 
-    Raises InputError for the options --only and --list, which scripts do not have.
+    `out_dir`, `jobs` and `overrides` are passed on to the script.  Raises InputError for the options --only and --list
+    (`only` and `listed`), which scripts do not have.
     """
     if only or listed:
         allowed = f"a study file is allowed: {script.name} is one script, whose rows are computed in processes"
@@ -128,7 +129,7 @@ def _run_experiment(
 
 
 def _worker_pool(jobs: int | None) -> AbstractContextManager[workers.Pool | None]:
-    """Return a context with the pool of `jobs` worker processes; None stands for one on each core.
+    """Return a context with the pool of `jobs` worker processes; if `jobs` is None, one on each core.
 
     Under MPI, ranks that are workers get None, and InputError is raised if `jobs` is given.
     """

@@ -66,7 +66,10 @@ class Choice:
 
     @property
     def meets_tolerance(self) -> bool:
-        """Whether the sum of errors is within the tolerance, if there is one, and the error of the step is settled."""
+        """Whether the sum of errors is within the tolerance and the error of the step is settled.
+
+        True if the scene has no tolerance.
+        """
         accuracy = self.scene.accuracy
         return accuracy is None or (self.trial.settled and max(self.total_errors.values()) <= accuracy.tolerance)
 

@@ -186,7 +186,10 @@ def _longest_steps(
 
 
 def _balance_errors(trials: Trials, sizes: Sizes, coarsest: int) -> Trial:
-    """Trial with the longest step whose error is no larger than that of the reduction, else with the shortest step."""
+    """Trial with the longest step whose error is no larger than that of the reduction, else with the shortest step.
+
+    Steps are no longer than with `coarsest` steps in the run.
+    """
 
     def suits(reduction: Mapping[str, float], step: Mapping[str, float]) -> bool:
         """Whether the largest error of the step is no more than that of the reduction."""

@@ -45,12 +45,14 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
     .. math::
         L(\varphi) = |R(\varphi)\, r_1 - r_0|, \qquad F = \mathfrak M / \tfrac{dL}{d\varphi}, \qquad P = F\, \dot L
 
-    with the length L at the luffing angle :math:`\varphi`, the rotation R, the lug r_1 on the boom, the foot r_0 on the
-    machine, the force F, the power P and the moment :math:`\mathfrak M` about the pivot of all forces with which the
-    boom presses on its machine (`pmr.simulation.reactions`).  The pivot turns freely, and the cylinder alone keeps the
-    angle, whatever holds the base in the scene.  The part is empty without such a cylinder.  Of a cylinder whose force
-    drives the angle all columns are taken from the response, pressures, flows and volumes of oil among them; ``stops``
-    and warnings are as those of `extension_part`.
+    In it, L is the length at the luffing angle :math:`\varphi`, R the rotation, r_1 the lug on the boom, r_0 the foot
+    on the machine, F the force and P the power. :math:`\mathfrak M` is the moment about the pivot of all forces with
+    which the boom presses on its machine (`pmr.simulation.reactions`).  The pivot turns freely, and the cylinder alone
+    keeps the angle, whatever holds the base in the scene.
+
+    If a cylinder's force drives the angle, all columns are taken from the response, pressures, flows and volumes of oil
+    among them; ``stops`` and warnings are as those of `extension_part`.  The part is empty if the scene has no such
+    cylinder, or if its force is not known.
     """
     if scene.frame is None or scene.frame.cylinder is None or CYLINDER not in response.other_names:
         return SummaryPart()
@@ -106,7 +108,8 @@ def _driven_part(
 ) -> SummaryPart:
     """Part of a computed motion's drive, as `extension_part` describes it, with further `warnings` before its own.
 
-    `stop` (T,) in m is how far a stop gives way: above 0 at the greatest length, below 0 at the smallest.
+    `histories` (T,) are the drive's quantities by name.  `stop` (T,) in m is how far a stop gives way: above 0 at the
+    greatest length, below 0 at the smallest.  `along` (T, P) in m are the path coordinates.
     """
     stop = np.where(np.abs(stop) > ROUND_OFF, stop, 0.0)
     spans = _stop_spans(response.t, stop, histories)
@@ -142,7 +145,8 @@ def _stop_warnings(name: str, end: str, spans: list[dict[str, float]]) -> list[s
 def _stop_spans(t: Array, stop: Array, histories: Mapping[str, Array]) -> list[dict[str, float]]:
     """Spans in which a stop is pressed in, as `extension_part` describes them, in the order of time.
 
-    `stop` (T,) in m is how far the stop gives way, or 0.
+    `stop` (T,) in m is how far the stop gives way, or 0.  `histories` (T,) have the cylinder's ``length`` and
+    ``speed``.
     """
     spans = list[dict[str, float]]()
     for first, last in _spans(stop != 0.0):
@@ -163,18 +167,22 @@ def _spans(holds: Mask) -> list[tuple[int, int]]:
 def _cylinder_part(
     cylinder: str, histories: Mapping[str, Array], response: Response, along: Array, warnings: list[str]
 ) -> SummaryPart:
-    """Part with the extremes of `histories` (T,) of a `cylinder`, and a warning where its oil would boil."""
+    """Part with the extremes of `histories` (T,) of a `cylinder`, and a warning if its oil would boil.
+
+    `along` (T, P) in m are the path coordinates at the times of the response.
+    """
     extremes = {key: Extremes.from_history(history, response.t, along) for key, history in histories.items()}
     figures = {key.replace(" ", "_"): of.summary() for key, of in extremes.items()}
     return SummaryPart({cylinder.replace(" ", "_"): figures}, warnings, boiling_warnings(cylinder, extremes, response))
 
 
 def turning_warnings(scene: Scene, angles: Array) -> list[str]:
-    """Warnings where a support stands in for a luffing cylinder that turns, leans or acts elsewhere.
+    """Warnings about supports that stand in for a luffing cylinder that turns, leans or acts elsewhere.
 
     A support with a stiffness does not turn as a cylinder whose stiffness about the pivot varies by more than a factor
     of `TURNED` over the luffing `angles` (T,) in rad.  Every support across the boom lacks a force along the boom that
-    exceeds `LEANING` times the cylinder's force across the boom.
+    exceeds `LEANING` times the cylinder's force across the boom.  The list is empty if the scene has no luffing
+    cylinder, or if no support differs from it.
     """
     if scene.frame is None or scene.frame.cylinder is None:
         return []
@@ -215,7 +223,11 @@ def turning_warnings(scene: Scene, angles: Array) -> list[str]:
 
 
 def _pin_warnings(scene: Scene, held: PinAndCylinder | None) -> list[str]:
-    """A warning where forces of the base's supports are not those of a pin at the pivot, or the pin is not there."""
+    """A warning if forces of the base's supports are not those of a pin at the pivot, or if the pin is not there.
+
+    `held` is the pin and the cylinder's support among the base's supports.  The list is empty if the cylinder itself
+    holds the boom, or if the pin is at the pivot.
+    """
     base = scene.names[0]
     if scene.holding_cylinder is not None:
         return []
@@ -288,11 +300,11 @@ def hoist_part(scene: Scene, response: Response) -> SummaryPart:
 
 
 def _jerk_warnings(scene: Scene, hoist: Hoist, gravity: float) -> list[str]:
-    r"""Warning on a rope that moves at t = 0 with another speed than its payload; empty if that matters little.
+    r"""Warning about a rope that moves at t = 0 with another speed than its payload; empty if that matters little.
 
-    On a boom that does not give, the force of a rope without damping rises to :math:`1 + |v| \sqrt{k / m} / g` times
-    the weight, with the difference v of the speeds, the mass m and the stiffness k of all falls; it matters if that
-    exceeds 1 by `JERK`.
+    Let v be the difference of the speeds, m the mass, k the stiffness of all falls and g the `gravity`.  On a boom that
+    does not give, the force of a rope without damping rises to :math:`1 + |v| \sqrt{k / m} / g` times the weight; it
+    matters if that exceeds 1 by `JERK`.
     """
     signal, falls = hoist.rope_signal, hoist.falls
     taken_in = float(signal.value(0.0)) if hoist.is_wound else -float(signal.rate(0.0))

@@ -134,7 +134,8 @@ def reduction_error(
 def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitation: Excitation) -> float | None:
     """Error of the two lowest natural frequencies on the way, a fraction with margin, by the enrichment modes.
 
-    None if errors can't be estimated (`reason_without_estimate`) or if nothing vibrates.
+    `models` are the bodies by name.  None if errors can't be estimated (`reason_without_estimate`) or if nothing
+    vibrates.
     """
     if reason_without_estimate(models) is not None:
         return None
@@ -149,7 +150,10 @@ def _frequency_error(models: Mapping[str, ReducedModel], system: System, excitat
 def _effects_left_out(
     models: Mapping[str, ReducedModel], system: System, excitation: Excitation, count: int | None
 ) -> list[str]:
-    """Clauses about effects that an estimate with up to `count` enrichment modes (None: all) leaves out."""
+    """Clauses about effects that an estimate with up to `count` enrichment modes (None: all) leaves out.
+
+    `models` are the bodies by name.
+    """
     stressed = [SECOND_ORDER_EFFECTS] * (bool(system.terms) and not all(map(has_frame_matrices, models.values())))
     if ALONE in models:
         return [*stressed, *effects_not_covered(models[ALONE], excitation.signals, excitation.stepping, count)]

@@ -91,7 +91,7 @@ def absolute_error(signal: Array, reference: Array) -> float:
 
 
 def refuse_infinite(*values: Array) -> None:
-    """Raise a SimulationError if any value in any of the arrays is NaN or infinite."""
+    """Raise a SimulationError if a value in one of the arrays is NaN or infinite."""
     if not all(np.isfinite(largest_absolute(array, None)) for array in values):
         raise SimulationError(
             "the simulation gave values that are not finite: loads or motions are too large for double precision"
@@ -144,7 +144,8 @@ def compared_pairs(
 ) -> dict[str, dict[str, Pair]]:
     """Pairs (signal, reference), each (T, o), that `errors_between` compares, by ``<a>_vs_<b>`` and quantity.
 
-    The number of columns of a quantity is o.  Columns of signal or reference that do not exceed round-off are set to 0.
+    `responses` are the responses by model, and `quantities` the functions that take a quantity from a response.  The
+    number of columns of a quantity is o.  Columns of signal or reference that do not exceed round-off are set to 0.
     """
     present = [name for name in ORDER if name in responses]
     pairs_of_models = dict[str, dict[str, Pair]]()
@@ -163,8 +164,8 @@ def _other_pairs(response: Response, reference: Response, force: float) -> dict[
     """Pairs (signal, reference), (T,) each, of all other outputs that both responses have, by the outputs' names.
 
     Other outputs are probes, reactions and the like.  A signal or reference is replaced by zeros if it does not exceed
-    `RELATIVE_FLOOR` times the largest output in the same unit; in N and N m also if it does not exceed `force`, the
-    round-off of forces.
+    `RELATIVE_FLOOR` times the largest output in the same unit.  In N and N m it is also replaced if it does not exceed
+    `force`, the round-off of forces.
     """
     units = dict(zip(response.other_names, response.other_units, strict=True))
     common = [name for name in units if name in reference.other_names]

@@ -286,7 +286,7 @@ def _errors_by_name(response: Response, richer: Response, excitation: Excitation
 
 
 def _errors_by_section(system: System, displacement: Array, better: Array) -> dict[str, float]:
-    """Error along each body, a fraction with margin, by the body's name; empty for a single body.
+    """Error along each body, a fraction with margin, by the body's name; a single body gives an empty dict.
 
     `displacement` (T, o) in m are the displacements of all bodies, `better` (T, o) in m those of a richer model.
     """

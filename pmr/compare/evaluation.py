@@ -142,7 +142,8 @@ def _residuals(body: SlidingBody, motion: Trajectory, part: SystemTrajectory) ->
 def append_friction(response: Response, contacts: Sequence[Contact], friction: Array | None) -> Response:
     """Append the total friction force in N of each joint to the other outputs of a response.
 
-    `friction` (T, n) in N is the friction of each of n pads.  Without friction the response is returned unchanged.
+    `friction` (T, n) in N is the friction of each of n pads among the `contacts`.  Without friction the response is
+    returned unchanged.
     """
     joint_friction = Friction.from_contacts(contacts)
     if joint_friction is None or friction is None:
@@ -210,9 +211,9 @@ def append_machine(scene: Scene, response: Response) -> Response:
     """Append to a scene's response the displacements, rates and forces of a machine with a computed motion.
 
     Displacements are in m or rad, rates in m/s or rad/s.  Forces in N or N m are those of springs, dampers and
-    constraints, positive along the axes, by the directions of ``[frame.base]``; a direction without any of these has no
-    force.  If a luffing angle or an extension is computed, only this motion and its cylinder's quantities are appended.
-    Without a computed motion, the response is returned unchanged.
+    constraints, positive along the axes, by the directions of ``[frame.base]``.  A direction that has no spring, damper
+    or constraint has no force.  If a luffing angle or an extension is computed, only this motion and its cylinder's
+    quantities are appended.  Without a computed motion, the response is returned unchanged.
     """
     luffing = None if scene.frame is None else scene.frame.luffing_signal
     if isinstance(luffing, ComputedMotion):
@@ -252,7 +253,10 @@ def _append_luffing(base: str, luffing: MotionSamples, response: Response) -> Re
 
 
 def _driven_column(name: str, of: str, body: str) -> Output:
-    """Column `name` of a cylinder that drives a free motion; `of`: its name in `CYLINDER_UNITS`, or `ACCELERATION`."""
+    """Column called `name` of a cylinder that drives a free motion of the body `body`.
+
+    `of` is the column's name in `CYLINDER_UNITS`, `ACCELERATION` or `STOP`; unit and kind of the column follow from it.
+    """
     unit = (CYLINDER_UNITS | {ACCELERATION: "m/s^2", STOP: "m"})[of]
     kind = {"Pa": "pressure", "m^3/s": "flow", "W": "power"}.get(unit, MACHINE)
     return Output(name, kind, body, unit=unit)

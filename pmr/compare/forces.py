@@ -58,7 +58,10 @@ def forces_part(scene: Scene, system: System, response: Response) -> SummaryPart
 
 
 def _pad_pressures(scene: Scene, loads: Mapping[str, Extremes]) -> dict[str, dict[str, float]]:
-    """Entry ``pressure`` in Pa of pads by name, the largest size of their force over their area; points have none."""
+    """Entry ``pressure`` in Pa of pads by name, the largest size of their force over their area.
+
+    `loads` are the extremes of the pads' forces by name.  Pads that are points have no entry.
+    """
     areas = dict[str, float]()
     for body, part in scene.bodies.items():
         for key, ring in part.keyed_rings.items():
@@ -313,7 +316,10 @@ def _accelerated_mass(body: SlidingBody) -> float:
 
 
 def _kink_warnings(kinks_of_cylinders: Mapping[str, Sequence[Mapping[str, float]]]) -> list[str]:
-    """A warning, if any cylinder has kinks, that forces at kinks must not be used for sizing; else nothing."""
+    """A warning that forces at kinks must not be used for sizing; the list is empty if no cylinder has kinks.
+
+    `kinks_of_cylinders` has the time and the impulse of each kink, by cylinder.
+    """
     kinks = [(kink, name) for name, of_cylinder in kinks_of_cylinders.items() for kink in of_cylinder]
     if not kinks:
         return []
@@ -328,7 +334,7 @@ def _kink_warnings(kinks_of_cylinders: Mapping[str, Sequence[Mapping[str, float]
 def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
     r"""Force (T,) in N, by name, on each section that ropes move or that such sections follow; positive pushes out.
 
-    A section k whose extension is :math:`s_k = r_k s_j + c_k`, with the ratio r_k and the offset c_k, is moved by a
+    Section k has the extension :math:`s_k = r_k s_j + c_k`, with the ratio r_k and the offset c_k, if it is moved by a
     rope that the joint j drives.  Let :math:`F_k` be the force along the boom between section k and the next outer one
     if each section had a cylinder of its own.  By virtual work
 
@@ -336,8 +342,8 @@ def rope_forces(scene: Scene, response: Response) -> dict[str, Array]:
         T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k
 
     is the force with which the rope or cylinder of the joint j pushes; for a rope, with all of its strands together.
-    The power with which a cylinder moves its section and those that follow is :math:`T_j \dot s_j`.  Friction of the
-    joints' pads is included, that of sheaves is not.
+    The power with which a cylinder moves its section and all sections that follow it is :math:`T_j \dot s_j`.  The
+    friction of the joints' pads is included, the friction of sheaves is not.
 
     The result is empty if there are no ropes, or if forces along the boom are unknown.
     """

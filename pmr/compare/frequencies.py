@@ -115,8 +115,8 @@ def _characteristic(x: Array | float, share: float) -> Any:
         2 \sin a \tanh a\, (1 / \cosh b + \cos b) + (\cos b \tanh b - \sin b)\, (\sin a - \cos a \tanh a), \qquad
         a = x\, s / L, \quad b = x\, (1 - s / L)
 
-    This is the sum of the dynamic stiffnesses k_1 and k_2 in this module's docstring, divided by EI beta, times the
-    denominators of k_1 and k_2, over cosh a cosh b, so that nothing overflows.
+    It follows from the sum of the dynamic stiffnesses k_1 and k_2 in this module's docstring, divided by EI beta.  This
+    sum is multiplied by the denominators of k_1 and k_2 and divided by cosh a cosh b, so that nothing overflows.
     """
     a, b = x * share, x * (1.0 - share)
     supported = 2.0 * np.sin(a) * np.tanh(a) * (1.0 / np.cosh(b) + np.cos(b))
@@ -212,7 +212,7 @@ class WayPoints:
 
 
 def result_paths(scene: Scene, excitation: Excitation) -> Paths:
-    """Paths that a result shows: those of sections or of a single body, without the angle of a luffing cylinder."""
+    """Paths that a result shows: of sections or of a single body, without the angle of a luffing cylinder."""
     count = len(scene.paths)
     return Paths(tuple(scene.paths), excitation.s[:, :count], excitation.rates[:, :count])
 
@@ -254,9 +254,9 @@ def _way_points_by_reach(scene: Scene, excitation: Excitation, count: int) -> Wa
 def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, points: WayPoints) -> Frequencies:
     """Natural frequencies in Hz of the reduced system in the positions `points`, with every contact closed.
 
-    Terms have the amplitudes of the times `points.t`.  For a single body without terms, the result includes the closed
-    form if there is one.  For a boom with at least two joints that move, it includes a map of the first frequency over
-    the extensions of two of them.
+    Terms have the amplitudes of the times `points.t`.  For a single body without terms, the result includes frequencies
+    in closed form where they are known.  For a boom with at least two joints that move, it includes a map of the first
+    frequency over the extensions of two of them.
     """
     c = excitation.amplitudes(system.term_names, points.t)
     curves = {"reduced": Assembly(system).frequencies(points.sides(system), points.count, c)}

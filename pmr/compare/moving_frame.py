@@ -35,13 +35,13 @@ ACROSS = 1e-9
 
 
 def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies: Frequencies) -> SummaryPart:
-    r"""``frame`` and ``buckling`` of summary.json; empty without a frame.
+    r"""``frame`` and ``buckling`` of summary.json; empty if the scene has no frame.
 
     With the largest angular velocity :math:`\omega` of the frame and the lowest circular frequency :math:`\omega_1` on
-    the way, ``gyroscopic`` is :math:`2 |\omega| / \omega_1` and ``centrifugal`` is :math:`(|\omega| / \omega_1)^2`: the
-    sizes, relative to the stiffness, of the terms that are left out without second order.  Both are None past the
-    buckling load, where :math:`\omega_1` is 0.  ``frequencies`` is ``stressed`` if axial forces and the frame act on
-    the frequencies, or ``unstressed`` without second order.
+    the way, ``gyroscopic`` is :math:`2 |\omega| / \omega_1` and ``centrifugal`` is :math:`(|\omega| / \omega_1)^2`.
+    They are the sizes, relative to the stiffness, of the terms that are left out without second order.  Both are None
+    past the buckling load, where :math:`\omega_1` is 0.  ``frequencies`` is ``stressed`` if axial forces and the frame
+    act on the frequencies, or ``unstressed`` without second order.
 
     ``share`` is the largest share by which axial forces and the frame's speed change the stiffness
     (`second_order_effect`); if it is above ``limit``, second order matters.
@@ -235,10 +235,12 @@ def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Seco
     .. math::
         \max_q \frac{\lvert q^T \sum_k c_k G_k\, q \rvert}{q^T K q}, \qquad C q = F \lambda,
 
-    with contact rows C, compliance F and contact forces :math:`\lambda`; for a load P along a column that buckles at
-    P_cr it is P / P_cr.  Without second order, the relative error of a static deflection is that share, and a vibration
-    lags by :math:`\pi` times that share (as a phase in rad) in each period (docs/moving_frame.md has measurements, on
-    which `SECOND_ORDER_LIMIT` rests).
+    with contact rows C, compliance F and contact forces :math:`\lambda`.  For a load P along a column that buckles at
+    P_cr it is P / P_cr.
+
+    If second order is left out, the relative error of a static deflection is that share.  A vibration then lags by
+    :math:`\pi` times that share (as a phase in rad) in each period.  The measurements in docs/moving_frame.md are the
+    base of `SECOND_ORDER_LIMIT`.
 
     Raises an InputError if contacts do not hold the bodies.
     """
@@ -290,7 +292,7 @@ def decide_second_order(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Scen
 
 
 def with_choice_of_terms(scene: Scene, terms: Sequence[Term]) -> Scene:
-    """The scene with second order if a system with these `terms` has it, and without it else; only for ``auto``.
+    """The scene with the second order that ``auto`` stands for: true if a system has `terms`, false if not.
 
     A scene that does not leave the choice to ``auto`` is returned unchanged.
     """

@@ -123,7 +123,10 @@ def march_once(scene: Scene, system: System, excitation: Excitation) -> Response
 
 
 def agreement(responses: Mapping[str, Response]) -> dict[str, float]:
-    """Largest difference in m, at any time, between the displacements of two simulators, by ``<a>_vs_<b>``."""
+    """Largest difference in m, at any time, between the displacements of two simulators, by ``<a>_vs_<b>``.
+
+    `responses` are the responses by simulator; each pair of them has one entry.
+    """
     return {
         f"{a}_vs_{b}": float(np.abs(responses[a].displacement - responses[b].displacement).max())
         for a, b in combinations(responses, 2)
@@ -227,7 +230,7 @@ def _prepare_march(
         parts, loads = np.ones(len(excitation.times), np.int64), f.copy() if system.hoist else f
 
         def take(first: int, part: SystemTrajectory) -> None:
-            """Evaluate consecutive steps, and record their states and parts."""
+            """Evaluate consecutive steps from the one with the number `first` on, and record their states and parts."""
             evaluation(first, part)
             rows = slice(first, first + len(part.t))
             parts[rows] = part.parts
@@ -280,7 +283,10 @@ def needed_bytes(scene: Scene, size: int, outputs: int) -> int:
 
 
 def memory_warnings(scene: Scene, size: int, outputs: int) -> list[str]:
-    """A warning if the histories take more than `NOTABLE_BYTES`, else nothing; arguments are as for `needed_bytes`."""
+    """A warning if the histories take more than `NOTABLE_BYTES`, else an empty list.
+
+    `size` and `outputs` are those of `needed_bytes`.
+    """
     total = needed_bytes(scene, size, outputs)
     return [] if total < NOTABLE_BYTES else [f"{scene.time.steps:,} steps take about {total / 1e9:.1f} GB of memory"]
 

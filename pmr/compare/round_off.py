@@ -73,7 +73,7 @@ def round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> fl
 def probe_round_off(bodies: Mapping[str, SlidingBody], loads: Array, end: float) -> Array:
     """Round-off (k,), as in `round_off`, of each of k probes under `loads` for `end` seconds, in its own unit.
 
-    Probes are outputs that are neither in m nor in N.
+    Probes are outputs of the `bodies` that are neither in m nor in N.
     """
     return ROUND_OFF * _largest_motions(bodies, loads, end, other_outputs)
 
@@ -83,7 +83,7 @@ def _largest_motions(
 ) -> Array:
     """Bound (o,) on each of o selected outputs, in its unit, under loads (T, i) in N for `end` seconds.
 
-    `select` returns the mask of the selected outputs of a body.  All bounds are 0 if a body has more than
+    `select` returns the mask of the selected outputs of a body.  All bounds are 0 if one of the `bodies` has more than
     `LARGEST_COMPLIANCE` coordinates.
     """
     sizes, reach, first = list[Array](), 0.0, 0
@@ -101,9 +101,12 @@ def force_round_off(body: SlidingBody, loads: Array, end: float, s: float) -> fl
     r"""Largest force in N that may be nothing but round-off in a body under loads (T, i) in N for `end` seconds.
 
     It is bounded as in `round_off`, for the outputs that are forces and for the multipliers of the rows that move or
-    only push.  The force of a row is at most :math:`\lVert B \rVert |f| / \sqrt{\lVert C^T \rVert^2 + G + 1/k}` with
-    the inputs B, their loads f, the row C and its residual flexibility G at the path coordinate s in m, and the row's
-    stiffness k (norms as in `round_off`).  `ROUND_OFF` times that is the result.  It is 0 if the body has more than
+    only push.  With the inputs B and their loads f, the force of a row is at most
+
+    .. math:: \lVert B \rVert |f| / \sqrt{\lVert C^T \rVert^2 + G + 1/k}
+
+    (norms as in `round_off`).  C is the row and G its residual flexibility at the path coordinate s in m, and k is the
+    row's stiffness.  `ROUND_OFF` times this bound is the result.  It is 0 if the body has more than
     `LARGEST_COMPLIANCE` coordinates.
     """
     if (A := _dynamic_stiffness(body, end)) is None:

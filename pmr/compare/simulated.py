@@ -211,13 +211,13 @@ class Difference(NamedTuple):
 
 
 def _gravity_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
-    """Differences in gravity."""
+    """Differences in gravity between a recorded scene and a scene."""
     if recorded_scene.get("gravity") and scene.gravity:
         yield from _part_differences(recorded_scene["gravity"], scene.gravity, "gravity")
 
 
 def _body_differences(recorded_scene: Mapping[str, Any], member: Member) -> Iterator[Difference]:
-    """Differences in one body."""
+    """Differences in one body between a recorded scene and the scene of `member`."""
     recorded_loads = {load.get("name"): load for load in recorded_scene.get("loads") or ()}
     for i, load in enumerate(member.part.loads):
         yield from _part_differences(recorded_loads.get(load.name, {}), load, f"loads[{i}]")
@@ -228,7 +228,7 @@ def _body_differences(recorded_scene: Mapping[str, Any], member: Member) -> Iter
 
 
 def _scene_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
-    """Differences in damping and sections of a whole scene."""
+    """Differences in damping and sections between a recorded scene and a whole scene."""
     for name in ("damping", "sections"):
         if name in recorded_scene:
             yield from _part_differences(recorded_scene[name], getattr(scene, name), name)

@@ -58,16 +58,16 @@ def energy_in_space(scene: Scene, system: System, excitation: Excitation, run: S
         + \int \rho\, (\ddot u + 2 \omega \times \dot u + \dot\omega \times u) \cdot (\omega \times u) + f \cdot \dot u
 
     with the energy E, the work W, the density :math:`\rho`, the displacement u relative to the frame, the angular
-    velocity :math:`\omega` of the frame, gravity g, the vertical e_Z, the strain energy U, the loads f, and the
-    velocity V = v_0 + omega x (p + X e_x + r) + X' e_x of a point at rest in the frame, c = V x omega.  Here v_0 is the
+    velocity :math:`\omega` of the frame, gravity g, the vertical e_Z, the strain energy U and the loads f.  A point at
+    rest in the frame has the velocity V = v_0 + omega x (p + X e_x + r) + X' e_x, and c = V x omega.  Here v_0 is the
     velocity of the pivot, p the position of the base's tail relative to the pivot, X the position of the section's tail
     along the boom's axis e_x, and r the position of the point relative to that tail.
 
     W is done by the drives of the frame and of the extensions, which move all mass at its deflected position, by loads,
     and by contacts that travel.  V is affine in r, so only the momenta of u with the fields of `pmr.simulation.frame`
     are needed.  With second order u includes the lengths by which sections and cylinders get shorter along the axis as
-    they bend; without it, integrals of products of two u are left out, except that of |u'|^2, as in the equations of
-    motion.
+    they bend.  Without second order, integrals of products of two u are left out, except that of |u'|^2, as in the
+    equations of motion.
     """
     account = _EnergyBalance(scene, run)
     for name, body in system.bodies.items():
@@ -81,7 +81,7 @@ def energy_in_space(scene: Scene, system: System, excitation: Excitation, run: S
 
 
 def energy_part(scene: Scene, system: System, excitation: Excitation, run: SystemTrajectory | None) -> SummaryPart:
-    """Entry ``energy`` of summary.json in J, changes from the start to the end; empty without a frame.
+    """Entry ``energy`` of summary.json in J, changes from the start to the end; empty if the scene has no frame.
 
     If `run` is None, because its states were not kept, the motion is simulated again, which takes microseconds a step.
     """

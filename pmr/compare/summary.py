@@ -89,8 +89,8 @@ def comparison_part(
 ) -> SummaryPart:
     """Errors against the references, in the quantities that `measured` returns, and the simulators of each model.
 
-    Errors that come from ringing of the full model are not listed as errors: they are in ``not_judged``, with a warning
-    each.  The warnings name `rigid`, the rigid contacts of the full model.
+    `responses` are the responses by model.  Errors that come from ringing of the full model are not listed as errors:
+    they are in ``not_judged``, with a warning each.  The warnings name `rigid`, the rigid contacts of the full model.
     """
     reduced, full = responses["reduced"].displacement, responses.get("full")
     reference = reduced if full is None else full.displacement
@@ -116,7 +116,7 @@ def impacts_part(system: System, excitation: Excitation, responses: Mapping[str,
     """Entry ``impacts``, for rigid sliders at kinks of the path: error ``pad_force`` of forces below ``band`` in Hz.
 
     Above this frequency lies 1 % of the full model's motion at the tip, and most of the forces that an impact causes.
-    The part is empty if no rigid slider meets a kink, or without a full model.
+    The part is empty if no rigid slider meets a kink, or if `responses` has no ``full`` model.
     """
     alone = system.reduced.get(ALONE)
     if alone is None or "full" not in responses or not has_impulsive_force(alone, excitation):
@@ -172,13 +172,16 @@ def sampling_part(excitation: Excitation) -> SummaryPart:
 
 
 def reliability_part(reasons: Mapping[str, str], responses: Mapping[str, Response], system: System) -> SummaryPart:
-    """``no_reference``, the reasons for missing references, and warnings if the reduced motion can't be relied on."""
+    """``no_reference``, the `reasons` for missing references, and warnings if the reduced motion can't be relied on.
+
+    `responses` are the responses by model.
+    """
     doubted = distrust_warnings(responses["reduced"], rigid_contacts(system))
     return SummaryPart({"no_reference": dict(reasons)}, missing_reference_warnings(reasons), doubted)
 
 
 def theory_part(scene: Scene, responses: Mapping[str, Response]) -> SummaryPart:
-    """A warning about motions that are too large for the models' theory."""
+    """A warning if a motion in one of the `responses` is too large for the models' theory."""
     length = float(np.max(scene.reach(np.linspace(0.0, scene.time.end, scene.time.steps + 1))))
     return SummaryPart(grave=large_motion_warnings(length, responses.values()))
 
@@ -188,10 +191,10 @@ def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
 
     .. math:: D = \sum_l n_l \sum_i D_i(f_l\, \Delta\sigma_i)
 
-    for each stress component by itself, with the damage D, the lines l of the spectrum, which occur n_l times with the
-    factor f_l on the stresses, and the damage D_i by each of the run's rainflow cycles i, whose stress range is
+    for each stress component by itself, with the damage D.  The lines l of the spectrum occur n_l times, with the
+    factor f_l on the stresses.  D_i is the damage by the run's rainflow cycle i, whose stress range is
     :math:`\Delta\sigma_i` (`pmr.results.tables`).  ``life`` is the number of times that the whole spectrum may occur
-    until D is 1; None if D is 0. A warning names the worst stress if its D is above 1.
+    until D is 1, and None if D is 0.  A warning names the worst stress if its D is above 1.
     """
     settings = scene.fatigue
     if settings is None:
@@ -309,8 +312,9 @@ def sections_part(
 ) -> SummaryPart:
     """``sections`` of summary.json: name, coordinates, error along each section against the full model, and `more`.
 
-    `more` has further values for each section by name.  The largest ``stress_peak`` of all sections is returned as
-    well, and its value as ``max_von_mises``.  For a single body only `more` is returned.
+    `responses` are the responses by model, and `sizes` the numbers of coordinates by section and model.  `more` has
+    further values for each section by name.  The largest ``stress_peak`` of all sections is returned as well, and its
+    value as ``max_von_mises``.  For a single body only `more` is returned.
     """
     if ALONE in boom.bodies:
         return SummaryPart(dict(more.get(ALONE, {})))

@@ -202,7 +202,7 @@ class Trials:
         return [(*sizes[:k], size + step, *sizes[k + 1 :]) for k, size in enumerate(sizes) if possible[k]]
 
     def models(self, sizes: Sizes) -> dict[str, ReducedModel]:
-        """Models truncated to these sizes, by name of the body; those of sections leave out the modes of cylinders."""
+        """Models truncated to these sizes, by name of the body; models of sections have no modes of cylinders."""
         of_bodies = zip(self._wholes.items(), sizes, strict=True)
         return {name: truncate(model, size) if size < model.size else model for (name, model), size in of_bodies}
 

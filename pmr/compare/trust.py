@@ -72,7 +72,10 @@ def distrust_warnings(reduced: Response, rigid: Sequence[str] = ()) -> list[str]
 
 
 def large_motion_warnings(length: float, responses: Iterable[Response]) -> list[str]:
-    """A warning if a body of `length` in m moves by more than `SMALL` of it, too far for a linear model."""
+    """A warning if a body of `length` in m moves by more than `SMALL` of it, too far for a linear model.
+
+    `responses` are all responses to check; the list is empty if no motion is too large.
+    """
     largest = max(float(np.abs(response.displacement).max(initial=0.0)) for response in responses)
     if not largest > SMALL * length:
         return []

@@ -54,16 +54,17 @@ def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, l
 
 
 def output_rates(model: ReducedModel, trajectory: Trajectory, excitation: Excitation) -> Array:
-    r"""Rates of the outputs, (T, o) in m/s, of a trajectory in the model's coordinates, at all steps of the excitation.
+    r"""Rates (T, o) of a model's outputs in m/s, for a trajectory of its coordinates at all steps of the excitation.
 
     .. math::
         \dot y = O \dot p + W \dot f - X \dot z - \dot s X' z, \qquad
         (G + 1/k)\, \dot z = C \dot p + \dot s C' p + H \dot f + \dot s H' f - \dot s G' z
 
-    with outputs y, coordinates p, loads f, multipliers z that deform the residual part, path coordinate s, stiffnesses
-    k of the rows, output matrix O, rows C(s), and the tables of residual flexibility W (`direct`), X(s) (`outputs`),
-    H(s) (`inputs`) and G(s) (`rows`); a prime is the derivative with respect to s (docs/moving_residual_flexibility.md,
-    section 5).  Without residual flexibility only :math:`O \dot p` is left.
+    The outputs are y, the coordinates p, the loads f, the path coordinate s, and z are the multipliers that deform the
+    residual part.  The rows C(s) have the stiffnesses k, and O is the output matrix.  Tables of the residual
+    flexibility are W (`direct`), X(s) (`outputs`), H(s) (`inputs`) and G(s) (`rows`).  A prime is the derivative with
+    respect to s (docs/moving_residual_flexibility.md, section 5).  Without residual flexibility only :math:`O \dot p`
+    is left.
 
     At a kink of s or f, z and the deformation under the slider have kinks too: their rates jump, which is possible only
     without mass.  On smooth paths the rates of the residual part make velocities more accurate, on paths of straight
@@ -92,8 +93,8 @@ def output_rates(model: ReducedModel, trajectory: Trajectory, excitation: Excita
 def displacement_rates(system: System, run: SystemTrajectory, excitation: Excitation, displacement: Array) -> Array:
     r"""Rates (T, o) in m/s of the displacements `displacement` (T, o) in m, at all steps of the excitation.
 
-    For a body on one path with tables of residual flexibility they are `output_rates`.  For several bodies, with
-    attachment modes, and with a hoist, whose rope's pulls have no rates, they are :math:`O \dot q` plus central
+    For a body on one path with tables of residual flexibility they are `output_rates`.  In all other cases (several
+    bodies, attachment modes, or a hoist, whose rope's pulls have no rates) they are :math:`O \dot q` plus central
     differences of y - O q, with the displacements y, the output matrix O and the coordinates q.
     """
     tables = not system.hoist and all(map(_has_rate_tables, system.bodies.values()))

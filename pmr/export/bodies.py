@@ -170,7 +170,10 @@ def _sid_lines(body: NodalBody) -> Iterator[str]:
 
 
 def _node_lines(number: int, point: Array, translation: Array, turned: Array) -> Iterator[str]:
-    """Yield the lines of node `number` at `point` (3,), with modal displacements and rotations `turned` (3, m)."""
+    """Yield the lines of node `number` at `point` (3,), with its modal displacements and rotations, each (3, m).
+
+    `translation` are the displacements per unit of m modes, and `turned` the rotations.
+    """
     m, skew = translation.shape[1], np.zeros((3, translation.shape[1], 3))
     for a, (b, c) in enumerate(_NEXT):
         skew[c, :, b], skew[b, :, c] = turned[a], -turned[a]

@@ -115,11 +115,12 @@ def write_matlab(npz_path: Path, target: Path, options: Options) -> Path:
 
 
 def interpolation_error(system: System, space: StateSpace, source: str) -> list[float]:
-    """Errors of A, B, C and D interpolated linearly, halfway between neighbouring grid points; zero for one point.
+    """Errors of A, B, C and D interpolated linearly, halfway between neighbouring grid points.
 
     The first number is the largest error of a displacement's static gain, over the largest gain from the same input to
     the same output.  The second number is the largest error of a natural frequency, over this frequency.  Free motions,
-    which have neither static gains nor natural frequencies, are left out.
+    which have neither static gains nor natural frequencies, are left out.  Both numbers are zero for a grid of one
+    point and for a system without paths.  `source` names the file in messages.
     """
     if len(space.s) < 2 or not space.paths:
         return [0.0, 0.0]
@@ -153,10 +154,11 @@ def _response_table(space: StateSpace, f: Array, response: NDArray[np.complex128
 
 
 def _draw(space: StateSpace, f: Array, gain: Array, output: str, target: Path) -> None:
-    """Draw the `gain` (S, W, i) over S grid points and frequencies f (W,) in Hz, one panel for each input, as .png.
+    """Draw the `gain` (S, W, i) over S grid points and frequencies f (W,) in Hz, as the .png file `target`.
 
-    Several paths are drawn over the sum of their coordinates; if this sum is the same everywhere, a panel has a single
-    curve.  Gains below the share `FLOOR` of the largest are drawn as this share.
+    `output` names the output in titles.  There is one panel for each input.  Several paths are drawn over the sum of
+    their coordinates; if this sum is the same everywhere, a panel has a single curve.  Gains below the share `FLOOR` of
+    the largest are drawn as this share.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -232,7 +234,10 @@ def write_modelica(npz_path: Path, target: Path, options: Options) -> Path:
 
 
 def _variable(kind: str, name: str, title: str, unit: str) -> str:
-    """Declaration of a variable; units in Modelica's notation, N.m and m/s2."""
+    """Declaration of a variable `name` with its `title`, of the `kind` parameter, input or output.
+
+    Units are in Modelica's notation, such as N.m and m/s2.
+    """
     return f'  {kind} Real {name}(unit = "{unit.replace(" ", ".").replace("^", "")}") "{_escape(title)}";'
 
 

@@ -34,10 +34,11 @@ Arrays = dict[str, Any]
 
 
 def write_exudyn_script(npz_path: str | Path, target: str | Path) -> Path:
-    """Write a script that simulates a saved system under its scene's paths and loads, and its data next to it.
+    """Write a script that simulates the system saved in `npz_path` under its scene's paths and loads, to `target`.
 
-    The script needs numpy, scipy and exudyn only; its path is returned.  Raises InputError as `script_data`, if the
-    file holds no system, or if the data would replace a file that holds anything but data of a script.
+    The script's data are written beside it.  The script needs numpy, scipy and exudyn only; its path is returned.
+    Raises InputError as `script_data`, if the file holds no system, or if the data would replace a file that holds
+    anything but data of a script.
     """
     npz_path, target = Path(npz_path), Path(target)
     system = System.load(npz_path).ensure_constant(npz_path.name).ensure_lengths_stay(npz_path.name)
@@ -66,8 +67,9 @@ def _is_free(file: Path) -> bool:
 def script_data(system: System, source: str) -> Arrays:
     """Arrays that the script reads: matrices, contacts, signals, start.
 
-    Raises InputError, which names the file `source`, if the system's provenance has no usable scene, the scene has a
-    frame that moves or a signal that is no sum of polynomials and sines, or no output is a displacement.
+    Raises InputError, which names the file `source`, for a system that the script can't simulate: its provenance has no
+    usable scene, the scene has a frame that moves or a signal that is no sum of polynomials and sines, or no output is
+    a displacement.
     """
     for body in system.bodies.values():
         if ALONE in system.bodies:
@@ -106,7 +108,7 @@ def script_data(system: System, source: str) -> Arrays:
 def _tip(system: System, source: str) -> Arrays:
     """Number, body and position of the output that the script prints, the last displacement.
 
-    Raises InputError if there is none.
+    Raises InputError, which names the file `source`, if there is no displacement.
     """
     of = [
         (name, position, is_length)
@@ -122,7 +124,10 @@ def _tip(system: System, source: str) -> Arrays:
 
 
 def _signals(scene: StoredScene, system: System, source: str) -> Arrays:
-    """Strands of paths and loads (`pmr.scene.signals.base.Strand`) in the order of the system's names."""
+    """Strands of paths and loads (`pmr.scene.signals.base.Strand`) in the order of the system's names.
+
+    Raises InputError, which names the file `source`, if a signal has no strands.
+    """
     excitation = scene.excitation
     names = [*system.paths, *system.input_names]
     chosen = [excitation.paths[name] for name in system.paths]
@@ -141,7 +146,7 @@ def _signals(scene: StoredScene, system: System, source: str) -> Arrays:
 
 
 def _strands(signal: SignalBase, name: str, source: str) -> Any:
-    """Strands of a signal; an InputError is raised if the signal has none."""
+    """Strands of the signal called `name`; an InputError that names the file `source` is raised if it has none."""
     try:
         return signal.strands
     except NotImplementedError as error:
@@ -169,7 +174,10 @@ def _tables(system: System, x: Array) -> Arrays:
 
 
 def _sides(system: System, assembly: Assembly, x: Array) -> Arrays:
-    """Rows of the sides of contacts, and responses of their bodies to forces on carriers."""
+    """Rows of the sides of contacts, and responses of their bodies to forces on carriers.
+
+    The compliance of the contacts is that at x (sides,) in m.
+    """
     paths, names = list(system.paths), list(system.bodies)
     arrays: Arrays = {
         "compliance": system.contact_compliance(x),

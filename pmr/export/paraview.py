@@ -54,12 +54,12 @@ class MovingFields:
 
 
 def write_series(folder: Path, name: str, bodies: Mapping[str, MovingFields], pads: Boxes | None = None) -> Path:
-    """Write ``name.pvd``, which is returned, and in a folder ``name`` next to it one .vtu file for each time and body.
+    """Write ``name.pvd``, which is returned, and a folder ``name`` with one .vtu file for each time and body.
 
-    Points have ``displacement`` in m (ParaView: Warp By Vector).  Cells have ``von_mises_<face>`` in Pa and, where they
-    are stored, signed stresses ``stress_<face>_<component>`` in Pa, and ``region_<name>``: 1 in the region, 0
-    elsewhere.  `bodies` maps names to bodies, all at the same times.  The `pads`, if any, are a data set of their own,
-    with the values of the pads.  Old .vtu files are deleted.
+    The folder is beside ``name.pvd``.  Points have ``displacement`` in m (ParaView: Warp By Vector).  Cells have
+    ``von_mises_<face>`` in Pa, and ``region_<name>``: 1 in the region, 0 elsewhere.  If signed stresses are stored,
+    cells have ``stress_<face>_<component>`` in Pa.  `bodies` maps names to bodies, all at the same times.  If `pads`
+    are given, they are a data set of their own, with the values of the pads.  Old .vtu files are deleted.
     """
     drawn = {f"{body_name}-" if body_name else "": body.file for body_name, body in bodies.items()}
     if pads is not None:

@@ -118,7 +118,7 @@ def _modes(system: System, assembly: Assembly, C: Array, firm: Mask, source: str
     """Omega^2 (r,) and modes X (n, r) with X^T M X = 1 and C X = 0 of a system with m_r rigid contacts.
 
     C (S, m_r, n) are the rows of the rigid contacts at S grid points; the mask `firm` (m,) is true for rigid ones of
-    all contacts.  Raises InputError if C depends on the grid point.
+    all contacts.  Raises InputError, which names the file `source`, if C depends on the grid point.
     """
     travelling = np.abs(C - C[0]).max(axis=(0, 2)) > SAME * np.abs(C).max(initial=0.0)
     if travelling.any():
@@ -135,7 +135,10 @@ def _modes(system: System, assembly: Assembly, C: Array, firm: Mask, source: str
 
 
 def _damping(system: System, assembly: Assembly, X: Array, omega2: Array) -> Array:
-    """Modal damping X^T D X (r, r), exactly diagonal if all bodies have the same Rayleigh damping."""
+    """Modal damping X^T D X (r, r), exactly diagonal if all bodies have the same Rayleigh damping.
+
+    X (n, r) are the modes, and `omega2` (r,) the squares of their circular frequencies.
+    """
     laws = {body.rayleigh for body in system.bodies.values()}
     common = laws.pop() if len(laws) == 1 else None
     M, D, K = (A.toarray() for A in (assembly.M, assembly.D, assembly.K))

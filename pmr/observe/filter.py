@@ -78,12 +78,12 @@ class Watched:
 
 
 def watch(kalman: KalmanFilter, values: Array, step: float) -> Watched:
-    """Filter measurements (T, p) at steps of `step` s, NaN where there is none, and watch over their sensors.
+    """Filter measurements `values` (T, p) at steps of `step` s, NaN for missing ones, and watch over their sensors.
 
-    Measurements of a sensor that is stuck are not used.  A sensor has an alarm where it is stuck or silent.  It has
-    one, and is doubted, where the mean square of its innovations is large.  A sensor that is found at fault then
-    (`isolate`) is excluded, and has an alarm, until the mean square of its innovations has been below `NORMAL` for
-    `RETURN` s.
+    Measurements of a sensor that is stuck are not used.  A sensor has an alarm at all steps at which it is stuck or
+    silent, or at which the mean square of its innovations is large; then it is doubted as well.  If it is found to be
+    at fault (`isolate`), it is excluded.  It stays excluded, and has an alarm, until the mean square of its innovations
+    has been below `NORMAL` for `RETURN` s.
     """
     (T, p), N, q = values.shape, len(kalman.x), kalman.outputs_count
     of_outputs, of_states = np.zeros((2, T, q)), np.zeros((2, T, N))
@@ -115,11 +115,12 @@ def watch(kalman: KalmanFilter, values: Array, step: float) -> Watched:
 
 
 def find_drift(mean: Array, deviation: Array, step: float, growth: float = 0.0) -> NDArray[np.bool_]:
-    """Whether, at each step of `step` s, a payload's estimate has drifted beyond what its standard deviation explains.
+    """Mask (T,): whether a payload's estimate has drifted beyond what its standard deviation explains.
 
-    Estimates (T,) of a constant payload with variances P change over `CHANGED` s by the variance P_0 - P_1, plus
-    `growth` in kg^2/s of its random walk.  More than `DRIFT` times the root of this is a drift, as of a force sensor
-    whose error grows slowly: innovations do not show it, because the payload follows.
+    `mean` (T,) are estimates of a constant payload at steps of `step` s, and `deviation` (T,) their standard
+    deviations.  An estimate with the variance P changes over `CHANGED` s by the variance P_0 - P_1, plus `growth` in
+    kg^2/s of its random walk.  More than `DRIFT` times the root of this is a drift, as of a force sensor whose error
+    grows slowly.  Innovations do not show it, because the payload follows.
     """
     lag, drifts = max(1, round(CHANGED / step)), np.zeros(len(mean), bool)
     variance = deviation[:-lag] ** 2 - deviation[lag:] ** 2 + growth * lag * step
@@ -131,12 +132,12 @@ def find_drift(mean: Array, deviation: Array, step: float, growth: float = 0.0) 
 def isolate(
     kalman: KalmanFilter, k: int, values: Array, earlier: Array, excluded: NDArray[np.bool_], step: float
 ) -> int | None:
-    """Number of the sensor without which all others agree with the model, and the filter without it; or None.
+    """Number of the sensor without which all others agree with the model, or None if there is no such sensor.
 
-    The measurements (t, p) of the steps up to k are filtered again from the `earlier` state of the filter, once without
-    each sensor that is not `excluded`.  A sensor is at fault if the largest mean square of the others' innovations is
-    below `AGREED` without it, and at least `APART` times as large without any other one.  If none is, the filter stays
-    as it is.
+    The measurements `values` (t, p) of the steps up to k are filtered again from the `earlier` state of the filter,
+    once without each sensor that is not `excluded`.  A sensor is at fault if the largest mean square of the others'
+    innovations is below `AGREED` without it, and at least `APART` times as large without any other one.  The filter
+    then gets the state that it reaches without this sensor; it stays as it is if no sensor is at fault.
     """
     trials, present = list[tuple[float, int, Array]](), kalman.memory.copy()
     judged, levels = max(1, round(JUDGED / step)), kalman.level.copy()

@@ -115,7 +115,7 @@ def identify(
     places = [each.place for each in measured]
 
     def relative(shares: Array) -> Array:
-        """Relative errors (k, m + d) of the model's frequencies and damping ratios."""
+        """Relative errors (k, m + d) of frequencies and damping ratios, for `shares` of the first parameters."""
         values = dict(zip(names, (first * shares).tolist(), strict=True))
         return np.asarray(frequencies(values, places)[:, : m + d] / targets - 1.0)
 

@@ -66,7 +66,7 @@ def _error_of(table: Summary, name: str, kind: str) -> float | None:
     """Error of the output `name` of a kind as one part's `table` has it; None if the part does not cover it.
 
     The error of a probe of this name comes first, then that of a quantity of this kind.  A velocity or acceleration has
-    the error of velocities or, without one, of the beam's displacements.
+    the error of velocities, or that of the beam's displacements if no velocities are covered.
     """
     keys = [key for key, quantity in QUANTITIES.items() if quantity.kinds == (kind,)]
     if name.startswith((VELOCITY, ACCELERATION, SPECIFIC_FORCE)):
@@ -143,12 +143,14 @@ class Observation:
         truth: Mapping[str, tuple[Array, Array]] | None = None,
         title: str = "",
     ) -> Observation:
-        """Estimate; with `leave_out` once more without each sensor.
+        """Estimate from the measurements `measured`; with `leave_out` estimate again without each sensor.
 
-        `without` has, by the sensor that is left out, the mean standard deviation of each estimate over that with all.
-        A sensor is passed over if no other one has a measurement; `without` is empty without `leave_out`.
-        `truth` has times (n,) in s and true values (n,) of estimates by their names.  Raises InputError for a name
-        that is not estimated, or that has no value at the model's steps.
+        `measured` has times (n,) in s and values (n,) by sensor.  `without` of the result has, by the sensor that is
+        left out, the mean standard deviation of each estimate over that with all sensors.  A sensor is passed over if
+        no other one has a measurement; `without` is empty without `leave_out`.
+
+        `truth` has times (n,) in s and true values (n,) of estimates by their names.  Raises InputError for a name that
+        is not estimated, or that has no value at the model's steps.
         """
         estimates, without = observer.run(measured), dict[str, dict[str, float]]()
         names, true = (*estimates.unknowns, *estimates.outputs), dict[str, Array]()

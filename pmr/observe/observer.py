@@ -144,7 +144,7 @@ class Estimates:
     def coverage(self, name: str, truth: Array, share: float = 0.9) -> float:
         """Share of T true values within the bands of the output or unknown `name` that should hold `share` of them.
 
-        Times at which the true value is NaN are left out.
+        `truth` (T,) are the true values; times at which it is NaN are left out.
         """
         (mean, deviation), comparable = self.of(name), np.isfinite(truth)
         width = float(scipy.stats.norm.ppf(0.5 + 0.5 * share))
@@ -252,7 +252,7 @@ class Observer:
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each unknown, then of each output, by name; that of a parameter is its change."""
+        """Unit of each unknown, then of each output, by name; parameters and gains have the unit 1."""
         of_outputs = dict(zip(self.model.outputs, self.model.units, strict=True))
         return {
             **{load.input: self.model.input_unit(load.input) for load in self.loads},
@@ -296,7 +296,7 @@ class Observer:
         return values
 
     def run(self, measured: Mapping[str, tuple[Array, Array]]) -> Estimates:
-        """Estimates from measurements; arguments and errors as `grid`."""
+        """Estimates from measurements; `measured` and errors are those of `grid`."""
         watched = watch(self.kalman_filter(), self.grid(measured), self.model.step)
         unknown = slice(self._first_unknown, self._first_unknown + len(self.unknowns))
         means, deviations = watched.states[:, unknown], np.sqrt(np.maximum(watched.state_variances[:, unknown], 0.0))

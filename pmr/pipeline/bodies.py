@@ -245,7 +245,10 @@ class Bodies:
         return reduction_error(self.scene, simulated, self.clock, self._other, estimated)
 
     def _full_frequencies(self, at: WayPoints) -> Array:
-        """Return the full system's lowest frequencies (S, f) in Hz at the positions `at`; from a cache, if any."""
+        """Return the full system's lowest frequencies (S, f) in Hz at the positions `at`.
+
+        They are read from the cache if there are caches and it has them, and stored there after they are computed.
+        """
         if self.shared is not None:
             return self.shared.frequencies
         c = self.excitation.amplitudes(list(self.excitation.terms), at.t)

@@ -256,11 +256,11 @@ def _support_reactions(full_system: FullSystem, history: History) -> SupportReac
 
 
 def _lanczos_frequencies(full_system: FullSystem, places_of: Array, count: int, c: Array) -> Array | None:
-    """Return the `count` lowest frequencies (S, f) in Hz, by Lanczos iterations on rank 0; None on other ranks.
+    """Return the `count` lowest frequencies (S, f) in Hz, by Lanczos iterations on rank 0, and None on other ranks.
 
-    The iterations are on the saddle point of the coordinates and the contact forces, at positions `places_of` (S,
-    sides) in m, where terms have amplitudes c (S, k).  Of the terms that act on rates only the antisymmetric,
-    gyroscopic part counts; it is projected on the lowest modes without it.
+    The iterations are on the saddle point of the coordinates and the contact forces.  Positions are `places_of` (S,
+    sides) in m, and terms have amplitudes c (S, k) there.  Of the terms that act on rates only the antisymmetric,
+    gyroscopic part counts; it is projected on the lowest modes of the system without this part.
     """
     system = full_system.with_supports()
     gathered = {id(model): model.gather() for model in dict((id(model), model) for model in system.models).values()}

@@ -171,7 +171,7 @@ class _Views:
         return np.asarray(self.scale * displaced.mean(axis=0), float)
 
     def _cylinder_pieces(self, moment: Moment) -> Iterator[Piece]:
-        """Yield the luffing cylinder from its foot to its lug as a bar; nothing without one."""
+        """Yield the luffing cylinder from its foot to its lug as a bar; nothing if the frame has no cylinder."""
         frame = self.result.frame
         if frame is not None and (cylinder := frame.cylinder) is not None:
             (angle,) = frame.angles[0].value(np.array([moment.t]))
@@ -272,9 +272,9 @@ class _Views:
 
 
 def _bar(start: Array, end: Array, half: float, colour: str) -> Piece:
-    """Return a square bar between two points (3,) in m, with ends; `half` is half its thickness in m.
+    """Return a square bar in `colour` from the point `start` to `end` (3,) in m, closed at both ends.
 
-    The bar may not be parallel to y.
+    `half` is half its thickness in m.  The bar must not be parallel to y.
     """
     along = (end - start) / np.linalg.norm(end - start)
     across = np.cross(along, (0.0, 1.0, 0.0))

@@ -86,9 +86,10 @@ class Surface:
 
 
 def body_surface(fields: Fields, box: Box | None = None) -> Surface:
-    """Return the surface of a body from its fields: that of a shell or a solid, or of a beam the tube of its `box`.
+    """Return the surface of a body from its fields.
 
-    The vertices of a beam have to be sorted along x.  A beam without a box is drawn as a thin square tube.
+    Shells and solids have a surface of their own, and a beam is drawn as the tube of its `box`.  The vertices of a beam
+    have to be sorted along x.  A beam without a box is drawn as a thin square tube.
     """
     if fields.kind == "line":
         return _tube(fields, box)
@@ -257,9 +258,8 @@ def has_stresses(result: RunResult) -> bool:
 def drawn_moments(result: RunResult) -> list[Moment]:
     """Return the moments that are drawn, in order of time: at most one for each third of the mouth's range.
 
-    In each third, the moment is the stored time at which the stress is largest while the mouth is in this third; if
-    there are no stresses, it is the time at which the displacement is largest.  If the mouth does not move, there is
-    one moment.
+    It is the stored time with the largest stress among all times at which the mouth is in this third.  If there are no
+    stresses, it is the time with the largest displacement.  If the mouth does not move, there is one moment.
     """
     s, t = mouth_positions(result), times(result)
     weight = _peak_stresses(result) if has_stresses(result) else _largest_displacements(result)

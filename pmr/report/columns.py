@@ -259,9 +259,10 @@ def body_axes(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
 
 
 def rope_axis(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale: float = 1.0) -> Axis | None:
-    """Rope of the hoist from its head sheaves to its hook, as an axis with these two points; None without a hoist.
+    """Rope of the hoist from its head sheaves to its hook at time `steps`, as an axis with these two points.
 
-    The rope has its true length and direction, and hangs from where the head is with deflections enlarged by `scale`.
+    The rope has its true length and direction, and hangs from the place of the head with deflections enlarged by
+    `scale`.  None if the run has no hoist.
     """
     if (places := rope_places(result, steps, scale)) is None:
         return None
@@ -272,8 +273,9 @@ def rope_axis(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale:
 def rope_places(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scale: float = 1.0) -> Array | None:
     """Positions (S, 2, 3) in m of the hoist's head sheaves and hook in the boom's axes, from the pivot.
 
-    The head is drawn with deflections enlarged by `scale`, and the hook is below it as it is below the true head.  The
-    result is None without a hoist, or if the response has no places of a hook.
+    They are those at the time steps `steps` (S,).  The head is drawn with deflections enlarged by `scale`, and the hook
+    is below it as it is below the true head.  The result is None without a hoist, or if the response has no places of a
+    hook.
     """
     response, hoist = result.responses["reduced"], result.scene.hoist
     if hoist is None or not set(HOOK_PLACES) <= set(response.other_names):
@@ -286,7 +288,10 @@ def rope_places(result: RunResult, steps: Sequence[int] | NDArray[np.intp], scal
 
 
 def _head_places(result: RunResult, hoist: Hoist, steps: Sequence[int] | NDArray[np.intp], scale: float) -> Array:
-    """Positions (S, 3) in m of the head sheaves in the boom's axes, with deflections enlarged by `scale`."""
+    """Positions (S, 3) in m of the head sheaves at the time steps `steps` (S,), in the boom's axes.
+
+    Deflections are enlarged by `scale`.
+    """
     head = hoist.section or result.scene.names[-1]
     line, places = next(of for of in _boom_places(result, steps, scale) if of[0].body == head)
     x = float(line.x[-1]) if hoist.on == "tip" else float(hoist.on)
@@ -299,7 +304,7 @@ def _boom_places(
 ) -> list[tuple[AxisPoints, Array]]:
     """Points of all bodies' axes with their positions (S, n, 3) in m from the pivot, in the boom's axes.
 
-    Deflections are enlarged by `scale`.
+    Positions are those at the time steps `steps` (S,), with deflections enlarged by `scale`.
     """
     response, frame = result.responses["reduced"], result.frame
     chosen, aside = np.asarray(steps), {line.body: line for line in axis_points(result, response, "y")}

@@ -61,7 +61,7 @@ def with_date(kind: str, summaries: Sequence[Mapping[str, object]]) -> str:
 
 
 def render_runs(chapters: Sequence[Chapter], kind: str = KIND) -> str:
-    """Render the report of runs as HTML; `kind` is the kind of document, for its head."""
+    """Render the report of runs, a chapter each, as HTML; `kind` is the kind of document, for its head."""
     title = chapters[0].title if len(chapters) == 1 else "Reduced sliding structures"
     headings = list(dict.fromkeys(number.label for chapter in chapters for number in chapter.key_numbers))
     return render("report.html", title, chapters, kind=kind, headings=headings)

@@ -228,7 +228,10 @@ def _length_rows(result: RunResult) -> Iterator[Row]:
 
 
 def _decimals(printed: Mapping[str, Mapping[str, float]]) -> int:
-    """Number of decimals with which a publication states its errors in per cent: the most that any of them has."""
+    """Number of decimals with which a publication states its errors in per cent.
+
+    It is the most that any error in `printed` has, which are texts by pair of models and quantity.
+    """
     return max((max(decimals_of(value) - 2, 0) for pair in printed.values() for value in pair.values()), default=0)
 
 
@@ -334,13 +337,16 @@ class SummedErrors:
     lacking: Mapping[str, tuple[str, ...]]
 
     def sources_clause(self, label: str) -> str:
-        """Clause that names the sources in the sum of a quantity, and the sources that are not in it."""
+        """Clause that names the sources in the sum of the quantity `label`, and the sources that are not in it."""
         *names, last = self.sources[label]
         first = f"{', '.join(names)} and " if names else ""
         return f"by {first}{last}{self.lacking_clause(label)}"
 
     def lacking_clause(self, *labels: str) -> str:
-        """Clause that names the sources that are not in the sum of one of several quantities; empty without any."""
+        """Clause that names the sources that are not in the sum of one of several quantities.
+
+        It is empty if no source is missing.
+        """
         names = dict.fromkeys(name for label in labels for name in self.lacking[label])
         return f", without that of the {' and '.join(names)}" if names else ""
 

@@ -242,7 +242,7 @@ def _further_output_rows(result: RunResult) -> LargestValues:
 
 
 def _deflection_text(direction: str, value: float) -> str:
-    """Format a deflection of `value` m along y or z by its size and its way in words."""
+    """Format a deflection of `value` m along the `direction` y or z by its size and its way in words."""
     way = {"y": ("right", "left"), "z": ("down", "up")}[direction][int(value > 0.0)]
     return f"{format_length(abs(value))} {way}"
 

@@ -71,9 +71,9 @@ def contact_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def cylinder_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about forces of ropes and of cylinders that push sections out; None without such cylinders.
+    """Build the block about forces of ropes and of cylinders that push sections out.
 
-    `prefix` begins the identifiers of its figures.
+    `prefix` begins the identifiers of its figures.  None if no cylinder pushes a section out.
     """
     block, ropes = _force_block(result, prefix, "cylinder", "cylinder forces"), rope_forces(result.summary)
     if block is None or not ropes:
@@ -136,9 +136,9 @@ def pivot_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def ground_block(result: RunResult, prefix: str) -> Block | None:
-    """Build the block about forces of outriggers and margins against tipping; None for a machine without a ground.
+    """Build the block about forces of outriggers and margins against tipping.
 
-    `prefix` begins the identifiers of its figures.
+    `prefix` begins the identifiers of its figures.  None if the machine has no ground.
     """
     if (ground := result.summary.get("ground")) is None:
         return None
@@ -250,10 +250,11 @@ def _driven_grids(result: RunResult, key: str) -> tuple[Grid, ...]:
 
 
 def _force_block(result: RunResult, prefix: str, kind: str, heading: str) -> Block | None:
-    """Build a block about outputs of one kind: figures of their forces, figures of their moments, tables of extremes.
+    """Build a block about outputs of one kind: figures of forces, figures of moments, tables of extremes.
 
     A figure has at most `MOST_FORCES` panels.  Forces that are round-off at all times have no panel and are named in a
-    sentence.  `prefix` begins the identifiers of the figures.  None if there are no outputs of this kind.
+    sentence.  `heading` is the title of the block, and `prefix` begins the identifiers of the figures.  None if there
+    are no outputs of this kind.
     """
     forces, drawn = forces_of(result, kind), list[Drawing]()
     if not forces:
@@ -327,10 +328,10 @@ def _force_grid(result: RunResult, kind: str, forces: Sequence[Force]) -> Grid:
 
 
 def _reaction_grids(result: RunResult, at_pivot: bool, caption: str) -> tuple[Grid, ...]:
-    """Return a table of the extremes of forces and moments on rigid supports, if any of them bears one.
+    """Return one table, with its `caption`, of the extremes of forces and moments on rigid supports.
 
     If `at_pivot`, these are the forces at the pivot of a boom in a frame, which are sums over all supports; if not,
-    they are those on all other supports.
+    they are those on all other supports.  The result is empty if no such support bears a force.
     """
     response, units, extremes = result.responses["reduced"], dict[str, str](), dict[str, Extremes]()
     for of, extreme in reaction_extremes(response, result.abscissa_at(response.t)).items():
@@ -352,7 +353,7 @@ def extremes_grid(
     floor: float = 0.0,
     where: str | None = None,
 ) -> Grid:
-    """Build a table with a row for each name: its least and its largest value, their times and their places.
+    """Build a table with a row for each name in `extremes`: least and largest value, their times and their places.
 
     `bases` are the units without prefix, by name or one for all; values of one unit have one prefix.  A value is
     printed as 0 if it is less than `NOTHING` times the largest one with its unit, or at most `floor`.  `where` are

@@ -179,7 +179,10 @@ def _dynamic_factor_rows(result: RunResult) -> LargestValues:
 
 
 def _bearer_words(key: str, name: str) -> str:
-    """Words for the part that bears a force or moment of the kind `key`: a support of a section, or the boom's axis."""
+    """Words for the part called `name` that bears a force or moment of the kind `key`.
+
+    It is a support of a section, or an axis of the boom.
+    """
     if key.startswith("machine"):
         return f"{name} of the boom's own axes"
     body, _, support = name.rpartition(": ")
@@ -313,9 +316,10 @@ def _ground_rows(result: RunResult) -> LargestValues:
 
 
 def _margin_error(result: RunResult) -> str:
-    """Clause with the error of a margin against tipping: that of the boom's moment, of pin and luffing cylinder.
+    """Clause with the error of a margin against tipping, which is the error of the boom's moment about the pivot.
 
-    The moments of the machine's masses are exact for their given places.
+    The boom's moment comes from pin and luffing cylinder.  The moments of the machine's masses are exact for their
+    given places.  The clause says that the error is not known if a part of it is missing.
     """
     summed, names = errors.summed_errors(result.summary), [f"{PIVOT}{axis}" for axis in ("rx", "ry")]
     labels = [label for label in MARGIN_ERRORS if label in summed.by_label]

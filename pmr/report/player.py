@@ -44,12 +44,13 @@ MOST_VALUES = 400_000  # most values in all shapes of a quantity: two bytes each
 
 
 def body_motion(result: RunResult) -> dict[str, Any]:
-    """Data of the animation of bodies, ready for JSON; empty for a single time, for too many faces or without bodies.
+    """Data of the animation of bodies, ready for JSON; empty if there is nothing to animate.
 
-    Its keys are the number of ``frames``, first and last of the ``times`` in s, ``speeds`` of playback, the ``first``
-    frame shown (that of the peak), the ``length`` of what is drawn, the ``path`` of the mouth, the ``scale`` of
-    displacements, ``bodies``, the least x that is seen (``back``), the ``ramp`` of colours, the blocks
-    ``section``, ``near`` and ``tail`` of the surroundings, the largest share ``lost`` of a motion, and ``pose``.
+    That is the case without bodies, for a single time, and for more than `MOST_FACES` faces.  The keys are the number
+    of ``frames``, first and last of the ``times`` in s, ``speeds`` of playback, the ``first`` frame shown (that of the
+    peak), the ``length`` of what is drawn, the ``path`` of the mouth, the ``scale`` of displacements, ``bodies``, the
+    least x that is seen (``back``), the ``ramp`` of colours, the blocks ``section``, ``near`` and ``tail`` of the
+    surroundings, the largest share ``lost`` of a motion, and ``pose``.
 
     Each body has its P points in m, its triangles, and its shift along x in m.  Its displacement in m is the product of
     k coefficients (frames, k) and k shapes (k, 3 P).  The stress of its S faces, divided by the stress of the last
@@ -122,9 +123,9 @@ def _along_axis(shifts: Array) -> Array:
 
 
 def _body_data(result: RunResult, name: str, surface: Surface, shifts: Array, most_values: int) -> dict[str, Any]:
-    """Data of one body: surface, `shifts` (frames,) in m, shapes of its motion and its stress, and the share left out.
+    """Data of the body `name`: surface, shifts, shapes of its motion and stress, and the share left out of them.
 
-    `most_values` limits the number of values in all shapes of a quantity.
+    `shifts` (frames,) are in m.  `most_values` limits the number of values in all shapes of a quantity.
     """
     fields = fields_by_body(result)[name]
     motion = compress(surface.point_displacements(fields, fields.displacement).reshape(len(fields.t), -1), most_values)

@@ -288,7 +288,10 @@ def origin_rows(summary: Summary) -> Rows:
 
 
 def _flatten_times(values: Mapping[str, object]) -> Rows:
-    """Yield (name, text) of all entries of nested mappings that are not None; the names of the levels are joined."""
+    """Yield (name, text) of all entries of nested mappings `values` that are not None.
+
+    The names of the levels are joined by a space.
+    """
     for name, value in values.items():
         if isinstance(value, Mapping):
             yield from ((f"{name} {key}", text) for key, text in _flatten_times(value))

@@ -54,7 +54,10 @@ def chapter(result: RunResult, anchor: str) -> Chapter:
 
 
 def system_drawing(result: RunResult, prefix: str) -> Drawing | None:
-    """Draw the system from the side; None if the run has no outputs along an axis."""
+    """Draw the system from the side; `prefix` begins the figure's identifier.
+
+    None if the run has no outputs along an axis.
+    """
     if not axis_points(result, result.responses["reduced"]):
         return None
     return drawing(f"{prefix}-sketch", space.side_view, space.view_caption(result, "from the side"), result)
@@ -93,7 +96,10 @@ def input_block(result: RunResult, prefix: str) -> Block | None:
     def draw(
         name: str, caption: str, lines: Mapping[str, Array], base: str, quantity: str, *look: Sequence[str]
     ) -> None:
-        """Append a figure of `lines` (T,), of the `quantity` in the unit `base`, over time."""
+        """Append a figure of `lines` (T,) over time, of the `quantity` in the unit `base`.
+
+        `name` ends the figure's identifier, and `caption` is what is drawn over time.
+        """
         row.append(
             drawing(f"{prefix}-{name}", line_figure, f"{caption} over time.", result, lines, base, quantity, *look)
         )

@@ -130,7 +130,7 @@ def peak_part_name(peak: PeakSummary) -> str:
 
 
 def _other_points_clause(places: Sequence[Sequence[float]]) -> str:
-    """Clause on the other points with an equally large stress; empty without such points."""
+    """Clause on the other points, `places`, with an equally large stress; empty without such points."""
     if len(places) > MOST_PLACES:
         return f", and as large at {len(places)} other places"
     return f", and as large at {' and '.join(map(_format_point, places))}" if places else ""

@@ -128,7 +128,10 @@ def _format_cycles(value: float | None) -> str:
 
 
 def _drawn_measurements(extremes: Mapping[str, Extremes]) -> list[str]:
-    """Choose the measurements to be drawn: of each of the first `MOST_DRAWN` quantities, the largest component."""
+    """Choose the measurements to be drawn: of each of the first `MOST_DRAWN` quantities, the largest component.
+
+    `extremes` are the extremes of all measurements by name.
+    """
     groups = dict[str, list[str]]()
     for name in extremes:
         groups.setdefault(name.rpartition(" ")[0], []).append(name)

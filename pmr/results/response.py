@@ -53,12 +53,15 @@ class Output:
 
     @property
     def text(self) -> str:
-        """The kind and, after a space, the direction, if there is one: what `from_text` takes."""
+        """The kind with the direction after a space, or the kind alone without a direction: what `from_text` takes."""
         return f"{self.kind} {self.direction}".rstrip()
 
     @classmethod
     def from_text(cls, name: str, kind: str, body: str, place: float | None, unit: str) -> Output:
-        """Return an output from texts; `kind` holds the kind and, after a space, the direction, such as ``"tip z"``."""
+        """Return an output called `name` of the body `body`, at `place` in m, with the unit `unit`.
+
+        `kind` has the kind and the direction after a space, such as ``"tip z"``, or the kind alone.
+        """
         what, _, direction = kind.partition(" ")
         return cls(name, what, body, place, direction, unit)
 

@@ -169,8 +169,8 @@ class SummaryPart:
 def combine_parts(parts: Sequence[SummaryPart]) -> dict[str, Any]:
     """Return the values of all parts by key, and all their warnings under the key ``warnings``.
 
-    Grave warnings come first; those of each kind are in the order of the parts.  Raises ValueError if two parts have
-    the same key.
+    Grave warnings come first, then remarks on values that are not finite, then all other warnings in the order of the
+    parts.  Raises ValueError if two parts have the same key.
     """
     summary, warnings = dict[str, Any](), list[str]()
     for part in parts:

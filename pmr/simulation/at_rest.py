@@ -172,7 +172,7 @@ class RestRows:
 
     @classmethod
     def stack(cls, rows: Sequence[RestRows]) -> RestRows:
-        """Coefficients at P postures, with an axis of P in front of each array, without `outputs`."""
+        """Stack `rows`, the coefficients at P postures, with an axis of P in front of each array; without `outputs`."""
         return cls((), *map(np.array, zip(*(at.arrays for at in rows), strict=True)))
 
 

@@ -56,7 +56,10 @@ from pmr.system.hoist import frame_quantities
 def _cached_turning(
     luffing: SignalBase, slewing: SignalBase, t: bytes, rocking: tuple[SignalBase, ...]
 ) -> FrameRotation:
-    """`FrameRotation.from_signals`, cached, as all fields of all sections use the same times t (bytes of an array)."""
+    """`FrameRotation.from_signals`, cached, as all fields of all sections use the same times t (bytes of an array).
+
+    `rocking` are the signals of the base's angles.
+    """
     return FrameRotation.from_signals(luffing, slewing, np.frombuffer(t), rocking)
 
 
@@ -153,7 +156,10 @@ class FrameAmplitude(FrameSignal):
         return max(2.0 * slow, fast + slow if fast else 0.0)
 
     def _reach(self, t: Array, number: int, order: int) -> Array:
-        """Position (T,) of a section's tail on the axis in m at t (T,) s, or its derivative of order 1 or 2."""
+        """Position (T,) of a section's tail on the axis in m at t (T,) s, or its derivative of order 1 or 2.
+
+        `number` is that of the section.
+        """
         paths = self.paths[:number]
         if order == 2:
             return Acceleration(paths=paths, step=self.step).value(t)
@@ -169,7 +175,7 @@ def load_signals(scene: Scene, member: Member) -> dict[str, SignalBase]:
     """Signals of a section's loads over time, by the names of the inputs of the section's full model.
 
     A load along an axis of the body has one signal.  A force along an axis of the ground has one signal for each of its
-    components along the axes of the body; a component is left out if it is always zero or the model can't move along
+    components along the axes of the body.  A component is left out if it is always zero or the model can't move along
     its axis.  The loads by which the rope of a hoist pulls come last.
     """
     signals = dict[str, SignalBase]()

@@ -338,11 +338,11 @@ class ComputedInput(SignalBase):
 
 
 def computed_inputs(scene: Scene) -> dict[str, SignalBase]:
-    """Signals, by name, of a boom's inertia inputs if its machine's motion has been computed; empty otherwise.
+    """Signals, by name, of a boom's inertia inputs if its machine's motion has been computed, else an empty dict.
 
-    Averaged over a step they agree with the frame's accelerations.  Those at the ends of steps are not used:
-    generalized-alpha leaves in them an undamped part that alternates from step to step, and this part must not be
-    multiplied by quantities that change from step to step.
+    Averaged over a step they agree with the frame's accelerations.  The accelerations at the ends of steps are not
+    used.  Generalized-alpha leaves in them an undamped part that alternates from step to step, and this part must not
+    be multiplied by quantities that change from step to step.
     """
     frame = scene.frame
     if frame is None:

@@ -69,8 +69,9 @@ def with_all_inertia(system: System) -> System:
 class Extensions:
     """Extensions (P,) of P paths in m, with first and second rates in m/s and m/s^2.
 
-    The extension of a section is the distance of its tail ahead of the tail of the section before; that of the base is
-    0.  After the extensions of the S sections there may be paths that move no section, such as a single body's slider.
+    The extension of a section is the distance of its tail ahead of the tail of the section before; the base has the
+    extension 0.  After the extensions of the S sections there may be paths that move no section, such as a single
+    body's slider.
     """
 
     value: Array
@@ -211,11 +212,12 @@ def base_equations(
 ) -> BaseEquations:
     r"""Mass matrix and forces of the equations of base, coordinates q (n,) and paths, at one instant.
 
-    A motion of base or paths moves the points of a section as :math:`\sum_l \hat r_l V_l`, with :math:`\hat r` = (1, r
-    + u), a motion of coordinates or paths as the displacement u.  With the second moments :math:`A = \int \rho\, \hat r
-    \hat r^T` of each section and the derivatives J of its first moments by all motions, the mass matrix is the sum of
-    :math:`V^T A V + V^T J + J^T V` over the sections, and the forces are that of :math:`V^T (A\, y + \ddot\mu + 2\,
-    \omega \times \dot\mu) + J^T y`.  The matrices T and N of the frame's rotation add what is quadratic in u.
+    A motion l of base or paths moves the points of a section as :math:`\sum_l \hat r_l V_l`, with :math:`\hat r` = (1,
+    r + u).  A motion of coordinates or paths moves them as the displacement u.  Let :math:`A = \int \rho\, \hat r \hat
+    r^T` be the second moments of a section, :math:`\mu` its first moments, and J the derivatives of these by all
+    motions.  The mass matrix is the sum of :math:`V^T A V + V^T J + J^T V` over the sections.  The forces are the sum
+    of :math:`V^T (A\, y + \ddot\mu + 2\, \omega \times \dot\mu) + J^T y`, with the accelerations y of a rigid boom.
+    The matrices T and N of the frame's rotation add what is quadratic in u.
 
     `rate` are the rates of q; `moments` are those of the boom if None.
     """
@@ -234,7 +236,7 @@ def base_equations(
     A[0, 1:, 1:] += (Nq @ q + (Nq @ q).T) / 2.0  # that of all sections
 
     def sum_over(a: Array, b: Array) -> Array:
-        """Sum of products over sections, moments and axes."""
+        """Sum of products of the entries of a and b over sections, moments and axes."""
         return np.tensordot(a, b, ((0, 1, 2), (0, 1, 2)))
 
     coupling = sum_over(V, mu.by_motion)
@@ -365,7 +367,7 @@ def _inertia_inputs(body: ReducedModel, first: int) -> Iterator[tuple[str, str, 
 
 
 def _rigid_section(scene: Scene, number: int, body: ReducedModel, assembly: Assembly) -> dict[str, Array | float]:
-    """Return the properties of one section, fields of `Boom`: mass, first moment, inertia, loads of its inputs.
+    """Return the properties of section `number`, fields of `Boom`: mass, first moment, inertia, loads of its inputs.
 
     Mass properties follow from the work of the section's inertia loads on its six rigid motions; the columns of these
     inputs in `loads` are zero.  Raises InputError for planar sections, and if the work on rigid motions is not known.

@@ -188,9 +188,9 @@ def diagonalise(M: Array, K: Array) -> Modes:
 
     LAPACK leaves in the low eigenvalues an error of the machine precision times the largest eigenvalue.  In a fine beam
     this error would give a rigid rotation a stiffness and low modes a relative error of 1e-7.  Corrections to first
-    order in the remaining couplings, with products in extended precision if the machine has it, bring all pairs to
-    round-off (Ogita, Aishima: Iterative refinement for symmetric eigenvalue decomposition, Japan Journal of Industrial
-    and Applied Mathematics 35, 2018).  An InputError is raised where M is not positive definite.
+    order in the remaining couplings bring all pairs to round-off.  Their products are in extended precision if the
+    machine has it (Ogita, Aishima: Iterative refinement for symmetric eigenvalue decomposition, Japan Journal of
+    Industrial and Applied Mathematics 35, 2018).  An InputError is raised if M is not positive definite.
     """
     try:
         _, X = scipy.linalg.eigh(K, M)
@@ -207,11 +207,11 @@ def diagonalise(M: Array, K: Array) -> Modes:
 def _refine_modes(M: Array, K: Array, X: Array) -> Modes:
     """Eigenvalues (r,) and modes X (r, r) corrected to first order, with products in the precision of M and K.
 
-    The correction E turns modes by its antisymmetric part A, couplings divided by gaps between eigenvalues, and scales
-    them by half the defect from orthonormality.  Gaps between rigid motions are round-off, so couplings are made
-    symmetric before the division: an asymmetric part by round-off, divided by the gap, would cause an error of 1e-11 in
-    X^T M X.  The factor I + E would cause an error A^T A in X^T M X, and A may be as large as 1 / CLOSE; the factor I +
-    E + E^2 / 2 causes A^4 / 4.
+    The correction E has two parts.  Its antisymmetric part A turns modes: it is the couplings divided by gaps between
+    eigenvalues.  Its symmetric part scales modes by half the defect from orthonormality.  Gaps between rigid motions
+    are round-off, so couplings are made symmetric before the division.  An asymmetric part by round-off, divided by the
+    gap, would cause an error of 1e-11 in X^T M X.  The factor I + E would cause an error A^T A in X^T M X, and A may be
+    as large as 1 / CLOSE; the factor I + E + E^2 / 2 causes A^4 / 4.
     """
     X = X.astype(M.dtype)
     defect = np.asarray(symmetric_part(np.eye(len(M)) - product(X.T, product(M, X))), float)  # of X^T M X from I

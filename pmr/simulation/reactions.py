@@ -200,11 +200,11 @@ def with_force_of_pin(scene: Scene, response: Response) -> Response:
     .. math:: F_{pin} = \sum_k \lambda_k n_k + F d
 
     The sum is over the pin's supports along and across the boom and the support that stands for the luffing cylinder in
-    the model; :math:`\lambda_k` is the force on support k along n_k.  The cylinder's thrust F on
-    the boom along d acts on the machine along -d; without it, the pin's force remains.  The two outputs that held the
-    forces on the pin's supports now hold the pin's force along and across the boom.  Wherever the pin is in the model,
-    this is the force of a pin at the pivot, as the frame turns there.  The response is unchanged if the base is held in
-    another way, or if a force is unknown.
+    the model; :math:`\lambda_k` is the force on support k along n_k.  The cylinder's thrust F acts on the boom along d
+    and on the machine along -d.  What is left of the sum of forces on the machine is the pin's force.  The two outputs
+    that held the forces on the pin's supports now hold the pin's force along and across the boom.  Wherever the pin is
+    in the model, this is the force of a pin at the pivot, as the frame turns there.  The response is unchanged if the
+    base is held in another way, or if a force is unknown.
     """
     held = pin_and_cylinder(scene)
     if held is None or CYLINDER not in response.other_names or not set(held.pin) <= set(response.other_names):
@@ -227,12 +227,18 @@ def _first_stored_force(response: Response, names: Sequence[str]) -> Array:
 
 
 def with_forces_at_pivot(scene: Scene, response: Response) -> Response:
-    """Return the response with force and moment at the pivot and forces of luffing cylinder and pin, if any."""
+    """Return the response with force and moment at the pivot, and with the forces of luffing cylinder and pin.
+
+    Forces that the scene does not have, or that are not known, are left out.
+    """
     return with_force_of_pin(scene, with_luffing_cylinder(scene, with_pivot_force(scene, response)))
 
 
 def with_forces_on_machine(scene: Scene, response: Response) -> Response:
-    """Return the response with the forces at the pivot (`with_forces_at_pivot`) and on the ground, if any."""
+    """Return the response with the forces at the pivot (`with_forces_at_pivot`) and with the forces on the ground.
+
+    Without a ground in the scene there are no forces on it.
+    """
     return with_ground_forces(scene, with_forces_at_pivot(scene, response))
 
 

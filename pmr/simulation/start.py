@@ -143,7 +143,7 @@ def check_position(C: Array, q: Array, names: tuple[str, ...], largest: float = 
 
 
 def _impulse(M: Array | sp.csr_matrix, C: Array, drift: Array, names: tuple[str, ...]) -> Array:
-    """Change of velocity dv (n,) of least kinetic energy with C dv = `drift` (m,).
+    """Change of velocity dv (n,) of least kinetic energy with C dv = `drift` (m,), for the mass matrix M (n, n).
 
     Raises InputError with the `names` of the rows if they depend on each other.
     """
@@ -185,7 +185,7 @@ def _vector(name: str, values: ArrayLike, size: int) -> Array:
 
 
 def dense(A: Array | sp.csr_matrix) -> Array:
-    """Matrix as a dense array."""
+    """The matrix A as a dense array."""
     return np.asarray(A if isinstance(A, np.ndarray) else A.toarray(), dtype=float)
 
 
@@ -271,7 +271,7 @@ def describe_unsettled(names: Sequence[str], pushes: Mask) -> str:
 def describe_divergence(term_names: Sequence[str], contacts: Sequence[Contact]) -> str:
     """Text about forces of terms, friction or a hoist rope that have not converged in a step or at the start.
 
-    They are called by `term_names` and by the joints of `contacts` with friction; without any, it is the hoist rope.
+    It names `term_names` and the joints of `contacts` with friction; if there are neither, it names the hoist rope.
     """
     causes = [*term_names, *(f"friction of {joint}" for joint in friction_joints(contacts))] or ["the hoist rope"]
     further = len(causes) - MOST_NAMES

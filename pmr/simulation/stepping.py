@@ -92,7 +92,10 @@ def describe_lost_features(signals: Sequence[tuple[str, SignalBase]], stepping: 
 
 
 def describe_overshoots(signals: Sequence[tuple[str, SignalBase]], stepping: TimeStepping) -> list[str]:
-    """Warnings, one line for each table whose curve exceeds the table's values by more than `UNSEEN` of their range."""
+    """Warnings, one line for each table whose curve exceeds the table's values by more than `UNSEEN` of their range.
+
+    `signals` are pairs of a name and a signal.
+    """
     return [
         f"{name}: {what}"
         for name, signal in signals

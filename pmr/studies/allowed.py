@@ -37,9 +37,9 @@ def first_load(
     The result is 0 if the share is 1 or more without a load, and NaN if the share is below 1 at all loads tried.
 
     If `guess` is a load in kg close to the expected result, loads around `guess` are tried first; if the share reaches
-    1 between two of these, no others are tried.  NaN means no guess.  After that, 0 and `top` are tried if `grows`
-    says that the share never falls while the load grows; else `NODES` evenly spaced loads, all together if `at_once` is
-    true and one after the other if it is false.
+    1 between two of these, no others are tried.  NaN means no guess.  Which loads are tried after that depends on
+    `grows`, which says that the share never falls while the load grows.  If it is true, they are 0 and `top`.  If not,
+    they are `NODES` evenly spaced loads, all together if `at_once` is true and one after the other if it is false.
     """
     if 0.0 < guess < top:
         points = _points(used, dict.fromkeys(min(guess * factor, top) for factor in FACTORS_AROUND_GUESS))
@@ -176,9 +176,9 @@ class Place:
 def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: Array | None = None) -> Array:
     """Return the load (l,) in kg that each limit allows at a place, stability last; NaN if it exceeds `up_to` in kg.
 
-    The load is 0 for a limit that is exceeded without any load; all loads are 0 if the boom without a load is unstable.
-    `guesses` (l,) are loads in kg that another model allows, around which the searches look first; an entry is NaN, or
-    `guesses` None, where there is no guess.
+    The load is 0 for a limit that is exceeded by the boom alone, without a load.  All loads are 0 if the boom alone is
+    unstable.  `guesses` (l,) are loads in kg that another model allows, around which the searches look first; entries
+    without a guess are NaN, and `guesses` is None without any guesses.
     """
     loaded, near_loads = place.equilibria, np.full(len(limits) + 1, np.nan) if guesses is None else guesses
     first = loaded.state(0.0)
@@ -194,13 +194,14 @@ def allowed_loads(limits: Sequence[Limit], place: Place, up_to: float, guesses: 
 
 
 def large_rotation_changes(limits: Sequence[Limit], place: Place, loads: Array, reach: float) -> Array:
-    r"""Return the change (l,) in kg of allowed `loads` (l,) in kg by large rotations; 0 for stability, the last one.
+    r"""Return the change (l,) in kg of allowed `loads` (l,) in kg by large rotations.
 
     A tip that is displaced by w across a boom of length l (`reach` in m) is inclined by :math:`\theta \approx 3 w / 2
-    l`, and projections that the theory of second order takes as 1 are :math:`1 - \theta^2 / 2`.  With the share
+    l`.  Projections that the theory of second order takes as 1 are then :math:`1 - \theta^2 / 2`.  With the share
     :math:`u_0` of a limit that is used without a load, its allowed load P changes by :math:`\tfrac98 (w / l)^2 P / (1 -
-    u_0)`.  For a limit on overturning, :math:`P / (1 - u_0)` is replaced by `TippingMoments.overturning_load`.  How
-    large rotations change the load at which stability is lost is not known.
+    u_0)`.  For a limit on overturning, :math:`P / (1 - u_0)` is replaced by `TippingMoments.overturning_load`.
+
+    The last entry, of stability, is 0: how large rotations change the load at which stability is lost is not known.
     """
     changes, tip = (np.zeros(len(loads)), [n for n, kind in enumerate(place.postures.output_kinds) if kind == "tip"])
     unloaded = place.equilibria.states([0.0])

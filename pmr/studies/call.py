@@ -265,7 +265,7 @@ def _study_class(kind: str) -> type[BaseModel]:
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Project:
-    """Read a study file, which is TOML with a ``kind``, and the files that it names; return studies and plans.
+    """Read the study file `path`, TOML with a ``kind``, and the files that it names; return studies and plans.
 
     Names of files in the study file are relative to it, and its key ``extends`` names a base file.  `overrides` are
     texts ``"section.key=value"``.  Raises InputError in one line: file, key, value, what is allowed.

@@ -214,11 +214,11 @@ class ComparedModel:
 
 @dataclass(frozen=True)
 class ChartModels:
-    """Postures of the reduced model (`reduced`) and of the models with which it is compared; None for a missing model.
+    """Postures of the reduced model (`reduced`) and of the models with which it is compared.
 
-    `enriched` is the reduced model with attachment modes.  `with_tip_mass` is the reduced model of a run with a mass at
-    the tip.  `comparisons` has other models by the part of the error that they tell: under ``model`` a richer
-    structural model, under ``mesh`` a reduced model on a finer or coarser mesh.
+    A model that is missing is None.  `enriched` is the reduced model with attachment modes.  `with_tip_mass` is the
+    reduced model of a run with a mass at the tip.  `comparisons` has other models by the part of the error that they
+    tell: under ``model`` a richer structural model, under ``mesh`` a reduced model on a finer or coarser mesh.
     """
 
     reduced: PostureMatrices
@@ -231,7 +231,10 @@ class ChartModels:
 
     @classmethod
     def from_needs(cls, needs: Needs) -> ChartModels:
-        """Collect the models from the results of `compute_postures` and, if there is one, `compute_richer_postures`."""
+        """Collect the models from the results of `compute_postures` and `compute_richer_postures`.
+
+        The latter may be missing from `needs`.
+        """
         arrays, model_arrays = needs["postures"].arrays, needs["model"].arrays if "model" in needs else {}
         reduced = npz.record_from_arrays(PostureMatrices, arrays, "reduced.")
         enriched, with_tip_mass, other_mesh = (_read_postures(arrays, name) for name in ("richer", "mass", "mesh"))

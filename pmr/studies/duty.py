@@ -137,7 +137,10 @@ class DutyTable:
     up_to: float  # kg
 
     def load_text(self, load: float, digits: str = ".0f") -> str:
-        """Return a load in kg as text: ``>`` and the largest load that was tried where the search ends there."""
+        """Return a load in kg as text in the format `digits`.
+
+        A load at which the search ended is ``>`` and the largest load that was tried.
+        """
         return f">{self.up_to:{digits}}" if load >= self.up_to else f"{load:{digits}}"
 
     @classmethod
@@ -218,8 +221,9 @@ def _interpolate_loads(angles: Array, luffing: Array, load: Array, up_to: float,
     """Interpolate `load` (A, l) in kg, given at the increasing angles `luffing` (A,), at `angles` (2, R) in rad.
 
     The result is (2, R, l), NaN where an angle is NaN.  The inverse of the load is interpolated, as a moment that a
-    limit allows is the load times a radius: by monotone cubic curves, or by straight lines if not `smooth`.  Between
-    two angles of which one allows no load, none is allowed: from where on the boom is permitted is not known.
+    limit allows is the load times a radius.  The interpolation is by monotone cubic curves, or by straight lines if not
+    `smooth`.  `up_to` in kg is the largest load that was tried.  Between two angles of which one allows no load, no
+    load is allowed, because the angle at which the boom is permitted again is not known.
     """
     if len(luffing) == 1:
         return np.where(np.isnan(angles)[..., None], np.nan, load[0])
@@ -361,7 +365,10 @@ class LoadCase(SceneTable):
                 raise InputError("study", f"{key}.{of}", value, allowed)
 
     def hoisting_factor(self, classes: Mapping[str, tuple[float, float]]) -> float:
-        """Return the dynamic factor of the case's hoisting class at the case's speed; 1 if the case has no class."""
+        """Return the dynamic factor of the case's hoisting class at the case's speed; 1 if the case has no class.
+
+        `classes` has the least factor and its slope over the speed, in s/m, of each hoisting class by name.
+        """
         if self.hoisting_class is None or self.hoisting_speed is None:
             return 1.0
         return hoisting_factor(classes[self.hoisting_class], self.hoisting_speed)
@@ -370,8 +377,8 @@ class LoadCase(SceneTable):
         """Return the case as plain values under the keys ``name``, ``weight``, ``machine``, ``load`` and ``loads``.
 
         ``weight`` and ``machine`` are the factors on the weights of the boom and of the machine.  ``load`` is the
-        factor on the load that is searched for, times the hoisting factor.  ``loads`` maps the names of the scene's
-        loads to their values in N or N m; forces of the wind are added.
+        factor on the load that is searched for, times the hoisting factor with the hoisting `classes`.  ``loads`` maps
+        the names of the scene's loads to their values in N or N m; forces of the wind are added.
         """
         load, loads = self.load * self.hoisting_factor(classes), self.loads | (self.wind.forces if self.wind else {})
         factors = {"weight": self.weight, "machine": self.machine, "load": load}

@@ -70,13 +70,16 @@ class StudyBase(SceneTable):
         """
 
     def hints(self) -> list[str]:
-        """Return a line for each key of the study with a number outside its usual range, perhaps in a wrong unit."""
+        """Return a line for each key of the study with a number outside its usual range, perhaps in a wrong unit.
+
+        The list is empty unless a kind of study overrides this.
+        """
         return []
 
     def figures(self, results: StudyResults) -> Mapping[str, Scalar]:
         """Return numbers about all runs together, by name, for ``figures`` in summary.json.
 
-        The method is called when all runs are done.
+        The method is called when all runs are done.  The mapping is empty unless a kind of study overrides this.
         """
         return {}
 

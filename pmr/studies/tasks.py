@@ -159,10 +159,11 @@ def digests(plan: Plan, code: str) -> dict[str, str]:
 
 
 def open_tasks(plans: Sequence[Plan], code: str, is_done: Callable[[str], bool]) -> dict[str, Task]:
-    """Return the tasks to be computed, by digest: runs that are not done, and missing results of tasks they depend on.
+    """Return the tasks of `plans` to be computed, by digest.
 
-    The needs of these tasks are digests, no keys; each task comes after the tasks that it needs.  `is_done` returns for
-    a digest whether its result is stored; `code` is the digest of the code.
+    They are the runs that are not done, and the tasks with missing results on which these runs depend.  The needs of
+    these tasks are digests, no keys; each task comes after the tasks that it needs.  `is_done` returns for a digest
+    whether its result is stored; `code` is the digest of the code.
     """
     tasks = dict[str, Task]()
     for plan in plans:

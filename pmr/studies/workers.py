@@ -173,10 +173,10 @@ def rank_pool() -> Iterator[Pool | None]:
 
 
 def count_ranks() -> int:
-    """Return the number of ranks that a launcher started, 1 without one; MPI is started only if there are several.
+    """Return the number of ranks that a launcher started; 1 if there was no launcher.
 
-    Raises InputError if the launcher belongs to another MPI library than mpi4py, so that each process would consider
-    itself the only one.
+    MPI is started only if there are several.  Raises InputError if the launcher belongs to another MPI library than
+    mpi4py, so that each process would consider itself the only one.
     """
     ranks = environment.launched_process_count()
     if ranks == 1:
@@ -246,7 +246,7 @@ def serve() -> None:
 
 
 def _run_order(order: Order, notes: logging.handlers.BufferingHandler) -> Failure | None:
-    """Run an order and write its result into the store; return the failure, None without one.
+    """Run an order and write its result into the store; return the failure, or None if all went well.
 
     `notes` collects the warnings that are logged meanwhile; they are added to the warnings of the result.
     """

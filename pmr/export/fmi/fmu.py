@@ -106,7 +106,7 @@ class UnitObserver:
 
     @staticmethod
     def _output(names: Identifiers, what: str, name: str, unit: str) -> Variable:
-        """Output with `what` the observer says of `name`."""
+        """Output variable with `what` the observer says of `name`, in the unit `unit`."""
         return Variable(names(f"{what}_of_{name}"), 0, f"{what} of {name}, one step ago", unit=unit)
 
 
@@ -219,7 +219,10 @@ def fmu_contents(
     sources: bool = False,
     observer: UnitObserver | None = None,
 ) -> Contents:
-    """Description, system and reference trajectory of an FMU whose binaries are called `name`; else as `write_fmu`."""
+    """Description, system and reference trajectory of an FMU whose binaries are called `name`.
+
+    `version`, `sources` and `observer` are those of `write_fmu`, and so are the errors.
+    """
     # with an observer contacts are combined as those of its own model, to the last bit
     drivers = Drivers.of(system, reactions=observer is None)
     run = reference(drivers, scene)

@@ -275,7 +275,10 @@ def _drivers(drivers: Drivers) -> Iterator[Variable]:
 
 
 def _inputs_and_parameters(drivers: Drivers, names: Identifiers, start: Array) -> Iterator[Variable]:
-    """Yield time, the inputs with their rates of order one to three, and the parameters, as variables."""
+    """Yield time, the inputs with their rates of order one to three, and the parameters, as variables.
+
+    `start` has their start values in the order of value references.
+    """
     fixed = [names(name) for name in ("internal_step", "rho_inf", "start")]  # before those of loads
     yield Variable(names("time"), 0, "time", Role("independent", initial=""), "s")
     orders = list[tuple[int, Variable]]()

@@ -56,9 +56,10 @@ def responses_in_drawing_order(result: RunResult) -> Mapping[str, Response]:
 
 
 def sliding_spans(t: Array, rate: Array) -> tuple[Span, ...]:
-    """Intervals of time in which something moves, by its `rate` (T,) at the times `t` (T,) in s; may be none.
+    """Intervals of time in which something moves, by its `rate` (T,) at the times `t` (T,) in s.
 
-    Standstills of up to `PAUSE` samples, where one ramp ends and the next one begins, do not divide an interval.
+    Standstills of up to `PAUSE` samples, where one ramp ends and the next one begins, do not divide an interval.  The
+    result is empty if nothing moves.
     """
     moving = np.flatnonzero(np.abs(rate) > 1e-9 * np.abs(rate).max(initial=0.0))
     if not len(moving):
@@ -205,7 +206,7 @@ def drawn_history(
 
 
 def difference_clause(time: Timeline, signals: Mapping[str, Array], largest: float = 0.0) -> str:
-    """Clause on the difference to the reference; empty without a reference.
+    """Clause on the difference of `signals`, by model, to the reference; empty if there is no reference.
 
     If the difference is visible, the clause says that it is below in the figure; otherwise it says how small the
     difference is.  `largest` is that of `Timeline.visible_differences`.
@@ -305,7 +306,8 @@ def line_figure(
 ) -> Figure:
     """Draw `lines` (T,) of the reduced model over time in one panel, with their names in the legend.
 
-    `base` is their unit without prefix, and `quantity` the name on the axis.  A line without a name has no entry.
+    `base` is their unit without prefix, and `quantity` the name on the axis.  The lines have the `colours` in turn.  A
+    line without a name has no entry.
     """
     time, unit, names = Timeline(result), unit_for(largest_of(lines), base), [name for name in lines if name]
     shade = time.shade_legend()

@@ -237,8 +237,8 @@ def _cylinders(result: RunResult, steps: NDArray[np.intp]) -> list[Array]:
 def _label_times(ax: Axes, axes: Array, t: Array, first: int) -> None:
     """Write the time beside the end of each of the drawn `axes` (S, n, 2) in m, at times t (S,) in s.
 
-    A label that would come near another one is left out.  The moment number `first`, that of the largest stress, always
-    has a label; the last moment comes next, and the moments in between come last.
+    A label that would come near another one is left out.  The moment with the number `first` has the largest stress and
+    is always labelled; the last moment comes next, and the moments in between come last.
     """
     labelled = list[Array]()
     for k in dict.fromkeys([first, len(t) - 1, *range(len(t))]):
@@ -289,10 +289,10 @@ def exaggeration(result: RunResult) -> float:
 def drawn_steps(result: RunResult, view: str) -> NDArray[np.intp]:
     """Time steps at which the boom is drawn in a `view`, ``side`` or ``plan``, evenly spaced along its tip's path.
 
-    The first and the last step are among them.  If the tip is at rest in this view, they are those of the largest
-    deflection in equal parts of the time.  If the boom extends but does not turn in this view there is one step, that
-    of the largest extension, as the drawings at other extensions would lie on top of each other.  The step of the
-    largest stress replaces the step nearest to it.
+    The first and the last step are among them.  If the tip is at rest in this view, the steps are those of the largest
+    deflection in equal parts of the time.  If the boom extends but does not turn in this view, there is one step, with
+    the largest extension, as the drawings at other extensions would lie on top of each other.  The step of the largest
+    stress replaces the step nearest to it.
     """
     t, out, worst = result.responses["reduced"].t, _tip_distance(result), largest_stress(result)
     along = frame_rotations(result, t)[:, :, 0]

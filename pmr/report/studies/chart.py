@@ -102,7 +102,7 @@ def build_chapter(study: FinishedStudy, prefix: str) -> Chapter:
 
 
 def _statement_block(heading: str, statements: Array) -> Block:
-    """Build a block of statements (n, 2), each a subject and clauses about it."""
+    """Build a block with a `heading` from statements (n, 2), each a subject and clauses about it."""
     table = Table("", tuple((str(subject), str(clauses)) for subject, clauses in statements))
     return Block(heading, tables=[table], columns=1)
 
@@ -287,7 +287,8 @@ def _stop_sentences(study: FinishedStudy, limit: str, stops: Array) -> Iterator[
 def _use_tables(names: list[str], n: int, arrays: Mapping[str, Array], sections: tuple[str, ...]) -> list[Table]:
     """Build tables of the use of each limit of `names`, and of stresses, displacements of tips and forces.
 
-    They are those under the largest load that limit number `n` governs; `sections` are the names of the sections.
+    They are those under the largest load that limit number `n` governs, from `arrays` of the study's results;
+    `sections` are the names of the sections.
     """
     used = zip(names, arrays["at.used"][n], strict=True)
     tables = [Table("Used of each limit", tuple((name, f"{100.0 * share:.3g}{SPACE}%") for name, share in used))]

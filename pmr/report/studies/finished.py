@@ -106,7 +106,7 @@ def format_figure(value: Scalar, kind: str) -> str:
 
 
 def format_combination(key: str) -> str:
-    """Format a text such as ``"5x6"`` as (5,6); texts of another form are returned unchanged."""
+    """Format a text `key` such as ``"5x6"`` as (5,6); texts of another form are returned unchanged."""
     first, _, second = key.partition("x")
     return f"({first},{second})" if first.isdigit() and second.isdigit() else key
 
@@ -125,17 +125,17 @@ def _comparison_row(statement: Statement, value: Scalar) -> Row:
 
 
 class Verdict(NamedTuple):
-    """Verdict on a value beside a published one, and the relative deviation of the value as text, if there is one."""
+    """Verdict on a value beside a published one, and the relative deviation of the value as text.
+
+    The deviation is None if either of the two is a text, or if the value rounds to the published one.
+    """
 
     mark: Mark
     deviation: str | None
 
 
 def _verdict(statement: Statement, figure: Scalar) -> Verdict:
-    """Verdict on a value beside the published one, and the relative deviation of the value as text.
-
-    The deviation is None if either of the two is a text, or if the value rounds to the published one.
-    """
+    """Compare a value with the published one: verdict, and relative deviation as `Verdict` describes it."""
     if isinstance(statement.value, str) or isinstance(figure, str):
         return Verdict(SAME if figure == statement.value else DIFFERENT, None)
     published, value = cell_number(statement.value), cell_number(figure)

@@ -101,7 +101,7 @@ def _headline(count: int, done: Sequence[RunRecord], error: str | None) -> str:
 
 
 def _key_numbers(done: Sequence[RunRecord], error: str | None) -> Iterator[KeyNumber]:
-    """Yield the largest error, difference, displacement and force of all runs, and the fastest simulation."""
+    """Yield the largest error, difference, displacement and force of all runs `done`, and the fastest simulation."""
     for name in (error, "max_error", "max_displacement", "largest_force"):
         if name is None or not (runs_with_figure := runs_with(done, name)):
             continue
@@ -129,7 +129,7 @@ def _cost_differs(runs: Sequence[RunRecord]) -> bool:
 
 
 def _figures(done: Sequence[RunRecord], error: str | None, prefix: str) -> Iterator[Block]:
-    """Yield blocks of figures: values over the varied parameter, and the error over the time of a simulation.
+    """Yield blocks of figures of the runs `done`: values over the varied parameter, and the error over a run's time.
 
     `error` is the name of that error, None if there is none; `prefix` begins the identifiers of the figures.  Nothing
     is yielded if no parameter has several numbers.
@@ -168,9 +168,9 @@ def _is_visible(runs: Sequence[RunRecord], name: str) -> bool:
 
 
 def varied_parameter(done: Sequence[RunRecord]) -> str | None:
-    """Parameter over which values are drawn: the number of coordinates if it varies, else the one with the most values.
+    """Parameter over which values of the runs `done` are drawn: the number of coordinates if it varies.
 
-    It is None if no parameter has several numbers as values.
+    Otherwise it is the parameter with the most values.  It is None if no parameter has several numbers as values.
     """
     counts = {
         key: len({number_of(run.parameters[key]) for run in done})
@@ -276,7 +276,7 @@ LOGARITHMIC = 5.0  # ratio of the largest to the least error above which the axi
 
 
 def value_figure(done: Sequence[RunRecord], parameter: str, names: Sequence[str]) -> Figure:
-    """Draw values over a parameter, a panel for each of `names`.
+    """Draw values of the runs `done` over a parameter, a panel for each of `names`.
 
     Runs that differ in this parameter only are joined by a curve.
     """
@@ -298,7 +298,7 @@ def value_figure(done: Sequence[RunRecord], parameter: str, names: Sequence[str]
 
 
 def error_over_time_figure(done: Sequence[RunRecord], parameter: str, error: str) -> Figure:
-    """Draw an error over the time of a simulation in ms.
+    """Draw an error of the runs `done` over the time of a simulation in ms.
 
     Runs that differ only in `parameter` look alike.
     """
@@ -315,7 +315,10 @@ def error_over_time_figure(done: Sequence[RunRecord], parameter: str, error: str
 
 
 def _curves(done: Sequence[RunRecord], parameter: str) -> list[tuple[dict[str, Any], list[RunRecord]]]:
-    """Group runs that differ in `parameter` only; return each group after the keywords of its curve for `Axes.plot`."""
+    """Group the runs `done` that differ in `parameter` only.
+
+    Return each group after the keywords of its curve for `Axes.plot`.
+    """
     groups: dict[str, list[RunRecord]] = {}
     for run in done:
         groups.setdefault(run_name(run, parameter) if len(run.parameters) > 1 else "", []).append(run)
@@ -323,7 +326,7 @@ def _curves(done: Sequence[RunRecord], parameter: str) -> list[tuple[dict[str, A
 
 
 def _curve_points(group: Sequence[RunRecord], name: str, places: Mapping[str, float]) -> NDArray[np.float64]:
-    """Coordinates x and y of the n points of a curve (2, n), in increasing order of x.
+    """Coordinates x and y of the n points of a curve (2, n), in increasing order of x, from a `group` of runs.
 
     `places` maps the key of each run to its x; y is the value called `name` in the unit of its quantity.
     """
@@ -350,12 +353,18 @@ def _value_axis(ax: Axes, name: str) -> None:
 
 
 def _legend_margin(done: Sequence[RunRecord], parameter: str) -> dict[str, float]:
-    """Return ``{"top": inches}``: the margin above the axes that a legend of the curves needs."""
+    """Return ``{"top": inches}``: the margin above the axes that a legend of the curves needs.
+
+    The curves are those of `_curves` for the same arguments.
+    """
     return {"top": 0.16 + 0.15 * min(-(-len(_curves(done, parameter)) // 3), MOST_CURVES // 3)}
 
 
 def _add_legend(figure: Figure, done: Sequence[RunRecord], parameter: str) -> None:
-    """Add a legend of the curves to a figure, with three entries in a row; a single curve has no legend."""
+    """Add a legend of the curves to a figure, with three entries in a row; a single curve has no legend.
+
+    The curves are those of `_curves` for the runs `done` and the `parameter`.
+    """
     looks = [look for look, _ in _curves(done, parameter)][:MOST_CURVES]
     if len(looks) > 1:
         handles = [Line2D([], [], **look) for look in looks]

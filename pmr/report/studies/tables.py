@@ -93,7 +93,7 @@ def _sections(annotation: object) -> Iterator[type[BaseModel]]:
 
 
 def heading(key: str) -> str:
-    """Column heading of a parameter, with its unit."""
+    """Column heading of the parameter `key`, with its unit."""
     unit = unit_of(key)
     return f"{key_words(key)} in {unit}" if unit else key_words(key)
 
@@ -250,7 +250,7 @@ def value_blocks(runs: Sequence[RunRecord]) -> Iterator[Block]:
 
 
 def _value_grid(runs: Sequence[RunRecord], pattern: re.Pattern[str], base: str) -> Grid:
-    """Table of the values whose names match the `pattern`, each from least to largest, without round-off.
+    """Table of the values of `runs` whose names match the `pattern`, each from least to largest, without round-off.
 
     `base` is the unit of these values without prefix.  Ranges of load cycles have rows of their own.
     """

@@ -244,7 +244,7 @@ def _settings(cable: Cable, stepping: TimeStepping) -> exu.SimulationSettings:
 
 
 def _check_on_cable(cable: Cable, key: str, points: Array) -> None:
-    """Raise InputError if one of the points (o,) in m is not on the cable."""
+    """Raise InputError with the scene's key `key` if one of the points (o,) in m is not on the cable."""
     outside = (points < 0.0) | (points > cable.length * (1.0 + 1e-12))
     if outside.any():
         raise InputError("scene", key, float(points[outside][0]), f"0 to {cable.length:g} m is allowed")

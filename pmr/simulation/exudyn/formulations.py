@@ -117,7 +117,7 @@ def _contact_parameters(
         pads.begin(rows(0.0), q, np.array(inputs.loads(0.0)) + pads.inertia(0.0))
 
     def force(mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array) -> Array:
-        """User function: forces (n,) of the contacts on the coordinates."""
+        """User function: forces (n,) of the contacts on the coordinates q (n,)."""
         at, inertia = rows(t), pads.inertia(t)
         if t <= 0.0:  # when Exudyn computes the accelerations at the start
             begin(np.asarray(q))
@@ -128,7 +128,7 @@ def _contact_parameters(
     def jacobian(
         mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array, factor: float, factor_t: float
     ) -> exu.MatrixContainer:
-        """User function: stiffness of the contacts."""
+        """User function: stiffness of the contacts at the coordinates q (n,), times `factor`."""
         steps.check(t)
         at = rows(t)
         state = pads.state(at, np.asarray(q), np.array(inputs.loads(t)) + pads.inertia(t), t)
@@ -226,7 +226,7 @@ def add_with_callbacks(mbs: exu.MainSystem, equations: Equations, inputs: Inputs
         return equations.B @ np.array(inputs.loads(t))
 
     def constraint(mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array, velocity_level: bool) -> Array:
-        """User function: values C q (m,) of the contact rows at t s."""
+        """User function: values C q (m,) of the contact rows at t s, on both the position and the velocity level."""
         return rows(t) @ q
 
     def jacobian(mbs: exu.MainSystem, t: float, item: int, q: Array, q_t: Array, velocity_level: bool) -> Array:

@@ -372,7 +372,7 @@ def _with_rows(mbs: exu.MainSystem, items: SystemItems, base: Base, extending: E
         return base.extensions(t, z_array[k + n :] - base.paths.reference, z_array[k + n :]).value, z_array[k : k + n]
 
     def gap_derivative(t: float, z: Array) -> Array:
-        """Derivative of the gaps by all coordinates of the marker."""
+        """Derivative of the gaps by all coordinates of the marker, whose values are z."""
         derivative = extending.gap_derivative(*split(t, z))
         return np.hstack([np.zeros((len(derivative), k)), derivative[:, :n], derivative[:, n:] @ base.paths.along])
 

@@ -135,7 +135,10 @@ def add_sliding_body(
     initial: InitialState | None = None,
     formulation: Formulation = "springs",
 ) -> SystemItems:
-    """Add a system of a single body on its `path`; otherwise as `add_system`."""
+    """Add a system of a single body on its `path`; the other arguments and errors are those of `add_system`.
+
+    `initial` is the body's initial state.
+    """
     system, start = System.of(body), {} if initial is None else {ALONE: initial}
     return add_system(mbs, system, {SLIDER: path}, loads, start, formulation)
 
@@ -150,11 +153,12 @@ def simulate_system(
     """Simulate bodies that contacts join; arguments and errors as `pmr.simulation.SystemSimulator`.
 
     All formulations follow the same trajectory, to Newton's tolerance; each refuses what it can't do.  The option
-    `newton` of the excitation holds Exudyn's settings of Newton's method by their own names.  The initial accelerations
-    are Exudyn's, which leave out the terms of moving rows (2 s' C' v and more): exact if paths start at rest, or bodies
-    undeformed and at rest; otherwise the method is still of second order.  A contact that only pushes opens as in
-    Exudyn's generalized-alpha: the effect of its force on the next step is not removed, so that the motion agrees with
-    the compiled one in the limit of small steps.
+    `newton` of the excitation holds Exudyn's settings of Newton's method by their own names.
+
+    The initial accelerations are Exudyn's, which leave out the terms of moving rows (2 s' C' v and more).  They are
+    exact if paths start at rest, or bodies undeformed and at rest; otherwise the method is still of second order.  A
+    contact that only pushes opens as in Exudyn's generalized-alpha: the effect of its force on the next step is not
+    removed.  So the motion agrees with the compiled one in the limit of small steps.
     """
     return SystemRun(system, excitation, initial or {}, formulation).trajectory(progress)
 
@@ -162,8 +166,8 @@ def simulate_system(
 def step_lengths(system: System, excitation: Excitation, initial: Mapping[str, InitialState]) -> StepParts:
     """Numbers of parts of each step: one part for each step, unless contacts only push.
 
-    If contacts only push, they are the numbers of the excitation, or else those chosen by the compiled simulator; for
-    bodies too large for it, a step has enough parts to resolve the contacts.
+    If contacts only push, they are the numbers of the excitation.  If it has none, the compiled simulator chooses them
+    by a run from the `initial` states; for bodies too large for it, a step has enough parts to resolve the contacts.
     """
     if np.isnan(system.clearance).all():
         return StepParts.for_contacts(excitation.stepping, 0.0)

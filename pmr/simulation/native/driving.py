@@ -223,9 +223,9 @@ class Drivers:
         logger.warning(message, name, change, unit, self._step, unit)
 
     def _write(self, readings: list[Reading]) -> None:
-        """Write motions into the kernel's arrays.
+        """Write the motions in `readings` into the kernel's arrays.
 
-        A warning is logged, once for each motion, if it moves without a second rate where inertia depends on it.
+        A warning is logged, once for each motion, if it moves without a second rate and inertia depends on it.
         """
         for k, value, rate, second, count in readings:
             if self._started and second == 0.0 == self._seconds[k] and self._lacks_inertia(k, value - self._values[k]):
@@ -268,7 +268,10 @@ def _motion_numbers(names: Sequence[str], numbers: Sequence[int]) -> dict[str | 
 
 
 def number_of(name: str | int, names: Sequence[str], key: str) -> int:
-    """Position of a name in `names`; a number is returned as it is.  Raises InputError for any other value."""
+    """Position of `name` in `names`; a number is returned as it is.
+
+    Raises InputError with the key `key` for a name that is not in `names` and a number out of range.
+    """
     if not isinstance(name, str) and 0 <= name < len(names):
         return int(name)
     if name not in names:

@@ -188,7 +188,7 @@ class ExtensionRun:
 
 
 def cylinder_record(columns: Array, oil: Oil | None) -> dict[str, Array]:
-    """Columns (T,) of a cylinder by the names in `CYLINDER_UNITS`; those of oil only if oil drives it.
+    """Columns (T,) of a cylinder by the names in `CYLINDER_UNITS`; columns of oil only if oil drives it.
 
     The argument `columns` has them in the order of `CYLINDER_COLUMNS`.
     """

@@ -75,7 +75,7 @@ class SystemForm:
 
     @cached_property
     def kernel(self) -> Kernel:
-        """Kernel of the system and of its `frame`, if there is one."""
+        """Kernel of the system and of its `frame`; without a frame, of the system alone."""
         return Kernel.of(self.system, self.forms, self.frame, self.combined)
 
     @cached_property
@@ -181,9 +181,10 @@ def begin(
 ) -> tuple[Any, ...]:
     """Start a kernel of `form` by ``start(kind, *modes)``; return the arguments with which it started.
 
-    It begins in the states `initial` of bodies by name, or as the excitation says if that is None: at rest or in
-    equilibrium.  Other than `start` itself, this function raises a StepError if no equilibrium with a hoist is found,
-    and an InputError if nothing holds the bodies, or if a system with a hoist has more than `DENSE_WITH_HOIST` modes.
+    It begins in the states `initial` of bodies by name, or, if that is None, as the excitation says: at rest or in
+    equilibrium.  Beside the errors of `start`, a StepError is raised if no equilibrium with a hoist is found.  An
+    InputError is raised if nothing holds the bodies, or if a system with a hoist has more than `DENSE_WITH_HOIST`
+    modes.
     """
     system, modes, failed = form.system, form.kernel.modes, None
     if initial is None and excitation.start == "equilibrium":
@@ -218,7 +219,7 @@ def rest_states(assembly: Assembly, x: Array, f: Array, c: Array) -> dict[str, I
 
 
 def start_of(system: System, excitation: Excitation) -> dict[str, InitialState]:
-    """States of bodies at t = 0 as the excitation says: those of `static_start`, or none for a start at rest."""
+    """States of bodies at t = 0, by name, as the excitation says: from `static_start`, or empty for a start at rest."""
     return {} if excitation.start == "rest" else static_start(system, excitation)
 
 

@@ -321,9 +321,9 @@ class Stepper:
 
     @property
     def contact(self) -> float:
-        """Time step times the highest frequency of contacts that only push, at any position; 0 without such contacts.
+        """Time step times the highest frequency of contacts that only push, at any position; 0 if none only pushes.
 
-        With `parts` = 1, impacts lose force and energy where this is above `contact_step.RESOLVED`
+        With `parts` = 1, impacts lose force and energy if the result is above `contact_step.RESOLVED`
         (docs/pads_theory.md).
         """
         return self._step * contact_frequency_within(self._system, self._ranges)
@@ -427,7 +427,7 @@ class Stepper:
                 logger.warning("%s: %s", self._step_text(0), self._watched.messages[beyond[0]])
 
     def _raise_failure(self, failed: int, where: str) -> None:
-        """Raise the error that an error code stands for; `where` names the step."""
+        """Raise the error that the error code `failed` stands for; `where` names the step."""
         try:
             self._state.raise_unless_done(failed, where)
         except StepError as error:
@@ -443,6 +443,6 @@ class Stepper:
         return step_failure(where, self._form, error, self._form.modal.side_coordinates(paths))
 
     def _step_text(self, further: int) -> str:
-        """Text with number and time of the step that is so many after the last one."""
+        """Text with number and time of the step that is `further` steps after the last one."""
         number = self._state.step_number + further
         return f"step {number}, t = {number * self._step:g} s"

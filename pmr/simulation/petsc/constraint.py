@@ -92,7 +92,7 @@ class ContactState:
         return forces
 
     def release(self, rows: PathRows, factors: SchemeFactors) -> Prediction | None:
-        """Correction of the prediction for the last forces of contacts that are now open; None without such forces.
+        """Correction of the prediction for the last forces of contacts that are now open; None if these are zero.
 
         The stored forces of these contacts are set to zero.
         """

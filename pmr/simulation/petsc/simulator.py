@@ -235,10 +235,11 @@ def identity(
     recorder: Recorder,
     initial: Mapping[str, InitialState],
 ) -> dict[str, Any]:
-    """Digests and numbers that distinguish this simulation from others; collective.
+    """Digests and numbers that distinguish this simulation from others, by name; collective.
 
-    Each matrix A is represented by x^T A x with a fixed random vector x.  `at` are paths, loads and terms at the steps.
-    As steps may be divided into parts, paths, loads and terms in the middle of each step count, too.
+    Each matrix A is represented by x^T A x with a fixed random vector x.  `at` are paths, loads and terms at the steps,
+    and `initial` are the initial states of bodies by name.  As steps may be divided into parts, paths, loads and terms
+    in the middle of each step count, too.
     """
     stepping, between = excitation.stepping, 0.5 * (excitation.times[:-1] + excitation.times[1:])
     forms = []

@@ -286,14 +286,17 @@ def _initial_grip(system: FullSystem, at: SampledExcitation, multipliers: Array)
 
 
 def starts_moving(system: FullSystem, at: SampledExcitation, initial: Mapping[str, InitialState]) -> bool:
-    """Whether a load of `at` acts, or a body is deformed or moves, at t = 0; the same on every rank."""
+    """Whether a load of `at` acts, or a body is deformed or moves, at t = 0; the same on every rank.
+
+    `initial` are the initial states of bodies by name; bodies that are missing are undeformed and at rest.
+    """
     load = any(np.any(local_csr(model.inputs) @ at.f[0][inputs]) for model, inputs in _inputs(system))
     start = stacked_start(system, initial)
     return bool(system.comm.allreduce(int(bool(load or np.any(start.q) or np.any(start.v)))))
 
 
 def stacked_start(system: FullSystem, initial: Mapping[str, InitialState]) -> InitialState:
-    """Coordinates and velocities (n,) of all bodies, stacked; zero for bodies that `initial` does not name.
+    """Coordinates and velocities (n,) of all bodies, stacked; those of bodies that `initial` does not name are zero.
 
     Raises
     ------

@@ -183,10 +183,14 @@ class _Contacts:
     def is_confirmed(self, state: Equilibrium, almost: Equilibrium, K: sp.csr_matrix, stable: bool) -> bool:
         """Return whether `state`, solved with the stiffness K (n, n) alone, is a valid equilibrium.
 
-        The state has to agree to `UNCHANGED` with `almost`, which is solved with K plus a multiple of the mass matrix;
-        its strain energy has to exceed round-off; and no contact may be on the wrong side.  The energy may be negative
-        only if the caller knows that the equilibrium is `stable`: rigid contacts with a clearance add work of their
-        own.
+        It is if these hold:
+
+        - it agrees to `UNCHANGED` with `almost`, which is solved with K plus a multiple of the mass matrix;
+        - its strain energy exceeds round-off;
+        - no contact is on the wrong side.
+
+        The energy may be negative only if the caller knows that the equilibrium is `stable`: rigid contacts with a
+        clearance add work of their own.
         """
         q, closed, forces = state.q, state.closed, state.forces.copy()
         if self._clearance[closed].any():  # energy as if these contacts had been closed from the start

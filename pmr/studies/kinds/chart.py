@@ -365,14 +365,17 @@ class Study(StudyBase):
 
     @property
     def _replaced_masses(self) -> list[str]:
-        """Lines of `replaced_mass_warnings` on what `change` removes; none if the scene is not valid without it."""
+        """Lines of `replaced_mass_warnings` on what `change` removes.
+
+        The list is empty if the scene is not valid without `change`.
+        """
         with suppress(InputError):
             return replaced_mass_warnings(scenes.load_any(self.scene), self._scene, self.point)
         return []
 
     @property
     def _angle_unit(self) -> str:
-        """Unit of the angles of luffing and slewing: that of the scene's frame."""
+        """Unit of the angles of luffing and slewing in the scene's frame; ``rad`` if it has no frame."""
         return "rad" if self._scene.frame is None else self._scene.frame.unit
 
     @property

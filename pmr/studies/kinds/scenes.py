@@ -212,12 +212,14 @@ def stress_figures(summary: Summary) -> dict[str, Scalar]:
 def body_figures(summary: Summary) -> dict[str, Scalar]:
     """Return columns of the table about bodies, from the summary of a run.
 
-    - ``stress.<region>...``: those of `stress_figures`.
+    - ``stress.<region>...``: the columns of `stress_figures`.
     - ``mass`` in kg of all bodies with the masses attached to them, and ``mass.<body>`` in kg of each body.
     - ``damage.<probe>``: damage by fatigue.
     - ``utilisation``: the largest stress over the yield stress, at ``utilisation_t`` in s in ``utilisation_section`` at
       ``utilisation_{x,y,z}`` in m.
     - ``beam_forces.<quantity>.{min,t_min,x_min,max,...}``: section forces in N; ``beam_moments.<quantity>...`` in N m.
+
+    Columns about which the summary has nothing are left out.
     """
     record, masses = stress_figures(summary), {mass["name"]: mass for mass in summary.get("masses", ())}
     weights = {name: float(mass["mass"] + mass["attached"]) for name, mass in masses.items()}
