@@ -55,7 +55,10 @@ class Output(Console):
     failure: OSError | None = None  # the first error of printing
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """Print objects, unless an earlier call could not print; the error of such a call is kept in `failure`."""
+        """Print objects; do nothing if an earlier call could not print.
+
+        The error of the call that could not print is kept in `failure`.
+        """
         if self.failure is not None:
             return
         try:

@@ -79,8 +79,9 @@ def extension_part(scene: Scene, response: Response) -> SummaryPart:
 
     Lengths are extensions in m.  ``stops`` lists the spans in which a stop is pressed in, with ``start`` and ``end`` in
     s, the number of ``steps``, the ``length`` in m where the stop gives way most, by how much in m (``give``), and the
-    ``speed`` in m/s with which it was met; a warning tells of them.  Others say where a pressure is so low that the oil
-    would boil, or higher than that of the supply.  The part is empty unless an extension was computed.
+    ``speed`` in m/s with which it was met.  There is a warning about each stop that is met.  Further warnings name
+    pressures that are so low that the oil would boil, or higher than that of the supply.  The part is empty unless an
+    extension was computed.
     """
     computed = {name: path for name, path in scene.paths.items() if isinstance(path, ComputedMotion)}
     if (name := next(iter(computed), None)) is None:
@@ -95,7 +96,11 @@ def extension_part(scene: Scene, response: Response) -> SummaryPart:
 
 @dataclass(frozen=True)
 class _Drive:
-    """Drive of a computed motion: the cylinder, what meets its stops and what the stroke is a range of, and its oil."""
+    """Drive of a computed motion.
+
+    `cylinder` is its name, and `moved` the name of what meets the stops.  `measure` is what the stroke limits,
+    ``length`` or ``extension``.
+    """
 
     cylinder: str
     moved: str
@@ -123,12 +128,12 @@ def _driven_part(
 
 
 def _more_times(count: int) -> str:
-    """Clause that something happens `count` more times; empty for none."""
+    """Clause that something happens `count` more times; empty if `count` is 0."""
     return f", and {count} more time{'s' * (count > 1)}" if count else ""
 
 
 def _stop_warnings(name: str, end: str, spans: list[dict[str, float]]) -> list[str]:
-    """A warning that `name` meets the stop at one `end`, such as ``greatest extension``; nothing without `spans`."""
+    """A warning that `name` meets the stop at one `end`, such as ``greatest extension``; empty without `spans`."""
     if not spans:
         return []
     worst = max(spans, key=lambda of: abs(of["speed"]))
@@ -159,7 +164,10 @@ def _stop_spans(t: Array, stop: Array, histories: Mapping[str, Array]) -> list[d
 
 
 def _spans(holds: Mask) -> list[tuple[int, int]]:
-    """First step of each span in which a condition holds, and the first step behind it; `holds` is (T,)."""
+    """First step of each span in which a condition holds, and the first step behind the span.
+
+    `holds` (T,) says at which steps it holds.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]])))
     return [(first, last) for first, last in edges.reshape(-1, 2).tolist()]
 
@@ -262,9 +270,10 @@ def slack_spans(t: Array, force: Array) -> list[dict[str, float]]:
 def hoist_part(scene: Scene, response: Response) -> SummaryPart:
     r"""``hoist`` of summary.json: extremes of `KEYS`, ``weight_force`` and ``factor`` of the rope's force, ``slack``.
 
-    The weight's force is that of a payload at rest, :math:`m g / n` with n falls; the factor is the largest force over
-    it, a hoist or stop factor of the motion.  ``slack`` lists the spans in which the rope is slack (`slack_spans`), of
-    which a warning tells.
+    ``weight_force`` is the rope's force if the payload is at rest, :math:`m g / n` with the mass m, gravity g and n
+    falls.  ``factor`` is the largest force over this one, a hoist or stop factor of the motion.  ``slack`` lists the
+    spans in which the rope is slack (`slack_spans`); a warning names them.  The part is empty if the scene has no hoist
+    or no gravity, or the response no hook.
     """
     hoist = scene.hoist
     if hoist is None or scene.gravity is None or not response.of(KINDS[HEIGHT]).shape[1]:

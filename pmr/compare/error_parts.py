@@ -69,7 +69,10 @@ class ReductionError:
     sections: Mapping[str, float] = field(default_factory=dict)  # by section of a boom: error along it, a fraction
 
     def of_section(self, name: str) -> dict[str, Any]:
-        """Return the part of summary.json on the section `name`: its error as ``estimate``, or nothing."""
+        """Return the part of summary.json on the section `name`, with its error as ``estimate``.
+
+        It is empty if the section has no estimate.
+        """
         return {"estimate": self.sections[name]} if name in self.sections else {}
 
 
@@ -175,7 +178,10 @@ class SimulatedSystem:
 
     @classmethod
     def from_simulations(cls, system: System, excitation: Excitation, simulations: Simulations) -> SimulatedSystem:
-        """The system with motion and response of the scene's first simulator, and the parts of each of its steps."""
+        """The system with motion and response of the scene's first simulator, and the parts of each of its steps.
+
+        If the simulator did not keep the motion, the result has the system and its excitation alone.
+        """
         run = simulations.first.run
         if run is None:
             return cls(system, excitation)
@@ -277,10 +283,10 @@ def step_summary(error: StepError | None, reason: str | None = None, not_covered
 def step_warnings(
     error: StepError, stepping: TimeStepping, signals: Sequence[tuple[str, SignalBase]], natural: Array
 ) -> list[str]:
-    """A warning if the step's error is not settled or exceeds `STEP_LIMIT`, in other outputs `FAR`; else nothing.
+    """A warning if the step's error is not settled or too large; the list is empty if it is neither.
 
-    `signals` are pairs (name, signal) of path and loads; `natural` (S, f) in Hz are f frequencies in S positions on the
-    way, ascending.
+    It is too large above `STEP_LIMIT` in displacements, and above `FAR` in other outputs.  `signals` are pairs (name,
+    signal) of path and loads; `natural` (S, f) in Hz are f frequencies in S positions on the way, ascending.
     """
     h, of_motion = stepping.step, error.error_of("beam")
     if of_motion <= STEP_LIMIT and error.settled:

@@ -109,7 +109,7 @@ def pad_extremes(scene: Scene, response: Response) -> dict[str, Extremes]:
 
 
 def _pad_rings(scene: Scene) -> tuple[PadRing, ...]:
-    """Rings of pads of a single body; none for a boom of several sections."""
+    """Rings of pads of a single body; empty for a boom of several sections."""
     return scene.pads if len(scene.sections) == 1 else ()
 
 
@@ -240,9 +240,9 @@ def _push_clause(rings: str, computed: str | None) -> str:
 
 
 def unknown_force_warnings(scene: Scene, response: Response) -> list[str]:
-    """A warning that names rigid pads at rest whose forces the model does not contain; else nothing.
+    """A warning that names rigid pads at rest whose forces the model does not contain.
 
-    The choice of coordinates holds such a pad.
+    The choice of coordinates holds such a pad.  The list is empty if all forces of pads are known.
     """
     staying = [ring for ring in _pad_rings(scene) if ring.stiffness == "rigid" and not ring.moving]
     names = [name for ring in staying for name, _, _ in ring.named_pads if _pad_force(response, name) is None]

@@ -77,10 +77,10 @@ _STEP = np.pi / 400.0  # step in beta L; neighbouring roots are further apart
 
 
 def bending_frequencies(s: float, length: float, bending_stiffness: float, mass_per_length: float, count: int) -> Array:
-    """The `count` lowest circular frequencies (count,) in rad/s with the support at s, 0 < s <= length (m).
+    """The `count` lowest circular frequencies (count,) in rad/s of a beam that is pinned at 0 and supported at s.
 
-    `bending_stiffness` is in N m^2, `mass_per_length` in kg/m.  Raises ValueError if s is not on the beam, or is at the
-    pin.
+    The beam has the `length` in m and is free at its end; 0 < s <= `length`.  `bending_stiffness` is in N m^2,
+    `mass_per_length` in kg/m.  Raises ValueError if s is not on the beam, or is at the pin.
     """
     if not 0.0 < s <= length:
         raise ValueError(f"s = {s:g} m: allowed are 0 < s <= {length:g} m")
@@ -218,7 +218,7 @@ def result_paths(scene: Scene, excitation: Excitation) -> Paths:
 
 
 def way_points(scene: Scene, excitation: Excitation, size: int) -> WayPoints:
-    """Positions from one end of the way to the other at which frequencies are compared.
+    """Positions at which frequencies are compared, from one end of the scene's way to the other.
 
     `size` is the number of coordinates of the full model, 0 if there is none; large models have fewer positions.  If
     nothing moves along its path, but the stiffness changes with time because of second order or a luffing cylinder, the
@@ -270,10 +270,10 @@ def frequencies_on_way(scene: Scene, system: System, excitation: Excitation, poi
 
 
 def lowest_mode_part(scene: Scene, system: System, excitation: Excitation, natural: Frequencies) -> SummaryPart:
-    """Entry ``lowest_mode`` of summary.json: the direction, ``y`` or ``z``, in which this mode moves the tip most.
+    """Entry ``lowest_mode`` of summary.json: the direction in which the lowest mode moves the tip most.
 
-    It is the mode of the reduced system with the lowest of the frequencies `natural`; the tip is that of the last
-    section.  Without displacements of the tip the entry is missing.
+    The direction is ``y`` or ``z``.  The lowest mode is the mode of the reduced system with the lowest of the
+    frequencies `natural`; the tip is that of the last section.  Without displacements of the tip the entry is missing.
     """
     assembly, tips, omega = Assembly(system), tip_names(scene), natural.models.get("reduced", np.empty((0, 0)))
     outputs = [k for k, name in enumerate(system.output_names) if name in tips]

@@ -134,7 +134,10 @@ def mesh_budget(scene: Scene, simulate_other: Callable[[Callable[[], Scene], str
 
 
 def mesh_warnings(scene: Scene) -> list[str]:
-    """A warning if cells of walls are so long compared with pads that the walls and the mesh's error are in doubt."""
+    """A warning if cells of walls are so long compared with pads that the walls are too stiff.
+
+    The mesh may then be further off than its estimated error.  The list is empty if all cells are short enough.
+    """
     worst, message = LONGEST, ""
     for member in members(scene):
         body, cells = member.part.body, member.part.mesh

@@ -148,10 +148,10 @@ def evenly_spaced_steps(excitation: Excitation) -> list[int]:
 
 
 def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str) -> dict[str, Any]:
-    """Entry ``budget.model`` of summary.json: errors of `motion` against that of a `richer` model, `richer_name`.
+    """Entry ``budget.model`` of summary.json: errors of `motion` against the motion `richer` of a richer model.
 
-    Kinds of displacements and ``largest`` are None if the richer model does not move.  Kinds of outputs that the two
-    models do not have in common are missing.
+    The richer model has the name `richer_name`.  Kinds of displacements and ``largest`` are None if it does not move.
+    Kinds of outputs that the two models do not have in common are missing.
     """
     shares, displacements = dict[str, float | None](), list[Array]()
     for kind in ("beam", "tip"):

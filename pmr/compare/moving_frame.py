@@ -85,9 +85,10 @@ def frame_part(scene: Scene, system: System, excitation: Excitation, frequencies
 
 
 def _plane_buckling_warnings(scene: Scene, system: System) -> list[str]:
-    """A warning that names bodies whose model can't show buckling across the plane of luffing; else nothing.
+    """A warning that names bodies whose model can't show buckling across the plane of luffing.
 
-    No load acts on these bodies across the plane, so their reduced models do not move in that direction.
+    No load acts on these bodies across the plane, so their reduced models do not move in that direction.  The list is
+    empty if all bodies can buckle in all directions.
     """
     assert scene.frame is not None  # only called for a scene with a frame
     held = []
@@ -105,9 +106,9 @@ def _plane_buckling_warnings(scene: Scene, system: System) -> list[str]:
 
 
 def _past_buckling_warnings(is_included: bool, stresses: SecondOrderEffect) -> list[str]:
-    """A warning if the boom is beyond its buckling load, in words that depend on `is_included`; else nothing.
+    """A warning if the boom is beyond its buckling load; the list is empty if it is not.
 
-    `is_included` says whether second order is simulated.
+    The words depend on `is_included`, which says whether second order is simulated.
     """
     past = f"the boom is beyond its buckling load: at {stresses.t_least_factor:g} s {stresses.least_factor:.3g} of the "
     past += "axial forces bends it "
@@ -116,7 +117,10 @@ def _past_buckling_warnings(is_included: bool, stresses: SecondOrderEffect) -> l
 
 
 def _left_out_warnings(scene: Scene, is_included: bool, stresses: SecondOrderEffect) -> list[str]:
-    """A warning if second order matters and is left out, `is_included` being false; else nothing."""
+    """A warning if second order matters but is left out; the list is empty otherwise.
+
+    `is_included` says whether second order is simulated.
+    """
     size = f"by {100.0 * stresses.largest_share:.2g} % at {stresses.t_largest_share:g} s"
     left_out = f"second order is left out: axial forces and the frame's speed change the stiffness {size}, so static "
     left_out += "deflections are off by as much, vibrations drift out of phase; frame.second_order = true includes it"
@@ -278,7 +282,7 @@ def _second_order_steps(excitation: Excitation) -> NDArray[np.int64]:
 def decide_second_order(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Scene:
     """The scene with or without second order, if its frame leaves the decision open (``auto``); else the same scene.
 
-    Second order is kept if it matters (`SecondOrderEffect.matters`), or if contacts do not hold the bodies.
+    Second order is included if it matters (`SecondOrderEffect.matters`), or if contacts do not hold the bodies.
     """
     if scene.frame is None or scene.frame.second_order != "auto":
         return scene

@@ -167,7 +167,10 @@ class _EnergyBalance:
         moments.rate[:, over, 0] += rate
 
     def add_momentum(self, number: int, moments: _Moments) -> None:
-        """Add energy and work of section `number`, those parts that are linear in its displacements."""
+        """Add those parts of the energy and the work of a section that are linear in its displacements.
+
+        `number` is that of the section, and `moments` are the integrals of its displacements.
+        """
         t, omega, gravity = self._run.t, self._turning.velocity, self._scene.gravity
         weight = (gravity.signal.value(t) if gravity else 0.0 * t)[:, None] * self._turning.up
         V = _speeds(self._scene, omega, number, t)

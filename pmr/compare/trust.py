@@ -240,7 +240,7 @@ def unsettled_force_clauses(kinds: Sequence[str]) -> list[str]:
 
 
 def reduction_warnings(summary: Summary) -> list[str]:
-    """A warning if the reduced model's error in the summary is above `FAR`; else nothing.
+    """A warning if the reduced model's error in the summary is above `FAR`; the list is empty if it is not.
 
     The error is that against the full model, or an estimate.
     """
@@ -286,7 +286,11 @@ ALTERNATES = "change their sign with every step"
 
 
 def alternation_cause(rigid: Sequence[str]) -> str:
-    """Clause that says why forces and motions alternate; `rigid` are the names of rigid contacts."""
+    """Clause that says why forces and motions alternate from step to step.
+
+    `rigid` are the names of rigid contacts.  They are the cause if there are any; otherwise it is modes that the step
+    does not resolve.
+    """
     if not rigid:
         return "modes that the step does not resolve ring behind kinks and jumps where time.rho_inf is near 1"
     several = f"{rigid[0]} and {len(rigid) - 1} more are rigid" if len(rigid) > 1 else f"{rigid[0]} is rigid"

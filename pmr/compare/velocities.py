@@ -36,8 +36,8 @@ def load_rates(model: ReducedModel, excitation: Excitation) -> Rates:
 def force_rates(model: ReducedModel, trajectory: Trajectory, path_rate: Array, loads: Rates) -> Rates:
     """Multipliers z (T, m) in N, which deform the residual part, and their rates (T, m) in N/s (see `output_rates`).
 
-    `path_rate` (T,) is the rate of the path coordinate in m/s.  Open contacts have the rate 0.  Raises ValueError if
-    the model has no residual flexibility.
+    `path_rate` (T,) is the rate of the path coordinate in m/s, and `loads` are the loads with their rates.  Open
+    contacts have the rate 0.  Raises ValueError if the model has no residual flexibility.
     """
     tables, s = model.flexibility, trajectory.s
     if tables is None:

@@ -87,8 +87,7 @@ class GrowthError(SimulationError):
     def refusal(self, step: float, rho_inf: float) -> InputError:
         """Return this error as an InputError that names the key to change.
 
-        It is time.step, time.rho_inf or reduction.flexibility.
-
+        It is time.step; if rigid constraints move, it is time.rho_inf, or reduction.flexibility if that is 0 already.
         `step` is the scene's time step in s, and `rho_inf` its spectral radius at infinite frequency.
         """
         key, value, allowed = "time.step", step, "a smaller one is allowed"

@@ -184,7 +184,7 @@ def factor_of(A: PETSc.Mat, name: str) -> Factor | SparseFactor:
 
 
 def factor_for_steps(A: PETSc.Mat, name: str) -> MatrixFactor:
-    """Factor for single right-hand sides, one after another: by CHOLMOD on one rank, else the one of `factor_of`.
+    """Factor for single right-hand sides, one after another: by CHOLMOD on one rank, otherwise by `factor_of`.
 
     `name` is the matrix's, for messages.  CHOLMOD is taken only if PETSc was built with it.  Raises the errors of
     `factor_of`.
@@ -270,7 +270,7 @@ LARGEST = 2**31 - 1
 
 
 class TooLargeError(Exception):
-    """A complete factor takes more memory than a rank has for it."""
+    """A complete factor takes more memory than a rank has."""
 
 
 class ReplicatedFactor:

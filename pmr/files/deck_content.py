@@ -73,7 +73,10 @@ class Elements:
         return CORNERS[self.kind] + (len(EDGES[self.kind]) if self.type in QUADRATIC else 0)
 
     def renumber(self, nodes: Mapping[int, int], elements: Mapping[int, int]) -> Elements:
-        """Return these elements with the numbers that `nodes` and `elements` have for theirs."""
+        """Return these elements with new numbers of their own, from `elements`, and of their nodes, from `nodes`.
+
+        Both map old numbers to new ones.
+        """
         numbers = [elements[number] for number in self.numbers]
         return Elements(self.type, numbers, self.lines, [[nodes[node] for node in of] for of in self.nodes])
 
@@ -137,7 +140,7 @@ class Deck(DeckMesh):
 
 @dataclass(frozen=True)
 class Numbers:
-    """Numbers in the whole of the nodes and elements of an instance, by their numbers in it."""
+    """Numbers that the nodes and elements of an instance have in the whole deck, by their numbers in the instance."""
 
     nodes: Mapping[int, int]
     elements: Mapping[int, int]

@@ -123,10 +123,10 @@ class _Nodes:
         return replace(self, numbers=self.numbers[at], points=self.points[at], groups=groups)
 
     def without_dependent(self, pairs: Indices) -> _Nodes:
-        """Return the nodes without those that depend on others, and without the cards by which these depend.
+        """Return the nodes without those that cards tie to other nodes, and without these cards.
 
-        Such a node has no row among the node and direction `pairs` (n, 2) of the matrices, and all of its displacements
-        depend on others.  A card stays that makes a displacement of any other node depend on others.
+        A node is left out if all of its displacements depend on others and it has no row among the node and direction
+        `pairs` (n, 2) of the matrices.  A card stays if it ties a displacement of any other node.
         """
         depending = set[tuple[int, int]]().union(*self.dependent.values())
         nodes = {node for node, _ in depending if {(node, 1), (node, 2), (node, 3)} <= depending} - {
@@ -182,7 +182,10 @@ def read_foreign(files: ForeignFiles) -> GivenMatrices:
     _check_constraints(nodes, pairs)
 
     def body(Q: sp.csr_matrix | None) -> GivenMatrices:
-        """Return the body whose coordinates are Q times those along the axes of the whole."""
+        """Return the matrices on coordinates z with q = Q z, where q are the coordinates of the file.
+
+        If Q is None, z = q.
+        """
         turned = (A if Q is None or A.shape != Q.shape else sp.csr_matrix(Q.T @ A @ Q) for A in on_rows)
         stiffness, mass, *damping = turned  # another shape is refused
         return GivenMatrices(

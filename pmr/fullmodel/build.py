@@ -194,14 +194,14 @@ def _supports(bodies: Mapping[str, RigidBody], shifts: Mapping[str, Array]) -> I
 
 
 def _multiply_each(rows: Array, shifts: Array) -> Array:
-    """Product (T, 6) of each row of `rows` (T, 6) with the matrix of `shifts` (T, 6, 6) of the same number."""
+    """Products (T, 6) of each row of `rows` (T, 6) with the matrix in `shifts` (T, 6, 6) at the same index."""
     return np.asarray(np.einsum("tk,tkl->tl", rows, shifts))
 
 
 def _shifts(distances: Array) -> Array:
-    """Matrices (T, 6, 6) from a rigid motion about the base's origin to that about points ahead of it along x.
+    """Matrices (T, 6, 6) that turn a rigid motion about the base's origin into the motion about a point ahead of it.
 
-    `distances` (T,) in m are those of the points from the origin.
+    `distances` (T,) in m are those of the points from the origin, along x.
     """
     A = np.tile(np.eye(6), (len(distances), 1, 1))
     A[:, 2, 4], A[:, 1, 5] = -distances, distances

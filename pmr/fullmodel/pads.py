@@ -354,7 +354,7 @@ def _check_extent(pad: Pad, places: tuple[float, float], extent: Extent) -> None
 
 
 def _free_places(pad: Pad, places: Array, off: Mask) -> str:
-    """Ranges of a pad's centre in m, of those on its way, in which the face is whole under all of it, as text.
+    """Ranges in m of a pad's centre on its way in which the face is whole under all of the pad, as text.
 
     The stations `places` (K,) m that are `off` (K,) the face are in its holes.  The text is empty if there is no range.
     """

@@ -99,7 +99,10 @@ class Walls:
             yield from zip(sliding.pads, np.diagonal(sliding.compliance, axis1=1, axis2=2).mean(axis=0), strict=True)
 
     def compliance_under(self, pad: str, x: float) -> float:
-        """Compliance in m/N of the wall under a pad centred at x (m) on the body, for its own force; 0 if rigid."""
+        """Compliance in m/N of the wall under a pad by the pad's own force; 0 if the wall is rigid.
+
+        The centre of the pad is at x (m) on the body.
+        """
         if pad in self.standing.pads:
             number = self.standing.pads.index(pad)
             return float(self.standing.compliance[number, number])

@@ -75,7 +75,8 @@ class FilterSteps:
 class KalmanFilter:
     """A filter and its state.
 
-    `x` (N,), `P` (N, N) and `level` (p,) are views of its memory, and `lasting` is one of what an update begins with.
+    `x` (N,), `P` (N, N) and `level` (p,) are views of its memory, and `lasting` is a view of all that an update begins
+    with.
     """
 
     def __init__(self, data: FilterData, steps: FilterSteps) -> None:

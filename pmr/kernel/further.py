@@ -84,7 +84,7 @@ class Supports:
 
 
 def supports_of(system: System, name: str, form: Modal, output: bool = True) -> Supports:
-    """Reactions of rigid supports of the body `name` in its modes; none if `output` is false or they are not known."""
+    """Reactions of rigid supports of the body `name` in its modes; empty if `output` is false or they are not known."""
     body, X, r = system.bodies[name], form.X, form.body.size
     reactions = body.reactions if isinstance(body, ReducedModel) else None
     carried = reactions is not None and reactions.carried is not None and body.carriers is not None
@@ -371,7 +371,7 @@ DIRECTIONS = dict.fromkeys(("x", "y", "z"), "N") | dict.fromkeys(("rx", "ry", "r
 def ground_outputs(scene: Scene) -> dict[str, str]:
     """Units by name of a scene's force and moment on the ground, of outriggers, margins, and the use of the polygon.
 
-    There are none without a ground.
+    The dict is empty if the scene has no ground.
     """
     ground = None if scene.frame is None else scene.frame.ground
     if ground is None:

@@ -236,7 +236,10 @@ class Stand:
 
     @property
     def edges(self) -> Array:
-        """Rows (e, 6) of the edges: a wrench's moment about each that tips the machine (`edge_rows`)."""
+        """Rows (e, 6), one for each edge: a row times a wrench (6,) is the moment about the edge that tips the machine.
+
+        They are those of `edge_rows`.
+        """
         return edge_rows(self.polygon, self.height)
 
     def columns(self, wrench: Array) -> Array:
@@ -249,9 +252,10 @@ class Stand:
         return self._under(lib.pmr_stand_columns, wrench, 7 + len(self.places) + len(self.corners))
 
     def forces(self, loads: Array) -> Array:
-        """Return the forces (T, n) in N whose sums, and sums with x and y, are `loads` (T, 3) in N and N m.
+        """Return the forces (T, n) in N of the outriggers under loads within the support polygon.
 
-        The loads act within the support polygon.  Errors as `columns`.
+        `loads` (T, 3) are the sum of the forces in N, and the sums of the forces times x and times y in N m.  Errors as
+        `columns`.
         """
         return self._under(lib.pmr_stand_forces, loads, len(self.places))
 

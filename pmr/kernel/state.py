@@ -247,27 +247,37 @@ class State:
 
     @property
     def hoist(self) -> Array:
-        """Outputs (10,) of the hoist at the end of the last step, by names `pmr.scene.hoist.OUTPUTS`; else empty."""
+        """Outputs (10,) of the hoist at the end of the last step, by names `pmr.scene.hoist.OUTPUTS`.
+
+        The array is empty if the system has no hoist.
+        """
         last = self.kernel.further - self.kernel.computed
         return self.further()[last - self.kernel.hoist : last]
 
     @property
     def ground(self) -> Array:
-        """Outputs of outriggers at the end of the last step (`pmr.kernel.further.ground_outputs`), or empty."""
+        """Outputs of outriggers at the end of the last step (`pmr.kernel.further.ground_outputs`).
+
+        The array is empty if the system has no ground.
+        """
         last = self.kernel.further - self.kernel.computed - self.kernel.hoist
         return self.further()[last - self.kernel.ground : last]
 
     @property
     def computed(self) -> Array:
-        """Outputs of a free luffing angle or extension after the last step (`ComputedData.outputs`); else empty."""
+        """Outputs of a free luffing angle or extension after the last step (`ComputedData.outputs`).
+
+        The array is empty if angle and extensions are prescribed.
+        """
         return self.further()[self.kernel.further - self.kernel.computed :]
 
     def further(self) -> Array:
         """Further outputs (further,) at the end of the last step.
 
         They are the reactions of rigid supports in N and N m.  With a frame, there follow the position of the tip in m,
-        relative to the pivot along the ground's axes, and the force of the luffing cylinder in N.  A StepError is
-        raised if forces of outriggers are not found or not finite.
+        relative to the pivot along the ground's axes, and the force of the luffing cylinder in N.  Last come the
+        outputs of outriggers, of a hoist, and of a free luffing angle or extension, as far as the system has them.  A
+        StepError is raised if forces of outriggers are not found or not finite.
         """
         further = np.zeros(self.kernel.further)
         failed = lib.pmr_further(self._state, pointer(further))

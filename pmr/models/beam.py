@@ -395,7 +395,7 @@ class Beam(FiniteElementModel, ABC):
         return min(max(float(at), 0.0), length)
 
     def centroid(self, place: str | float) -> Array:
-        """Point (3,) in m that represents a place: the centroid of the walls' mid-line, the same as of a shell's end.
+        """Point (3,) in m that represents a place: the centroid of the walls' mid-line, as at the end of a shell.
 
         The point is on the axis if the beam has no profile.
         """

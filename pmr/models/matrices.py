@@ -201,7 +201,7 @@ class Matrices(TracedModel):
 
 
 def _divide(start: float, end: float, spacing: float) -> Array:
-    """Ends in m of equal intervals, of a width up to `spacing`, from `start` to `end`; none if `end` <= `start`."""
+    """Ends in m of equal intervals, of a width up to `spacing`, from `start` to `end`; empty if `end` <= `start`."""
     return (
         np.linspace(start, end, max(1, int(np.ceil((end - start) / spacing - 1e-9))) + 1)
         if end > start

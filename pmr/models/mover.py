@@ -94,7 +94,10 @@ class Mover:
         raise InputError("scene", "pads.on", face, "a point, without faces, is allowed on a mover")
 
     def coordinates_on(self, place: str, directions: Sequence[str]) -> Indices:
-        """Numbers of the mass's coordinates along those of the `directions` that it has, the same for every `place`."""
+        """Numbers of the mass's coordinates along the given `directions`; directions that it lacks are left out.
+
+        The numbers are the same for every `place`.
+        """
         return np.array([k for k, axis in zip(self._of_mass, self.directions, strict=True) if axis in directions], int)
 
     def rigid_motions(self) -> Array:

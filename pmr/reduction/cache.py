@@ -252,9 +252,9 @@ class Cache(SystemCache):
 
 
 def cache_in(folder: Path, model: FullModel) -> Cache:
-    """Cache of a model that was just assembled; collective.
+    """Cache in `folder` of a model that was just assembled; collective.
 
-    An InputError is raised if the folder can't be created.
+    The folder is created if it does not exist; an InputError is raised if it can't be.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

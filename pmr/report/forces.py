@@ -214,7 +214,7 @@ def hoist_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def _draw_panels(result: RunResult, prefix: str, panels: Iterable[Panel]) -> list[Drawing]:
-    """Draw each panel that has outputs; `prefix` begins the identifiers."""
+    """Draw each of the `panels` that has outputs; `prefix` begins the identifiers of the figures."""
     return [
         drawing(f"{prefix}-{panel.anchor}", output_figure, panel.caption, result, panel.outputs)
         for panel in panels

@@ -44,7 +44,10 @@ ROUND_OFF = 1e-9
 
 
 def force_rows(result: RunResult) -> LargestValues:
-    """Yield rows on cylinders, pads, hoist and other forces, and on the machine and the ground."""
+    """Yield rows on what bears or drives the boom: cylinders, pads, walls, hoist, supports, machine and ground.
+
+    Rows on pressures of pads, dents of walls and dynamic factors are among them.
+    """
     yield from _driven_rows(result)
     yield from _pressure_rows(result)
     yield from _indentation_rows(result)

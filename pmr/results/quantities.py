@@ -132,7 +132,7 @@ MeasureOf = Callable[[Columns, Callable[[str], bool]], Measure | None]
 
 
 class ChartLimit(NamedTuple):
-    """Limit of a load chart on a quantity; all of it is said for each limit, so that no chart lacks it in silence.
+    """Limit of a load chart on a quantity; all fields are required, so that a chart can name the limits that it lacks.
 
     Attributes
     ----------

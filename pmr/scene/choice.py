@@ -213,7 +213,7 @@ def is_accelerated(member: Member) -> bool:
 
 
 def inertia_fields(member: Member) -> tuple[str, ...]:
-    """Return the names of the acceleration fields that a moving frame applies to a body; none without a frame.
+    """Return the names of the acceleration fields that a moving frame applies to a body; empty without a frame.
 
     Field ``x`` is uniform along x; field ``xz`` acts along x and is proportional to z.  Fields that have no effect on
     the body's model are left out.

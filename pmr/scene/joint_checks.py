@@ -276,9 +276,9 @@ def _check_ground_supports(scene: Scene, number: int) -> None:
 
 
 def _check_extension(scene: Scene, number: int) -> None:
-    """Refuse extensions that bring section `number` behind the next outer one, out of it, or its pads off it.
+    """Refuse extensions that bring section `number` behind the tail of the next outer one, or out of it.
 
-    Pads of tail and mouth may not overlap on a face either.
+    Its pads must not leave the outer section, and pads of tail and mouth must not overlap on a face.
 
     A carriage, without pads at a mouth, may go wherever its own pads are on the next outer section (`_check_pads`).
     """

@@ -79,7 +79,7 @@ class RingFriction(SceneTable):
 
     @property
     def unused_keys(self) -> dict[str, str]:
-        """Keys of the friction without effect beside the others, with the reason."""
+        """Keys of the friction that have no effect because of its other keys, with the reason."""
         falls = "it has an effect with static_friction alone, from which the friction falls"
         unused = {} if self.static_friction else {"stribeck_speed": falls}
         return unused if self.friction else unused | {"shear_stiffness": "without friction nothing sticks"}

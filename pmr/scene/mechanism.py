@@ -198,9 +198,10 @@ def _force_names(body: str, what: str) -> tuple[str, ...]:
 
 
 def _wrench(place: Array, direction: str) -> Array:
-    """Return force and moment (T, 6) about the pivot of a unit force or moment at points `place` (T, 3) in m from it.
+    """Return force and moment (T, 6) about the pivot by a unit force or moment at `place`.
 
-    The force or moment is along or about the axis `direction`.
+    `place` (T, 3) in m is relative to the pivot.  The unit force is along ``x``, ``y`` or ``z``, and the unit moment
+    about the axis of ``rx``, ``ry`` or ``rz``, as `direction` says.
     """
     axis, wrench = np.eye(3)["xyz".index(direction[-1])], np.zeros((len(place), 6))
     if direction.startswith("r"):
@@ -258,9 +259,9 @@ def _all_terms(scene: Scene) -> Iterator[FrameTerm]:
 
 
 def _field_matrices(scene: Scene) -> dict[str, str]:
-    """Return the name of the matrix of each field of axial acceleration of a frame, by the field.
+    """Return the name of a body's matrix for each field of axial acceleration in a frame, by the field's name.
 
-    Without an angle there is only the uniform field.
+    Without an angle there is only the uniform field ``x``.
     """
     return FIELD_MATRICES if scene.frame is not None and scene.frame.has_angles else {"x": FIELD_MATRICES["x"]}
 

@@ -135,7 +135,10 @@ class Member:
 
     @property
     def points(self) -> tuple[float, ...]:
-        """Distances in m of sliding points ahead of s."""
+        """Distances in m of the body's sliding points ahead of the path coordinate s.
+
+        They are empty if pads slide on the body, or if nothing does.
+        """
         if not self.has_joint:
             return self.scene.points
         return (0.0,) if any(seat.ring.faces is None for seat in self._seats) else ()

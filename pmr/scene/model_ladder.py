@@ -97,7 +97,7 @@ def shell_cell_count(part: BoomSection, by: float) -> float:
 
 
 def candidate_scenes(scene: Scene) -> list[Scene]:
-    """Return the scenes among which measurements choose a model; none if no body's model is left to measurements.
+    """Return the scenes among which measurements choose a model; empty if no body's model is left to measurements.
 
     First come beams with rigid walls, then beams with flexible walls, planar ones before those in space; shells are
     last.  Planar beams are left out if some body needs a beam in space.  Rigid walls are left out if the scene has

@@ -72,7 +72,7 @@ class Observe(SceneTable):
 
     @model_validator(mode="after")
     def _check_ends(self) -> Observe:
-        """Refuse one end of the observed range without the other."""
+        """Refuse an observed range with only one of its ends."""
         if (self.start is None) != (self.end is None):
             raise ValueError("start and end are allowed together; without them a beam's nodes are observed")
         return self
@@ -190,7 +190,7 @@ class Reduction(BasisChoice):
     @model_validator(mode="before")
     @classmethod
     def _fill_in_flexibility(cls, data: object) -> object:
-        """Fill in the defaults of free modes: flexibility, and with it 6 coordinates."""
+        """Fill in the defaults of free modes: flexibility, and 6 coordinates if there is flexibility."""
         if isinstance(data, dict) and data.get("residual_inertia") is False:  # a key in scenes of earlier saved files
             data = {key: value for key, value in data.items() if key != "residual_inertia"}
         if not isinstance(data, dict) or data.get("basis", "free_modes") != "free_modes":

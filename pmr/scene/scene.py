@@ -171,7 +171,10 @@ class SectionTables(CommonTables):
 
     @property
     def points(self) -> tuple[float, ...]:
-        """Distances of the sliding points ahead of s in m; empty where pads slide, or nothing."""
+        """Distances in m of the only body's sliding points ahead of s.
+
+        They are empty if pads slide on the body, or if nothing does.
+        """
         slider = self.only_section.slider
         if slider is not None and slider.offsets is not None:
             return slider.offsets
@@ -252,7 +255,10 @@ class Scene(SectionTables):
         return super().model_copy(update=changed, deep=deep)
 
     def vary_sections(self, keys_of: Callable[[BoomSection], Mapping[str, object]], **keys: object) -> Self:
-        """Return a copy in which each section has the keys that `keys_of` returns for it; `keys` are of the scene."""
+        """Return a copy in which each section has the keys that `keys_of` returns for it.
+
+        `keys` are further keys, of the scene itself.
+        """
         sections = tuple(part.with_keys(**keys_of(part)) for part in self.sections)
         return self.with_keys(sections=sections, **keys)
 

@@ -182,7 +182,7 @@ class TomlFile:
         return base
 
     def _forget_alternatives(self, base: dict[str, object], update: Mapping[str, object]) -> None:
-        """Remove from `base`, in place, the keys for which `update` has an alternative description of the same."""
+        """Remove from `base`, in place, all keys that describe in another way what keys of `update` describe."""
         for table, ways in self.dialect.alternatives.items():
             old, new = base.get(table), update.get(table)
             if not (isinstance(old, dict) and isinstance(new, Mapping)):

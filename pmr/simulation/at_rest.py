@@ -117,7 +117,10 @@ def constant_inclination(base: BaseMotion | None) -> BaseMotion | None:
 
 
 def accelerate_angle(still: Scene, angle: str) -> Scene:
-    """Scene `still` of `scene_at_rest` with an acceleration of 1 rad/s^2 of `angle`: ``luffing`` or ``slewing``."""
+    """The scene `still`, made by `scene_at_rest`, with an acceleration of 1 rad/s^2 of an angle.
+
+    `angle` is ``luffing`` or ``slewing``.
+    """
     assert still.frame is not None
     turned = {angle: getattr(still.frame, angle).model_copy(update={"acceleration": still.frame.radian})}
     return still.model_copy(update={"frame": still.frame.model_copy(update=turned)})

@@ -146,8 +146,8 @@ def summary(omega: float, stepping: TimeStepping) -> dict[str, object]:
 def warnings(omega: float, stepping: TimeStepping) -> list[str]:
     """Warning, in a list, if even a part of a step is too long for contacts of frequency `omega` in rad/s.
 
-    The list is empty if the parts are short enough.  A part is as short as a step may be divided, whatever parts the
-    schedule of another run has: its steps were divided no further, as their error allowed it.
+    The list is empty if the parts are short enough.  A part is taken as short as it may be, whatever the schedule says:
+    another run chose the schedule by the error of its steps.
     """
     stepping = replace(stepping, schedule=())
     count = count_parts(omega, stepping)
@@ -166,7 +166,10 @@ def warnings(omega: float, stepping: TimeStepping) -> list[str]:
 
 @dataclass(frozen=True)
 class StepParts:
-    """Numbers (T,) of equal parts of T steps, in all N - 1 parts; the largest number is a multiple of all others."""
+    """Numbers (T,) of equal parts into which T steps are divided; the largest number is a multiple of all others.
+
+    All steps together have N - 1 parts.
+    """
 
     stepping: TimeStepping
     parts: Indices

@@ -122,7 +122,7 @@ class Excitation:
         return self.f if t is None and tuple(names) == tuple(self.loads) else self._columns(signals, t)
 
     def first_loads(self, system: System) -> Array:
-        """Values at t = 0 of what a user loads, by the names `System.load_names`."""
+        """Values (l,) at t = 0 of the loads that a user gives to a system, in the order of `System.load_names`."""
         signals = dict(self.loads) | dict(self.hoist)
         return np.array([float(signals[name].value(0.0)) for name in system.load_names])
 
@@ -221,7 +221,10 @@ def side_positions(
 
 
 def first_moves(excitation: Excitation) -> Indices:
-    """Numbers of the first step, 0, and of the step by which each path has first moved; 0 if it never does."""
+    """Numbers (1 + P,) of steps: first 0, then for each path the first step at whose end it has moved.
+
+    The number is 0 for a path that never moves.
+    """
     return np.concatenate([[0], np.argmax(excitation.s != excitation.s[0], axis=0)])
 
 

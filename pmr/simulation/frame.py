@@ -145,9 +145,10 @@ class FrameAmplitude(FrameSignal):
         return value_of
 
     def highest_frequency(self, start: float, end: float) -> float:
-        """Twice the highest frequency in Hz of angles, gravity and paths from `start` to `end` in s.
+        """Highest frequency in Hz of the amplitude from `start` to `end` in s, an estimate.
 
-        With a load or a base that is shaken, it is at least the sum of this one's highest frequency and theirs.
+        It is twice the highest frequency of angles, gravity and paths, because these enter as squares and products.  If
+        a load or the base moves, it is at least the sum of its highest frequency and that of angles, gravity and paths.
         """
         slow, fast = (
             max((signal.highest_frequency(start, end) for signal in signals), default=0.0)

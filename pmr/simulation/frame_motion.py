@@ -253,9 +253,9 @@ _QUINTIC = np.linalg.inv(_ENDS.astype(float))
 
 @dataclass(frozen=True, eq=False)
 class MotionSamples:
-    """Computed motion of a machine in one direction, or of an extension; objects are equal only if they are the same.
+    """Computed motion of a machine in one direction, or of an extension; only the same object counts as equal.
 
-    The N `times` are t = 0 and the ends of all steps, of which there are T - 1; where steps are divided into parts, the
+    The N `times` are t = 0 and the ends of all T - 1 steps.  If steps are divided into parts, they are t = 0 and the
     ends of all parts.
     """
 

@@ -162,7 +162,7 @@ class Boom:
 
 @dataclass(frozen=True)
 class SectionMoments:
-    """First moments mu (S, 4, 3) of the sections' displacements at one instant, and by what they change."""
+    """First moments mu (S, 4, 3) of the sections' displacements at one instant, with their derivatives."""
 
     value: Array
     rate: Array
@@ -191,9 +191,11 @@ class SectionMoments:
 
 
 def accelerations(boom: Boom, motion: FrameMotion, extended: Extensions, driven: Array) -> Array:
-    """Accelerations y (S, 4, 3) less gravity of points at rest in the sections, by 1, x, y and z, along x, y and z.
+    """Accelerations y (S, 4, 3), less gravity, of points at rest in each of S sections.
 
-    `driven` (6 + P,) are the linear and the angular acceleration of the frame, and the second rates of the paths.
+    For each section, y has the acceleration of its tail and the slopes of the acceleration over x, y and z (second
+    axis), along x, y and z (last axis).  `driven` (6 + P,) are the linear and the angular acceleration of the frame,
+    and the second rates of the paths.
     """
     y, spin, S = np.empty((len(boom.masses), 4, 3)), skew(motion.omega), len(boom.masses)
     gradient, rates, seconds = (
@@ -216,8 +218,8 @@ def base_equations(
     r + u).  A motion of coordinates or paths moves them as the displacement u.  Let :math:`A = \int \rho\, \hat r \hat
     r^T` be the second moments of a section, :math:`\mu` its first moments, and J the derivatives of these by all
     motions.  The mass matrix is the sum of :math:`V^T A V + V^T J + J^T V` over the sections.  The forces are the sum
-    of :math:`V^T (A\, y + \ddot\mu + 2\, \omega \times \dot\mu) + J^T y`, with the accelerations y of a rigid boom.
-    The matrices T and N of the frame's rotation add what is quadratic in u.
+    of :math:`V^T (A\, y + \ddot\mu + 2\, \omega \times \dot\mu) + J^T y`, with the :math:`y` of `accelerations`.  The
+    matrices T and N of the frame's rotation add what is quadratic in u.
 
     `rate` are the rates of q; `moments` are those of the boom if None.
     """

@@ -274,7 +274,10 @@ def machine_wrench(scene: Scene, t: Array) -> Array:
 
 
 def _winch_wrench(scene: Scene, response: Response) -> Array:
-    """Force and moment about the pivot (T, 6) by which the hoist's rope pulls a winch on the machine; else zeros."""
+    """Force and moment about the pivot (T, 6) by which the hoist's rope pulls a winch on the machine.
+
+    They are zero if no winch is on the machine.
+    """
     hoist, frame = scene.hoist, scene.frame
     if hoist is None or hoist.winch.section or frame is None:
         return np.zeros((len(response.t), 6))

@@ -242,5 +242,5 @@ def _stability_load(loaded: LoadedStructure, up_to: float) -> float:
 
 
 def _buckling_share(states: LoadedStates) -> Array:
-    """Return (p,) each state's load over that at which the boom buckles while the same contacts stay closed."""
+    """Return the load of each state (p,) over the load at which the boom buckles with the same contacts closed."""
     return states.load / np.array([form.critical for form in states.forms])

@@ -58,7 +58,7 @@ def usual_load(scene: Scene) -> float:
 
 
 def words_of_usual_load(scene: Scene) -> str:
-    """Say what `usual_load` is."""
+    """Return in words which mass `usual_load` is."""
     if scene.frame is not None and scene.frame.ground is not None and scene.frame.ground.masses:
         return "the mass of machine and boom"
     return f"{BOOMS:g} times the mass of the boom"

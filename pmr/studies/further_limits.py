@@ -172,7 +172,7 @@ def expression_function(text: str) -> LimitFunction:
 def names_in_tables(scene: Scene) -> dict[str, list[str]]:
     """Return the names in the tables ``output`` and ``force`` of expressions on a scene, without a model.
 
-    Names of probes lack what they measure, which follows them after a space.
+    A probe has its name alone; in expressions, what it measures follows after a space.
     """
     outputs, supports = list[str](), list[str]()
     for (body, part), member in zip(scene.bodies.items(), members(scene), strict=True):

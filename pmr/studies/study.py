@@ -212,7 +212,7 @@ _PREFIXES = {"m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9}
 
 
 def _largest_figure(warning: str) -> float:
-    """Figure behind the first "up to" of a warning, in the unit without prefix; -1 without such a figure."""
+    """Number after the first "up to" in a warning, in the unit without prefix; -1 if there is no such number."""
     figure = _UP_TO.search(warning)
     return -1.0 if figure is None else float(figure[1]) * _PREFIXES.get(figure[2], 1.0)
 

@@ -134,7 +134,10 @@ class Plan:
     shared: tuple[Task, ...] = ()  # tasks without a row that several runs need; computed once if a run still needs them
 
     def __post_init__(self) -> None:
-        """Raise InputError if two tasks have the same key, ValueError if a task needs one that is not before it."""
+        """Raise InputError if two tasks have the same key.
+
+        A ValueError is raised if a task needs one that does not come before it.
+        """
         twice = [key for key, count in Counter(task.key.casefold() for task in self).items() if count > 1]
         if twice:
             allowed = f"two runs are called {', '.join(twice)}; names of scenes and cases, and values, must differ"

@@ -73,22 +73,22 @@ def _kind_of_earlier_version(name: str, unit: str) -> str:
 
 
 def _has_kind(body: Body, *kinds: str) -> Mask:
-    """Which of the outputs (o,) are of one of these kinds."""
+    """Mask (o,) of the outputs that are of one of these kinds."""
     return np.array([kind.split(" ")[0] in kinds for kind in kinds_of(body)], dtype=bool)
 
 
 def force_outputs(body: Body) -> Mask:
-    """Which of the outputs (o,) are forces of pads and of supports with a stiffness."""
+    """Mask (o,) of the outputs that are forces of pads and of supports with a stiffness."""
     return _has_kind(body, *FORCES)
 
 
 def length_outputs(body: Body) -> Mask:
-    """Which of the outputs (o,) are displacements of the beam or of its tip."""
+    """Mask (o,) of the outputs that are displacements of the beam or of its tip."""
     return _has_kind(body, "beam", "tip")
 
 
 def other_outputs(body: Body) -> Mask:
-    """Which of the outputs (o,) are rotations or probes: neither forces nor displacements of the beam or its tip."""
+    """Mask (o,) of the outputs that are rotations or probes, neither forces nor displacements."""
     return np.asarray(~(length_outputs(body) | force_outputs(body)))
 
 

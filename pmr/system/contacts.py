@@ -269,7 +269,7 @@ class Friction:
 
     @classmethod
     def from_contacts(cls, contacts: Sequence[Contact]) -> Friction | None:
-        """Friction of a system's contacts; None if no contact has any."""
+        """Friction of a system's contacts; None if no contact has friction."""
         numbers = {contact.name: k for k, contact in enumerate(contacts)}
         joints = tuple(dict.fromkeys(contact.inner.body for contact in contacts if contact.friction))
         pads_of_joints = [
@@ -306,10 +306,10 @@ class Friction:
         return borne
 
     def moments(self, friction: Array, forces: Array) -> Array:
-        """Moments (..., m) in N m of the pads' friction (..., n) in N on all contacts; zero if without friction.
+        """Moments (..., m) in N m of the pads' friction (..., n) in N on all contacts.
 
-        A moment is the friction times the pad's arm, with the sign of the pad's contact force.  `forces` (..., m) in N
-        are those of all contacts.
+        A moment is the friction times the pad's arm, with the sign of the pad's contact force.  It is zero on contacts
+        without friction.  `forces` (..., m) in N are those of all contacts.
         """
         pad_moments = np.zeros(forces.shape)
         pad_moments[..., self.pads] = self.arms * np.sign(forces[..., self.pads]) * friction
@@ -332,11 +332,11 @@ class Friction:
         return gaps
 
     def stored_energy(self, friction: Array, forces: Array) -> Array:
-        """Energy (...) in J that cylinders store beyond lambda^2 / 2 k because of friction.
+        """Energy (...) in J that cylinders store because of friction, beyond lambda^2 / 2 k.
 
-        The pads have the `friction` (..., n) in N. The argument `forces` (..., m) in N has those of all contacts: for
-        cylinders Lambda, which includes the friction.  The force lambda reaches the sections, k is the cylinder's
-        stiffness.
+        In it, k is a cylinder's stiffness, and lambda the part of its force that reaches the sections.  The pads have
+        the `friction` (..., n) in N.  `forces` (..., m) in N are those of all contacts; the forces of cylinders among
+        them include the friction.
         """
         total = self.joint_totals(friction)
         return np.asarray(

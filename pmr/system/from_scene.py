@@ -56,9 +56,9 @@ def system_of(scene: Scene, bodies: Mapping[str, SlidingBody]) -> System:
 
 
 def with_terms_of(scene: Scene, system: System) -> System:
-    """Return a system read from a file with the scene's function `terms_of`, which makes terms for other bodies.
+    """Return the system with the function `terms_of` of a scene, which makes terms for other bodies.
 
-    A file contains only the terms for its own bodies.
+    A system that is read from a file has only the terms of its own bodies.
     """
     return replace(system, terms_of=partial(terms_of, scene))
 

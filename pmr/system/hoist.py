@@ -37,9 +37,9 @@ class Slot(NamedTuple):
 
 @dataclass(frozen=True)
 class Hoist:
-    """A hoist whose rope pulls k inputs of a system's bodies, in the kernel's terms; without arguments there is none.
+    """A hoist whose rope pulls k inputs of a system's bodies, in the kernel's terms.
 
-    A hoist is true, and none is false.
+    Without arguments there is no hoist; as a truth value the object is then false.
     """
 
     inputs: tuple[str, ...] = ()  # (k,): names of the system's inputs

@@ -159,7 +159,7 @@ def _selects_all(numbers: slice | Sequence[int] | Indices, count: int) -> bool:
 def stack_tables(tables: Sequence[PPoly], domain: tuple[float, float], columns: int = 0) -> PPoly:
     """Table with values (m, r) on `domain` in m, from m tables with values (r,), which may have any breaks.
 
-    Without any table, r is `columns`.
+    If there are no tables, r is `columns`.
     """
     if not tables:
         return PPoly(np.zeros((1, 1, 0, columns)), np.array(domain))

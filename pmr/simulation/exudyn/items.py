@@ -229,7 +229,7 @@ class Steps:
         return replace(items, update=self._begin)
 
     def check(self, t: float) -> None:
-        """Raise InputError in a step that ends at t (s) if the update was not called for it.
+        """Raise InputError if a step ends at t (s) and the update of paths and loads was not called for this time.
 
         This happens if another pre-step function has replaced the update.
         """

@@ -186,5 +186,8 @@ def describe_slider(position: Callable[[float], float]) -> Callable[[float], str
 
 
 def _describe_failed_step(number: int, t: float, place: Callable[[float], str]) -> str:
-    """Text about the failed step `number` with time and path coordinates; `place` returns the latter for a time."""
+    """Text about the failed step `number`, with its time and the path coordinates.
+
+    `place` returns the path coordinates at a time as text.
+    """
     return f"Exudyn failed at step {number}, t = {t:g} s, {place(t)}"

@@ -166,7 +166,8 @@ def machine_motion(scene: Scene, system: System) -> MachineMotion:
 class MachineRun:
     """Simulation of a machine and its boom from the start on, with the kernel's steps.
 
-    A machine that is a free luffing angle is one in `luffing`, the scene whose luffing angle is prescribed.
+    A free luffing angle is simulated as a machine that pitches.  `luffing` is then the scene whose luffing angle is
+    prescribed.
     """
 
     def __init__(

@@ -258,17 +258,26 @@ class Stepper:
 
     @property
     def hoist(self) -> dict[str, float]:
-        """Height of the hook, its place in m, its swings in rad and the rope's force in N by name; else empty."""
+        """Height of the hook, its place in m, its swings in rad and the rope's force in N, by name.
+
+        The dict is empty if the system has no hoist.
+        """
         return dict(zip(OUTPUTS, self._state.hoist.tolist(), strict=False))
 
     @property
     def luffing(self) -> dict[str, float]:
-        """Free luffing angle in rad and its rate, and what the luffing cylinder does, by name; else empty."""
+        """Free luffing angle in rad and its rate, and the quantities of the luffing cylinder, by name.
+
+        The dict is empty if the luffing angle is prescribed.
+        """
         return {} if self._moved else self._values_of_computed
 
     @property
     def extension(self) -> dict[str, float]:
-        """Free extension in m with its rates, and what its cylinder does, by name; else empty."""
+        """Free extension in m with its rates, and the quantities of its cylinder, by name.
+
+        The dict is empty if all extensions are prescribed.
+        """
         return self._values_of_computed if self._moved else {}
 
     @property
@@ -278,7 +287,10 @@ class Stepper:
 
     @property
     def ground(self) -> dict[str, float]:
-        """Force and moment on the ground, forces of outriggers, margins against tipping by name; else empty."""
+        """Force and moment on the ground, forces of outriggers and margins against tipping, by name.
+
+        The dict is empty if the scene has no ground.
+        """
         return dict(zip(self._ground, self._state.ground.tolist(), strict=True))
 
     @property

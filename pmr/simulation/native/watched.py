@@ -37,7 +37,7 @@ def _greatest_length(system: System, scene: Scene) -> float:
 
 
 def watched_outputs(system: System, scene: Scene | None, names: Collection[str]) -> WatchedOutputs:
-    """Displacements in m and margins against tipping, as far as they are among `names`; none without a frame."""
+    """Displacements in m and margins against tipping, as far as they are among `names`; empty without a frame."""
     limits, kinds, messages = dict[str, tuple[float, float]](), list[int](), list[str]()
     if scene is not None and scene.frame is not None:
         length = _greatest_length(system, scene)

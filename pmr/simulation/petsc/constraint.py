@@ -184,8 +184,8 @@ class Constraint:
 def solve_for_carriers(factor: MatrixFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> tuple[Array, Array]:
     """Matrix P = E^T S^{-1} E (p, p), the same on every rank, and this rank's rows of S^{-1} E.
 
-    `factor` is a factor of S; the argument `E` holds this rank's columns (p, n_local) of E^T.  This rank's rows of
-    S^{-1} E are (n_local, p), or (n_local, 0) unless `stored`.
+    `factor` is a factor of S; the argument `E` holds this rank's columns (p, n_local) of E^T.  This rank's rows are
+    (n_local, p), or (n_local, 0) unless `stored`.
     """
     p, n = E.shape
     P, stored_rows = np.zeros((p, p)), np.zeros((n, p if stored else 0), order="F")

@@ -126,7 +126,10 @@ class VisitedCarriers:
 
 
 class Layout:
-    """Numbering of the D entries and c powers of all sides, one side after the other; each contact's first power."""
+    """Numbering of the D entries and c powers of all sides, one side after the other.
+
+    `starts` are the numbers of each contact's first power.
+    """
 
     def __init__(self, course: Course) -> None:
         widths = [row.touched.shape[1] for row in course.rows]

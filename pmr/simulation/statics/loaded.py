@@ -296,7 +296,7 @@ class Form:
     def frequency(self, load: float) -> float:
         """Lowest natural frequency in Hz with `load` in kg as a mass on its directions.
 
-        0 past buckling; inf if no coordinate has a mass.
+        It is 0 if the structure buckles under the load, and infinite if no coordinate has a mass.
         """
         if load >= self.critical:
             return 0.0
@@ -324,7 +324,8 @@ class Form:
 class LoadedStructure:
     """Equilibria in one posture under any load; the form of each set of closed contacts is stored once it is met.
 
-    A body that floats within the play of contacts has no equilibrium if it `may_float`, and else is refused.
+    If `may_float`, a body that floats within the play of contacts has no equilibrium; otherwise an InputError is
+    raised.
     """
 
     def __init__(self, equations: Equations, may_float: bool = False) -> None:

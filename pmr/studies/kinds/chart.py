@@ -345,7 +345,10 @@ class Study(StudyBase):
 
     @cached_property
     def _scene(self) -> Scene:
-        """The scene with `change` applied and second-order terms; raises InputError if no chart can be made of it."""
+        """The scene with `change` applied, without payloads, and with second order.
+
+        Raises InputError if no chart can be made of it.
+        """
         scene = scenes.vary(self.scene, [Change(self.change, "change")])
         scene = scene.vary_sections(lambda part: {"masses": tuple(mass for mass in part.masses if not mass.payload)})
         if scene.frame is None or scene.frame.luffing is None:
