@@ -28,7 +28,7 @@ from pmr.scene.members import EXTENSION, Member, member_at, members
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import clip_path
 from pmr.simulation.native.luffing import with_free_motion
-from pmr.system.from_scene import system_of
+from pmr.system.from_scene import system_of, with_hoist_of
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System
 
@@ -69,7 +69,7 @@ def simulate_with_states(
     """
     steps = range(scene.time.steps + 1) if steps is None else steps
     scene = with_models_of(scene, reduced)
-    system = reduced if isinstance(reduced, System) else join_models(scene, reduced)
+    system = with_hoist_of(scene, reduced) if isinstance(reduced, System) else join_models(scene, reduced)
     scene = with_choice_of_terms(scene, system.terms)
     with Clock().stage("reduced"), refuse_growth(scene):
         if scene.computed_key is not None:
@@ -196,7 +196,8 @@ def check_same_scene(model: System | ReducedModel, scene: Scene, number: int | N
     else:
         differing, read = _scene_differences(recorded_scene, scene), scene.files_read
     of_gravity, of_files = _gravity_differences(recorded_scene, scene), _file_differences(files, read)
-    for key, value, of_model in itertools.chain(of_gravity, differing, of_files):
+    of_mechanism = _mechanism_differences(recorded_scene, scene) if isinstance(model, System) else ()
+    for key, value, of_model in itertools.chain(of_gravity, of_mechanism, differing, of_files):
         shown = list(value) if isinstance(value, tuple) else value
         where = scene.section_key(number or 0, key) if alone else key
         raise InputError("scene", where, shown, f"that of the model is allowed: {of_model!r}")
@@ -214,6 +215,29 @@ def _gravity_differences(recorded_scene: Mapping[str, object], scene: Scene) -> 
     """Differences in gravity between a recorded scene and a scene."""
     if recorded_scene.get("gravity") and scene.gravity:
         yield from _part_differences(recorded_scene["gravity"], scene.gravity, "gravity")
+
+
+#: Keys of a frame and a hoist that are in the contacts, terms and inputs of a system.
+MECHANISM = (
+    *("frame.pivot", "frame.cylinder.foot", "frame.cylinder.lug", "frame.cylinder.stiffness"),
+    *("hoist.section", "hoist.on", "hoist.offset", "hoist.winch.section"),
+)
+
+
+def _mechanism_differences(recorded_scene: Mapping[str, object], scene: Scene) -> Iterator[Difference]:
+    """Differences in the keys `MECHANISM`, and in the place of a winch on a section."""
+    on_section = scene.hoist is not None and scene.hoist.winch.section
+    for key in (*MECHANISM, *(["hoist.winch.at"] if on_section else [])):
+        recorded: Any = recorded_scene
+        present: Any = scene
+        names = key.split(".")
+        for depth, name in enumerate(names, 1):
+            if name not in recorded:
+                break
+            recorded, present = recorded[name], getattr(present, name)
+            if recorded is None or present is None or depth == len(names):
+                yield from _part_differences(recorded, present, ".".join(names[:depth]))
+                break
 
 
 def _body_differences(recorded_scene: Mapping[str, Any], member: Member) -> Iterator[Difference]:

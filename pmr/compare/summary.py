@@ -63,7 +63,7 @@ from pmr.scene.keys import ALONE
 from pmr.scene.mechanism import AT_GROUND, AT_PIVOT
 from pmr.simulation import Excitation, contact_step
 from pmr.simulation.stepping import describe_lost_features, describe_overshoots
-from pmr.system.from_scene import with_terms_of
+from pmr.system.from_scene import with_hoist_of, with_terms_of
 from pmr.system.system import System
 
 
@@ -355,7 +355,7 @@ def simulate_saved(system: System, scene: Scene) -> RunResult:
     scene = with_choice_of_terms(scene, system.terms)
     check_installed(scene)
     scene = with_models_of(scene, system)
-    system = with_terms_of(scene, system)
+    system = with_terms_of(scene, with_hoist_of(scene, system))
     clock, excitation, models = Clock(), excitation_of_scene(scene, system), system.reduced
     results = simulate(scene, system, excitation, clock)
     responses, response = {"reduced": results.first.response}, results.first.response

@@ -63,6 +63,11 @@ def with_terms_of(scene: Scene, system: System) -> System:
     return replace(system, terms_of=partial(terms_of, scene))
 
 
+def with_hoist_of(scene: Scene, system: System) -> System:
+    """Return a system whose hoist has the payload, rope and start of another scene of the same boom."""
+    return replace(system, hoist=hoist_of(scene)) if system.hoist else system
+
+
 def contacts_of(scene: Scene, bodies: Mapping[str, Body]) -> tuple[Contact, ...]:
     """All contacts between sections, then all contacts with the ground; for a single body those of `System.of`.
 

@@ -126,6 +126,12 @@ BAKED = {
     "gravity.inclination=30": r"gravity.direction = .* allowed: \[0.0, 0.0, -1.0\]",
     "damping.ratio=0.02": "damping.mass",
 }
+#: What is in the contacts and the terms of a boom in a frame.
+MECHANISM = {
+    "frame.cylinder.foot=[0.7, -1.2]": "frame.cylinder.foot",
+    "frame.cylinder.lug=[2.0, -0.3]": "frame.cylinder.lug",
+    "frame.pivot=[0.5, 0.0, 0.0]": "frame.pivot",
+}
 FREE = ["title=x", "time.step=1e-3", "gravity.rise=0.1", *OTHER[:2]]
 
 
@@ -144,6 +150,9 @@ def test_a_system_without_second_order_is_refused_to_a_scene_that_asks_for_it() 
     with pytest.raises(InputError, match="frame.second_order") as refused:
         check_scene_fits(pmr.load_scene(plain_machines.CRANE, [*quick, "frame.second_order=true"]), system)
     assert refused.value.allowed == "false is allowed: the system was reduced so"
+    for change, key in MECHANISM.items():
+        with pytest.raises(InputError, match=f"scene: {key} = .*that of the model is allowed"):
+            check_scene_fits(pmr.load_scene(plain_machines.CRANE, [*quick, "frame.second_order=false", change]), system)
 
 
 def test_another_boom_or_a_body_alone_is_refused(system: System, folder: Path) -> None:

@@ -6,7 +6,7 @@ import hoists
 import numpy as np
 import pytest
 
-from pmr import simulate_with_states
+from pmr import InputError, simulate_with_states
 from pmr.compare.drives import hoist_part
 from pmr.compare.responses import Simulation
 from pmr.scene.hoist import HEIGHT, OUTPUTS, ROPE_FORCE
@@ -50,6 +50,29 @@ def test_the_summary_has_the_weight_s_force_and_where_the_rope_is_slack() -> Non
     assert slack[0] == pytest.approx(span["start"]) and slack[-1] == pytest.approx(span["end"] - 1e-3)
     assert span["snatch"] == pytest.approx(force.max())
     assert len(part.grave) == 1 and part.grave[0].startswith("the hoist rope is slack from ")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"hoist.payload": 170.0, "hoist.hook": 5.0},
+        {"hoist.swing": [0.1, 0.0]},
+        {"hoist.hanging": 1.5, "hoist.velocity": [0.2, 0.0, 0.0]},
+        {"hoist.falls": 2, "hoist.EA": 1e6},
+    ],
+)
+def test_a_system_has_the_hoist_of_the_scene_that_it_is_simulated_under(changes: dict[str, object]) -> None:
+    short = {"time.end": 0.02, "simulation.simulators": ["march"]}
+    scene, other = hoists.cantilever(short), hoists.cantilever(short | changes)
+    found, expected, before = (
+        simulate_with_states(of, hoists.reduced(model), ()).response
+        for of, model in ((other, scene), (other, other), (scene, scene))
+    )
+    sizes = np.abs(expected.others).max(axis=0) + 1e-6
+    assert np.abs(expected.others - before.others).max() > 1e-2
+    np.testing.assert_allclose(found.others / sizes, expected.others / sizes, rtol=0.0, atol=1e-9)
+    with pytest.raises(InputError, match=r"hoist.on = 3.5: that of the model is allowed: 'tip'"):
+        simulate_with_states(hoists.cantilever(short | {"hoist.on": 3.5}), hoists.reduced(scene), ())
 
 
 RAMP = {"kind": "smooth_ramp", "times": [0.0, 2.0], "values": [0.0, 0.4]}
