@@ -173,12 +173,12 @@ cat "$$logs/failed" 2>/dev/null; [ ! -e "$$logs/failed" ]; status=$$?; rm -rf "$
 endef
 
 # What CI runs: the suite on Debian's stack, COMPARE under the kernels between and all else under KERNEL; on the wheel
-# stack, under the last kernel, what needs the other stack and what is numerical; under the kernels between, on
-# Debian's, the tests for two ranks on two. So each stack and each kernel has its turn, and what is numerical runs under
-# two of them; `make test` runs it under all. Left out on the wheel stack, as they run on Debian's: what only reads
-# scenes and pages, slow tests but numerical ones and those of FEniCSx itself, further cases of slow tests and of tests
-# that are neither, slow ones and further cases on two ranks. The longest begin first and the shortest end: a core waits
-# for the last of them. LONGEST and LAST are what .ci/run adds.
+# stack, under the last kernel, what tests/conftest.py marks `stack`; under the kernels between, on Debian's, the tests
+# for two ranks on two. So each stack and each kernel has its turn, and what is numerical and quick runs under two of
+# them; `make test` runs all of it under all. Left out on the wheel stack, as they run on Debian's: what only reads scenes
+# and pages, slow tests but first cases of FEniCSx itself, further cases of tests that are neither numerical nor of
+# FEniCSx, and on two ranks slow tests and further cases. The longest begin first and the shortest end: a core waits for
+# the last of them. LONGEST and LAST are what .ci/run adds.
 LAST_KERNEL := $(lastword $(KERNELS))
 BETWEEN := $(filter-out $(KERNEL) $(LAST_KERNEL),$(KERNELS))
 LONGEST =

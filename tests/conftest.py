@@ -42,11 +42,11 @@ NUMERICAL = (
     *("simulation/petsc", "simulation/statics", "simulation/native/test_systems.py", "simulation/test_modal.py"),
     *("studies/kinds", "errors/test_environment.py", "test_run.py"),
 )
-#: What shows FEniCSx, PETSc and SLEPc at work (weak forms, factors, memory): of its slow tests CI runs first cases on
-#: both stacks, and of other slow tests only numerical ones.
+#: What shows FEniCSx, PETSc and SLEPc at work (weak forms, factors, memory, whole runs): first cases of its slow tests
+#: run on both stacks in CI, all other slow tests on one.
 FENICSX = (
     *("convergence", "fem", "models/test_profile_shell.py", "models/test_transverse_plates.py", "simulation/petsc"),
-    *("fullmodel/test_memory.py", "fullmodel/test_model.py", "test_random_structures.py"),
+    *("fullmodel/test_memory.py", "fullmodel/test_model.py", "test_random_structures.py", "test_run.py"),
 )
 #: What reads scenes, pages and sources, or starts processes and stops them, by packages of one version on both stacks:
 #: tested on one of them, but for `EVALUATED`, of which NumPy and SciPy decide.
@@ -143,8 +143,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if is_numerical(item.path) and not slow:
             item.add_marker(pytest.mark.numerical)
         read = file.startswith(READ) and not file.startswith(EVALUATED)
-        of_libraries = file.startswith(FENICSX) or item.get_closest_marker("numerical")
-        if (first or not slow and of_libraries) and (of_libraries or not slow and not read):
+        of_fenicsx, numerical = file.startswith(FENICSX), item.get_closest_marker("numerical") is not None
+        if of_fenicsx and first if slow else of_fenicsx or numerical or first and not read:
             item.add_marker(pytest.mark.stack)
 
 
