@@ -112,11 +112,6 @@ def test_the_weight_of_sections_is_there_from_the_start_with_or_without_a_table(
     assert Scene.model_validate(without | {"gravity": {"rise": 0.5}}).gravity.rise == 0.5
 
 
-def test_pads_in_space_need_faces() -> None:
-    with pytest.raises(InputError, match=r"sections\[1\].joint.tail\[0\].faces: faces are needed: only on planar"):
-        load("section.joint.tail=[{at=0.15}]", "section.joint.mouth=[{at=0.15}]", "section.body.model=beam3d")
-
-
 def test_friction_needs_a_cylinder() -> None:
     assert load("section.joint.tail.0.friction=0.1").sections[1].joint.rings[0].friction == 0.1
     data = load("section.joint.tail.0.friction=0.1").model_dump(mode="json")
@@ -124,12 +119,6 @@ def test_friction_needs_a_cylinder() -> None:
         part["body"] = {"profile": {"length": 6.0, "bending_stiffness": 2e7, "mass_per_length": 60.0}}
     with pytest.raises(InputError, match=r"sections\[1\].joint.tail\[0\].friction = 0.1: 0 is allowed: middle has no"):
         check_scene(Scene.model_validate(data))
-
-
-def test_only_planar_beams_have_rigid_overlaps() -> None:
-    assert load("section.joint.rigid_overlap=true").sections[2].joint.rigid_overlap
-    with pytest.raises(InputError, match=r"sections\[1\].joint.rigid_overlap = True: false is allowed but for planar"):
-        load("section.joint.rigid_overlap=true", "section.body.model=beam3d")
 
 
 def test_whoever_takes_one_body_says_so() -> None:

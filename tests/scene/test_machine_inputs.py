@@ -100,11 +100,6 @@ def test_the_hook_of_a_machine_on_outriggers_is_measured_from_their_ground() -> 
         pmr.load_scene(plain_machines.HOIST, [*STANDS, "hoist.pivot_height=0.0", lifted])
 
 
-def test_a_head_that_is_not_at_the_tip_is_refused_in_second_order() -> None:
-    with pytest.raises(InputError, match=r"hoist\.on"):
-        pmr.load_scene(plain_machines.HOIST, ["frame.second_order=true", "hoist.on=5.0"])
-
-
 def test_its_outputs_belong_to_the_section_with_its_head() -> None:
     hoist = hoist_of(pmr.load_scene(plain_machines.HOIST, ["hoist.section=middle"]))
     bodies = dict.fromkeys(("base", "middle", "fly"))

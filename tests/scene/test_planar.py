@@ -58,11 +58,6 @@ def test_free_modes_with_flexibility_need_few_coordinates_and_no_pool(tmp_path: 
         scene.load(file, ["reduction.flexibility=false", "reduction.coordinates=2"])
 
 
-def test_callbacks_know_no_rows_that_give_way() -> None:
-    with pytest.raises(InputError, match="march or exudyn or exudyn-multiplier is allowed: exudyn-callback knows"):
-        scene.load(WORKFLOWS / "simple_residual.toml", ["simulation.simulators=['march','exudyn-callback']"])
-
-
 def test_the_line_names_the_file_in_which_the_value_stands(tmp_path: Path) -> None:
     base, derived = tmp_path / "base.toml", tmp_path / "derived.toml"
     base.write_text(f'extends = "{SIMPLE}"\n[body.profile]\nmass_per_length = -1.0\n')

@@ -140,11 +140,6 @@ def test_a_wall_is_a_long_plate() -> None:
     assert wall_frequency(box, 210e9, 0.3, 7850.0) == pytest.approx(122.9, abs=0.1)
 
 
-def test_nodes_are_those_of_a_beam(load) -> None:
-    with pytest.raises(InputError, match="'path' or a list"):
-        load("body.model=shell", "reduction={basis='eigenmodes',positions='nodes'}")
-
-
 def test_a_study_of_planar_beams_refuses_a_boom() -> None:
     with pytest.raises(InputError, match="a scene with a planar beam, without pads, is allowed here"):
         scenes.beam_scene(WORKFLOWS / "boom.toml")

@@ -168,14 +168,6 @@ def test_a_long_chain_of_files_is_refused(tmp_path: Path) -> None:
     assert "at most 40 files that extend one another are allowed" in refused(tmp_path / "1199.toml")
 
 
-def test_frames_that_a_planar_beam_inherits_are_refused_for_their_mass() -> None:
-    with pytest.raises(
-        InputError, match=r"sections\[0\].body.model = 'beam2d': beam3d and shell are allowed with body.box.frames"
-    ):
-        scenes.load_any("boom_three", ["section.body.box.frames=[3.0]"])
-    assert scenes.load_any("boom_three", ["section.body.box.frames=[]"])
-
-
 def test_what_is_taken_over_may_be_of_use_to_others(tmp_path: Path) -> None:
     """A shell's scene with a beam in its place, sections that share what some have no use for; not one's own file."""
     assert scenes.load_any("boom_shell", ["body.model=beam3d"])
