@@ -33,23 +33,19 @@ SUMMARY = {
 SCENE: dict[str, Any] = {
     "title": "Boom <3>",
     "body": {"model": "shell", "box": {"length": 6.0, "width": 0.3, "height": 0.4, "wall": 0.008}},
-    "pads": [
-        {"name": "tail", "at": 0.15, "faces": {"bottom": [-0.1, 0.1], "left": [0.0]}},
-        {"name": "mouth", "moving": True, "faces": {"bottom": [-0.1, 0.1], "top": [0.0], "right": [0.0]}},
-    ],
+    "pads": [{"name": "tail", "at": 0.15, "faces": {"bottom": [-0.1, 0.1], "left": [0.0]}}, {"name": "mouth",
+     "moving": True, "faces": {"bottom": [-0.1, 0.1], "top": [0.0], "right": [0.0]}}],
     "supports": [{"name": "cylinder", "directions": ["x"]}],
     "masses": [{"name": "payload", "on": "tip", "mass": 250.0}],
-    "loads": [
-        {"name": "tip force", "on": "tip", "signal": {"kind": "sine", "amplitude": 2000.0, "frequency": 2.0}},
-        {"name": "gust", "on": "tip", "direction": "y", "signal": 500.0},
-    ],
+    "loads": [{"name": "tip force", "on": "tip", "signal": {"kind": "sine", "amplitude": 2000.0, "frequency": 2.0}},
+     {"name": "gust", "on": "tip", "direction": "y", "signal": 500.0}],
     "gravity": {},
     "damping": {"ratio": 0.005, "frequencies": [10.0, 60.0]},
     "slider": {"path": {"kind": "ramp", "times": [0.2, 0.7], "values": [1.5, 4.0]}},
     "time": {"end": STEPS * 1e-3, "step": 1e-3},
     "observe": {"start": 0.2, "end": 5.8, "count": STATIONS},
     "recovery": {"every": 0.05},
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="session")

@@ -34,23 +34,14 @@ def write_boom(folder: Path) -> Path:
     part += ["*ELSET, ELSET=lower, GENERATE", f"1, {m}"]
     part += ["*ELSET, ELSET=upper, GENERATE", f"{node(last, 0)}, {node(last, m - 1)}"]
     part += [
-        "*SURFACE, NAME=begin",
-        "lower, E4",
-        "*SURFACE, NAME=end",
-        "upper, E2",
-        "*NSET, NSET=_own",
-        "1",
-        "*END PART",
-    ]
+        "*SURFACE, NAME=begin", "lower, E4", "*SURFACE, NAME=end", "upper, E2", "*NSET, NSET=_own", "1", "*END PART",
+    ]  # fmt: skip
     (folder / "half.inc").write_text("\n".join(part) + "\n")
     deck = ["*HEADING", "Boom", "*INCLUDE, INPUT=half.inc", "*ASSEMBLY, NAME=boom"]
     for name, at in (("rear", 0.0), ("front", LENGTH / 2)):
         deck += [
-            f"*INSTANCE, NAME={name}, PART=half",
-            f"0., 0., {at!r}",
-            "0., 0., 0., 0., 1., 0., 90.",
-            "*END INSTANCE",
-        ]
+            f"*INSTANCE, NAME={name}, PART=half", f"0., 0., {at!r}", "0., 0., 0., 0., 1., 0., 90.", "*END INSTANCE",
+        ]  # fmt: skip
     deck += ["*NSET, NSET=tail, INSTANCE=rear, GENERATE", f"1, {m}"]
     deck += ["*NSET, NSET=tip, INSTANCE=front, GENERATE", f"{node(ALONG, 0)}, {node(ALONG, m - 1)}"]
     deck += ["*TIE, NAME=joint", "front.begin, rear.end", "*END ASSEMBLY"]

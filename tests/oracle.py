@@ -36,11 +36,9 @@ class Case:
 
 CASES = {
     "simple": Case(path=Ramp(times=(3.75, 11.25), values=(1.25, 3.75)), load=Constant(amount=-50.0)),
-    "evolved": Case(
-        path=Ramp(times=(3.75, 7.5, 11.25), values=(1.25, 3.75, 1.25)),
-        load=Chirp(amplitude=50.0, times=(0.0, 7.5, 15.0), frequencies=(1.0, 10.0, 1.0)),
-    ),
-}
+    "evolved": Case(path=Ramp(times=(3.75, 7.5, 11.25), values=(1.25, 3.75, 1.25)), load=Chirp(amplitude=50.0,
+     times=(0.0, 7.5, 15.0), frequencies=(1.0, 10.0, 1.0))),
+}  # fmt: skip
 
 
 def slider_row(nodes: Array, offset: float = 0.0) -> Row:

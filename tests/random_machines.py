@@ -15,12 +15,10 @@ GIVING, SHELLS = 9, 5
 LEGS = [("a", [2.6, 2.1]), ("b", [-2.4, 2.1]), ("c", [-2.4, -2.1]), ("d", [2.6, -2.1])]
 STAND = {
     "height": 1.5,
-    "masses": [
-        {"name": "carrier", "mass": 2e4, "at": [-0.6, 0.0, -0.8]},
-        {"name": "weight", "mass": 3e3, "at": [-1.5, 0.0, 0.2], "slews": True},
-    ],
+    "masses": [{"name": "carrier", "mass": 2e4, "at": [-0.6, 0.0, -0.8]}, {"name": "weight", "mass": 3e3, "at": [-1.5,
+     0.0, 0.2], "slews": True}],
     "outriggers": [{"name": name, "at": at, "stiffness": 1e8 if name != "b" else 6e7} for name, at in LEGS],
-}
+}  # fmt: skip
 
 
 def random_machine(seed: int) -> tuple[dict[str, Any], dict[str, float], float]:

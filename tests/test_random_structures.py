@@ -7,7 +7,6 @@ PMR_SWEEP=full tries all 200, otherwise every twenty-fifth is.
 import os
 from dataclasses import dataclass
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +23,7 @@ from pmr.reduction.free_body import rigid_modes
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
 
-BOOM = Path(__file__).parents[1] / "workflows" / "boom_beam.toml"
+BOOM = "boom_beam"
 COUNT = 200
 NUMBERS = range(COUNT) if os.environ.get("PMR_SWEEP") == "full" else sorted({*range(0, COUNT, 50), 40, 139})
 MODELS = ("beam3d", "beam3d", "beam2d", "shell", "solid", "beam3d", "beam2d", "beam2d")

@@ -28,12 +28,9 @@ def test_a_page_of_what_was_measured_needs_nothing_else(tmp_path: Path) -> None:
     judged = requirements.judged(sections)
     about = {"seconds": 1.0, "load_before": 2.0, "commit": "abc", "long": False}
     results = {
-        "sections": sections,
-        "requirements": judged,
-        "about": dict.fromkeys(sections, about),
-        "machine": environment.describe_machine(),
-        "versions": environment.package_versions(),
-    }
+        "sections": sections, "requirements": judged, "about": dict.fromkeys(sections, about),
+        "machine": environment.describe_machine(), "versions": environment.package_versions(),
+    }  # fmt: skip
     page = report.write(results, tmp_path).read_text()
     for name, times in sections["latency"]["ns"].items():
         quantiles = list(times.values())

@@ -89,17 +89,10 @@ def test_models_are_compared_whatever_their_rigid_modes(tmp_path: Path) -> None:
 def record(size: int, ranks: int) -> dict:
     seconds = {stage: 1e-6 * size**1.5 for stage in (*scale.STAGES, "total")}
     return {
-        "cells": 0.1,
-        "size": size,
-        "ranks": ranks,
-        "seconds": seconds,
-        "processor": 1e-5 * size,
-        "peak_MB": [200.0 + 1e-2 * size / ranks] * ranks,
-        "peak_MB_after": dict.fromkeys(scale.STAGES, [300.0]),
-        "loaded_MB": [200.0] * ranks,
-        "load": (1.0, 2.0),
-        "notes": [],
-    }
+        "cells": 0.1, "size": size, "ranks": ranks, "seconds": seconds, "processor": 1e-5 * size,
+        "peak_MB": [200.0 + 1e-2 * size / ranks] * ranks, "peak_MB_after": dict.fromkeys(scale.STAGES, [300.0]),
+        "loaded_MB": [200.0] * ranks, "load": (1.0, 2.0), "notes": [],
+    }  # fmt: skip
 
 
 def test_exponents_and_a_page_with_a_size_that_was_too_large() -> None:

@@ -140,14 +140,10 @@ BAD = [
     (["chart", "crane", "--up-to", "1e4", "--out", "/"], "a folder below the root of the file system is allowed"),
     (["run", SIMPLE, "--set", f"time.end={'9' * 400}"], "integers of 64 bits are allowed"),
     (["run", SIMPLE, "--set", f"time.end={'9' * 5000}"], "integers of 64 bits are allowed"),
-    (
-        ["run", SIMPLE, "--set", "section.mesh.elements=9"],
-        "--set: section: only a boom of several [[sections]] has this",
-    ),
-    (
-        ["run", SIMPLE, "--set", "sections.s1.mesh.elements=9"],
-        "sections: one [body], or the [[sections]] of a boom, are",
-    ),
+    (["run", SIMPLE, "--set", "section.mesh.elements=9"],
+     "--set: section: only a boom of several [[sections]] has this"),
+    (["run", SIMPLE, "--set", "sections.s1.mesh.elements=9"],
+     "sections: one [body], or the [[sections]] of a boom, are"),
     (["run", SIMPLE, "--set", "reduction.no.such=9"], "reduction.no: unknown key; "),
     (["run", SIMPLE, SIMPLE], "names must differ"),
     (["export", "nowhere.npz"], "nowhere.npz: no such file"),
@@ -164,7 +160,7 @@ BAD = [
     (["run", SIMPLE, "--simulators", ""], "simulation.simulators"),
     (["--set", "a=1"], "No such option: --set"),
     (["frob"], "No such command 'frob'"),
-]
+]  # fmt: skip
 
 
 def test_tables_of_others_are_not_replaced(tmp_path: Path, run_command) -> None:

@@ -22,12 +22,9 @@ OURS = ["compare.against=[]", "simulation.simulators=['march']", "simulation.rep
 OTHER = {
     "evolved_residual": ["slider.path={kind='smooth_ramp',times=[0.2,0.6,1.0],values=[1.5,3.2,2.0]}", "time.end=1"],
     # any stretch of the travel that the rows of a structure in space are tabulated over
-    "boom_beam": [
-        "slider.path={kind='ramp',times=[0.2,0.6,1.0],values=[3.5,1.7,2.0]}",
-        "time.end=1",
-        "recovery.every=1",
-    ],
-}
+    "boom_beam": ["slider.path={kind='ramp',times=[0.2,0.6,1.0],values=[3.5,1.7,2.0]}", "time.end=1",
+     "recovery.every=1"],
+}  # fmt: skip
 MODELS = {"evolved_residual": OURS, "boom_beam": [*OURS, "slider.travel=[1.4,4.2]"]}
 BOOM_BEAM, COARSE = (
     ROOT / "workflows" / "boom_beam.toml",
@@ -138,9 +135,7 @@ FREE = ["title=x", "time.step=1e-3", "gravity.rise=0.1", "loads.gust.signal=3.0"
 
 
 @pytest.mark.slow
-def test_what_is_baked_into_a_saved_model_is_refused_where_a_scene_says_something_else(
-    boom_beam: ReducedModel,
-) -> None:
+def test_what_is_baked_into_a_saved_model_is_refused_where_a_scene_says_something_else(boom_beam: ReducedModel) -> None:
     """Of each kind of key one; signals, path and time are free."""
     file, ours, model = BOOM_BEAM, COARSE, boom_beam
     check_same_scene(model, scene.load(file, [*ours, *FREE]))

@@ -51,10 +51,8 @@ CASES: Mapping[str, Sequence[str]] = {
     "clamp on a spring": ("sections.base.supports=[{name='clamp',kind='clamped',stiffness=3e8}]",),
     "pivot": (f"sections.base.supports=[{{name='pivot'}},{LUFFING}]",),
     "pivot at 0.5 m": (f"sections.base.supports=[{{name='pivot',on=0.5}},{LUFFING}]",),
-    "rigid cylinder": (
-        "sections.base.supports=[{name='pivot'},{name='luffing',directions=['z'],on=1.5}]",
-        "section.joint.cylinder.stiffness=2e7",
-    ),
+    "rigid cylinder": ("sections.base.supports=[{name='pivot'},{name='luffing',directions=['z'],on=1.5}]",
+     "section.joint.cylinder.stiffness=2e7"),
     "held thrice": ("sections.base.supports=[{kind='clamped'},{name='prop',directions=['x','z'],on=3.0}]",),
     "pads": on_pads("{bottom=[0.0],top=[0.0]}"),
     "clamp in space": (*SPACE, *JOINT, ACROSS),

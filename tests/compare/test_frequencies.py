@@ -105,7 +105,7 @@ def test_static_tip_deflection(s: float) -> None:
     assert static_tip_deflection(-50.0, s, LENGTH, EI) == pytest.approx(TIP_DEFLECTION[s], rel=1e-12)
 
 
-BOOM = Path(__file__).parents[2] / "workflows" / "boom_beam.toml"
+BOOM = "boom_beam"
 
 ASKED = [
     "observe.frequency_response=true", "time.end=0.1", "compare.against=[]", "mesh.elements=12", "recovery.every=0.1",
@@ -184,7 +184,7 @@ def test_a_boom_answers_as_its_equations_with_multipliers_say() -> None:
         "sections.fly.observe.frequency_response=true",
         *(f"section.joint.{end}.0.unilateral=false" for end in ("tail", "mouth")),
     ]
-    boom = scenes.load_any(BOOM.with_name("boom_two.toml"), changes)
+    boom = scenes.load_any("boom_two", changes)
     outcome = run(boom)
     assert outcome is not None
     found, system = outcome.result.frequency_response, system_of(boom, outcome.reduced)
@@ -214,7 +214,7 @@ def test_a_boom_answers_as_its_equations_with_multipliers_say() -> None:
 
 def test_pads_of_joints_that_only_push_have_no_linear_response() -> None:
     with pytest.raises(InputError, match="observe.frequency_response.*only push"):
-        scenes.load_any(BOOM.with_name("boom_two.toml"), ["sections.fly.observe.frequency_response=true"])
+        scenes.load_any("boom_two", ["sections.fly.observe.frequency_response=true"])
 
 
 STEP = 1e-3

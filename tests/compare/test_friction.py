@@ -51,12 +51,7 @@ def sliding(
                     "body": {"model": "beam2d", "box": BOX, "material": stiff},
                     "mesh": {"elements": 6},
                     "masses": [{"name": "payload", "on": "tip", "mass": MASS}],
-                    "joint": {
-                        "tail": pads,
-                        "mouth": pads,
-                        "extension": extension,
-                        "cylinder": {"stiffness": cylinder},
-                    },
+                    "joint": {"tail": pads, "mouth": pads, "extension": extension, "cylinder": {"stiffness": cylinder}},
                 },
             ],
             "time": {"end": end, "step": step, "rho_inf": 0.0},  # what friction sets ringing comes to rest

@@ -142,10 +142,7 @@ def test_a_section_swings_on_its_rope_by_the_stiffness_of_all_strands(lengths, o
         ({"follows": "first", "ratio": 2.0, "rope": {"EA": 1e6}}, "a length is needed"),
         ({"follows": "first", "cylinder": {"stiffness": 1e6}, "rope": {"EA": 1e6}}, "one of them"),
         ({"extension": OUT, "rope": {"EA": 1e6}}, "a length is needed"),
-        (
-            {"extension": OUT, "rope": {"EA": 1e6, "length": 2.5, "lengthens": -1.0}},
-            "more than 3 m is allowed",
-        ),
+        ({"extension": OUT, "rope": {"EA": 1e6, "length": 2.5, "lengthens": -1.0}}, "more than 3 m is allowed"),
     ],
 )
 def test_a_rope_that_is_not_known_is_refused_in_one_line(joint, said) -> None:

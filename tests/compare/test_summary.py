@@ -67,12 +67,9 @@ def test_too_many_elements_are_said(load_scene, elements: int, count: int) -> No
 @pytest.mark.slow
 def test_where_a_slider_strikes_the_forces_are_judged_without_the_blows(load_scene) -> None:
     short = [
-        "time.end=1.0",
-        "time.rho_inf=0.5",
-        "mesh.elements=20",
-        "simulation.simulators=['march']",
+        "time.end=1.0", "time.rho_inf=0.5", "mesh.elements=20", "simulation.simulators=['march']",
         "compare.against=['full']",
-    ]
+    ]  # fmt: skip
     kinked = "slider.path={kind='ramp',times=[0.3,0.6],values=[1.25,1.6]}"
     outcome = run(load_scene("evolved_residual", [*short, kinked]))
     assert outcome is not None

@@ -115,12 +115,8 @@ def test_every_rank_knows_that_there_is_none(load_scene, simulator: str) -> None
 
 def test_a_cable_that_fails_is_no_reference_either(load_scene) -> None:
     case = [
-        *GROWN,
-        "body.profile.axial=true",
-        "compare.against=['ancf']",
-        "compare.ancf_elements=8",
-        "time.rho_inf=1.0",
-    ]
+        *GROWN, "body.profile.axial=true", "compare.against=['ancf']", "compare.ancf_elements=8", "time.rho_inf=1.0",
+    ]  # fmt: skip
     scene = load_scene("evolved_residual", case)
     found = FullOrder.join(scene, {ALONE: full_model(scene)}).references()
     assert found.responses == {}

@@ -293,12 +293,9 @@ def test_a_force_at_the_tip_moves_it_as_the_full_model(bar: Path, tmp_path: Path
 REFUSED_SIMSCAPE = [
     ("workflows/paper_simple.toml", [], "a body in space is allowed"),
     ("workflows/boom_beam.toml", ["supports=[{on='tip',points='all'}]"], "places that move, each by itself"),
-    (
-        "workflows/boom_beam.toml",
-        ["supports=[]", "free_motions=allowed"],
-        "pads and supports that hold the body at s in all directions",
-    ),
-]
+    ("workflows/boom_beam.toml", ["supports=[]", "free_motions=allowed"],
+     "pads and supports that hold the body at s in all directions"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("file", "overrides", "says"), REFUSED_SIMSCAPE, ids=[says for *_, says in REFUSED_SIMSCAPE])

@@ -95,14 +95,10 @@ def test_several_blocks_of_nodes_and_a_part_with_an_instance_in_place_are_read(t
         ("*MATERIAL, NAME=steel", "*PART, NAME=Q\n*PART, NAME=q", 24, "a second part q is not read"),
         ("*MATERIAL, NAME=steel", "*INSTANCE, NAME=a\n*INSTANCE, NAME=a", 24, "instance a is not read; each name once"),
         ("*MATERIAL, NAME=steel", "*NSET, NSET=x, INSTANCE=b\n1", 23, "INSTANCE=b is no instance of a part"),
-        (
-            "*MATERIAL, NAME=steel",
-            "*INSTANCE, NAME=a\n1., 0., 0.\n0., 0., 0., 0., 0., 0., 90.\n*NODE\n1, 0., 0., 0.",
-            25,
-            "two points on the axis of rotation, which differ",
-        ),
+        ("*MATERIAL, NAME=steel", "*INSTANCE, NAME=a\n1., 0., 0.\n0., 0., 0., 0., 0., 0., 90.\n*NODE\n1, 0., 0., 0.",
+         25, "two points on the axis of rotation, which differ"),
     ],
-)
+)  # fmt: skip
 def test_what_is_not_read_is_refused_by_its_line(old: str, new: str, line: int, says: str, tmp_path: Path) -> None:
     assert old in BAR
     with pytest.raises(InputError) as caught:

@@ -97,17 +97,13 @@ WRONG: dict[str, tuple[Change, str]] = {
     "one coordinate in mm": (lambda g: replace(g, points=g.points * [1, 1, 1e3]), PLACES),
     "mass in t": (lambda g: changed_mass(g, lambda M: 1e-3 * M), "sound would travel at .* in mm, or masses in t"),
     "mm, t and N": (lambda g: replace(g, points=1e3 * g.points, K=1e-3 * g.K, M=1e-3 * g.M), "mm"),
-    "N/mm and t": (
-        lambda g: replace(g, K=1e-3 * g.K, M=1e-3 * g.M),
-        "masses in kg are allowed: these are .* kg within .*; are they in t",
-    ),
+    "N/mm and t": (lambda g: replace(g, K=1e-3 * g.K, M=1e-3 * g.M),
+     "masses in kg are allowed: these are .* kg within .*; are they in t"),
     "forces per mm": (lambda g: replace(g, K=1e-3 * g.K), "forces per mm"),
     "stiffness for mass": (lambda g: changed_mass(g, lambda M: g.K), "the same matrix as the stiffness"),
-    "a node too far": (
-        lambda g: replace(g, points=np.vstack([g.points[:20], g.points[[20]] + [0.1, 0, 0], g.points[21:]])),
-        PLACES,
-    ),
-}
+    "a node too far": (lambda g: replace(g, points=np.vstack([g.points[:20], g.points[[20]] + [0.1, 0, 0],
+     g.points[21:]])), PLACES),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("body", BODIES)

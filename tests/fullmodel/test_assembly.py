@@ -2,8 +2,6 @@
 Masses and centres of gravity of bodies, beside what their dimensions say.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -14,7 +12,7 @@ from pmr.fullmodel.build import build_bodies, full_model
 from pmr.fullmodel.eigensolvers import DependentRowsError, eliminate
 from pmr.scene import load_any
 
-SCENE = Path(__file__).parents[2] / "workflows" / "boom_shell.toml"
+SCENE = "boom_shell"
 
 
 CELLS = {"beam3d": ["mesh.elements=6"], "shell": ["mesh.size=0.2", "mesh.along=0.5"]}

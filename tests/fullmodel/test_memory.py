@@ -9,7 +9,7 @@ from pmr import scene
 from pmr.fem.compat import MPI
 from pmr.fullmodel.build import build
 
-SHELL = Path(__file__).parents[2] / "workflows" / "boom_shell.toml"
+SHELL = "boom_shell"
 STATUS = Path("/proc/self/statm")
 
 ENTRY = 12  # bytes of a number and its column

@@ -182,15 +182,11 @@ def within_an_element(result: RunResult, h: float) -> float:
         ("beam", "{name='p',at=[1.0,0.0,0.0],face='outer'}", "probes[0].face", "top left"),
         ("beam", "{name='p',on='tip'}", "probes[0].on", "groups of cells are allowed: none"),
         ("shell", "{name='p',on='weld'}", "probes[0].on", "bottom, left, right, top"),
-        (
-            "beam",
-            "{name='p',at=[6.1,0.0,0.0],measures=['displacement']}",
-            "probes[0].at",
-            "x from 0 to 6 m, y from -0.15",
-        ),
+        ("beam", "{name='p',at=[6.1,0.0,0.0],measures=['displacement']}", "probes[0].at",
+         "x from 0 to 6 m, y from -0.15"),
         ("shell", "{name='p',at=[1.0,0.0,200.0]}", "probes[0].at", "z from -0.2 to 0.2 m"),
     ],
-)
+)  # fmt: skip
 def test_what_no_probe_can_measure_is_refused(model: str, probe: str, key: str, allowed: str) -> None:
     with pytest.raises(InputError) as caught:
         structure_of(member_at(boom(model, probe)))

@@ -197,20 +197,16 @@ def test_hexahedra_come_in_the_order_of_a_tensor_product(tmp_path: Path) -> None
     ("change", "says"),
     [
         ({"groups": {"tail": (1, [0])}}, "no group named tip; found: tail"),
-        (
-            {"extra": [("tetra", [[0, 1, 2, 4]]), ("hexahedron", [[0, 1, 2, 3, 4, 5, 1, 0]])]},
-            "mixed cells: hexahedron, tetrahedron",
-        ),
+        ({"extra": [("tetra", [[0, 1, 2, 4]]), ("hexahedron", [[0, 1, 2, 3, 4, 5, 1, 0]])]},
+         "mixed cells: hexahedron, tetrahedron"),
         ({"extra": [("tetra", [[0, 1, 2, 4]])]}, "cells of kind tetrahedron; cells of kind triangle are allowed"),
         ({"triangles": [[0, 1, 2], [0, 2, 3], [1, 4, 4], [1, 5, 2]]}, "1 of 4 cells are degenerate"),
         ({"triangles": [[0, 2, 3], [1, 4, 5]]}, "2 parts that share no edges"),
         ({"points": SQUARE * [1, np.nan, 1]}, "not finite"),
-        (
-            {"points": np.where(np.arange(6)[:, None] == 3, [0.9, 0.1, 0.0], SQUARE)},
-            "1 pairs of .* folded on each other",
-        ),
+        ({"points": np.where(np.arange(6)[:, None] == 3, [0.9, 0.1, 0.0], SQUARE)},
+         "1 pairs of .* folded on each other"),
     ],
-)
+)  # fmt: skip
 def test_what_is_unfit_is_refused_with_what_was_found(tmp_path: Path, change, says: str) -> None:
     with pytest.raises(InputError, match=says):
         read_mesh(plate(tmp_path, **change), ("triangle",), ("tail", "tip"))

@@ -117,13 +117,8 @@ class Deck:
     def buckling_factors(self, loads: Sequence[tuple[int, int, float]], count: int, folder: Path) -> np.ndarray:
         """Lowest `count` factors by which loads (node, direction 1 to 3, N) buckle the shell."""
         step = [
-            "*STEP",
-            "*BUCKLE",
-            f"{count}",
-            "*CLOAD",
-            *(f"{n + 1}, {d}, {f:.12e}" for n, d, f in loads),
-            "*END STEP",
-        ]
+            "*STEP", "*BUCKLE", f"{count}", "*CLOAD", *(f"{n + 1}, {d}, {f:.12e}" for n, d, f in loads), "*END STEP",
+        ]  # fmt: skip
         found = [line.split() for line in self._run(step, folder, "dat").splitlines()]
         return np.array([float(parts[1]) for parts in found if len(parts) == 2 and parts[0].isdigit()])
 

@@ -34,7 +34,7 @@ from pmr.simulation.excitation import side_positions
 from pmr.system.assembly import Assembly
 
 pytestmark = [pytest.mark.peers, pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) not found")]
-PLATFORM = Path(__file__).parents[2] / "workflows" / "platform_shell.toml"
+PLATFORM = "platform_shell"
 LENGTH, FROM_END, EXTENSION, WIDTH, STIFFNESS = 7.0, 0.2, 3.0, 0.05, 3e8  # m, N/m
 SIZE, ALONG, MODES = 0.05, 0.075, 40  # m, m; of each section
 #: From the base out: width, height, chamfer, walls at the bottom, the sides and the top, m; what holds the tail, N/m.

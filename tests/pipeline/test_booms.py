@@ -90,11 +90,8 @@ def test_exudyn_simulates_the_sections_beside_march() -> None:
 def test_in_petsc_the_full_model_is_the_same(pads: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Motion, forces and frequencies of few coordinates, diagonalised and not."""
     quick = [
-        "time.end=0.02",
-        "section.mesh.elements=8",
-        "section.joint.extension=1.0",
-        "section.reduction.coordinates=5",
-    ]
+        "time.end=0.02", "section.mesh.elements=8", "section.joint.extension=1.0", "section.reduction.coordinates=5",
+    ]  # fmt: skip
     push = [f"section.joint.{end}.0.unilateral={str(pads == 'pushing').lower()}" for end in ("tail", "mouth")]
     boom, found = load(*quick, *push, "sections.fly.loads.0.signal=3000.0"), []
     for most in (1200, 0):
@@ -232,13 +229,7 @@ def test_a_result_is_read_as_it_was_saved_and_reported(outcome: Outcome, tmp_pat
     assert again.frequencies.over_joints is not None and again.frequencies.over_joints.joints == ("middle", "fly")
     page = write_report([again], tmp_path).html.read_text(encoding="utf-8")
     terms = ["boom length", "fly mouth top", "cylinder of middle", "hold both ways and pull"]
-    as_of_one_body = (
-        "Total energy",
-        "joint tail",
-        "joint extension",
-        "Loads over time",
-        "waist displacement",
-    )
+    as_of_one_body = ("Total energy", "joint tail", "joint extension", "Loads over time", "waist displacement")
     terms += ["estimated without the full model", "extensions of middle and fly", "A paper"]
     for said in (*terms, *as_of_one_body):
         assert said in page

@@ -34,10 +34,7 @@ def moved(name: str | Path, *changes: str) -> Response:
 
 @pytest.mark.parametrize(
     ("name", "changes"),
-    [
-        ("boom_three", SHORT),
-        ("boom_beam", ("time.end=0.2", "mesh.elements=20", "compare.against=[]")),
-    ],
+    [("boom_three", SHORT), ("boom_beam", ("time.end=0.2", "mesh.elements=20", "compare.against=[]"))],
 )
 def test_gravity_that_a_frame_at_rest_has_turned_is_gravity_given_so(name: str, changes: tuple[str, ...]) -> None:
     given, turned = moved(name, *changes, "gravity.inclination=50.0"), moved(name, *changes, PIVOT, RAISED)

@@ -100,10 +100,7 @@ def test_walls_give_way_alike_on_all_ranks() -> None:
     """Rank 0 alone presses on shells; what it finds all ranks take.  At few places: pads slide half a metre."""
     x, out = np.array([0.7, 0.9]), "={kind='smooth_ramp',times=[1.0,5.0,9.0],values=[1.5,2.0,1.5]}"
     one = [*ALONE, "mesh.size=0.2", "mesh.along=0.4", f"slider.path{out}"]
-    for scene in (
-        coarse(f"section.joint.extension{out}"),
-        pmr.load_scene("boom_beam_walls", one),
-    ):
+    for scene in (coarse(f"section.joint.extension{out}"), pmr.load_scene("boom_beam_walls", one)):
         here, together = (build_bodies(scene, comm) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
         for name, one in here.items():
             walls, same = one.structure.pads.walls, together[name].structure.pads.walls

@@ -64,10 +64,7 @@ def make_result() -> MakeResult:
                 "body": {"profile": {"length": 5.0, "bending_stiffness": 5.0e4, "mass_per_length": 78.0}},
                 "supports": [{"on": 0.0}],
                 "mesh": {"elements": 10},
-                "slider": {
-                    "path": {"kind": "ramp", "times": [1.0, 2.0], "values": [1.25, 3.75]},
-                    "offsets": offsets,
-                },
+                "slider": {"path": {"kind": "ramp", "times": [1.0, 2.0], "values": [1.25, 3.75]}, "offsets": offsets},
                 "loads": list(loads),
                 "time": {"end": steps * 1e-3, "step": 1e-3},
                 "reduction": {"basis": "eigenmodes"},

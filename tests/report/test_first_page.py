@@ -402,14 +402,9 @@ def test_the_stress_of_beams_has_no_share_of_the_yield_stress(make_space: MakeSp
     swinging = rows(free, "Largest values of this motion")["largest von Mises stress of the beams"]
     assert "is not known: in a run with a prescribed motion compare.richer = 'shell' computes it" in swinging
     walls = {
-        "value": 284e6,
-        "t": 0.4,
-        "position": [1.5, 0.15, 0.0],
-        "section": "",
-        "region": "left",
-        "cells": [0.2, 0.08],
+        "value": 284e6, "t": 0.4, "position": [1.5, 0.15, 0.0], "section": "", "region": "left", "cells": [0.2, 0.08],
         "yield": 355e6,
-    }
+    }  # fmt: skip
     budget = {"model": {"beside": "shell", "beam": 0.01, "frequency": 0.01, "wall_stress": walls}}
     compared = replace(found, summary=summary | {"budget": budget, "max_von_mises": {"reduced": 49e6}})
     carries = rows(compared, "Largest values of this motion")

@@ -131,11 +131,7 @@ def test_no_panel_is_empty_and_round_off_is_not_drawn(turned: RunResult) -> None
     outputs = turned.responses["reduced"].outputs
     with style():
         drawn = histories.output_figure(turned, [one for one in outputs if one.name == "reaction of pivot x"])
-        views = [
-            figures.side_view(turned),
-            figures.plan_view(turned),
-            figures.buckling_figure(turned),
-        ]
+        views = [figures.side_view(turned), figures.plan_view(turned), figures.buckling_figure(turned)]
     (ax,) = drawn.axes
     curve, (low, high) = ax.lines[0].get_ydata(), ax.get_ylim()
     assert np.asarray(curve) == pytest.approx(-75.0) and low < -75.0 < high and ax.get_ylabel() == "Force in kN"
@@ -226,13 +222,11 @@ def test_bodies_are_played_and_pictured_where_they_are(
 @pytest.mark.parametrize(
     ("place", "said"),
     [
-        (
-            (1.5, -0.15, -0.2),
-            "seen from the right and below; the tip is to the right. At 0.40\u00a0s, of the times whose",
-        ),
+        ((1.5, -0.15, -0.2),
+         "seen from the right and below; the tip is to the right. At 0.40\u00a0s, of the times whose"),
         ((1.5, 0.15, 0.2), "seen from the left and above; the tip is to the left. At 0.40\u00a0s, of the times whose"),
     ],
-)
+)  # fmt: skip
 def test_the_largest_stress_is_pictured_from_its_side_at_the_time_nearest_to_it(
     make_space: MakeSpace, make_fields: Callable[[str], Fields], place: tuple[float, ...], said: str
 ) -> None:

@@ -34,13 +34,9 @@ def test_section_forces_of_a_cantilever_are_those_of_statics() -> None:
     assert set(found.names) == set(FORCES)
     beyond = LENGTH - found.x
     known = {
-        "normal force": PULL,
-        "shear force y": SIDE,
-        "shear force z": UP,
-        "torque": TWIST,
-        "bending moment y": -UP * beyond,
-        "bending moment z": SIDE * beyond,
-    }
+        "normal force": PULL, "shear force y": SIDE, "shear force z": UP, "torque": TWIST,
+        "bending moment y": -UP * beyond, "bending moment z": SIDE * beyond,
+    }  # fmt: skip
     expected = np.array([np.broadcast_to(known[name], found.x.shape)[k] for k, name in enumerate(found.names)])
     assert found.rows @ q == pytest.approx(expected, rel=1e-8, abs=1e-6)
 

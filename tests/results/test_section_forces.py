@@ -12,7 +12,7 @@ from pmr.reduction.section_forces import PIECES
 from pmr.results.tables import build_tables
 from pmr.scene import Scene, load_any
 
-BOOM = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
+BOOM = "boom_three"
 ELEMENTS, STEP = 24, 2e-3
 QUICK = [
     "compare.against=[]", "time.end=0.1", f"time.step={STEP}", f"section.mesh.elements={ELEMENTS}",

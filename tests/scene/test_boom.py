@@ -1,7 +1,5 @@
 """Scenes of several sections: what they take over from what they share, and what is refused in one line."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.members import member_at, members
 
-THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
+THREE = "boom_three"
 
 
 def load(*changes: str) -> Scene:
@@ -124,4 +122,4 @@ def test_friction_needs_a_cylinder() -> None:
 def test_whoever_takes_one_body_says_so() -> None:
     with pytest.raises(InputError, match="sections: a scene of one body is allowed here; pmr run takes booms"):
         scenes.load(THREE)
-    assert isinstance(scenes.load_any(THREE.with_name("boom_beam.toml")), scenes.Scene)
+    assert isinstance(scenes.load_any("boom_beam"), scenes.Scene)

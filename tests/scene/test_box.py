@@ -95,7 +95,7 @@ def test_a_section_does_not_slide_through_frames() -> None:
         assert "\n" not in str(no.value)
 
 
-BOOM = Path(__file__).parents[2] / "workflows" / "boom_octagonal.toml"
+BOOM = "boom_octagonal"
 BELLY = {"radius": {"bottom": 0.15, "top": 0.03}}
 
 

@@ -1,6 +1,5 @@
 """A frame that luffs and slews in a scene: what is refused, in one line."""
 
-from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -15,7 +14,7 @@ from pmr.scene.members import member_at, members
 from pmr.scene.signals import Signal
 from pmr.simulation.frame_motion import FrameRotation
 
-THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
+THREE = "boom_three"
 LUFFING = "frame.luffing={kind='smooth_ramp', times=[1.0, 5.0], values=[0.2, 1.0]}"
 SLEWING = "frame.slewing={kind='smooth_ramp', times=[1.0, 5.0], values=[0.0, 1.5]}"
 PIVOT = "frame.pivot=[0.0, 0.0, 0.0]"

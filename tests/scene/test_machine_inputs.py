@@ -38,10 +38,8 @@ def ground(*outriggers: str, more: str = "") -> str:
 
 REFUSED = [
     ((ground(A, B),), "frame.ground.outriggers = 2: three or more are allowed"),
-    (
-        (ground(A, "{name='b',at=[4.0,3.0]}", "{name='c',at=[-2.0,-1.5]}"),),
-        "frame.ground.outriggers: places that are not on one line are allowed",
-    ),
+    ((ground(A, "{name='b',at=[4.0,3.0]}", "{name='c',at=[-2.0,-1.5]}"),),
+     "frame.ground.outriggers: places that are not on one line are allowed"),
     ((ground(A, B, C, "{name='d',at=[2.0,1.5]}"),), r"frame.ground.outriggers.at = \[2.0, 1.5\]: a place of its own"),
     ((ground(A, B, C, "{name='a',at=[2.0,-1.5]}"),), "frame.ground.outriggers.name = 'a': a name of its own"),
     ((ground(A, B, "{name='c',at=[0.0,-1.5],stiffness=-1.0}"),), r"outriggers\[2\].stiffness = -1.0: .*greater than 0"),

@@ -3,7 +3,6 @@
 import sys
 from dataclasses import replace
 from importlib import import_module
-from pathlib import Path
 
 import pytest
 
@@ -16,7 +15,7 @@ from pmr.scene.members import member_at
 from pmr.scene.model_ladder import model_comparison
 from pmr.scene.model_traits import MODELS
 
-BOOM = Path(__file__).parents[2] / "workflows" / "boom_beam.toml"
+BOOM = "boom_beam"
 COARSE = ("mesh.elements=8", "mesh.size=0.2", "mesh.along=0.5")
 
 
@@ -81,4 +80,4 @@ def test_keys_without_effect_on_a_model_of_another_package_are_refused(
 ) -> None:
     monkeypatch.setattr(environment, "plugin_names", lambda group: {"thick"} if group == "pmr.models" else set())
     with pytest.raises(InputError, match="it has no effect on thick"):
-        scenes.load(BOOM.with_name("boom_shell.toml"), ["body.model=thick", change])
+        scenes.load("boom_shell", ["body.model=thick", change])

@@ -110,9 +110,7 @@ def numbers(value: Any) -> Iterator[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("model", [BodyFile, Scene])
-def test_every_key_has_a_description_a_unit_and_a_default_or_must_be_given(
-    model: type[BodyFile | Scene],
-) -> None:
+def test_every_key_has_a_description_a_unit_and_a_default_or_must_be_given(model: type[BodyFile | Scene]) -> None:
     known = model.model_json_schema()
     found = list(keys(known))
     assert len(found) > 150

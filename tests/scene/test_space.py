@@ -121,14 +121,11 @@ def test_damping_in_two_ways_names_the_file_that_has_both(tmp_path: Path) -> Non
         ((AT_THE_WEB, VERTICAL, PROBE % "strain"), "shell", "stresses are computed"),
         ((AT_THE_WEB, VERTICAL, PROBE % "displacement"), "beam2d", "vertical"),
         ((AT_THE_WEB, VERTICAL, "body.box.wall=0.002"), "beam2d", "vertical plane"),
-        (
-            (AT_THE_WEB, "loads=[{name='F',signal={kind='sine',amplitude=1.0,frequency=50.0}}]"),
-            "shell",
-            "loads of 50 Hz come near the walls' own frequency of 123 Hz",
-        ),
+        ((AT_THE_WEB, "loads=[{name='F',signal={kind='sine',amplitude=1.0,frequency=50.0}}]"), "shell",
+         "loads of 50 Hz come near the walls' own frequency of 123 Hz"),
         (("body.model=solid",), "solid", "the scene names it"),
     ],
-)
+)  # fmt: skip
 def test_the_scene_decides_what_a_model_has_to_carry(load, overrides, model, reason) -> None:
     chosen = choose_model(member_at(load(*overrides)))
     assert chosen.model == model and reason in chosen.reasons[0]

@@ -34,7 +34,7 @@ def test_negative_masses_and_incompressible_materials_are_refused() -> None:
         Material(poisson=0.5)
 
 
-BOOM = Path(__file__).parents[2] / "workflows" / "boom.toml"
+BOOM = "boom"
 MODELS = ("beam3d", "shell", "solid")
 REST = "pads=[{{name='tail',{tail}}},{{name='mouth',moving=true,{mouth}}}]"
 FITS = {"tail": "at=0.15,faces={bottom=[0.11],left=[-0.16]}", "mouth": "faces={top=[0.0],right=[0.0]}"}

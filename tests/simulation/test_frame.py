@@ -1,7 +1,5 @@
 """Amplitudes of the loads of a frame that moves, beside positions in space differentiated twice."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -12,7 +10,7 @@ from pmr.scene import Scene
 from pmr.simulation import Excitation
 from pmr.simulation.frame import section_acceleration
 
-THREE = Path(__file__).parents[2] / "workflows" / "boom_three.toml"
+THREE = "boom_three"
 TURNING = (
     "frame.pivot=[0.3, -0.2, 0.5]",
     "frame.luffing={kind='smooth_ramp', times=[1.0, 5.0], values=[0.2, 1.1]}",

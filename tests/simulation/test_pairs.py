@@ -48,15 +48,13 @@ PLAIN = (
     "gravity={}", f"frame.slewing={RAMP}[0.0, 0.05]}}", f"sections.fly.joint.extension={RAMP}[0.6, 0.62]}}", GROUND,
 )  # fmt: skip
 FEATURES: dict[str, tuple[str, ...]] = {
-    "hoist": (
-        "hoist={payload=60.0, EA=2e6, damping=1e3, falls=2, hanging=1.5, winch={at=[-0.4, 0.1, 0.5]}, "
-        f"speed={RAMP}[0.0, 0.3]}}}}",
-    ),
+    "hoist": ("hoist={payload=60.0, EA=2e6, damping=1e3, falls=2, hanging=1.5, winch={at=[-0.4, 0.1, 0.5]}, "
+     f"speed={RAMP}[0.0, 0.3]}}}}",),
     "oil": ("frame.luffing='free'", "frame.luffing_start=0.3", oil(UP_AND_DOWN, "", True)),
     "second order": ("frame.second_order=true",),
     "friction": free_boom.RUBBING,
     "pushing": free_boom.PUSHING,
-}
+}  # fmt: skip
 #: Pairs that are refused, with the key that the message names.
 REFUSED = {("oil", "friction"): "friction", ("oil", "pushing"): "unilateral"}
 

@@ -101,19 +101,13 @@ def test_largest_displacement_of_the_evolved_case(references: dict[str, Array]) 
 
 @pytest.mark.parametrize(("name", "published"), [("simple", (0.07, 0.14)), ("evolved", (0.46, 0.67))])
 def test_linear_beam_against_ancf(
-    references: dict[str, Array],
-    cable_runs: dict[str, ancf.CableMotion],
-    name: str,
-    published: tuple[float, float],
+    references: dict[str, Array], cable_runs: dict[str, ancf.CableMotion], name: str, published: tuple[float, float]
 ) -> None:
     assert errors(references[name], cable_runs[name].displacement) == pytest.approx(published, abs=0.005)
 
 
 def test_energy_settles_at_the_same_level_in_all_three(
-    full: FullBody,
-    reduced: ReducedModel,
-    full_runs: dict[str, Trajectory],
-    cable_runs: dict[str, ancf.CableMotion],
+    full: FullBody, reduced: ReducedModel, full_runs: dict[str, Trajectory], cable_runs: dict[str, ancf.CableMotion]
 ) -> None:
     def total(body: FullBody | ReducedModel, trajectory: Trajectory) -> Array:
         q, v = trajectory.q, trajectory.v

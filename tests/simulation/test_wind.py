@@ -41,12 +41,8 @@ def scene(luffing: Any, slewing: Any, pressure: Any, model: str = "beam3d", **lo
         part |= {} if k else {"supports": [{"name": "clamp", "kind": "clamped"}]}
         sections.append(part)
     frame = {
-        "pivot": list(PIVOT),
-        "unit": "degrees",
-        "luffing": luffing,
-        "slewing": slewing,
-        "base": {"ry": still(2.0)},
-    }
+        "pivot": list(PIVOT), "unit": "degrees", "luffing": luffing, "slewing": slewing, "base": {"ry": still(2.0)},
+    }  # fmt: skip
     built = Scene.model_validate(
         {
             "title": "wind",

@@ -114,18 +114,14 @@ FORGED: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "less than rigid": (contact(compliance=-1.0), "compliance = -1.0"),
     "text for a compliance": (contact(compliance="x"), "contacts.0.compliance"),
     "a mass that is none": (lambda arrays: arrays.update({"bodies.1.M": -arrays["bodies.1.M"]}), "bodies.1: M has"),
-    "a model on modes of another size": (
-        lambda arrays: arrays.update({"on_modes.0.M": arrays["bodies.1.M"][:2, :2]}),
-        "on_modes.1: ",
-    ),
+    "a model on modes of another size": (lambda arrays: arrays.update({"on_modes.0.M": arrays["bodies.1.M"][:2, :2]}),
+     "on_modes.1: "),
     "a model on modes of another body": (changed(lambda header: header | {"on_modes": ["0"]}), "on_modes.0: "),
     "a model on modes of no body": (changed(lambda header: header | {"on_modes": ["9"]}), "on_modes.9: 0, 1, 2 are"),
-    "an array that stands nowhere": (
-        changed(lambda header: header | {"same": {"on_modes.0.M": "bodies.9.M"}}),
-        "bodies.9.M",
-    ),
+    "an array that stands nowhere": (changed(lambda header: header | {"same": {"on_modes.0.M": "bodies.9.M"}}),
+     "bodies.9.M"),
     "a missing matrix": (lambda arrays: arrays.pop("bodies.2.K"), "bodies.2.K"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FORGED)

@@ -131,12 +131,10 @@ def test_velocities_and_cylinders_are_kinds_of_their_own() -> None:
     [
         (("accuracy.tolerance=0.01", "section.reduction.estimate=false"), "an estimate, without ports, are allowed"),
         (("budget.coordinates=3",), "at least 7 are needed"),
-        (
-            ("accuracy.tolerance=0.01", "section.mesh.elements=2", "section.reduction.coordinates=5"),
-            "the mesh has more modes",
-        ),
+        (("accuracy.tolerance=0.01", "section.mesh.elements=2", "section.reduction.coordinates=5"),
+         "the mesh has more modes"),
     ],
-)
+)  # fmt: skip
 def test_what_is_refused(changes: tuple[str, ...], said: str) -> None:
     with pytest.raises(InputError, match=said):
         summary("compare.against=[]", "time.end=0.02", *changes)

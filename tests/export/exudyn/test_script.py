@@ -39,13 +39,9 @@ SIGNALS: dict[str, SignalBase] = {
     "step": Step(time=0.5, before=1.0, after=2.0),
     "sine": Sine(amplitude=3.0, frequency=1.3, phase=0.4, offset=-2.0),
     "chirp": Chirp(amplitude=50.0, times=(0.2, 0.7, 1.2), frequencies=(1.0, 10.0, 2.0), phase=0.3),
-    "sum": Sum(
-        terms=(
-            Sine(amplitude=1.0, frequency=3.0),
-            Sum(terms=(Step(time=0.4, after=1.0), Constant(amount=2.0))),
-        )
-    ),
-}
+    "sum": Sum(terms=(Sine(amplitude=1.0, frequency=3.0), Sum(terms=(Step(time=0.4, after=1.0),
+     Constant(amount=2.0))))),
+}  # fmt: skip
 PATH = SmoothRamp(times=(0.0, 0.2), values=(2.0, 2.6))
 LOADS = (SIGNALS["chirp"], SIGNALS["sum"])
 
@@ -145,14 +141,7 @@ def test_it_needs_numpy_scipy_and_exudyn_only(script: Path) -> None:
     ]
     modules = {name.name for node in imports if isinstance(node, ast.Import) for name in node.names}
     modules |= {str(node.module) for node in imports if isinstance(node, ast.ImportFrom)}
-    assert {module.split(".")[0] for module in modules} <= {
-        "exudyn",
-        "numpy",
-        "pathlib",
-        "scipy",
-        "types",
-        "warnings",
-    }
+    assert {module.split(".")[0] for module in modules} <= {"exudyn", "numpy", "pathlib", "scipy", "types", "warnings"}
 
 
 def test_paths_and_loads_can_be_replaced(script: Path) -> None:

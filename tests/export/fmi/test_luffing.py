@@ -84,13 +84,10 @@ def test_a_free_luffing_angle_is_that_of_a_stepper(drive: str, tmp_path: Path) -
         expected = stepper.step({}, loads, frame)
         (at, rate, second), (drives, faster) = frame["slewing"], loads[f"luffing drive {drive}"]
         inputs = {
-            "slewing": at - h * rate + h**2 / 2.0 * second,
-            "slewing_rate": rate - h * second,
-            "slewing_rate_2": second,
-            f"luffing_drive_{drive}": drives - h * faster,
-            f"luffing_drive_{drive}_rate": faster,
+            "slewing": at - h * rate + h**2 / 2.0 * second, "slewing_rate": rate - h * second, "slewing_rate_2": second,
+            f"luffing_drive_{drive}": drives - h * faster, f"luffing_drive_{drive}_rate": faster,
             "hoist_rope": loads["hoist rope"],
-        }
+        }  # fmt: skip
         instance.set(list(inputs), list(inputs.values()))
         before = instance.serialised(instance.saved())
         instance.step((k - 1) * h, h)

@@ -53,13 +53,10 @@ def test_a_wrench_at_the_tip_reaches_the_pin(tmp_path: Path) -> None:
     x, z = (LUG - FOOT) / np.linalg.norm(LUG - FOOT)
     thrust = np.array([x, 0.0, z, 0.0, 0.0]) / (LUG[0] * z - LUG[1] * x)  # on the pin, of a moment that lifts by 1 N m
     expected = {
-        "Fx": [1.0, 0.0, 0.0, 0.0, 0.0],
-        "Fy": [0.0, 1.0, 0.0, 0.0, arm],
-        "Fz": [0.0, 0.0, 1.0, 0.0, 0.0] - arm * thrust,
-        "Mx": [0.0, 0.0, 0.0, 1.0, 0.0],
-        "My": thrust,
+        "Fx": [1.0, 0.0, 0.0, 0.0, 0.0], "Fy": [0.0, 1.0, 0.0, 0.0, arm],
+        "Fz": [0.0, 0.0, 1.0, 0.0, 0.0] - arm * thrust, "Mx": [0.0, 0.0, 0.0, 1.0, 0.0], "My": thrust,
         "Mz": [0.0, 0.0, 0.0, 0.0, 1.0],
-    }
+    }  # fmt: skip
     size = 100.0
     for name, pressed in expected.items():
         change = at_rest(**{f"fly_{name}": size}) - without

@@ -86,9 +86,8 @@ BOOMS: dict[str, tuple[str | Path, tuple[str, ...], str]] = {
     "three, rubbing": ("boom_three", (*ROUGH, GIVES_WAY), "3"),
     "ship": (plain_machines.CRANE, (*CRANE, *SHIP), "3"),
     "crane on springs": (plain_machines.CRANE, (*CRANE, SPRINGS), "2"),
-    "crane, rubbing": (
-        plain_machines.CRANE, (*CRANE, SPRINGS, *(f"section.joint.{ring}.0.friction=0.2" for ring in RINGS)), "3",
-    ),
+    "crane, rubbing": (plain_machines.CRANE, (*CRANE, SPRINGS,
+     *(f"section.joint.{ring}.0.friction=0.2" for ring in RINGS)), "3"),
 }  # fmt: skip
 KINDS = (*BODIES, *BOOMS)
 

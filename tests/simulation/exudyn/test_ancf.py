@@ -32,17 +32,10 @@ def nodal(w: Any, slope: Any) -> Array:
 def still(x: Array, **given: Any) -> ancf.CableMotion:
     """A motion that is zero but for what is given, over one time."""
     zero = {
-        "t": np.zeros(1),
-        "x": x,
-        "displacement": np.zeros((1, len(x))),
-        "velocity": np.zeros((1, len(x), 2)),
-        "curvature": np.zeros((1, len(x))),
-        "loads": np.zeros((1, 0)),
-        "load_displacement": np.zeros((1, 0)),
-        "slider_force": np.zeros(1),
-        "s": np.zeros(1),
-        "seconds": 0.0,
-    }
+        "t": np.zeros(1), "x": x, "displacement": np.zeros((1, len(x))), "velocity": np.zeros((1, len(x), 2)),
+        "curvature": np.zeros((1, len(x))), "loads": np.zeros((1, 0)), "load_displacement": np.zeros((1, 0)),
+        "slider_force": np.zeros(1), "s": np.zeros(1), "seconds": 0.0,
+    }  # fmt: skip
     return ancf.CableMotion(**{**zero, **given})
 
 
@@ -122,8 +115,7 @@ def test_the_cable_passes_through_the_slider() -> None:
 
 
 @pytest.mark.parametrize(
-    ("path", "at", "x", "key"),
-    [(6.0, 5.0, 5.0, "slider.path"), (2.0, 5.1, 5.0, "loads.at"), (2.0, 5.0, -0.1, "x")],
+    ("path", "at", "x", "key"), [(6.0, 5.0, 5.0, "slider.path"), (2.0, 5.1, 5.0, "loads.at"), (2.0, 5.0, -0.1, "x")]
 )
 def test_what_leaves_the_cable_is_refused(path: float, at: float, x: float, key: str) -> None:
     excitation = driven(Constant(amount=path), Constant(amount=1.0), TimeStepping(0.1, 1e-3))

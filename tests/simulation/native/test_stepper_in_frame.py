@@ -71,10 +71,8 @@ def test_what_is_left_out_stays(system: System) -> None:
     ("change", "says"),
     [
         ({"frame": {"lufing": 0.3}}, "frame = 'lufing': did you mean 'luffing'"),
-        (
-            {"frame": {"luffing": (0.3, 0.1, 0.0, 0.0)}},
-            r"frame.luffing = \[0.3, 0.1, 0.0, 0.0\]: a value, or that with",
-        ),
+        ({"frame": {"luffing": (0.3, 0.1, 0.0, 0.0)}},
+         r"frame.luffing = \[0.3, 0.1, 0.0, 0.0\]: a value, or that with"),
         ({"frame": {"luffing": float("nan")}}, "frame.luffing = nan: finite numbers are allowed"),
         ({"frame": {"luffing": (0.3, float("inf"))}}, r"frame.luffing = .*inf.*: finite numbers are allowed"),
         ({"frame": {"luffing": 45.0}}, "frame.luffing = 45.0: at most one turn is allowed, 2 pi: it is in rad"),
@@ -82,7 +80,7 @@ def test_what_is_left_out_stays(system: System) -> None:
         ({"s": {"middle": 1.0, "fly": (99.0, 0.0)}}, "s.fly = 99.0: .* m is allowed"),
         ({"F": {"fly.inertia x": 1.0}}, "F = 'fly.inertia x': .*gravity are allowed"),
     ],
-)
+)  # fmt: skip
 def test_bad_motions_are_refused(system: System, change: dict[str, Any], says: str) -> None:
     arguments: dict[str, Any] = {"s": {"middle": 1.0, "fly": 1.2}} | change
     with pytest.raises(InputError, match=says):

@@ -128,12 +128,7 @@ def test_the_response_is_that_of_the_whole_trajectory(rich: FullBody, pads: str)
 def test_ranks_agree_with_one(rich: FullBody, memory: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(constraint, "STORED_BYTES", memory)
     alone, together = (
-        observe(
-            distributed(rich, comm),
-            driven(PATH, LOADS, STEPPING),
-            [0.03],
-            some_state(rich),
-        )
+        observe(distributed(rich, comm), driven(PATH, LOADS, STEPPING), [0.03], some_state(rich))
         for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)
     )
     for name in ("y", "multipliers"):
@@ -289,9 +284,6 @@ def test_memory_does_not_grow_with_the_steps() -> None:
     model, grown = distributed(full_body(2000)), []
     for _ in range(2):
         before = resident()
-        observe(
-            model,
-            driven(Constant(amount=2.0), LOADS[:1], TimeStepping(end=1.0, step=1e-3)),
-        )
+        observe(model, driven(Constant(amount=2.0), LOADS[:1], TimeStepping(end=1.0, step=1e-3)))
         grown.append(resident() - before)
     assert grown[1] < 16.0  # MiB; the first run also loads what all need

@@ -323,11 +323,8 @@ def test_a_limit_of_the_users_own_is_what_its_function_says(
         ("least = 3.0", "most = 3.0", "buckling takes least"),
         ('of = "pad"', 'of = "pads"', "limits[0].of"),
         ('of = "pad"', 'of = "expression"', "expression belongs to a limit of 'expression', which needs one"),
-        (
-            'of = "pad"',
-            'of = "expression"\nexpression = "__import__(\'os\')"',
-            "is not allowed: numbers, + - * / **, load",
-        ),
+        ('of = "pad"', 'of = "expression"\nexpression = "__import__(\'os\')"',
+         "is not allowed: numbers, + - * / **, load"),
         ('of = "pad"', 'of = "rope"', "there is no rope"),
         ('name = "tip"', 'name = "pads"', "names of limits must differ"),
         ('name = "tip"', 'name = "stability"', "names of limits must differ"),
@@ -346,7 +343,7 @@ def test_a_limit_of_the_users_own_is_what_its_function_says(
         ("luffing = { least = 0.0, most = 70.0, count = 4 }", "luffing = []", "luffing: at least one angle"),
         ("luffing = { least = 0.0, most = 70.0", "luffing = { least = 80.0, most = 70.0", "at least 80"),
     ],
-)
+)  # fmt: skip
 def test_bad_tables_are_refused_in_one_line(folder: Path, old: str, new: str, said: str) -> None:
     assert old in STUDY
     (folder / "bad.toml").write_text(STUDY.replace(old, new, 1))
