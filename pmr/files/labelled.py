@@ -7,21 +7,31 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Sequence
+import warnings
+import zlib
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
+from os.path import isfile
 from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
+from pmr.errors import InputError, missing_file_reason
 from pmr.errors.environment import import_package
 from pmr.files.arrays import Array, Indices
 from pmr.files.deck_content import is_label_number
 
 logger = logging.getLogger(__name__)
+
+#: Errors that readers of SciPy and NumPy raise for damaged files; for a bad Fortran format this is a SyntaxError.
+_OF_VALUES = (ValueError, TypeError, LookupError, AttributeError, OverflowError, NotImplementedError, SyntaxError)
+DAMAGED = (*_OF_VALUES, OSError, BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True)
@@ -56,6 +66,28 @@ class UnreadableError(ValueError):
     def __init__(self, allowed: str, line: int = 0) -> None:
         super().__init__(allowed)
         self.line = line  # from 1; 0 for the whole file
+
+
+def read_by_suffix(path: Path, readers: dict[str, Callable[[Path], object]]) -> Any:
+    """Return the result of the reader for the file's suffix; raises InputError if this reader can't read the file."""
+    suffix = path.suffix.lower()
+    if suffix not in readers:
+        raise InputError(str(path), "", None, f"files that end in {', '.join(readers)} are allowed")
+    if not isfile(path):
+        raise InputError(str(path), "", None, missing_file_reason(path))
+    try:
+        with warnings.catch_warnings():  # SciPy warns of future return types and of keys of Harwell-Boeing files
+            warnings.simplefilter("ignore")
+            return readers[suffix](path)
+    except InputError:
+        raise
+    except UnreadableError as error:
+        raise InputError(str(path), f"line {error.line}" if error.line else "", None, str(error)) from None
+    except MemoryError:
+        raise InputError(str(path), "", None, f"a {suffix} file is allowed whose sizes fit into memory") from None
+    except DAMAGED:
+        allowed = f"a readable {suffix} file is allowed: this one is cut off, changed, or of another form"
+        raise InputError(str(path), "", None, allowed) from None
 
 
 def read_entries(path: Path) -> Entries:
@@ -103,9 +135,8 @@ def _is_row(parts: Sequence[str], kinds: Sequence[type]) -> bool:
     if len(parts) != len(kinds):
         return False
     try:
-        return all(
-            kind is float or float(part) == int(float(part)) for kind, part in zip(kinds, parts, strict=True)
-        ) and all(np.isfinite(float(part)) or kind is float for kind, part in zip(kinds, parts, strict=True))
+        numbers = zip(map(float, parts), kinds, strict=True)
+        return all([kind is float or number == int(number) for number, kind in numbers])
     except (ValueError, OverflowError):
         return False
 

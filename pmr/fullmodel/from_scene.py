@@ -216,17 +216,9 @@ def structural_model_of(member: Member, comm: MPI.Comm) -> StructuralModel:
         else:
             write_solid(boom, file, hexahedra=member.part.mesh.cells == "hexahedra")
 
-    model = module.of(member.part.body, _mesh(member, comm, module.KINDS, write))
+    mesh: NamedMesh = comm.bcast(call_on_first_rank(comm, lambda: _read_or_draw(member, module.KINDS, write)))
+    model = module.of(member.part.body, mesh)
     return model
-
-
-def _mesh(member: Member, comm: MPI.Comm, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:
-    """Mesh of a body, read or drawn by rank 0 and sent to all ranks; collective.
-
-    `kinds` are the allowed kinds of cells.  `write` meshes a box and writes the mesh to a file.
-    """
-    mesh: NamedMesh = comm.bcast(call_on_first_rank(comm, lambda: _read_or_draw(member, kinds, write)))
-    return mesh
 
 
 def _read_or_draw(member: Member, kinds: tuple[str, ...], write: Callable[[BoxBoom, Path], None]) -> NamedMesh:

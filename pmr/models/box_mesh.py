@@ -61,8 +61,7 @@ def outward_normal(side: Side, at: Pair) -> Array:
     if side.centre is not None:
         arm = np.subtract(at, side.centre)
         return np.asarray(arm / np.hypot(*arm))
-    along = np.subtract(side.end, side.start) / side.length
-    return np.array([along[1], -along[0]])
+    return side.normal
 
 
 #: Shares along a side beyond 0 and 1 that count as round-off of the drawing.

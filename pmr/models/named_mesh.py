@@ -58,7 +58,7 @@ def mesh_fault(cell: str, points: Array, cells: Indices) -> Fault | None:
     corners = points[cells]
     size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
     if cell == "triangle":
-        content = np.linalg.norm(_normals(corners), axis=1) / size**2
+        content = np.linalg.norm(triangle_normals(corners), axis=1) / size**2
     else:
         content = _corner_volumes(cell, corners).min(axis=1) / size**3
     inverted, flat = content < -DEGENERATE, np.abs(content) <= DEGENERATE
@@ -83,7 +83,7 @@ def mesh_fault(cell: str, points: Array, cells: Indices) -> Fault | None:
     return None
 
 
-def _normals(corners: Array) -> Array:
+def triangle_normals(corners: Array) -> Array:
     """Normals (C, 3) of triangles with `corners` (C, 3, 3) in m; the length of a normal is the area in m^2."""
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
 
@@ -404,8 +404,7 @@ def _outermost(points: Array, facets: Skin, face: FaceNormal) -> Indices:
 
 def _both_sides(mesh: NamedMesh) -> Skin:
     """Triangles of a shell, first with the normals of one side, then with those of the other."""
-    a, b, c = (mesh.points[mesh.cells[:, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
+    normals = triangle_normals(mesh.points[mesh.cells])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     number = np.arange(len(mesh.cells))
     return Skin(np.tile(number, 2), np.tile(mesh.cells, (2, 1)), np.concatenate([normals, -normals]))

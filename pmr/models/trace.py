@@ -29,7 +29,7 @@ from pmr.errors import InputError
 from pmr.fem.compat import cell_topology, lagrange_rule
 from pmr.files.arrays import Array, Indices
 from pmr.models.mesh_nodes import Nodes
-from pmr.models.named_mesh import Group, NamedMesh
+from pmr.models.named_mesh import Group, NamedMesh, triangle_normals
 
 ENTITY_KINDS = {(0, 1): "point", (1, 2): "interval", (2, 3): "triangle", (2, 4): "quadrilateral",
                 (3, 4): "tetrahedron", (3, 8): "hexahedron"}  # fmt: skip
@@ -368,15 +368,15 @@ def _face_normal(mesh: NamedMesh, group: Group, face: str) -> Array:
 
     Raises an `InputError` if the face is not flat.
     """
-    a, b, c = (mesh.points[group.entities[:, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
+    corners = mesh.points[group.entities]
+    normals = triangle_normals(corners)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     normals *= np.sign(normals @ normals[0])[:, None]
     mean = normals.mean(axis=0)
     mean /= np.linalg.norm(mean)
     if np.any(normals @ mean < FLAT):
         raise InputError("scene", "pads.on", face, "this face is not flat; flat faces are allowed")
-    return orient_outward(face, mean, a.mean(axis=0), mesh.points)
+    return orient_outward(face, mean, corners[:, 0].mean(axis=0), mesh.points)
 
 
 def orient_outward(face: str, normal: Array, middle: Array, points: Array) -> Array:

@@ -26,7 +26,6 @@ MOST_STEPS = 1_000_000
 def check_scene(scene: Scene) -> None:
     """Raise an InputError for the first key of a scene that contradicts another key; its file is ``"scene"``."""
     check_time(scene)
-    _check_outputs(scene)
     _check_accuracy(scene)
     if len(scene.sections) > 1:
         check_joints(scene)
@@ -202,17 +201,10 @@ def _check_simulators(scene: Scene) -> None:
         refuse_unsupported(name, reduced)
 
 
-def _check_outputs(scene: Scene) -> None:
-    """Refuse a scene with both accuracy and budget, and an output that one of them lists twice."""
-    ordered, key = scene.goal, "accuracy" if scene.accuracy is not None else "budget"
-    if scene.accuracy is not None and scene.budget is not None:
-        raise scene_error("budget", None, "accuracy or budget is allowed, not both")
-    if ordered is not None and len(set(ordered.outputs)) < len(ordered.outputs):
-        raise scene_error(f"{key}.outputs", list(ordered.outputs), "each kind once is allowed")
-
-
 def _check_accuracy(scene: Scene) -> None:
-    """Refuse accuracy or budget unless each section has free modes with flexibility and an estimate."""
+    """Refuse accuracy beside a budget, and either unless each section has free modes, flexibility and an estimate."""
+    both = scene.accuracy is not None and scene.budget is not None
+    refuse(both, "budget", None, "accuracy or budget is allowed, not both")
     for number, part in enumerate(scene.sections):
         if scene.goal is not None and not part.reduction.estimable:
             allowed = (

@@ -29,7 +29,7 @@ from pmr.errors import InputError
 from pmr.scene.cylinder import LuffingCylinder
 from pmr.scene.ground import Ground
 from pmr.scene.joints import ScaledSignal
-from pmr.scene.keys import Direction, Mass, Point, Quantity, SceneTable, Switch, Usual, key_error
+from pmr.scene.keys import Direction, Mass, Once, Point, Quantity, SceneTable, Switch, Usual, key_error
 from pmr.scene.signals import Constant, Signal, SignalBase
 from pmr.scene.structures import ALLOWED_INERTIA, PrincipalMoments, is_inertia
 
@@ -106,7 +106,7 @@ class Machine(SceneTable):
     inertia: PrincipalMoments = Field(
         default=(0.0, 0.0, 0.0), description="About its centre of mass, about axes of the machine"
     )
-    free: tuple[Direction, ...] = Field(
+    free: Annotated[tuple[Direction, ...], Once] = Field(
         default=(), description="Directions that are not held: their motion is found, far as it may go"
     )
     stiffness: Springs = Field(default=Springs.model_construct(), description="Of springs in free directions")
@@ -127,8 +127,6 @@ class Machine(SceneTable):
         """Refuse impossible moments of inertia, and values in directions that are not free."""
         if not is_inertia(self.inertia):
             raise key_error("inertia", list(self.inertia), ALLOWED_INERTIA)
-        if len(set(self.free)) < len(self.free):
-            raise key_error("free", list(self.free), "each direction once is allowed")
         for key in ("stiffness", "damping", "start", "rate"):
             for direction, value in getattr(self, key).nonzero.items():
                 if direction not in self.free:

@@ -18,7 +18,7 @@ from difflib import get_close_matches
 from functools import cache
 from os.path import isfile
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 
 from pydantic import (
     AfterValidator,
@@ -37,6 +37,7 @@ from pydantic_core.core_schema import no_info_after_validator_function
 
 from pmr.errors import NAMED, environment, escape_controls, is_name, missing_file_reason, similar_name_hint
 
+Entry = TypeVar("Entry")
 Location = Sequence[str | int]
 Schema = dict[str, Any]
 #: What is allowed in place of a value that is neither table nor list, by pydantic's kind of error.
@@ -307,6 +308,17 @@ Friction = Annotated[float, Quantity("1", 0.0, 1.0)]  # dry steel on steel has 0
 Positive = Annotated[float, Quantity("1", 1e-12, 1e18)]
 Count = Annotated[int, Quantity("1", 1, 1_000_000)]
 Component = Annotated[float, Quantity("1", -1e300, 1e300)]
+
+
+def _check_repeated(values: tuple[Entry, ...]) -> tuple[Entry, ...]:
+    """Return the `values` of a list if all of them differ; raises an error that shows the list otherwise."""
+    if len(set(values)) < len(values):
+        raise PydanticCustomError("repeated", "each once is allowed")
+    return values
+
+
+#: Annotation of a list whose entries have to differ.
+Once = AfterValidator(_check_repeated)
 
 
 def _check_name(text: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from pmr.scene.keys import (
     AS_WORD,
@@ -15,6 +15,7 @@ from pmr.scene.keys import (
     Frequency,
     Length,
     Name,
+    Once,
     Place,
     Positive,
     Pressure,
@@ -230,7 +231,7 @@ class Simulation(SceneTable):
     `full` simulates the full model; by default it is chosen by size.  ``petsc``, for large models, uses all MPI ranks.
     """
 
-    simulators: tuple[SimulatorName, ...] = Field(
+    simulators: Annotated[tuple[SimulatorName, ...], Once] = Field(
         default=("march",),
         min_length=1,
         description="Simulators of the reduced model; the results are those of the first one",
@@ -242,14 +243,6 @@ class Simulation(SceneTable):
     newton: dict[str, bool | int | float] = Field(
         default={}, description="Exudyn's settings of Newton's method, by Exudyn's names, such as relativeTolerance"
     )
-
-    @field_validator("simulators")
-    @classmethod
-    def _check_duplicates(cls, simulators: tuple[str, ...]) -> tuple[str, ...]:
-        """Refuse a simulator that is listed twice."""
-        if len(set(simulators)) < len(simulators):
-            raise ValueError("each simulator once is allowed")
-        return simulators
 
 
 class Compare(SceneTable):
@@ -274,7 +267,7 @@ class Compare(SceneTable):
 class _Target(SceneTable):
     """Base of `Accuracy` and `Budget`, with the outputs that have to be accurate."""
 
-    outputs: tuple[OutputKind, ...] = Field(
+    outputs: Annotated[tuple[OutputKind, ...], Once] = Field(
         default=("beam", "tip"), min_length=1, description="Outputs whose errors have to be small enough"
     )
     mesh: Switch = Field(

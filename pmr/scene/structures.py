@@ -17,6 +17,7 @@ from pmr.scene.keys import (
     Length,
     Mass,
     Name,
+    Once,
     Place,
     Point,
     Pressure,
@@ -179,7 +180,7 @@ class Probe(SceneTable):
         default=None, description="A point on the body, x along it, z up"
     )
     on: Name | None = Field(default=None, description="Named group in place of a point; for stresses a group of cells")
-    measures: tuple[Measured, ...] = Field(
+    measures: Annotated[tuple[Measured, ...], Once] = Field(
         default=("stress",), min_length=1, description="Quantities that are recorded there"
     )
     face: str = Field(
@@ -190,11 +191,9 @@ class Probe(SceneTable):
 
     @model_validator(mode="after")
     def _check_place(self) -> Probe:
-        """Refuse a probe unless it has either a point or a group, and measures that all differ."""
+        """Refuse a probe unless it has either a point or a group."""
         if (self.at is None) == (self.on is None):
             raise ValueError("give at or on, one of them")
-        if len(set(self.measures)) < len(self.measures):
-            raise ValueError("each measure once is allowed")
         return self
 
 

@@ -51,13 +51,8 @@ def apply_table(table: PPoly, s: Array, x: Array, derivative: int = 0) -> Array:
     """
     table = table if derivative == 0 else table.derivative(derivative)
     s = clip_to_domain(s, table.x[0], table.x[-1], "slider")
-    interval = _interval_numbers(table, s)
+    interval = np.searchsorted(table.x[1:-1], s, side="right")
     return _sum_powers(table, interval, _powers(s - table.x[interval], len(table.c)), np.asarray(x, dtype=float))
-
-
-def _interval_numbers(table: PPoly, s: Array) -> Indices:
-    """Number (T,) of the table's interval in which each s (T,) lies."""
-    return np.searchsorted(table.x[1:-1], s, side="right")
 
 
 def _powers(x: Array, count: int) -> Array:

@@ -250,7 +250,7 @@ def test_it_does_not_stand_upright() -> None:
 
 
 REFUSED = {
-    "frame.machine.free=['x', 'x']": "frame.machine.free = ['x', 'x']: each direction once is allowed",
+    "frame.machine.free=['x', 'x']": "frame.machine.free = ['x', 'x']: each once is allowed",
     "compare.richer='next'": "compare.richer = 'next': 'auto' or 'none' is allowed beside frame.machine, which is",
     "frame.machine.free=['w']": "frame.machine.free[0] = 'w': ",
     "frame.machine.stiffness.z=1e6": "frame.machine.stiffness.z = 1000000.0: one of free is allowed: []",
