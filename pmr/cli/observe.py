@@ -150,7 +150,10 @@ def identify(
 
 
 def _starts(fit: Sequence[str]) -> dict[str, float]:
-    """Values at the start by key, from texts ``KEY=START``; an InputError is raised for another text."""
+    """Values at the start by key, from the texts `fit`, each ``KEY=START``.
+
+    An InputError is raised for a text of another form.
+    """
     starts = dict[str, float]()
     for text in fit:
         key, _, value = text.partition("=")

@@ -338,7 +338,10 @@ ABOVE = 0.005
 
 
 def boiling_warnings(cylinder: str, extremes: Mapping[str, Extremes], response: Response) -> list[str]:
-    """A warning for each chamber of a `cylinder` whose oil would boil; `extremes` by ``pressure bore`` and the like."""
+    """A warning for each chamber of a `cylinder` whose oil would boil.
+
+    `extremes` are the extremes of the cylinder's quantities, ``pressure bore`` and ``pressure rod`` among them.
+    """
     return [
         f"the oil on the {key.removeprefix('pressure ')} side of the {cylinder} would have "
         f"{with_unit(of.least, 'Pa')} {response.when(of.t_least)}, and boils: the model pulls on it"

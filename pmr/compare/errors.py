@@ -135,7 +135,10 @@ def errors_between(
 
 
 def errors_of_pairs(pairs_of_models: Mapping[str, Mapping[str, Pair]], measure: Measure) -> dict[str, dict[str, float]]:
-    """Errors by pair of models and quantity, from pairs (signal, reference) as `compared_pairs` returns them."""
+    """Errors by pair of models and quantity, by `measure`, from pairs (signal, reference).
+
+    `pairs_of_models` are the pairs as `compared_pairs` returns them.
+    """
     return {between: {name: measure(*pair) for name, pair in of.items()} for between, of in pairs_of_models.items()}
 
 

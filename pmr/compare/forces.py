@@ -201,9 +201,9 @@ def _pad_force(response: Response, name: str) -> Array | None:
 def pulled_pad_warnings(scene: Scene, contacts: Sequence[Contact], response: Response) -> list[str]:
     """Warnings about pads that hold both ways and are pulled: one a ring for a single body, one for all joints.
 
-    Each warning says how many pads pull, which pad pulls most, and which key to set.  Beside a motion that is computed,
-    pads that only push are refused, so there the key is that of the faces.  Points that hold a planar beam both ways
-    are meant to pull, so only pads count.
+    `contacts` are all contacts of the system.  Each warning says how many pads pull, which pad pulls most, and which
+    key to set.  Beside a motion that is computed, pads that only push are refused, so there the key is that of the
+    faces.  Points that hold a planar beam both ways are meant to pull, so only pads count.
     """
     computed = _computed_motion(scene)
     loads, lines = pad_extremes(scene, response), list[str]()

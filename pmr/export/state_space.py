@@ -348,9 +348,10 @@ def _output4_deck(space: StateSpace) -> Iterator[str]:
 
 
 def _lines_with_remainder(letter: str, number: str, A: Array, form: int) -> Iterator[str]:
-    """Yield the lines of the matrix called `letter` and `number`, and of the remainder that its fields can't hold.
+    """Yield the lines of the matrix A, and of the remainder that its fields can't hold.
 
-    `form` is the number of the matrix's form in DMIG lines; an L after the letter marks the remainder.
+    The matrix is called `letter` and `number`; an L after the letter marks the remainder.  `form` is the number of the
+    matrix's form in DMIG lines.
     """
     rounded = np.vectorize(lambda x: float(_field(x).replace("D", "e")), otypes=[float])(A)
     yield from _dmig_lines(f"{letter}{number}", A, form)
@@ -358,7 +359,7 @@ def _lines_with_remainder(letter: str, number: str, A: Array, form: int) -> Iter
 
 
 def _dmig_lines(name: str, A: Array, form: int) -> Iterator[str]:
-    """Yield the DMIG lines of the matrix called `name`, of the form with the number `form`.
+    """Yield the DMIG lines of the matrix A, called `name`, of the form with the number `form`.
 
     Zeros off the diagonal are left out, and so is the upper triangle of a symmetric matrix.
     """

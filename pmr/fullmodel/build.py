@@ -139,7 +139,8 @@ def describe_free_motions(
 ) -> FreeMotions:
     """Describe in words the free motions at the position that has most of them; collective.
 
-    The position is named unless all positions have the same free motions.  Both texts are empty if there are none.
+    `structural` has the structural models of the bodies.  The position is named unless all positions have the same free
+    motions.  Both texts are empty if nothing can move freely.
     """
     by_position = [
         {name: describe_motions(motions) for name, motions in at.items()}
@@ -187,7 +188,10 @@ def _contacts(
 
 
 def _supports(bodies: Mapping[str, RigidBody], shifts: Mapping[str, Array]) -> Iterator[Array]:
-    """Yield for each of b bodies what its clamps and springs measure of rigid motions at T positions, (T, h, 6 b)."""
+    """Yield for each of b bodies what its clamps and springs measure of rigid motions at T positions, (T, h, 6 b).
+
+    `shifts` are matrices (T, 6, 6) by body, as `_shifts` returns them.
+    """
     for k, (name, body) in enumerate(bodies.items()):
         rows = np.einsum("hk,tkl->thl", body.held_motions, shifts[name])
         yield np.pad(rows, ((0, 0), (0, 0), (6 * k, 6 * (len(bodies) - k - 1))))

@@ -163,7 +163,7 @@ def _common_travel(pads: Pads) -> Interval:
 def _ring_pads(ring: PadRing, faces: tuple[str, ...], travel: tuple[float, float] | None) -> list[Pad]:
     """Pads of a ring on the given faces.
 
-    `travel` is the least and largest path coordinate in m of these pads; None means that of the body.
+    `travel` is the least and largest path coordinate in m of these pads; if it is None, the body's own range counts.
     """
     stiffness = np.inf if ring.stiffness == "rigid" else ring.stiffness
     size, only_pushes = (ring.length, ring.width, stiffness), ring.unilateral

@@ -117,8 +117,8 @@ def probe_summary(outputs: Mapping[str, Iterable[object]]) -> dict[str, list[dic
 def _displacements(probe: Probe, model: FiniteElementModel) -> Iterator[Gauge]:
     """Yield gauges of a probe's displacement along x, y and z, at the nearest grid point or as the mean of a group.
 
-    On a beam the point is that of its axis at the probe's x, also between nodes.  Directions along which the model
-    can't move are left out.
+    On a beam, the displacement is that of the axis at the probe's x, which may be between nodes.  Directions along
+    which the model can't move are left out.
     """
     if probe.at is not None and is_beam(model):
         where = np.clip(probe.at[0], *model.node_stations[[0, -1]]) * np.eye(3)[0]

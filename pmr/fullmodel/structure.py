@@ -223,7 +223,7 @@ class Coupling:
     def load(
         self, load: Action | Weight | Inertia | Warmth | LineLoad, M: PETSc.Mat, moving: FrameAssembler
     ) -> sp.csr_matrix:
-        """The load vector as a row (1, n') for an input of one; collective.
+        """Forces on z by a unit of an input of `load`, as a row (1, n'); collective.
 
         M is the model's mass matrix.  `moving` assembles the loads of acceleration fields.  Raises InputError for
         temperatures and line loads on a body that is no beam.

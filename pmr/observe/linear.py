@@ -106,7 +106,7 @@ class LinearMotion:
         return sampled
 
     def input_unit(self, name: str) -> str:
-        """Unit of a load."""
+        """Unit of the load called `name`; N if the model has no units."""
         number = self.input_number(name)
         return self.input_units[number] if self.input_units else "N"
 

@@ -219,9 +219,9 @@ def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] |
 
 
 def _store_richer(scene: Scene, recovery: Recovery | None, folder: Path, content: str) -> None:
-    """Reduce a scene and store system and largest stress in the folder of a `SystemCache`.
+    """Reduce a scene and store system and largest stress in the `folder` of a `SystemCache`.
 
-    Errors are those of `measure_model`.
+    `content` is the cache's digest.  Errors are those of `measure_model`.
     """
     richer = ComparedScene(scene, MPI.COMM_WORLD, SystemCache(folder, content, MPI.COMM_WORLD))
     with suppress(*UNNEEDED):  # the process that measures meets them too
@@ -232,9 +232,10 @@ def _store_richer(scene: Scene, recovery: Recovery | None, folder: Path, content
 def measure_model(
     scene: Scene, comm: MPI.Comm, cache: Cache | None, of_run: RunMotion | None = None
 ) -> Mapping[str, Any]:
-    """Return ``budget.model`` of summary.json: differences to a richer model, or ``reason`` for none; collective.
+    """Return ``budget.model`` of summary.json: differences to a richer model, or the ``reason`` why there are none.
 
-    The motion of the scene is that of a run's full model, `of_run`; without it the scene is reduced anew and simulated.
+    The motion of the scene is that of a run's full model, `of_run`.  If this is None, the scene is reduced anew and
+    simulated.  Collective.
     """
     if scene.computed_key is not None:
         return {"beside": None, "reason": ON_MACHINE}

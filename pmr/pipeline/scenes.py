@@ -214,8 +214,9 @@ def _indentations(
 ) -> dict[str, list[dict[str, float | str]]]:
     """Entry ``indentations`` of summary.json: how far walls give way under the largest force of each pad, in m.
 
-    The walls are those of all sections that the pad touches, where it is when its force is largest; what other pads
-    add is left out.  `bodies` are the bodies by name.  Without walls that give way the result is empty.
+    `bodies` are the bodies by name, and `responses` the responses by model.  The walls are those of all sections that
+    the pad touches, where it is when its force is largest; what other pads add is left out.  Without walls that give
+    way the result is empty.
     """
     contacts, rows = {contact.name: contact for contact in system.contacts}, list[dict[str, float | str]]()
     for name, extremes in pad_extremes(scene, responses["reduced"]).items():

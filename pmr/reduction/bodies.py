@@ -194,11 +194,11 @@ def reduce_bodies(
     clock: Clock | None = None,
     vectors: Vectors | None = None,
 ) -> Mapping[str, ReducedBody]:
-    """Reduced bodies of a scene by their names; equal sections are reduced once; collective.
+    """Reduced bodies of a scene by their names, from its full models `built`; collective.
 
-    With `caches`, by the bodies' names, results are read from a cache or written to it.  The basis of a single body may
-    consist of `vectors`, an array or a function of its full model; then no cache is used.  An InputError with the
-    section's key is raised if a section can't be reduced.
+    Equal sections are reduced once.  With `caches`, by the bodies' names, results are read from a cache or written to
+    it.  The basis of a single body may consist of `vectors`, an array or a function of its full model; then no cache is
+    used.  An InputError with the section's key is raised if a section can't be reduced.
     """
     caches, clock = caches or {}, clock or Clock()
     if vectors is not None:

@@ -255,10 +255,10 @@ def _remove_rigid_modes(fixed_model: FullModel, Z: Array, modes: Modes) -> Modes
 
 
 def _bent_modes(model: FullModel, stress: Sequence[PETSc.Mat], modes: Modes, numbers: Indices) -> Mask:
-    """Which of the modes with these `numbers` are bent by axial forces, whose geometric stiffnesses are `stress`.
+    """Mask of the modes with these `numbers` that axial forces bend.
 
-    The measure of mode k is the sum of (phi_k^T G phi_j)^2 / omega_k^2 over the matrices G in `stress` and all modes j
-    before the first of `numbers`.
+    `stress` are the geometric stiffnesses of the axial forces.  The measure of mode k is the sum of (phi_k^T G phi_j)^2
+    / omega_k^2 over the matrices G in `stress` and all modes j before the first of `numbers`.
     """
     bending = np.zeros(len(numbers))
     for G in stress:

@@ -116,8 +116,8 @@ def _stress_rows(result: RunResult) -> LargestValues:
     """Yield a row with the largest von Mises stress and its share of the yield stress.
 
     If the largest share of the yield stress occurs at another point than the largest stress, it has its own row.
-    Local bending adds to stresses of beams, so they have a share only above the yield stress, as a lower bound; before
-    them stands the stress of a shell, if known.
+    Stresses of beams lack local bending.  So their share is stated only if it is above 1, and as a lower bound.  If the
+    stress of a shell is known, its row comes before that of the beams.
     """
     summary = result.summary
     largest = summary.get("max_von_mises", {}).get("reduced")

@@ -67,8 +67,9 @@ def section_force_block(result: RunResult, prefix: str) -> Block | None:
 
 
 def _part_grids(result: RunResult) -> Iterator[Grid]:
-    """Yield a table with the largest stress of each part of each body in each model; nothing for a single part
-    in a single model.
+    """Yield a table with the largest stress of each part of each body in each model.
+
+    Nothing is yielded for a single part in a single model.
     """
     peaks = stress_by_part(result.summary)
     if len(peaks.get("reduced", {})) < (1 if "full" in peaks else 2):

@@ -82,7 +82,7 @@ class StressRows:
         return np.asarray(stresses).reshape(len(stresses), len(self.points), len(self.components))
 
     def von_mises(self, stresses: Array) -> Array:
-        """Return von Mises' stress (S, P) in Pa at P points from their stress components (S, P, c) in Pa."""
+        """Return von Mises' stress (S, P) in Pa at P points from the components `stresses` (S, P, c) in Pa."""
         squares = np.sum((stresses @ self.mises) * stresses, axis=-1)
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 

@@ -288,7 +288,10 @@ class Frame(BoomAngles):
 
     @field_serializer("luffing")
     def _dump_luffing(self, luffing: SignalBase | str | None, info: FieldSerializationInfo) -> object:
-        """Return the angle's table of keys, as for an angle that can't be free; pydantic warns of a union otherwise."""
+        """Return the keys of a luffing angle that is a signal, and any other angle unchanged.
+
+        Pydantic itself would warn of the union of types.
+        """
         if not isinstance(luffing, SignalBase):
             return luffing
         return luffing.model_dump(

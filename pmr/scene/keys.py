@@ -384,7 +384,7 @@ def _declarations(section: type[BaseModel], key: str) -> Iterator[Any]:
 
 
 def _annotations(parts: tuple[object, ...]) -> Iterator[Any]:
-    """Yield the items of a field's metadata and types, and all items nested in them."""
+    """Yield `parts`, the items of a field's metadata and types, and all items nested in them."""
     for part in parts:
         yield part
         yield from _annotations((*getattr(part, "__metadata__", ()), *get_args(part)))

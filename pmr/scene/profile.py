@@ -157,7 +157,7 @@ def rounded_sides(edges: Sequence[Edge], nothing: float) -> tuple[Side, ...]:
 
 
 def sharp_corners(edges: Sequence[Edge]) -> tuple[Corner, ...]:
-    """Return the outer corners of a profile in order, as if all were sharp."""
+    """Return the outer corners of a profile with the given `edges` in their order, as if all corners were sharp."""
     corners = list[Corner]()
     for k, edge in enumerate(edges):
         before = edges[k - 1]

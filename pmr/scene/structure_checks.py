@@ -430,7 +430,7 @@ def check_proportions(part: OneBody) -> None:
 
 
 def _check_ratio(key: str, ratio: float, allowed: tuple[float, float], what: str) -> None:
-    """Refuse a ratio outside of the range `allowed`; `what` names the ratio in the message."""
+    """Refuse a ratio outside of the range `allowed`, with the key `key`; `what` names the ratio in the message."""
     ratio_allowed = f"a ratio of {what} from {allowed[0]:g} to {allowed[1]:g} is allowed, here it is {ratio:.3g}"
     refuse(not allowed[0] <= ratio <= allowed[1], key, None, ratio_allowed)
 

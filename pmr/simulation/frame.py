@@ -306,7 +306,10 @@ def _term_signal(scene: Scene, term: FrameTerm) -> SignalBase:
 
 
 def _over_length(scene: Scene, of: SignalBase, term: FrameTerm) -> FrameAmplitude:
-    """Amplitude of a cylinder's force by a load or an acceleration `of` what it carries, over the cylinder's length."""
+    """Amplitude of the force of a cylinder, over the cylinder's length.
+
+    The force is caused by `of`, which is a load on what the cylinder carries, or an acceleration of it.
+    """
     name, over = input_name(term.carried_section, term.component), ("over", term.number)
     products = tuple(product.times(1.0, over) for product in products_of(of, name))
     if not isinstance(of, FrameAmplitude):

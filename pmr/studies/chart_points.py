@@ -142,7 +142,8 @@ def replaced_mass_warnings(original: Scene, scene: Scene, point: tuple[float, fl
 def _response_at_equilibria(equilibria: Sequence[Equilibrium], at: PostureMatrices) -> RestingResponse:
     """Return a response with tip displacements and contact forces of one equilibrium at each time; all else is zero.
 
-    `at` are the postures of the model, with the names of its outputs and contacts.
+    `equilibria` are in the order of the times.  `at` are the postures of the model, with the names of its outputs and
+    contacts.
     """
     states = [at_rest.state for at_rest in equilibria]
     t, nothing = np.arange(len(equilibria), dtype=float), np.zeros(len(equilibria))

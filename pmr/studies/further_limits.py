@@ -49,8 +49,8 @@ def compile_expression(text: str, names: tuple[str, ...], tables: tuple[str, ...
     """Compile the expression `text` to a function that returns its value from a mapping of amounts.
 
     Allowed are numbers, + - * / **, `FUNCTIONS`, `names`, and entries of `tables` as table["name"].  Raises ValueError
-    with one line on what is not allowed.  The returned function may raise KeyError for an entry that a table lacks,
-    ValueError or ArithmeticError.
+    with one line on what is not allowed.  The returned function raises KeyError for an entry that a table lacks; it may
+    also raise ValueError or ArithmeticError.
     """
     if len(text) > LONGEST:
         raise ValueError(f"at most {LONGEST} characters are allowed")

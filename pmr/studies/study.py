@@ -219,7 +219,7 @@ def _largest_figure(warning: str) -> float:
 
 @dataclass(frozen=True)
 class CountedWarning:
-    """A kind of warning: the worst of its texts, the keys of all runs with one, and that of the run with this text."""
+    """A kind of warning: its worst text, the keys of all runs that have it, and the key of the run with that text."""
 
     text: str
     runs: tuple[str, ...]
@@ -227,9 +227,9 @@ class CountedWarning:
 
     @classmethod
     def of_runs(cls, texts: Mapping[str, str]) -> CountedWarning:
-        """Count warnings of one kind; `texts` has one by the key of each run that has one.
+        """Count warnings of one kind; `texts` are their texts by the keys of the runs.
 
-        The worst text has the largest figure behind "up to"; without such figures it is that of the first run.
+        The worst text has the largest figure behind "up to"; without such figures it is the text of the first run.
         """
         worst = max(texts, key=lambda run: _largest_figure(texts[run]))
         return cls(texts[worst], tuple(texts), worst)

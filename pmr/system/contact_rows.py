@@ -30,7 +30,7 @@ ROUND_OFF = 1e-14
 
 
 def is_round_off(F: Array, largest: float = 0.0) -> Mask:
-    """Which contacts (..., m) with the flexibility F (..., m, m) in m/N are rigid: their flexibility is round-off.
+    """Mask (..., m) of the contacts that are rigid: their flexibility F (..., m, m) in m/N is round-off.
 
     Their diagonal entry of F is at most `ROUND_OFF` times the largest entry, or times `largest` if that is more.
     `largest` is the largest flexibility of the bodies in m/N; it is needed because all of F may be round-off.
@@ -79,7 +79,7 @@ class ContactRows:
 
     @property
     def rigid(self) -> Mask:
-        """Which contacts (m,), or (T, m) at T times, are rigid: their flexibility F is zero or round-off."""
+        """Mask (m,), or (T, m) at T times, of the contacts that are rigid: their flexibility F is zero or round-off."""
         return is_round_off(self.F)
 
 

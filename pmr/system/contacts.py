@@ -232,7 +232,7 @@ class Compliance:
 
     @property
     def rigid(self) -> Mask:
-        """Which contacts (m,) have no compliance of their own while all paths are at 0."""
+        """Mask (m,) of the contacts that have no compliance of their own while all paths are at 0."""
         return np.diagonal(self.constant) == 0.0
 
     def matrix(self, s: Array) -> Array:

@@ -191,7 +191,11 @@ def row_on_coordinates(name: str, breaks: Array, dofs: ArrayLike, coefficients: 
 
 
 class IntervalColumns(NamedTuple):
-    """Codes ``interval * n + column``, each once and ascending; index of each among those of its interval; columns."""
+    """Columns out of n that each of k intervals touches.
+
+    `codes` are ``interval * n + column``, each once and ascending, and `place` is the index of each code's column among
+    those of its interval.  `columns` are the columns of each interval.
+    """
 
     codes: Indices  # (c,)
     place: Indices  # (c,)

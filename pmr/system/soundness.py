@@ -24,12 +24,12 @@ LONGEST = 4 * LONGEST_NAME
 
 
 def describe_misfit(part: Any, sizes: Mapping[str, int], prefix: str = "") -> str | None:
-    """Description of what is wrong with the arrays, names and tables of a dataclass; None if nothing is wrong.
+    """Description of what is wrong with arrays, names and tables of the dataclass `part`; None if nothing is.
 
-    Its ``AXES`` have a letter for each axis, such as ``{"rows": "mr"}`` for values (m, r).  The size of a letter is
-    taken from `sizes`, or else from the first axis with this letter.  Fields that are None are not checked; fields that
-    are dataclasses with ``AXES`` of their own are.  Only the first fault is described.  `prefix` begins the names of
-    the fields in the description.
+    ``part.AXES`` has a letter for each axis of a field, such as ``{"rows": "mr"}`` for values (m, r).  The size of a
+    letter is taken from `sizes`, or else from the first axis with this letter.  Fields that are None are not checked;
+    fields that are dataclasses with ``AXES`` of their own are.  Only the first fault is described.  `prefix` begins the
+    names of the fields in the description.
     """
     sizes = dict(sizes)
     for name, axes in part.AXES.items():
@@ -93,7 +93,7 @@ def pivoted_cholesky(A: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def describe_asymmetry(matrices: Mapping[str, NDArray[np.float64]]) -> str | None:
-    """Description of the first matrix that is not symmetric or has a negative eigenvalue; None if there is none.
+    """Description of the first of `matrices` that is not symmetric or has a negative eigenvalue; None if none is so.
 
     The matrix called M must not be singular either.  Deviations up to `SYMMETRIC` of the largest entry count as
     round-off.

@@ -293,7 +293,7 @@ class System(BodySystem[SlidingBody]):
 
     @cached_property
     def largest_flexibility(self) -> float:
-        """Largest residual flexibility in m/N of a carrier or row of the bodies; 0 if no body has any."""
+        """Largest residual flexibility in m/N of a carrier or row of the bodies; 0 if the bodies have none."""
         largest = 0.0
         for body in self.bodies.values():
             if body.carriers is not None and body.carriers.flexibility is not None:
@@ -354,11 +354,17 @@ class System(BodySystem[SlidingBody]):
         return self.reduced | dict(self.on_modes)
 
     def ensure_constant(self, source: str) -> System:
-        """Return the system; raise an InputError about `source` if terms vary in time, or with friction or a hoist."""
+        """Return the system; raise an InputError if it has terms that vary in time, friction, or a hoist.
+
+        `source` is what can't handle them, for the message.
+        """
         return self.ensure_without_terms(source).ensure_frictionless(source).ensure_without_hoist(source)
 
     def ensure_without_hoist(self, source: str) -> System:
-        """Return the system; raise an InputError about `source`, which knows no payload that swings, with a hoist."""
+        """Return the system; raise an InputError about `source` if it has a hoist.
+
+        `source` is what can't follow a payload that swings.
+        """
         if self.hoist:
             allowed = (
                 "a scene without it is allowed here; march, a stepper and an FMU for Co-Simulation follow its payload"
@@ -367,7 +373,10 @@ class System(BodySystem[SlidingBody]):
         return self
 
     def ensure_frictionless(self, source: str) -> System:
-        """Return the system; raise an InputError about `source`, which can't handle friction, if a contact has any."""
+        """Return the system; raise an InputError about `source` if a contact has friction.
+
+        `source` is what can't handle friction.
+        """
         if (friction := Friction.from_contacts(self.contacts)) is not None:
             names = ", ".join(self.contact_names[k] for k in friction.pads)
             raise InputError(source, "friction", names, "0 is allowed here; `pmr simulate` follows friction")

@@ -197,10 +197,11 @@ def _distance_rows(scene: Scene, term: FrameTerm, bodies: Mapping[str, SlidingBo
 
 
 def carried_inertia(body: SlidingBody, field: str) -> float:
-    """Mass in kg (`field` "x") of a section with what is attached to it, or its first moment in kg m about its tail.
+    """Inertia of a section, with what is attached to it, against an acceleration along the boom.
 
-    This is the inertia e_x^T M a against an acceleration along the boom.  The field a of accelerations is the one that
-    `field` names (`pmr.system.body_matrices.LINEAR`).  It is right if the whole body is free to move.
+    For `field` "x" it is the mass in kg, for others the first moment in kg m about the section's tail: e_x^T M a with
+    the acceleration field a that `field` names (`pmr.system.body_matrices.LINEAR`).  It is right if the whole body is
+    free to move.
     """
     along, over = (np.asarray(body.B)[:, body.input_names.index(INERTIA + name)] for name in ("x", field))
     return float(along @ spla.spsolve(sp.csc_matrix(body.M), over))

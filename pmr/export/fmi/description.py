@@ -47,7 +47,7 @@ class ModelAttributes:
 
 
 def model_description(model: ModelAttributes, variables: Sequence[Variable], version: str) -> str:
-    """Text of modelDescription.xml of FMI 2.0 or 3.0; `version` is ``"2"`` or ``"3"``."""
+    """Text of modelDescription.xml of FMI 2.0 or 3.0, with the given `variables`; `version` is ``"2"`` or ``"3"``."""
     is_3 = version == "3"
     root = ET.Element(
         "fmiModelDescription",

@@ -154,9 +154,10 @@ def _cubic_excitation(drivers: Drivers, excitation: Excitation, inputs: Array) -
 def input_cubics(drivers: Drivers, excitation: Excitation) -> Array:
     """Drivers and their rates of order one to three at the steps, (4, T, n), as cubics that reach the next step.
 
-    Without a frame, value and rate of each path and load agree at both ends of a step.  In a frame, paths and angles
-    agree in value and second rate, which accelerates the frame, and the drive of a cylinder in value and rate;
-    all other drivers are straight lines.  At the last time the rates are zero.
+    The cubic of a step has the exact values of the driver at both ends of the step.  Without a frame, it has the exact
+    rates of paths and loads there too.  In a frame, it has the exact second rates of paths and angles, which accelerate
+    the frame, and the exact rates of a cylinder's drive; all other drivers are straight lines.  At the last time the
+    rates are zero.
     """
     t, h, n = excitation.times, excitation.stepping.step, drivers.count
     orders, frame = np.zeros((4, len(t), n)), drivers.frame

@@ -45,7 +45,7 @@ def render_studies(folder: Path) -> str:
 
 
 def _provenance_chapter(summary: Summary, studies: Sequence[FinishedStudy]) -> Chapter:
-    """Build the chapter with the number and time of all runs, the machine and the software."""
+    """Build the chapter with the number and time of all runs of `studies`, the machine and the software."""
     effort = []
     for study in studies:
         seconds = sum(run.seconds.get("task", 0.0) for run in study.results.runs)

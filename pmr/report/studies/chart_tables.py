@@ -51,7 +51,10 @@ def ceiling(study: FinishedStudy) -> str:
 
 
 def case_sentence(asked: Summary) -> str:
-    """Sentence on the cases in service of a study file: factors of load and weights, wind, other loads and stops."""
+    """Sentence on the cases in service of a study file: factors of load and weights, wind, other loads and stops.
+
+    `asked` are the keys of the study file.
+    """
     cases = [case for case in map(LoadCase.model_validate, asked["cases"]) if case.in_service]
     plain = all(case.weight == case.machine == case.load == 1.0 and case.hoisting_class is None for case in cases)
     calm = not any(case.wind or any(case.loads.values()) for case in cases)

@@ -269,7 +269,7 @@ class Sum(SignalBase):
 
 
 def _sum_of_signals(parts: Sequence[SignalBase], t: Array) -> Array:
-    """Return the sum of the signals at the times t (S,) in s."""
+    """Return the sum of the signals `parts` at the times t (S,) in s."""
     return np.asarray(np.sum([part.value(t) for part in parts], axis=0))
 
 

@@ -46,7 +46,7 @@ FAR = 1e9
 
 
 def kernel_cylinder(cylinder: LuffingCylinder | FreeExtension, t: Array) -> dict[str, Any]:
-    """Return `cylinder` and its `drive` at times t (T,), fields of the kernel's machine.
+    """Return the fields ``cylinder`` and ``drive`` of the kernel's machine, with the drive at times t (T,).
 
     A cylinder without a stroke has an infinite one; an extension without a drive has the drive of a force.
     """
