@@ -222,11 +222,11 @@ def linearize(
 
 
 def gravity_of(scene: Scene, chosen: Selection) -> Array:
-    """Gravity (q,) in m/s^2 that accelerometers along z feel at rest; zero for all other outputs."""
+    """Share (q,) of gravity in m/s^2 that accelerometers feel at rest along their axis; zero for all other outputs."""
     felt = np.zeros(len(chosen.names))
     for k, (name, axis) in enumerate(zip(chosen.names, chosen.axes, strict=True)):
-        if name.startswith(SPECIFIC_FORCE) and scene.gravity is not None and axis == "z":
-            felt[k] = scene.gravity.acceleration
+        if name.startswith(SPECIFIC_FORCE) and scene.gravity is not None and axis in ("x", "y", "z"):
+            felt[k] = -scene.gravity.acceleration * scene.gravity.direction["xyz".index(axis)]
     return felt
 
 

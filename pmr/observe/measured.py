@@ -76,6 +76,8 @@ def _error_of(table: Summary, name: str, kind: str) -> float | None:
 
 
 TIME = "t"
+#: Largest difference of a payload's gravity to that of the scene, as a share of it.
+SAME_GRAVITY = 0.01
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,11 @@ class ObserverFile:
 
         The errors of outputs in a run's `summary` count as errors of the model.
         """
+        if self.payload is not None and self.payload.gravity and scene.gravity is not None:
+            across = -scene.gravity.acceleration * scene.gravity.direction[2]
+            if abs(self.payload.gravity - across) > SAME_GRAVITY * scene.gravity.acceleration:
+                allowed = f"{across:.6g} m/s^2 is allowed, which the scene's gravity has along z"
+                raise InputError("observe", "payload.gravity", self.payload.gravity, allowed)
         inputs = [load.input for load in self.loads] + ([] if self.payload is None else [self.payload.input])
         outputs = [*self.estimate, *(sensor.output for sensor in self.sensors)]
         model = linearize(scene, system, outputs, tuple(dict.fromkeys(inputs)), self.step)

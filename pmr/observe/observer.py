@@ -75,7 +75,7 @@ class Payload:
     acceleration: str  # output: acceleration of that place upwards
     deviation: float  # kg: standard deviation at the start
     wander: float = 0.0  # kg/s^(1/2): of its random walk
-    gravity: float = 9.80665  # m/s^2
+    gravity: float = 9.80665  # m/s^2: along -z of the body
 
 
 @dataclass(frozen=True)

@@ -67,6 +67,15 @@ def test_an_accelerometer_feels_gravity(system: System) -> None:
     np.testing.assert_allclose(reference[:, 1] - reference[:, 0], 9.80665)
 
 
+def test_accelerometers_of_a_boom_that_is_raised_feel_their_shares_of_gravity() -> None:
+    raised = ["gravity.inclination=30.0", "section.body.model=beam3d", "free_motions=allowed", "time.end=0.005"]
+    names = [f"{what} of fly: tip {axis}" for axis in "yz" for what in ("acceleration", "specific force")]
+    scene = scene_with(0.0, *raised, "gravity.rise=0.0")
+    reference = linearize(scene, pmr.reduce(scene).system, names).reference
+    felt = reference[:, 1::2] - reference[:, ::2]
+    np.testing.assert_allclose(felt, np.tile([0.0, 9.80665 * np.cos(np.pi / 6.0)], (len(felt), 1)), atol=1e-12)
+
+
 def test_a_key_of_the_table_selects_its_outputs(system: System) -> None:
     model = linearize(scene_with(0.0, "time.end=0.002"), system, ["pad_force", TIP])
     assert FORCE in model.outputs and set(model.kinds) == {"pad", "tip"} and model.units[-1] == "m"

@@ -119,6 +119,13 @@ def test_few_measurements_have_no_whiteness_and_a_sensor_alone_is_not_left_out(t
         assert (OUTPUTS[0] in summary["without_sensor"]) == bool(few)
 
 
+def test_a_payload_has_the_gravity_of_its_scene(tmp_path: Path) -> None:
+    file, scene = tmp_path / "sensors.toml", pmr.load_scene("boom_three", [*BOOM, "gravity.inclination=30.0"])
+    file.write_text(FILE)
+    with pytest.raises(InputError, match=r"payload.gravity = 9.80665: 8.49281 m/s\^2 is allowed"):
+        ObserverFile.read(file).observer(scene, pmr.System({}, ()), {})
+
+
 def test_a_longer_step_has_a_larger_error() -> None:
     model, summary = oscillator(5), {"step": {"tip": 1e-5}}
     assert output_errors(summary, model, H / 4.0)["step"]["tip"] == pytest.approx(1.6e-4)
