@@ -17,6 +17,7 @@ from pmr.simulation import Excitation, InitialState
 from pmr.simulation.exudyn import NodeCoordinate, OnBody, add_system
 from pmr.simulation.exudyn.contacts import Contacts
 from pmr.simulation.exudyn.free_base import Base
+from pmr.simulation.free_base import FrameMotion
 
 PLACE = (0.1, -0.2, 0.3)
 TURRET = InertiaCuboid(500.0, [1.0, 1.2, 0.8]).Translated([0.1, 0.2, 0.3])
@@ -89,21 +90,21 @@ class Turret:
 
     def base(self) -> Base:
         """Equations of the boom on its base, as Exudyn's items evaluate them."""
-        return Base(self.mbs, self.items.equations, self.items.inputs, self.excitation.paths, self.on)
+        return Base(self.mbs, self.items.parts.equations, self.items.parts.inputs, self.excitation.paths, self.on)
 
     def momenta(self) -> Array:
         """Linear and angular momentum (T, 6) of turret and boom about the origin of the ground, along its axes."""
         base, found = self.base(), []
         for k, t in enumerate(self.t):
-            turned, _, motion, R = base.kinematics(self.x[k], self.x_t[k])
+            turned, _, omega, R = base.kinematics(self.x[k], self.x_t[k])
             out = base.extensions(t, self.z[k], self.z_t[k])
             O = self.x[k, :3] + base.reference[:3]
             velocity, com, J = R.T @ self.x_t[k, :3], TURRET.com, TURRET.inertiaTensor
-            linear = TURRET.mass * (velocity + np.cross(motion.omega, com))
-            angular = TURRET.mass * np.cross(com, velocity) + J @ motion.omega
+            linear = TURRET.mass * (velocity + np.cross(omega, com))
+            angular = TURRET.mass * np.cross(com, velocity) + J @ omega
             own = momenta.momentum(
                 base.boom,
-                motion,
+                FrameMotion(omega, np.zeros(3)),
                 turned[:3] @ self.x_t[k],
                 out,
                 self.q[k],
@@ -116,17 +117,17 @@ class Turret:
 
     def energies(self) -> Array:
         """Kinetic and strain energy (T,) in J of turret, boom, rod and its spring."""
-        base, found, equations = self.base(), [], self.items.equations
-        contacts = Contacts(equations, self.items.inputs)
+        base, found, equations = self.base(), [], self.items.parts.equations
+        contacts = Contacts(equations, self.items.parts.inputs)
         for k, t in enumerate(self.t):
-            turned, _, motion, R = base.kinematics(self.x[k], self.x_t[k])
-            velocity, q, rate, omega = R.T @ self.x_t[k, :3], self.q[k], self.q_t[k], motion.omega
+            turned, _, omega, R = base.kinematics(self.x[k], self.x_t[k])
+            velocity, q, rate = R.T @ self.x_t[k, :3], self.q[k], self.q_t[k]
             out = base.extensions(t, self.z[k], self.z_t[k])
             places = equations.side_positions_on(dict(zip(base.paths.names, out.value, strict=True)))
             K = contacts.springs(places)[0][:, : equations.size]
             own = momenta.kinetic(
                 base.boom,
-                motion,
+                FrameMotion(omega, np.zeros(3)),
                 turned[:3] @ self.x_t[k],
                 out,
                 q,

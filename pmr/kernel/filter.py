@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,13 @@ class FilterData:
     square: Array  # (q,): mean squares of the outputs
 
 
+class Transitions(NamedTuple):
+    """Matrices of T steps from states x (n,) and loads f (i,) to the next states, A x + B f."""
+
+    A: Array  # (T, n, n)
+    B: Array  # (T, n, i)
+
+
 @dataclass(frozen=True)
 class StepMatrices:
     """Matrices of T steps of r modes, n = 3 r, from which A and B follow.
@@ -54,12 +61,12 @@ class StepMatrices:
         """Number r of modes."""
         return self.courses.shape[2]
 
-    def transitions(self, steps: slice = slice(None)) -> tuple[Array, Array]:
-        """Matrices A (T, n, n) and B (T, n, i) of some steps."""
+    def transitions(self, steps: slice = slice(None)) -> Transitions:
+        """Transitions of some steps."""
         by_acceleration, r = self.courses[:3, 3], self.modes
         R, G = np.pad(self.R[steps], [(0, 0), (0, 0), (0, r)]), self.G[steps]
         A, B = (np.einsum("pj,tjc->tpjc", by_acceleration, by).reshape(len(by), 3 * r, by.shape[2]) for by in (R, G))
-        return A + np.block([[np.diag(factors) for factors in part[:3]] for part in self.courses[:3]]), B
+        return Transitions(A + np.block([[np.diag(factors) for factors in part[:3]] for part in self.courses[:3]]), B)
 
 
 @dataclass(frozen=True)
@@ -118,11 +125,11 @@ class KalmanFilter:
             raise SimulationError(f"step {k}: the covariance of the measurements is not finite, or has no inverse")
         return innovations
 
-    def outputs(self, k: int) -> tuple[Array, Array]:
-        """Mean and variance (q,) of the outputs at step k, after `update`, with the errors of the model."""
+    def outputs(self, k: int) -> Array:
+        """Mean and variance (2, q) of the outputs at step k, after `update`, with the errors of the model."""
         values = np.zeros((2, self.outputs_count))
         lib.pmr_filter_outputs(self._filter, pointer(self.memory), self._step_data(k), *map(pointer, values))
-        return values[0], values[1]
+        return values
 
     def predict(self, k: int) -> None:
         """Advance state and covariance from step k to the next."""

@@ -46,25 +46,9 @@ class Kernel:
     Attributes
     ----------
     modes, contacts, forces, inputs, outputs, paths, terms, pads, drivers, motions, pushing, further : int
-    hoist, computed : int
+    hoist, computed, ground : int
         Sizes as in `pmr_sizes` (src/pmr_kernel.h); `modes` includes padding.
     """
-
-    modes: int
-    contacts: int
-    forces: int
-    inputs: int
-    outputs: int
-    paths: int
-    terms: int
-    pads: int
-    drivers: int
-    motions: int
-    pushing: int
-    further: int
-    hoist: int
-    computed: int
-    ground: int
 
     def __init__(self, block: bytes | bytearray) -> None:
         """Copy and open a block; an InputError is raised if the bytes are no block of this kernel, or damaged."""
@@ -75,8 +59,13 @@ class Kernel:
         self._system = ffi.gc(out[0], lib.pmr_system_close)
         sizes = ffi.new("pmr_sizes *")
         lib.pmr_system_sizes(self._system, sizes)
-        for name, _ in ffi.typeof("pmr_sizes").fields:
-            setattr(self, name, getattr(sizes, name))
+        self._sizes: dict[str, int] = {name: getattr(sizes, name) for name in _field_types("pmr_sizes")}
+
+    def __getattr__(self, name: str) -> int:
+        """One of the sizes."""
+        if name == "_sizes" or name not in self._sizes:
+            raise AttributeError(name)
+        return self._sizes[name]
 
     @classmethod
     def of(

@@ -76,6 +76,13 @@ class Record:
         return structure("pmr_record", recorded | ({"ends": self.ends} if self.ends.size else {}))
 
 
+class SampledAdvance(NamedTuple):
+    """Number of steps taken, and number of substeps that the next step needs; 0 if all steps were taken."""
+
+    taken: int
+    needed: int
+
+
 class StateOutputs(NamedTuple):
     """Outputs of a system and forces of its contacts."""
 
@@ -218,13 +225,12 @@ class State:
 
     def advance_sampled(
         self, u: Array, per: int, record: Record, first: int = 0, every: int = 1, parts: Integers | None = None
-    ) -> tuple[int, int]:
-        """Take steps with sampled drivers; return how many were taken, and how many substeps the next one needs.
+    ) -> SampledAdvance:
+        """Take steps with sampled drivers.
 
         The samples u (steps * per + 1, N) are `per` in each step; the first sample is at the end of the last step
-        before.  The state stops before a step whose number of substeps does not divide `per`.  The second result is
-        then the number of substeps that this step needs; it is 0 if all steps were taken.  `record`, `first`, `every`,
-        `parts` and errors are those of `advance`.
+        before.  The state stops before a step whose number of substeps does not divide `per`.  `record`, `first`,
+        `every`, `parts` and errors are those of `advance`.
         """
         u = np.ascontiguousarray(u, float)
         steps = (len(u) - 1) // per
@@ -237,7 +243,7 @@ class State:
             self._state, pointer(u), per, steps, every, schedule, record.at(first), taken, needed
         )
         self.raise_unless_done(failed, f"step {self.step_number + 1}")
-        return int(taken[0]), int(needed[0])
+        return SampledAdvance(int(taken[0]), int(needed[0]))
 
     def outputs(self) -> StateOutputs:
         """Outputs of the system, and forces of all contacts, at the end of the last step."""

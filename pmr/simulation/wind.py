@@ -50,13 +50,11 @@ class WindOnSection(FrameSignal):
 
     SAMPLES: ClassVar = 1001
 
-    pressure: SignalBase  # Pa at the reference height
-    angles: tuple[SignalBase, SignalBase]  # rad: luffing and slewing
-    rocking: tuple[SignalBase, ...]  # rad
+    angles: tuple[SignalBase, ...]  # rad: luffing and slewing, then those of a base that turns
     section: ExposedSection
     azimuth: float  # rad
     factors: tuple[float, float]  # m: shape factor times depth along y and along z
-    load: Load  # with its profile over the height
+    load: Load  # signal of the pressure in Pa at the reference height, and profile over the height
     above: float  # m: of the pivot above the ground
     axis: str
     degree: int
@@ -74,9 +72,7 @@ class WindOnSection(FrameSignal):
         ground = frame.ground
         above = ground.height if ground is not None and "above" not in load.model_fields_set else load.above
         return cls(
-            pressure=load.signal,
-            angles=frame.angles,
-            rocking=frame.base_angles,
+            angles=(*frame.angles, *frame.base_angles),
             section=ExposedSection(
                 paths=tuple(scene.extension(k) for k in range(1, member.number + 1)),
                 pivot=frame.tail_position,
@@ -94,7 +90,7 @@ class WindOnSection(FrameSignal):
 
     @property
     def signals(self) -> tuple[SignalBase, ...]:
-        return (self.pressure, *self.angles, *self.rocking, *self.section.paths)
+        return (self.load.signal, *self.angles, *self.section.paths)
 
     def value(self, t: ArrayLike) -> Array:
         at = np.asarray(t, float)
@@ -111,7 +107,8 @@ class WindOnSection(FrameSignal):
 def _amplitudes(wind: WindOnSection, t: bytes) -> Array:
     """Amplitudes (2, `POLYNOMIALS`, T) in N/m of all polynomials along y and z, at T times."""
     times, section, load = np.frombuffer(t), wind.section, wind.load
-    turning = FrameRotation.from_signals(*wind.angles, times, wind.rocking)
+    luffing, slewing, *rocking = wind.angles
+    turning = FrameRotation.from_signals(luffing, slewing, times, rocking)
     blown = turning.rotation[:, 0] * np.cos(wind.azimuth) + turning.rotation[:, 1] * np.sin(wind.azimuth)
     up, extensions = turning.up, [path.value(times) for path in section.paths]
     tail = wind.above + up @ np.array(section.pivot) + up[:, 0] * np.sum([np.zeros(len(times)), *extensions], axis=0)
@@ -128,6 +125,6 @@ def _amplitudes(wind: WindOnSection, t: bytes) -> Array:
         for degree in range(POLYNOMIALS):
             shape = np.polynomial.legendre.legval(2.0 * x / section.length - 1.0, np.eye(POLYNOMIALS)[degree])
             total[degree] += (2 * degree + 1) / section.length * np.sum(pressure * shape, axis=1)
-    total *= wind.pressure.value(times)
+    total *= load.signal.value(times)
     across = np.array([factor * blown[:, 1 + k] * np.abs(blown[:, 1 + k]) for k, factor in enumerate(wind.factors)])
     return np.asarray(across[:, None, :] * total)

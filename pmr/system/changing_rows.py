@@ -205,6 +205,11 @@ class InputResponse:
     B_slope: Array  # d B / d s, (P, n, i)
     E_slope: Array  # (P, i, i)
 
+    def select(self, numbers: list[int]) -> InputResponse:
+        """Response to some inputs, at the points of these inputs alone."""
+        E, E_slope = (of[..., numbers, :][..., numbers] for of in (self.E, self.E_slope))
+        return InputResponse(self.B[:, numbers], E, self.B_slope[:, :, numbers], E_slope)
+
 
 class EliminatedContacts:
     """Response of a system on n coordinates to inputs, after contacts that give way and hold both ways are eliminated.

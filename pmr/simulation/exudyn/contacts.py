@@ -123,7 +123,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Balance:
-    """Stored energy (N,) in J, and work (N,) in J done since t = 0."""
+    """Stored energy (N,) in J at N times, and work (N,) in J done since the first one."""
 
     stored: Array
     work: Array
@@ -145,13 +145,13 @@ def balance_energy(equations: Equations, contacts: Contacts, motion: Motion) -> 
         if not part.friction.shape[1]:
             part.forces[:, g] = contacts.forces(rows.select(g), part.q, part.f)
         with np.errstate(over="ignore", invalid="ignore"):
-            stored[steps], done = _energy_and_work(equations, rows, part)
-        work[steps][1:] = work[first] + np.cumsum(done)
+            of_part = _energy_and_work(equations, rows, part)
+        stored[steps], work[steps] = of_part.stored, work[first] + of_part.work
     return Balance(stored, work)
 
 
-def _energy_and_work(equations: Equations, rows: ContactRows, motion: Motion) -> tuple[Array, Array]:
-    """Stored energy (T,) and work of each step (T - 1,), both in J, with the contacts at T times."""
+def _energy_and_work(equations: Equations, rows: ContactRows, motion: Motion) -> Balance:
+    """Stored energy at T times, and work since the first of them, with the contacts there."""
     q, f, forces = motion.q, motion.f, motion.forces
     load_gaps, bent = np.einsum("tmi,ti->tm", rows.H, f), np.einsum("tmn,tn->tm", rows.F, forces)
     stored = half_form(equations.M, motion.v) + half_form(equations.K, q) + row_products(forces, bent / 2.0 - load_gaps)
@@ -166,7 +166,8 @@ def _energy_and_work(equations: Equations, rows: ContactRows, motion: Motion) ->
         work += row_products(step_means(motion.w), np.diff(q, axis=0)) - row_products(
             step_means(forces), np.diff(motion.gap, axis=0)
         )
-    return stored + row_products(f, f @ equations.assembly.energy) / 2.0, work
+    stored += row_products(f, f @ equations.assembly.energy) / 2.0
+    return Balance(stored, np.append(0.0, np.cumsum(work)))
 
 
 #: Most iterations for friction; change of a gap, over the gap of pads that slide, that is round-off.

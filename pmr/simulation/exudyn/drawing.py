@@ -10,6 +10,7 @@ the scene observes the section; between two of these it changes linearly.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import exudyn as exu
 import numpy as np
@@ -21,6 +22,7 @@ from pmr.files.arrays import Array, Indices
 from pmr.scene import Scene
 from pmr.scene.members import member_at
 from pmr.simulation.exudyn.contacts import Contacts
+from pmr.simulation.exudyn.equations import SignalInputs
 from pmr.simulation.exudyn.items import SystemItems
 from pmr.system.body import kinds_of, units_of
 from pmr.system.contact_rows import ContactRows
@@ -37,41 +39,52 @@ class SystemSensors:
     contact_names: tuple[str, ...]
 
 
+class ContactState(NamedTuple):
+    """Contacts of a system at one time."""
+
+    multipliers: Array  # (m,) N: forces without friction
+    rows: ContactRows
+    friction: Array | None  # (n,) N: of the pads; None if no pad rubs
+
+
 class SystemObserver:
     """Outputs and contact forces of a system in one of Exudyn's configurations, and at the configuration's time."""
 
     def __init__(self, mbs: exu.MainSystem, items: SystemItems) -> None:
-        self._mbs, self._items, self._contacts = mbs, items, Contacts(items.equations, items.inputs)
+        self._mbs, self._items, self._contacts = mbs, items, Contacts(items.parts.equations, items.parts.inputs)
         self._held = list(items.contacts)
         self._rest = np.array([k not in items.contacts for k in range(len(self._contacts.gives))])
 
     def forces(self, t: float, configuration: exu.ConfigurationType) -> Array:
         """Contact forces (m,) in N with friction at t s; rigid contacts have those of the current configuration."""
-        multipliers, _, grip = self._contact_state(t, self._items.coordinates(self._mbs, configuration))
-        return multipliers if grip is None else multipliers + self._items.rubbing.law.cylinder_forces(grip)
+        at = self._contact_state(t, self._items.coordinates(self._mbs, configuration))
+        if at.friction is None:
+            return at.multipliers
+        return np.asarray(at.multipliers + self._items.parts.rubbing.law.cylinder_forces(at.friction))
 
     def outputs(self, t: float, configuration: exu.ConfigurationType) -> Array:
         """Outputs y = O q + W f - X lambda (o,) at t s, with the effect of the moments of friction."""
-        equations, q = self._items.equations, self._items.coordinates(self._mbs, configuration)
-        multipliers, rows, grip = self._contact_state(t, q)
-        y = equations.outputs @ q + equations.assembly.direct @ self._loads(t) - rows.X @ multipliers
-        if grip is not None:
-            turned = equations.assembly.outputs_by_moments(self._items.inputs.positions(t)[0])
-            y = y + turned @ self._items.rubbing.law.moments(grip, multipliers)
+        equations, q = self._items.parts.equations, self._items.coordinates(self._mbs, configuration)
+        at = self._contact_state(t, q)
+        y = equations.outputs @ q + equations.assembly.direct @ self._loads(t) - at.rows.X @ at.multipliers
+        if at.friction is not None:
+            turned = equations.assembly.outputs_by_moments(self._items.parts.inputs.positions(t)[0])
+            y = y + turned @ self._items.parts.rubbing.law.moments(at.friction, at.multipliers)
         return np.asarray(y)
 
     def _loads(self, t: float) -> Array:
         """Loads (i,) at t s, with the inertia of the boom by the motion of its base."""
-        loads, base = np.array(self._items.inputs.loads(t)), self._items.base
+        loads, base = np.array(self._items.parts.inputs.loads(t)), self._items.parts.base
         return loads if base is None else loads + base.inertia(self._mbs, t)
 
-    def _contact_state(self, t: float, q: Array) -> tuple[Array, ContactRows, Array | None]:
-        """Contact forces (m,) without friction, rows, and friction of the pads, at t s with the coordinates q (n,).
-
-        The friction is None if no pad rubs.
-        """
-        equations, inputs, multipliers = self._items.equations, self._items.inputs, np.zeros(len(self._rest))
-        x, f, rubbing, grip = inputs.positions(t), self._loads(t), self._items.rubbing, None
+    def _contact_state(self, t: float, q: Array) -> ContactState:
+        """Contacts at t s with the coordinates q (n,)."""
+        equations, inputs, multipliers = (
+            self._items.parts.equations,
+            self._items.parts.inputs,
+            np.zeros(len(self._rest)),
+        )
+        x, f, rubbing, grip = inputs.positions(t), self._loads(t), self._items.parts.rubbing, None
         if self._held:
             multipliers[self._held] = self._mbs.GetObjectOutput(self._items.oContacts, exu.OutputVariableType.Force)
         if rubbing is not None:
@@ -79,12 +92,12 @@ class SystemObserver:
             multipliers[self._rest], grip = at.multipliers[self._rest], at.grip.forces
         elif self._rest.any():
             multipliers[self._rest] = self._contacts.forces(self._contacts.rows(x), q[None], f[None])[0]
-        return multipliers, equations.rows(x).at_time(0), grip
+        return ContactState(multipliers, equations.rows(x).at_time(0), grip)
 
 
 def add_sensors(mbs: exu.MainSystem, items: SystemItems) -> SystemSensors:
     """Add sensors of the outputs y and the contact forces lambda of a system, one from `simulator.add_system`."""
-    watched, equations = SystemObserver(mbs, items), items.equations
+    watched, equations = SystemObserver(mbs, items), items.parts.equations
     functions = (
         lambda mbs, t, sensors, factors, configuration: watched.outputs(t, configuration),
         lambda mbs, t, sensors, factors, configuration: watched.forces(t, configuration),
@@ -125,12 +138,20 @@ def add_drawing(mbs: exu.MainSystem, items: SystemItems, scene: Scene, scale: fl
     return mbs.AddObject(ObjectGround(name=name, visualization=looks))
 
 
+class Posture(NamedTuple):
+    """Where a boom stands."""
+
+    pivot: Array  # (3,) m
+    axes: Array  # (3, 3): columns are the axes of the boom
+    extensions: Array  # m: of the sections, first the base's 0
+
+
 class BoomDrawing:
     """Drawing of a boom in the state that Exudyn shows."""
 
     def __init__(self, mbs: exu.MainSystem, items: SystemItems, scene: Scene, scale: float = 1.0) -> None:
         self._mbs, self._items, self._scene, self._scale = mbs, items, scene, scale
-        self._watched, self.tubes = SystemObserver(mbs, items), section_tubes(scene, items.equations.system)
+        self._watched, self.tubes = SystemObserver(mbs, items), section_tubes(scene, items.parts.equations.system)
         place = (0.0, 0.0, 0.0) if scene.frame is None else scene.frame.tail_position
         self._place = np.array(place)
 
@@ -157,30 +178,32 @@ class BoomDrawing:
         """
         shown = exu.ConfigurationType.Visualization
         t = self._mbs.systemData.GetTime(shown)
-        outputs, (origin, R, extended) = self._watched.outputs(t, shown), self._posture(t, shown)
-        rings_of_sections, observed = list[Array](), self._items.equations.assembly.output_slices.values()
-        for tube, outline, X, at in zip(self.tubes, outlines, np.cumsum(extended), observed, strict=True):
+        outputs, posture = self._watched.outputs(t, shown), self._posture(t, shown)
+        rings_of_sections, observed = list[Array](), self._items.parts.equations.assembly.output_slices.values()
+        for tube, outline, X, at in zip(self.tubes, outlines, np.cumsum(posture.extensions), observed, strict=True):
             rings = np.zeros((len(tube.x), outline.shape[1], 3))
             rings[:, :, 0] = X + tube.x[:, None]
             rings[:, :, 1:] = outline
             for axis, numbers in tube.across.items():
                 rings[:, :, axis] += self._scale * outputs[at][numbers][:, None]
-            rings_of_sections.append(origin + (rings + self._place) @ R.T)
+            rings_of_sections.append(posture.pivot + (rings + self._place) @ posture.axes.T)
         return rings_of_sections
 
-    def _posture(self, t: float, shown: exu.ConfigurationType) -> tuple[Array, Array, Array]:
-        """Position (3,) in m and axes (3, 3) of the pivot, and extensions of the sections, first the base's 0."""
-        base, kind, names = self._items.base, exu.OutputVariableType.Coordinates, self._scene.names
+    def _posture(self, t: float, shown: exu.ConfigurationType) -> Posture:
+        """Posture of the boom at t s in the configuration that is `shown`."""
+        base, kind, names = self._items.parts.base, exu.OutputVariableType.Coordinates, self._scene.names
         if base is None:
-            s = self._items.inputs.paths(t)
+            assert isinstance(self._items.parts.inputs, SignalInputs)  # of a user's own mbs
+            s = self._items.parts.inputs.paths(t)
             R = np.eye(3) if self._scene.frame is None else self._scene.frame.rotation(np.array([t]))[0]
-            return np.zeros(3), R, np.array([0.0, *(s[name] for name in names[1:])])
+            return Posture(np.zeros(3), R, np.array([0.0, *(s[name] for name in names[1:])]))
         x = np.array(self._mbs.GetNodeOutput(base.node, kind, shown))
         z = np.array(
             [value for n in base.paths.nodes for value in np.atleast_1d(self._mbs.GetNodeOutput(n, kind, shown))]
         )
-        _, _, _, R = base.kinematics(x, 0.0 * x)
-        return base.origin(x), R, base.extensions(t, z, 0.0 * z).value[: len(names)]
+        return Posture(
+            base.origin(x), base.kinematics(x, 0.0 * x).axes, base.extensions(t, z, 0.0 * z).value[: len(names)]
+        )
 
 
 def section_tubes(scene: Scene, system: System) -> list[Tube]:

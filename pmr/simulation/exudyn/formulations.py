@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import exudyn as exu
 import numpy as np
@@ -24,6 +24,7 @@ from pmr.simulation.exudyn.contacts import Contacts, Pads, Rows
 from pmr.simulation.exudyn.equations import Equations, Inputs
 from pmr.simulation.exudyn.items import Steps, SystemItems, add_bodies, add_coordinates, with_contacts
 from pmr.simulation.start import InitialState
+from pmr.system.contact_rows import ContactRows
 from pmr.system.contacts import Friction
 
 Start = Mapping[str, InitialState]
@@ -64,13 +65,15 @@ def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, 
     finish: Callable[[exu.MainSystem, SystemItems, float], None] | None = None
     if friction is not None or contacts.any_pushes:
         pads = Pads(equations, contacts, friction)
-        contact_parameters, finish = _contact_parameters(pads, equations, inputs, steps, start)
+        contact_parameters, finish = _contact_functions(pads, equations, inputs, steps, start)
         parameters |= contact_parameters
     else:
         parameters["jacobianUserFunction"] = zero_jacobian(equations, steps)
     K = system(0.0)[:, :n] if springs else None
-    items = with_contacts(mbs, add_bodies(mbs, equations, start, K, **parameters), rigid, scalingMarker1=rows(0.0))
-    items = items if friction is None else replace(items, rubbing=pads)
+    items = with_contacts(
+        mbs, add_bodies(mbs, equations, inputs, start, K, **parameters), rigid, scalingMarker1=rows(0.0)
+    )
+    items = items if friction is None else replace(items, parts=replace(items.parts, rubbing=pads))
     place_set = inputs.number(0.0)
 
     def update(mbs: exu.MainSystem, t: float) -> bool:
@@ -90,9 +93,16 @@ def add_with_springs(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, 
     return steps.attach_update(mbs, items, update)
 
 
-def _contact_parameters(
+class ContactFunctions(NamedTuple):
+    """User functions of ObjectGenericODE2 by name, and a function to be called before each step."""
+
+    parameters: dict[str, Any]
+    finish: Callable[[exu.MainSystem, SystemItems, float], None]
+
+
+def _contact_functions(
     pads: Pads, equations: Equations, inputs: Inputs, steps: Steps, start: Start
-) -> tuple[dict[str, Any], Callable[[exu.MainSystem, SystemItems, float], None]]:
+) -> ContactFunctions:
     """Return the user functions of ObjectGenericODE2 for contacts that push or rub, and a function `finish`.
 
     ``finish(mbs, items, t)`` is to be called before each step, with the time t in s at which that step will end.  It
@@ -151,7 +161,7 @@ def _contact_parameters(
         reached, loads = t, np.array(inputs.loads(t))
 
     begin(begun)
-    return {"forceUserFunction": force, "jacobianUserFunction": jacobian}, finish
+    return ContactFunctions({"forceUserFunction": force, "jacobianUserFunction": jacobian}, finish)
 
 
 def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, start: Start) -> SystemItems:
@@ -165,28 +175,19 @@ def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inpu
     """
     if not equations.system.contacts:
         return add_with_springs(mbs, equations, inputs, start)
-    n, contacts = equations.size, Contacts(equations, inputs)
-    m = len(equations.system.contacts)
+    contacts, m = Contacts(equations, inputs), len(equations.system.contacts)
     gives, rigid = np.flatnonzero(contacts.gives), np.diag(contacts.rigid.astype(float))
 
-    def side_by_side(x: Array) -> Array:
-        """C, F and H side by side, (T, m, n + m + i), at side positions x (T, sides) m."""
-        rows = equations.rows(x)
-        return np.concatenate([rows.C, rows.F, rows.H], axis=2)
+    def rows(t: float) -> ContactRows:
+        """Rows of all contacts at t s."""
+        return equations.rows(inputs.positions(t)).at_time(0)
 
-    table = inputs.function_of_time(side_by_side)
-
-    def parts(t: float) -> tuple[Array, Array, Array]:
-        """C (m, n), F (m, m) and -H f (m,) at t s."""
-        C, F, H = np.split(table(t), [n, n + m], axis=1)
-        return C, F, -H @ np.array(inputs.loads(t))
-
-    C, F, offset = parts(0.0)
+    at, loads = rows(0.0), np.array(inputs.loads(0.0))
     q, forces = np.concatenate([state.q for state in start.values()]), np.zeros(m)
-    forces[gives] = np.linalg.solve(F[np.ix_(gives, gives)], (C @ q - offset)[gives])
+    forces[gives] = np.linalg.solve(at.F[np.ix_(gives, gives)], (at.C @ q + at.H @ loads)[gives])
     steps = Steps(held=bool(m))
-    jacobian, force = zero_jacobian(equations, steps), equations.B @ np.array(inputs.loads(0.0))
-    items = add_bodies(mbs, equations, start, forceVector=force, jacobianUserFunction=jacobian)
+    jacobian, force = zero_jacobian(equations, steps), equations.B @ loads
+    items = add_bodies(mbs, equations, inputs, start, forceVector=force, jacobianUserFunction=jacobian)
     name = items.component_name(mbs, "Rows")
     nRows = add_coordinates(mbs, name, InitialState(forces, np.zeros(m)))
     nothing = exu.MatrixContainer(np.zeros((m, m)))
@@ -195,22 +196,22 @@ def add_with_multipliers(mbs: exu.MainSystem, equations: Equations, inputs: Inpu
             name=name,
             nodeNumbers=[nRows],
             massMatrix=rigid,
-            stiffnessMatrix=F + rigid,
+            stiffnessMatrix=at.F + rigid,
             jacobianUserFunction=lambda *arguments: nothing,
         )
     )
     mRows = mbs.AddMarker(MarkerNodeCoordinates(name=name, nodeNumber=nRows))
-    items = with_contacts(mbs, items, np.arange(m), mRows, scalingMarker0=F, scalingMarker1=C, offset=offset)
+    values = {"scalingMarker0": at.F, "scalingMarker1": at.C, "offset": -at.H @ loads}
+    items = with_contacts(mbs, items, np.arange(m), mRows, **values)
 
     def update(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set rows and forces to those at t; True, so that Exudyn goes on."""
         inputs.begin(t)
-        C, F, offset = parts(t)
-        mbs.SetObjectParameter(items.oContacts, "scalingMarker0", F)
-        mbs.SetObjectParameter(items.oContacts, "scalingMarker1", C)
-        mbs.SetObjectParameter(items.oContacts, "offset", offset)
-        mbs.SetObjectParameter(oRows, "stiffnessMatrix", F + rigid)
-        mbs.SetObjectParameter(items.oSystem, "forceVector", equations.B @ np.array(inputs.loads(t)))
+        at, loads = rows(t), np.array(inputs.loads(t))
+        for key, value in (("scalingMarker0", at.F), ("scalingMarker1", at.C), ("offset", -at.H @ loads)):
+            mbs.SetObjectParameter(items.oContacts, key, value)
+        mbs.SetObjectParameter(oRows, "stiffnessMatrix", at.F + rigid)
+        mbs.SetObjectParameter(items.oSystem, "forceVector", equations.B @ loads)
         return True
 
     return steps.attach_update(mbs, items, update)
@@ -235,7 +236,7 @@ def add_with_callbacks(mbs: exu.MainSystem, equations: Equations, inputs: Inputs
 
     return with_contacts(
         mbs,
-        add_bodies(mbs, equations, start, forceUserFunction=force),
+        add_bodies(mbs, equations, inputs, start, forceUserFunction=force),
         np.arange(m),
         scalingMarker0=np.zeros((m, 1)),  # its number of rows is that of the contacts
         constraintUserFunction=constraint,

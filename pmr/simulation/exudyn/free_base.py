@@ -68,7 +68,7 @@ def add_extended(mbs: exu.MainSystem, equations: Equations, inputs: Inputs, star
     """Add nodes and items of the bodies without contacts; the contacts are added with the base."""
     steps = Steps(held=bool(Contacts(equations, inputs).rigid.any()))
     jacobian, force = zero_jacobian(equations, steps), equations.B @ np.array(inputs.loads(0.0))
-    items = add_bodies(mbs, equations, start, forceVector=force, jacobianUserFunction=jacobian)
+    items = add_bodies(mbs, equations, inputs, start, forceVector=force, jacobianUserFunction=jacobian)
 
     def update(mbs: exu.MainSystem, t: float) -> bool:
         """Pre-step function: set the force vector to the loads at t."""
@@ -185,6 +185,23 @@ ROTATIONS = {
 }
 
 
+class BodyMotion(NamedTuple):
+    """Motion of a boom's frame by the k coordinates of the body below it; symbols as in the module's docstring."""
+
+    by_rates: Array  # Lambda (6, k)
+    quadratic: Array  # gamma (6,)
+    omega: Array  # (3,) rad/s: angular velocity in the boom's axes
+    axes: Array  # (3, 3): columns are the boom's axes in space
+
+
+class Coordinates(NamedTuple):
+    """Coordinates of a boom on its base."""
+
+    base: Array  # (k,)
+    boom: Array  # (n,)
+    s: Array  # (P,) m: of the paths
+
+
 class Base:
     """Base of a boom on a rigid body: motion of the base, and parts to be added to Exudyn's equations, at a time."""
 
@@ -234,18 +251,27 @@ class Base:
         """Extensions of the sections at t s, with coordinates and rates z, z_t (m,) of the user's nodes."""
         return self.paths.extensions(t, z, z_t)
 
-    def kinematics(self, x: Array, rate: Array) -> tuple[Array, Array, FrameMotion, Array]:
-        """Lambda (6, k), gamma (6,), motion of the boom's frame (with zero weight), and its rotation (3, 3).
+    def split(self, t: float, z: Array) -> Coordinates:
+        """Coordinates at t s, from z (k + n + m,) of all nodes, as a marker returns them with reference values."""
+        k, n, x = self.count, self.boom.size, z.copy()
+        x[:k] -= self.reference
+        x[k + n :] -= self.paths.reference
+        return self.split_displacements(t, x)
 
-        x, rate (k,) are the body's displacements and rates.
-        """
+    def split_displacements(self, t: float, x: Array) -> Coordinates:
+        """Coordinates at t s, from the displacements x (k + n + m,) of all nodes."""
+        k, n = self.count, self.boom.size
+        return Coordinates(x[:k], x[k : k + n], self.extensions(t, x[k + n :], x[k + n :]).value)
+
+    def kinematics(self, x: Array, rate: Array) -> BodyMotion:
+        """Motion of the body at displacements x (k,) with the rates `rate` (k,)."""
         angles, c, A = (x + self.reference)[3:], skew(np.array(self._on.place)), self._on.axes
         R, G = np.array(self._rotations.matrix(angles)), np.array(self._rotations.velocity(angles))
         omega, remainder = G @ rate[3:], self._rotations.remainder(angles, rate[3:])
         turned = np.zeros((6, len(x)))
         turned[:3, :3], turned[:3, 3:], turned[3:, 3:] = (R @ A).T, -A.T @ c @ G, A.T @ G
         gamma = np.append(-A.T @ (c @ remainder + skew(omega) @ c @ omega), A.T @ remainder)
-        return turned, gamma, FrameMotion(A.T @ omega, np.zeros(3)), R @ A
+        return BodyMotion(turned, gamma, A.T @ omega, R @ A)
 
     def inertia(self, mbs: exu.MainSystem, t: float) -> Array:
         """Loads (i,) of the boom's inertia and weight by the body's current motion, at t s.
@@ -261,10 +287,10 @@ class Base:
         states = [[np.atleast_1d(mbs.GetNodeOutput(node, kind)) for node in nodes] for kind in kinds]
         x, rate, second = (state[0] for state in states)
         z, z_t, z_tt = (np.concatenate([NOTHING, *state[1:]]) for state in states)
-        turned, gamma, motion, R = self.kinematics(x, rate)
-        motion, extended = replace(motion, weight=self.weight(t) * R[2]), self.extensions(t, z, z_t)
+        at, extended = self.kinematics(x, rate), self.extensions(t, z, z_t)
         extended = replace(extended, second=extended.second + self.paths.along @ z_tt)
-        return self.boom.inertia(motion, turned @ second + gamma, extended, loads)
+        motion = FrameMotion(at.omega, self.weight(t) * at.axes[2])
+        return self.boom.inertia(motion, at.by_rates @ second + at.quadratic, extended, loads)
 
     def added_equations(self, t: float, x: Array, rate: Array, loads: Array) -> AddedEquations:
         """Mass (N, N), force (N,) and stiffness (N, N) to be added, for N coordinates of body, boom and user's nodes.
@@ -272,15 +298,13 @@ class Base:
         x and `rate` (N,) are displacements and rates of these coordinates, `loads` (i,) the loads on the inputs.
         """
         k, n = self.count, self._size
-        turned, gamma, motion, R = self.kinematics(x[:k], rate[:k])
+        at = self.kinematics(x[:k], rate[:k])
         q, extended = x[k : k + n], self.extensions(t, x[k + n :], rate[k + n :])
-        motion, moments = (
-            replace(motion, weight=self.weight(t) * R[2]),
-            self.boom.answered_moments(self.answering, extended),
-        )
+        motion = FrameMotion(at.omega, self.weight(t) * at.axes[2])
+        moments = self.boom.answered_moments(self.answering, extended)
         pressed = base_equations(self.boom.boom, motion, extended, q, rate[k : k + n], moments)
-        L = scipy.linalg.block_diag(turned, np.eye(n), self.paths.along)
-        force = -pressed.forces - pressed.mass @ np.concatenate([gamma, np.zeros(n), extended.second])
+        L = scipy.linalg.block_diag(at.by_rates, np.eye(n), self.paths.along)
+        force = -pressed.forces - pressed.mass @ np.concatenate([at.quadratic, np.zeros(n), extended.second])
         stiffness = np.zeros((k + n, k + n))
         force[:6] += self.boom.loads(loads, extended)
         if self.extending is not None:
@@ -356,9 +380,9 @@ def with_base(mbs: exu.MainSystem, items: SystemItems, base: Base, inputs: Input
             ),
         )
     )
-    items = replace(items, oBase=oBase, base=base)
-    if items.rubbing is not None:
-        items.rubbing.inertia = lambda t: base.inertia(mbs, t)
+    items = replace(items, oBase=oBase, parts=replace(items.parts, base=base))
+    if items.parts.rubbing is not None:
+        items.parts.rubbing.inertia = lambda t: base.inertia(mbs, t)
     return items if base.extending is None else _with_rows(mbs, items, base, base.extending)
 
 
@@ -366,14 +390,15 @@ def _with_rows(mbs: exu.MainSystem, items: SystemItems, base: Base, extending: E
     """Add a connector for rigid contacts along extensions that are coordinates; return the items."""
     k, n = base.count, base.boom.size
 
-    def split(t: float, z: Array) -> tuple[Array, Array]:
-        """Extensions (S,) and coordinates (n,) of the boom, from a marker's coordinates z with reference values."""
-        z_array = np.array(z)
-        return base.extensions(t, z_array[k + n :] - base.paths.reference, z_array[k + n :]).value, z_array[k : k + n]
+    def gap(t: float, z: Array) -> Array:
+        """Gaps of the contacts at coordinates z of the marker."""
+        at = base.split(t, np.array(z))
+        return extending.gap(at.s, at.boom)
 
     def gap_derivative(t: float, z: Array) -> Array:
         """Derivative of the gaps by all coordinates of the marker, whose values are z."""
-        derivative = extending.gap_derivative(*split(t, z))
+        at = base.split(t, np.array(z))
+        derivative = extending.gap_derivative(at.s, at.boom)
         return np.hstack([np.zeros((len(derivative), k)), derivative[:, :n], derivative[:, n:] @ base.paths.along])
 
     name = items.component_name(mbs, "Extended")
@@ -383,7 +408,7 @@ def _with_rows(mbs: exu.MainSystem, items: SystemItems, base: Base, extending: E
         replace(items, mSystem=marker),
         extending.rigid,
         scalingMarker0=np.zeros((len(extending.rigid), 1)),  # its number of rows is that of the contacts
-        constraintUserFunction=lambda mbs, t, item, q, q_t, velocity: extending.gap(*split(t, q)),
+        constraintUserFunction=lambda mbs, t, item, q, q_t, velocity: gap(t, q),
         jacobianUserFunction=lambda mbs, t, item, q, q_t, velocity: gap_derivative(t, q),
     )
     return replace(connected, mSystem=items.mSystem)

@@ -40,6 +40,7 @@ from pmr.simulation.exudyn.free_base import Base, ForcesAndStiffness
 from pmr.simulation.exudyn.items import SystemItems, add_coordinates
 from pmr.simulation.frame_motion import skew
 from pmr.simulation.start import InitialState
+from pmr.system.changing_rows import InputResponse
 
 #: Share of the largest flexibility below which a flexibility is zero; least value in m/N of the largest flexibility.
 ROUND_OFF, TINY = 1e-9, 1e-20
@@ -80,10 +81,10 @@ def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str
     InputError
         If the boom stands on the ground, or the model has no such inputs at one point.
     """
-    base = items.base
+    base = items.parts.base
     if base is None:
         raise InputError("Exudyn", "on", None, "a boom on a rigid body is allowed to carry a hook")
-    items.equations.system.ensure_frictionless("Exudyn, a boom with a hook")
+    items.parts.equations.system.ensure_frictionless("Exudyn, a boom with a hook")
     nodes = [base.node, *items.nBodies.values(), *base.paths.nodes]
     node_data = [mbs.GetNode(node) for node in nodes]
     start = np.concatenate([node["initialCoordinates"] for node in node_data])
@@ -126,14 +127,6 @@ def add_hook(mbs: exu.MainSystem, items: SystemItems, loads: tuple[str, str, str
     return Hook(node, oHook, mHook, oJoint)
 
 
-class Coordinates(NamedTuple):
-    """Coordinates of a boom on its base."""
-
-    base: Array  # (k,)
-    boom: Array  # (n,)
-    s: Array  # (P,) m: of the paths
-
-
 class UnloadedPoint(NamedTuple):
     """Position of a point in m along the boom's axes, and its derivatives by coordinates of the boom and paths."""
 
@@ -151,10 +144,10 @@ class _Joint:
     """
 
     def __init__(self, base: Base, items: SystemItems, loads: tuple[str, str, str], start: Array) -> None:
-        names = items.equations.system.input_names
+        names = items.parts.equations.system.input_names
         if unknown := [name for name in loads if name not in names]:
             raise InputError("system", "loads", ", ".join(unknown), f"{', '.join(names)} are allowed")
-        self._base, self._inputs, self._on = base, items.inputs, [names.index(name) for name in loads]
+        self._base, self._inputs, self._on = base, items.parts.inputs, [names.index(name) for name in loads]
         of_sections = base.boom.boom.loads[:, :, self._on]
         owner = next(k for k, work in enumerate(of_sections) if work.any())
         work = of_sections[owner]
@@ -164,67 +157,43 @@ class _Joint:
         if not (np.allclose(work[:3], np.eye(3)) and np.allclose(turned, expected, atol=1e-9)):
             allowed = "forces along x, y and z at one place are allowed"
             raise InputError("system", "loads", ", ".join(loads), allowed)
-        answers = base.answering.response(self._split(0.0, start).s)
-        values, vectors = np.linalg.eigh(answers.E[np.ix_(self._on, self._on)])
-        stiff = vectors[:, values <= ROUND_OFF * max(answers.E.max(), TINY)]
+        response = base.answering.response(base.split_displacements(0.0, start).s)
+        values, vectors = np.linalg.eigh(response.select(self._on).E)
+        stiff = vectors[:, values <= ROUND_OFF * max(response.E.max(), TINY)]
         self._firm = stiff @ stiff.T  # projection onto the directions without immediate flexibility
         self._scale = float(values[-1]) if values[-1] > 0.0 else 1.0
         self._shortened = list(base.boom.load_shortenings(loads[0]))
         self.mass = np.zeros((6 + len(start),) * 2)  # kg: of w in directions without flexibility
         self.mass[:3, :3] = self._firm
 
-    def _split(self, t: float, z: Array) -> Coordinates:
-        """Coordinates of base, boom and paths from z without w and hook."""
-        k, n = self._base.count, self._base.boom.size
-        return Coordinates(z[:k], z[k : k + n], self._base.extensions(t, z[k + n :], z[k + n :]).value)
-
-    def _displacements(self, z: Array) -> Array:
-        """Displacements (N - 6,): all coordinates z (N,) but the first six, less reference values of base and paths.
-
-        The first six coordinates are those of w and the hook.
-        """
-        coordinates, k, paths = z[6:].copy(), self._base.count, self._base.paths
-        coordinates[:k] -= self._base.reference
-        coordinates[len(coordinates) - len(paths.reference) :] -= paths.reference
-        return coordinates
-
-    def _flexibility(self, s: Array) -> tuple[Array, Array]:
-        """Flexibility E_h (3, 3) in m/N with the paths at s (P,) m, and its derivatives (P, 3, 3) by s."""
-        answers, on = self._base.answering.response(s), np.ix_(self._on, self._on)
-        return answers.E[on], answers.E_slope[:, *on]
+    def _responses(self, s: Array) -> InputResponse:
+        """Response of the hook's point to the three loads alone, with the paths at s (P,) m."""
+        return self._base.answering.response(s).select(self._on)
 
     def forces_and_stiffness(self, t: float, z: Array) -> ForcesAndStiffness:
         """Force (N,) and stiffness (N, N) from the energy stored by the node w, and from the stiffness that holds w.
 
         z (N,) are the coordinates, w first.  The node w is held in directions without flexibility.
         """
-        w, s, along, e = z[:3], self._split(t, z[6:]).s, self._base.paths.along, self._scale
-        (E, E_slope), K = self._flexibility(s), np.zeros((len(z),) * 2)
+        w, along, e, K = z[:3], self._base.paths.along, self._scale, np.zeros((len(z),) * 2)
+        response = self._responses(self._base.split_displacements(t, z[6:]).s)
         first = len(z) - along.shape[1]
-        K[:3, :3] = (E / e + self._firm) / e
-        K[:3, first:] = (E_slope @ w).T @ along / e**2
+        K[:3, :3] = (response.E / e + self._firm) / e
+        K[:3, first:] = (response.E_slope @ w).T @ along / e**2
         K[first:, :3] = K[:3, first:].T
         force = -K[:, :3] @ w
         force[first:] /= 2.0
         return ForcesAndStiffness(force, K)
 
-    def _shortening(self, s: Array, q: Array) -> tuple[Array, Array]:
-        """G q (n,), and the derivative (P,) of q^T G q / 2 by s; G shortens the boom at the hook's load along x."""
-        bent, by = np.zeros_like(q), np.zeros_like(s)
-        for k, G in self._shortened:
+    def _unloaded_point(self, t: float, q: Array, s: Array, R: Array) -> UnloadedPoint:
+        """Point of the hook without the hook's force, from the pivot O; R (3, 3) are the boom's axes in space."""
+        answers, e = self._base.answering.response(s), np.array([1.0, 0.0, 0.0])
+        rows, bent, by = answers.B[:, self._on].T, np.zeros_like(q), np.zeros_like(s)
+        for k, G in self._shortened:  # the boom is shorter by q^T G q / 2 at the hook's load along x
             l, Gq = (1.0 if k is None else s[k]), G @ q
             bent += Gq / l
             if k is not None:
                 by[k] -= q @ Gq / l**2 / 2.0
-        return bent, by
-
-    def _unloaded_point(self, t: float, q: Array, s: Array, R: Array) -> UnloadedPoint:
-        """Point of the hook without the hook's force, from the pivot O.
-
-        The boom has the coordinates q (n,), the extensions s (P,) in m, and the axes R (3, 3) in space.
-        """
-        answers, e = self._base.answering.response(s), np.array([1.0, 0.0, 0.0])
-        rows, (bent, by) = answers.B[:, self._on].T, self._shortening(s, q)
         loads = self._base.boom.weight(self._base.weight(t) * R[2], len(answers.E)) + np.array(self._inputs.loads(t))
         carried = np.arange(len(s)) <= self._section
         at = self._base.boom.boom.place + e * (s @ carried - bent @ q / 2.0) + self._r + rows @ q
@@ -239,26 +208,26 @@ class _Joint:
         and of w, by which the boom's point gives way to the hook, are not among them.
         """
         base, k, n = self._base, self._base.count, self._base.boom.size
-        x, q, s = self._split(0.0, z)
-        turned, _, motion, R = base.kinematics(x, z_t[:k])
-        at, by_q, by_s = self._unloaded_point(0.0, q, s, R)
+        x, q, s = base.split_displacements(0.0, z)
+        of_body = base.kinematics(x, z_t[:k])
+        at, by_q, by_s = self._unloaded_point(0.0, q, s, of_body.axes)
         relative = by_q @ z_t[k : k + n] + by_s @ base.extensions(0.0, z[k + n :], z_t[k + n :]).rate
-        velocity = turned[:3] @ z_t[:k] + skew(motion.omega) @ at + relative
-        return np.array([base.origin(x) + R @ at, R @ velocity])
+        velocity = of_body.by_rates[:3] @ z_t[:k] + skew(of_body.omega) @ at + relative
+        return np.array([base.origin(x) + of_body.axes @ at, of_body.axes @ velocity])
 
     def gap(self, t: float, z: Array) -> Array:
         """Gap g (3,) in m of the constraint at coordinates z (N,) that a marker returns."""
-        x, q, s = self._split(t, self._displacements(z))
-        _, _, _, R = self._base.kinematics(x, 0.0 * x)
+        x, q, s = self._base.split(t, z[6:])
+        R = self._base.kinematics(x, 0.0 * x).axes
         at = R.T @ (z[3:6] - self._base.origin(x))
-        return np.asarray(at - self._unloaded_point(t, q, s, R).at - self._flexibility(s)[0] @ z[:3] / self._scale)
+        return np.asarray(at - self._unloaded_point(t, q, s, R).at - self._responses(s).E @ z[:3] / self._scale)
 
     def gap_derivative(self, t: float, z: Array) -> Array:
         """Derivative (3, N) of the gap by all coordinates z (N,)."""
-        x, q, s = self._split(t, self._displacements(z))
+        x, q, s = self._base.split(t, z[6:])
         turned, _, _, R = self._base.kinematics(x, 0.0 * x)
         at = R.T @ (z[3:6] - self._base.origin(x))
         on_base = skew(at) @ turned[3:] - turned[:3]
-        (E, E_slope), (_, by_q, by_s) = self._flexibility(s), self._unloaded_point(t, q, s, R)
-        along = -(by_s + (E_slope @ z[:3]).T / self._scale) @ self._base.paths.along
-        return np.hstack([-E / self._scale, R.T, on_base, -by_q, along])
+        response, (_, by_q, by_s) = self._responses(s), self._unloaded_point(t, q, s, R)
+        along = -(by_s + (response.E_slope @ z[:3]).T / self._scale) @ self._base.paths.along
+        return np.hstack([-response.E / self._scale, R.T, on_base, -by_q, along])

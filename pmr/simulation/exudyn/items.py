@@ -54,6 +54,16 @@ def _do_nothing(mbs: exu.MainSystem, t: float) -> bool:
 
 
 @dataclass(frozen=True)
+class SystemParts:
+    """Objects that compute what the items of a system have at a time."""
+
+    equations: Equations
+    inputs: Inputs
+    base: Any = None  # `Base` of a boom on a body, which `add_hook` needs
+    rubbing: Any = None  # `pmr.simulation.exudyn.contacts.Pads`; None where no pad rubs
+
+
+@dataclass(frozen=True)
 class SystemItems:
     """Numbers of the items that make up a system in an mbs (Exudyn's multibody system)."""
 
@@ -64,6 +74,7 @@ class SystemItems:
     oSystem: exu.ObjectIndex  # ObjectGenericODE2 with M, D and K of all bodies
     mSystem: exu.MarkerIndex  # marker of all coordinates
     mGround: exu.MarkerIndex
+    parts: SystemParts
     # ObjectConnectorCoordinateVector of the `contacts`; its output variable Force is their force in N; None without
     # such contacts
     oContacts: exu.ObjectIndex | None = None
@@ -73,10 +84,6 @@ class SystemItems:
     contacts: tuple[int, ...] = ()  # numbers of the system's contacts that oContacts holds, in its order
     # sets rows and loads to the time t in s; the mbs' pre-step function calls it
     update: PreStep = _do_nothing
-    equations: Any = None  # `Equations` and `Inputs`, which `add_sensors` needs
-    inputs: Any = None
-    base: Any = None  # `Base` of a boom on a body, which `add_hook` needs
-    rubbing: Any = None  # `pmr.simulation.exudyn.contacts.Pads`; None where no pad rubs
 
     def component_name(self, mbs: exu.MainSystem, part: str) -> str:
         """Name in the mbs of a component of the system: the system's name followed by `part`, such as ``Contacts``."""
@@ -143,6 +150,7 @@ def add_pre_step_function(mbs: exu.MainSystem, function: PreStep) -> None:
 def add_bodies(
     mbs: exu.MainSystem,
     equations: Equations,
+    inputs: Inputs,
     start: Mapping[str, InitialState],
     K: Array | None = None,
     **parameters: Any,
@@ -154,6 +162,8 @@ def add_bodies(
     mbs : exudyn.MainSystem
     equations : Equations
         Mass, damping and stiffness matrices of the system.
+    inputs : Inputs
+        Positions and loads that drive it.
     start : mapping of str to InitialState
         Initial coordinates and rates of every body, by its name.
     K : (n, n) matrix, optional
@@ -177,6 +187,7 @@ def add_bodies(
         },
         oSystem=oSystem,
         mSystem=mbs.AddMarker(MarkerObjectODE2Coordinates(name=f"{name}All", objectNumber=oSystem)),
+        parts=SystemParts(equations, inputs),
         mGround=mbs.AddMarker(MarkerNodeCoordinates(name=f"{name}Ground", nodeNumber=ground)),
     )
 

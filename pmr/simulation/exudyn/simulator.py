@@ -10,7 +10,6 @@ In an mbs of one's own::
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import exudyn as exu
 import numpy as np
@@ -122,9 +121,7 @@ def add_system(
     refuse_unsupported(name, equations.needs(inputs.positions(0.0)))
     items = add(mbs, equations, inputs, equations.start(inputs.s, inputs.rates, initial or {}))
     items = with_terms(mbs, with_quasi_static(mbs, items, equations), equations, inputs)
-    if on is not None:
-        items = with_base(mbs, items, Base(mbs, equations, inputs, paths, on), inputs)
-    return replace(items, equations=equations, inputs=inputs)
+    return items if on is None else with_base(mbs, items, Base(mbs, equations, inputs, paths, on), inputs)
 
 
 def add_sliding_body(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -143,9 +144,11 @@ class Constraint:
         for E in carriers:
             least += E.shape[0] * comm.allreduce(E.shape[1], op=MPI.MAX)
         stored = 8 * least * shared <= STORED_BYTES
-        pairs = [solve_for_carriers(S, E, comm, stored) for S, E in zip(factor.of_bodies, carriers, strict=True)]
-        self._compliance = PathCompliance([P for P, _ in pairs], rows)
-        self._stored = [StoredAnswers(local, body, rows) for body, (_, local) in enumerate(pairs)] if stored else None
+        answers = [solve_for_carriers(S, E, comm, stored) for S, E in zip(factor.of_bodies, carriers, strict=True)]
+        self._compliance = PathCompliance([answer.compliance for answer in answers], rows)
+        self._stored = (
+            [StoredAnswers(answer.motion, body, rows) for body, answer in enumerate(answers)] if stored else None
+        )
         self._at = np.full(len(rows.course.rows), np.nan)
         self.matrix = np.zeros((0, 0))
 
@@ -181,12 +184,15 @@ class Constraint:
         return self._factor.solve(self.rows.apply_transposed(multipliers))
 
 
-def solve_for_carriers(factor: MatrixFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> tuple[Array, Array]:
-    """Matrix P = E^T S^{-1} E (p, p), the same on every rank, and this rank's rows of S^{-1} E.
+class CarrierAnswers(NamedTuple):
+    """Response of a body to unit forces on its p carriers."""
 
-    `factor` is a factor of S; the argument `E` holds this rank's columns (p, n_local) of E^T.  This rank's rows are
-    (n_local, p), or (n_local, 0) unless `stored`.
-    """
+    compliance: Array  # P = E^T S^{-1} E (p, p), the same on every rank
+    motion: Array  # this rank's rows (n_local, p) of S^{-1} E; (n_local, 0) if they are not stored
+
+
+def solve_for_carriers(factor: MatrixFactor, E: sp.csr_matrix, comm: MPI.Comm, stored: bool) -> CarrierAnswers:
+    """Response to unit forces on carriers, by a `factor` of S; the argument `E` has this rank's columns of E^T."""
     p, n = E.shape
     P, stored_rows = np.zeros((p, p)), np.zeros((n, p if stored else 0), order="F")
     for k in range(0, p, BLOCK):
@@ -195,13 +201,13 @@ def solve_for_carriers(factor: MatrixFactor, E: sp.csr_matrix, comm: MPI.Comm, s
         if stored:
             stored_rows[:, k : k + BLOCK] = block
     comm.Allreduce(MPI.IN_PLACE, P)
-    return (P + P.T) / 2.0, stored_rows
+    return CarrierAnswers((P + P.T) / 2.0, stored_rows)
 
 
 def compliances(system: FullSystem, factor: BlockFactor, visited: VisitedCarriers) -> Sequence[Array]:
     """Matrices P = E^T S^{-1} E (p, p) of all bodies, from the factors of their matrices S."""
     parts = zip(factor.of_bodies, visited.of_bodies, strict=True)
-    return [solve_for_carriers(S, E, system.comm, False)[0] for S, E in parts]
+    return [solve_for_carriers(S, E, system.comm, False).compliance for S, E in parts]
 
 
 def rows_on_paths(system: FullSystem, x: Array, step: int = 0) -> PathRows:

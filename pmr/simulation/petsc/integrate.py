@@ -115,10 +115,11 @@ class Integrator:
                 free = self._free(scaled, ahead.v, f)
             b = free if w is None else free + self._factor.solve(w)
             motion = self._q_gain * self.constraint.rows.apply(b)
-            motion, total, flag = _sum_over_ranks(self._system.comm, motion, float(b.sum()), flag)
-            if not np.isfinite(total):
+            summed = np.concatenate([motion, [float(b.sum()), float(flag)]])  # over the ranks, by one message
+            self._system.comm.Allreduce(MPI.IN_PLACE, summed)
+            if not np.isfinite(summed[-2]):
                 raise SimulationError("not finite")
-            multipliers = self.constraint.multipliers(motion - rubbed.gap)
+            flag, multipliers = bool(summed[-1] > 0.0), self.constraint.multipliers(summed[:-2] - rubbed.gap)
             b = b - self.constraint.correction(multipliers) if len(multipliers) else b.copy()
             if w is not None:
                 times += 1
@@ -199,13 +200,6 @@ class _RayleighCoefficients:
         """Coefficients of a Rayleigh damping with the gains dv = `v_gain` and dq = `q_gain`."""
         at_once = rayleigh.beta / (q_gain + v_gain * rayleigh.beta)
         return cls(rayleigh.alpha - at_once * (1.0 + v_gain * rayleigh.alpha), at_once)
-
-
-def _sum_over_ranks(comm: MPI.Comm, motion: Array, total: float, flag: bool) -> tuple[Array, float, bool]:
-    """Sums of `motion` and `total` over the ranks, and whether `flag` is true on any rank, by one message."""
-    summed = np.concatenate([motion, [total, float(flag)]])
-    comm.Allreduce(MPI.IN_PLACE, summed)
-    return summed[:-2], float(summed[-2]), bool(summed[-1] > 0.0)
 
 
 def contact_frequency(system: FullSystem, x: Array, mass: BlockFactor) -> float:

@@ -12,7 +12,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -326,8 +326,7 @@ class CheckpointFile:
         stored = self._comm.bcast(call_on_first_rank(self._comm, lambda: read_checkpoint(file, identity)))
         if stored is None:
             return None
-        (step, seconds), arrays = stored
-        mine = self._system.local_part
+        arrays, mine = stored.arrays, self._system.local_part
         recorder.q[:], recorder.v[:] = mine(arrays["states.q"]), mine(arrays["states.v"])
         for name in _RECORDED:
             getattr(recorder, name)[:] = arrays[f"recorded.{name}"]
@@ -335,13 +334,19 @@ class CheckpointFile:
         recorder.sums[:] = arrays["sums"] if self._comm.rank == 0 else 0.0
         spread = {name: mine(arrays[name]) for name in _SPREAD}
         state = State(**spread, multipliers=arrays["multipliers"], share=arrays["share"], grip=grip)
-        return ReachedState(step, seconds, state, arrays["parts"])
+        return ReachedState(stored.step, stored.seconds, state, arrays["parts"])
 
 
-def read_checkpoint(
-    file: Path, identity: Mapping[str, object]
-) -> tuple[tuple[int, float], dict[str, NDArray[Any]]] | None:
-    """Step, wall time in s and arrays of the checkpoint of a simulation with this identity; None if there is no file.
+class StoredCheckpoint(NamedTuple):
+    """Number of the last step of a checkpoint, wall time in s up to there, and arrays by name."""
+
+    step: int
+    seconds: float
+    arrays: dict[str, NDArray[Any]]
+
+
+def read_checkpoint(file: Path, identity: Mapping[str, object]) -> StoredCheckpoint | None:
+    """Checkpoint of a simulation with this identity; None if there is no file.
 
     Raises InputError if the file is damaged or belongs to another simulation.
     """
@@ -352,14 +357,15 @@ def read_checkpoint(
         header = npz.pop_header(arrays)
         if (header["format"], header["version"]) != (FORMAT, FORMAT_VERSION):
             raise ValueError("another format")
-        reached, stored = (int(header["step"]), float(header["seconds"])), dict(header["identity"])
+        reached = StoredCheckpoint(int(header["step"]), float(header["seconds"]), arrays)
+        stored = dict(header["identity"])
     except _DAMAGE as error:
         allowed = f"a checkpoint is allowed, this is none ({error}); delete it to start from t = 0"
         raise InputError(str(file), "", None, allowed) from None
     if different := _differences(stored, identity):
         allowed = f"another simulation's checkpoint: {different} differs; delete it or name another file"
         raise InputError(str(file), "", None, allowed)
-    return reached, arrays
+    return reached
 
 
 def _friction_arrays(system: FullSystem) -> list[NDArray[np.generic]]:

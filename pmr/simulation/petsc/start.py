@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -323,6 +323,13 @@ def _inputs(system: FullSystem) -> list[tuple[FullModel, slice]]:
     return list(zip(system.models, system.input_slices, strict=True))
 
 
+class HeldAcceleration(NamedTuple):
+    """This rank's part of an acceleration, and the multipliers of the rigid contacts."""
+
+    value: Array
+    multipliers: Array
+
+
 class _HeldMass:
     """Mass matrix with the rigid contacts at t = 0."""
 
@@ -349,8 +356,8 @@ class _HeldMass:
         check_impulse(self._G @ impulse, drift, self._names)
         return np.asarray(self._answers @ impulse)
 
-    def acceleration(self, force: Array) -> tuple[Array, Array]:
-        """This rank's part of the acceleration, from its part of a force, and the multipliers of the rigid contacts."""
+    def acceleration(self, force: Array) -> HeldAcceleration:
+        """Acceleration by this rank's part of a force."""
         free = self._factor.solve(force)
         multipliers = np.linalg.lstsq(self._G, self._comm.allreduce(self._mine @ free), rcond=None)[0]
-        return free - self._answers @ multipliers, multipliers
+        return HeldAcceleration(free - self._answers @ multipliers, multipliers)

@@ -237,18 +237,27 @@ def _is_definite(A: sp.csr_matrix) -> bool:
     return bool((factor.perm_r == factor.perm_c).all() and (factor.U.diagonal() > 0.0).all())
 
 
-def border_matrix(K: Array, C: Array, F: Array) -> tuple[Array, Array]:
-    """Scaled matrix ((K, u C^T), (u C, -u^2 F)) of a held structure, and the scaling factors (n + m,).
+class BorderedMatrix:
+    """Matrix ((K, C^T), (C, -F)) of a held structure; a LinAlgError of NumPy is raised where it is singular.
 
-    K (n, n) is the stiffness, C (m, n) and F (m, m) are rows and flexibility of the contacts.  The factors are 1 for
-    the n coordinates and u for the m contact forces, with the largest entry u of K, so that all blocks are of similar
-    size.  Multiply a right side by the factors before solving, and the solution by the factors afterwards.
+    K (n, n) is the stiffness, C (m, n) and F (m, m) are rows and flexibility of the contacts.  It is scaled by 1 for
+    the n coordinates and by the largest entry of K for the m contact forces, so that all blocks are of similar size.
     """
-    n, scale = len(K), float(np.abs(K).max()) or 1.0
-    matrix, units = np.empty((n + len(C), n + len(C))), np.ones(n + len(C))
-    units[n:] = scale
-    matrix[:n, :n], matrix[:n, n:], matrix[n:, :n], matrix[n:, n:] = K, scale * C.T, scale * C, -(scale**2) * F
-    return matrix, units
+
+    def __init__(self, K: Array, C: Array, F: Array) -> None:
+        n, scale = len(K), float(np.abs(K).max()) or 1.0
+        self._scaled, self._units = np.empty((n + len(C), n + len(C))), np.ones(n + len(C))
+        self._units[n:] = scale
+        self._scaled[:n, :n], self._scaled[:n, n:] = K, scale * C.T
+        self._scaled[n:, :n], self._scaled[n:, n:] = scale * C, -(scale**2) * F
+
+    def inverse(self) -> Array:
+        """Inverse (n + m, n + m)."""
+        return np.asarray(self._units[:, None] * np.linalg.inv(self._scaled) * self._units)
+
+    def solve(self, right: Array) -> Array:
+        """Coordinates and contact forces (n + m, k) for right sides (n + m, k)."""
+        return np.asarray(self._units[:, None] * np.linalg.solve(self._scaled, self._units[:, None] * right))
 
 
 def saddle_point_solver(K: sp.csr_matrix, rows: ContactRows) -> Callable[[Array], Array]:

@@ -27,6 +27,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -34,7 +35,7 @@ import scipy.linalg
 from pmr.errors import InputError
 from pmr.files.arrays import Array, Mask
 from pmr.kernel.laws import ContactSearch
-from pmr.simulation.statics.equilibrium import LARGER, SMALLER, border_matrix
+from pmr.simulation.statics.equilibrium import LARGER, SMALLER, BorderedMatrix
 from pmr.system.soundness import cholesky_root, first_singular
 
 #: Share of the largest eigenvalue of the geometric stiffness below which an eigenvalue is round-off; share of the
@@ -86,6 +87,7 @@ class LoadedState:
     outputs: Array
     forces: Array
     form: Form
+    wrong: Mask  # (m,): contacts that only push and are closed although they pull, or open although they overlap
 
     @cached_property
     def in_equilibrium(self) -> bool:
@@ -136,6 +138,16 @@ class Condensed:
     gap_forces: Array  # (r, closed contacts): forces on z by gaps of closed contacts
 
 
+class UnstressedFlexibility(NamedTuple):
+    """Flexibility L L^T of a structure without geometric stiffness."""
+
+    root: Array  # L (n, r)
+    G: tuple[
+        Array, Array
+    ]  # L^T G_0 L and L^T G_1 L (r, r): geometric stiffness of the fixed loads, of a unit of the load
+    contact_forces: Array  # (closed contacts, n): by unit forces on coordinates
+
+
 class Form:
     """Equilibria with a fixed set of closed contacts, a mask (m,), for any load.
 
@@ -148,10 +160,9 @@ class Form:
         e, n = equations, len(equations.K)
         K, every = e.K + e.G[0], closed.all()
         self._C, self._F, self._X = (e.C, e.F, e.X) if every else (e.C[closed], e.F[:, closed][closed], e.X[:, closed])
-        matrix, units = border_matrix(K, self._C, self._F)
         self.held, self.critical = False, 0.0
         try:
-            Z = units[:, None] * np.linalg.inv(matrix) * units
+            Z = BorderedMatrix(K, self._C, self._F).inverse()
         except np.linalg.LinAlgError:
             return
         flexibility = (Z[:n, :n] + Z[:n, :n].T) / 2.0
@@ -217,18 +228,14 @@ class Form:
         return np.asarray(loads < self.critical)
 
     @cached_property
-    def _unstressed_flexibility(self) -> tuple[Array, Array, Array, Array]:
-        """Matrices L^T G_0 L, L^T G_1 L and L, and forces of closed contacts (closed, n) by unit forces on q.
-
-        L L^T is the flexibility without geometric stiffness.
-        """
+    def _unstressed(self) -> UnstressedFlexibility:
+        """Flexibility without geometric stiffness."""
         e, n = self.equations, len(self.equations.K)
-        matrix, units = border_matrix(e.K, self._C, self._F)
-        Z = np.linalg.inv(matrix)
+        Z = BorderedMatrix(e.K, self._C, self._F).inverse()
         size, Q = np.linalg.eigh((Z[:n, :n] + Z[:n, :n].T) / 2.0)
         some = size > len(size) * np.finfo(float).eps * size[-1]
         L = Q[:, some] * np.sqrt(size[some])
-        return L.T @ e.G[0] @ L, L.T @ e.G[1] @ L, L, units[n:, None] * Z[n:, :n]
+        return UnstressedFlexibility(L, (L.T @ e.G[0] @ L, L.T @ e.G[1] @ L), Z[n:, :n])
 
     def inverse_factor(self, load: float) -> float:
         """Inverse 1 / Lambda of the buckling factor: Lambda times all axial forces under `load` cause buckling.
@@ -256,8 +263,8 @@ class Form:
         """
         if not self.held:
             return np.zeros(len(self.closed))
-        N0, N1, L, on_contacts = self._unstressed_flexibility
-        _, Y = np.linalg.eigh(N0 + load * N1)
+        L, (fixed, growing), on_contacts = self._unstressed
+        _, Y = np.linalg.eigh(fixed + load * growing)
         G = self.equations.G[0] + load * self.equations.G[1]
         forces = np.zeros(len(self.closed))
         forces[self.closed] = on_contacts @ (G @ (L @ Y[:, 0]))
@@ -366,7 +373,7 @@ class LoadedStructure:
         """
         closed, every = self._last, np.ones_like(self._last)
         if self.holds_both_ways:
-            return self._solve_closed(closed, load)[0]
+            return self._solve_closed(closed, load)
         state = self._search(closed, load)
         if not state.in_equilibrium and self._form(every).is_stable(np.array([load]))[0]:
             closed = self._first_order._search(every, load).form.closed
@@ -418,9 +425,9 @@ class LoadedStructure:
             return None
         gap, pushes, play = np.full(len(closed), np.inf), e.pushes, np.abs(e.g[0]).max()
         gap[pushes] = -self._first_order._form(closed).responses(np.array([load]))[0, o:]
-        matrix, _ = border_matrix(e.K, e.C[closed], e.F[closed][:, closed])
         push = np.append(np.random.default_rng(3).standard_normal(len(e.K)), np.zeros(int(closed.sum())))
-        motion = np.abs(e.C @ np.linalg.solve(matrix, push)[: len(e.K)])
+        held = BorderedMatrix(e.K, e.C[closed], e.F[closed][:, closed])
+        motion = np.abs(e.C @ held.solve(push[:, None])[: len(e.K), 0])
         loose = np.flatnonzero(~closed & pushes & (motion > LOOSE * motion.max()))
         if not len(loose) or not gap[loose].max() <= FAR * play:
             return None
@@ -449,23 +456,20 @@ class LoadedStructure:
         """
         search = ContactSearch()
         for _ in range(MOST_SETS):
-            state, wrong = self._solve_closed(closed, load)
+            state = self._solve_closed(closed, load)
             if not state.in_equilibrium:
                 break
-            if not wrong.any():
+            if not state.wrong.any():
                 self._last = closed
                 return state
-            closed = search.change(closed, wrong)
-        return LoadedState(load, np.full_like(state.outputs, np.nan), np.full_like(state.forces, np.nan), state.form)
+            closed = search.change(closed, state.wrong)
+        return replace(state, outputs=np.full_like(state.outputs, np.nan), forces=np.full_like(state.forces, np.nan))
 
-    def _solve_closed(self, closed: Mask, load: float) -> tuple[LoadedState, Mask]:
-        """State under `load` in kg with the contacts of a mask (m,) closed, and a mask (m,) of wrong contacts.
-
-        A closed contact is wrong if it pulls, an open one if it overlaps; only contacts that just push can be wrong.
-        """
+    def _solve_closed(self, closed: Mask, load: float) -> LoadedState:
+        """State under `load` in kg with the contacts of a mask (m,) closed."""
         form, o, m = self._form(closed), len(self.equations.outputs), len(closed)
         values = form.responses(np.array([load]))[0]
         forces, beyond, pushes = values[o : o + m], values[o + m :], self.equations.pushes
         wrong = closed & pushes & (forces < -WRONG * np.abs(forces).max(initial=0.0))
         wrong[pushes] |= ~closed[pushes] & (beyond > WRONG * np.abs(beyond).max(initial=0.0))
-        return LoadedState(load, values[:o], forces, form), wrong
+        return LoadedState(load, values[:o], forces, form, wrong)

@@ -28,12 +28,13 @@ at rest under the loads minus inertia, :math:`b\, a - (M + m c^T c)\, \ddot q`. 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
 
 from pmr.files.arrays import Array
-from pmr.simulation.statics.equilibrium import border_matrix
+from pmr.simulation.statics.equilibrium import BorderedMatrix
 from pmr.simulation.statics.loaded import Form
 
 #: Number of periods of the lowest frequency after the load leaves the ground, and number of times in these.
@@ -136,6 +137,13 @@ class DecelerationLoads:
     direct: Array
 
 
+class StaticResponse(NamedTuple):
+    """Outputs (o, k) and contact forces (m, k) at rest under k load cases."""
+
+    outputs: Array
+    forces: Array
+
+
 @dataclass(frozen=True)
 class Swing:
     """Response to a unit of the deceleration: outputs (T, o) and contact forces (T, m) at times t (T,) in s.
@@ -146,7 +154,7 @@ class Swing:
     t: Array
     outputs: Array
     forces: Array
-    steady: tuple[Array, Array]  # (o,) and (m,): outputs and contact forces
+    steady: StaticResponse  # outputs (o,) and contact forces (m,)
 
 
 def stopping_swing(form: Form, load: float, acting: DecelerationLoads, duration: float) -> Swing | None:
@@ -181,22 +189,21 @@ def stopping_swing(form: Form, load: float, acting: DecelerationLoads, duration:
     lasts, after = t <= duration, np.maximum(t - duration, 0.0)
     accelerations = np.cos(np.outer(t, omega)) - np.where(lasts[:, None], 0.0, np.cos(np.outer(after, omega)))
     shares = np.column_stack([lasts, -accelerations * (amplitude * omega**2)])
-    return Swing(t, shares @ outputs.T, shares @ forces.T, (outputs[:, 0], forces[:, 0]))
+    return Swing(t, shares @ outputs.T, shares @ forces.T, StaticResponse(outputs[:, 0], forces[:, 0]))
 
 
-def _static_response(form: Form, load: float, loads: list[Array]) -> tuple[Array, Array]:
-    """Outputs (o, k) and contact forces (m, k) at rest under k load cases.
+def _static_response(form: Form, load: float, loads: list[Array]) -> StaticResponse:
+    """Response at rest to k load cases.
 
     `loads` are forces on coordinates (n, k), gaps (m, k) and direct outputs (o, k); `load` in kg sets the geometric
     stiffness.
     """
     e, closed = form.equations, form.closed
     C, F, K = e.C[closed], e.F[np.ix_(closed, closed)], e.K + e.G[0] + load * e.G[1]
-    n, (matrix, units) = len(K), border_matrix(K, C, F)
-    solution = units[:, None] * np.linalg.solve(matrix, units[:, None] * np.vstack([loads[0], loads[1][closed]]))
+    n, solution = len(K), BorderedMatrix(K, C, F).solve(np.vstack([loads[0], loads[1][closed]]))
     forces = np.zeros((len(closed), solution.shape[1]))
     forces[closed] = solution[n:]
     outputs = e.outputs @ solution[:n] - e.X @ forces + loads[2]
     if len(e.outputs_by_load):
         outputs[-len(e.outputs_by_load) :] += load * (e.outputs_by_load @ solution[:n])
-    return outputs, forces
+    return StaticResponse(outputs, forces)

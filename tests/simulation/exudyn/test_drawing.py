@@ -86,7 +86,7 @@ def test_what_is_refused() -> None:
     turret.add()
     (first, body), *others = turret.system.bodies.items()
     body = replace(body, output_kinds=("other",) * len(body.output_names))
-    blind = replace(turret.items.equations.system, bodies={first: body, **dict(others)}, terms=(), terms_of=None)
-    turret.items.equations.system = blind
+    blind = replace(turret.items.parts.equations.system, bodies={first: body, **dict(others)}, terms=(), terms_of=None)
+    turret.items.parts.equations.system = blind
     with pytest.raises(InputError, match="stations"):
         add_drawing(turret.mbs, turret.items, turret.scene)

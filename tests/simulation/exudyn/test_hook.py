@@ -134,4 +134,4 @@ def test_what_is_refused() -> None:
         with pytest.raises(InputError, match=says):
             add_hook(turret.mbs, turret.items, loads, HOOK)
     with pytest.raises(InputError, match="on a rigid body"):
-        add_hook(turret.mbs, replace(turret.items, base=None), LOADS, HOOK)
+        add_hook(turret.mbs, replace(turret.items, parts=replace(turret.items.parts, base=None)), LOADS, HOOK)
