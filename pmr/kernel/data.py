@@ -347,12 +347,9 @@ def _terms(system: System, rows: Arrangement) -> Arrays:
 
 def _friction(rows: Arrangement) -> Arrays:
     """Arrays of the pads with friction, grouped by joint."""
-    friction, nothing = rows.friction, np.zeros(0, np.int64)
+    friction = rows.friction
     if friction is None:
-        numbers = ("joint_paths", "joint_cylinders", "pad_contacts")
-        reals = ("joint_gives", "pad_laws", "pad_stiffness", "pad_arms")
-        empty = dict.fromkeys(numbers, nothing) | dict.fromkeys(reals, np.zeros(0))
-        return {**empty, "first_pad": np.zeros(1, np.int64)}
+        return {"first_pad": np.zeros(1, np.int64)}
     return {
         "joint_paths": np.array([rows.paths.index(name) for name in friction.joints], np.int64),
         "joint_cylinders": friction.cylinders,

@@ -227,27 +227,25 @@ def frame_output_arrays(
 ) -> Arrays:
     """Arrays of the tip and the luffing cylinder, and numbers of all further outputs, with the `reactions` first.
 
-    `paths` are the names of the system's paths.  The arrays are empty if there is no `scene` with a frame, or if the
-    number of `motions` that drive the frame is 0.
+    `paths` are the names of the system's paths.  There is neither a tip nor a cylinder without a `scene` with a frame,
+    or with 0 `motions` that drive the frame.
     """
-    integers, sources = np.zeros(0, np.int64), 0
-    arrays: Arrays = dict.fromkeys(("tip_numbers", "cylinder_sources", "cylinder_pin"), integers)
-    arrays |= dict.fromkeys(("tip_place", "cylinder_hinges", "cylinder_moments"), np.zeros(0))
+    arrays, sources = Arrays(), 0
     if scene is not None and scene.frame is not None and motions:
         outputs, last = len(system.output_names), [*system.bodies.values()][-1]
         kinds, first = list(kinds_of(last)), outputs - last.outputs.shape[0]
         tip = [first + kinds.index(f"tip {axis}") if f"tip {axis}" in kinds else -1 for axis in "xyz"]
         place = np.array(scene.frame.tail_position) + [scene.sections[-1].length, 0.0, 0.0]
-        arrays |= {"tip_numbers": np.array([*tip, len(scene.sections) - 1]), "tip_place": place}
+        arrays = {"tip_numbers": np.array([*tip, len(scene.sections) - 1]), "tip_place": place}
         if cylinder := cylinder_arrays(scene, paths, numbers_of_forces(system, reactions), outputs):
             arrays, sources = arrays | cylinder, len(cylinder["cylinder_sources"])
-    return arrays | {"further": np.array([len(reactions), int(len(arrays["tip_numbers"]) > 0), sources])}
+    return arrays | {"further": np.array([len(reactions), int("tip_numbers" in arrays), sources])}
 
 
 def further_names(reactions: Sequence[str], arrays: Arrays) -> list[str]:
     """Names of the `reactions`, the tip in space and the luffing cylinder, as far as `arrays` have them."""
-    tip = [f"tip in space {axis}" for axis in "XYZ"] if len(arrays["tip_numbers"]) else []
-    return [*reactions, *tip, *([CYLINDER] if len(arrays["cylinder_pin"]) else [])]
+    tip = [f"tip in space {axis}" for axis in "XYZ"] if "tip_numbers" in arrays else []
+    return [*reactions, *tip, *([CYLINDER] if "cylinder_pin" in arrays else [])]
 
 
 def numbers_of_forces(system: System, reactions: Sequence[str]) -> dict[str, int]:
@@ -325,10 +323,8 @@ def frame_arrays(frame: Frame | None, paths: Sequence[str]) -> Arrays:
 
     An InputError is raised if the frame has no motion for one of the paths.
     """
-    nothing = np.zeros(0, np.int64)
     if frame is None:
-        integers = ("frame_angles", "frame_paths", "quantity_list", "products", "first_product")
-        return {**dict.fromkeys(integers, nothing), "factors": np.zeros(0)}
+        return {}
     numbers = {name: k for k, name in enumerate(frame.drivers)}
     if missing := [path for path in paths if path not in numbers]:
         raise InputError("system", "paths", missing[0], f"{', '.join(frame.drivers)} are allowed")

@@ -187,7 +187,7 @@ class State:
         `start`.
         """
         at = self._check_array("motions", np.ravel(motions), 3 * self.kernel.motions)
-        arrays = (at, _checked("rows", rows, self.kernel.motions), *self._initial_modes(kind, z, v))
+        arrays = (at, _ensure_integers("rows", rows, self.kernel.motions), *self._initial_modes(kind, z, v))
         pointers = map(pointer, arrays)
         self.raise_unless_done(lib.pmr_start_in_frame(self._state, _STARTS[kind], *pointers), "the start")
 
@@ -199,7 +199,7 @@ class State:
         """
         count = self.kernel.motions
         at = self._check_array("motions", np.ravel(motions), 3 * count, finite=False)
-        failed = lib.pmr_step_in_frame(self._state, pointer(at), pointer(_checked("rows", rows, count)))
+        failed = lib.pmr_step_in_frame(self._state, pointer(at), pointer(_ensure_integers("rows", rows, count)))
         self.raise_unless_done(failed, f"step {self.step_number + 1}")
 
     def advance(
@@ -219,7 +219,7 @@ class State:
         restored.
         """
         _check_room(record, first, steps // every, self.settings.parts[-1])
-        taken, schedule = ffi.new("int64_t *"), pointer(_checked("parts", parts, steps))
+        taken, schedule = ffi.new("int64_t *"), pointer(_ensure_integers("parts", parts, steps))
         failed = lib.pmr_advance(self._state, signals.pointer, steps, every, schedule, record.at(first), taken)
         self.raise_unless_done(failed, f"step {self.step_number + 1}")
 
@@ -238,7 +238,11 @@ class State:
             allowed = f"(steps {per} + 1, {self.kernel.drivers}) is allowed"
             raise InputError("state", "u", u.shape, allowed)
         _check_room(record, first, steps // every, self.settings.parts[-1])
-        taken, needed, schedule = ffi.new("int64_t *"), ffi.new("int *"), pointer(_checked("parts", parts, steps))
+        taken, needed, schedule = (
+            ffi.new("int64_t *"),
+            ffi.new("int *"),
+            pointer(_ensure_integers("parts", parts, steps)),
+        )
         failed = lib.pmr_advance_sampled(
             self._state, pointer(u), per, steps, every, schedule, record.at(first), taken, needed
         )
@@ -363,7 +367,7 @@ def _check_room(record: Record, first: int, rows: int, parts: int) -> None:
         raise InputError("state", "record", len(record.ends), f"ends of {parts} parts or more are needed")
 
 
-def _checked(name: str, numbers: Integers | None, count: int) -> Integers | None:
+def _ensure_integers(name: str, numbers: Integers | None, count: int) -> Integers | None:
     """The `numbers`, or None; raise InputError with `name` unless they are `count` contiguous integers of 32 bits."""
     if numbers is not None and (
         numbers.dtype != np.int32 or numbers.shape != (count,) or not numbers.flags.c_contiguous

@@ -23,9 +23,9 @@ from pmr.scene import Scene
 from pmr.scene.built import force_name
 from pmr.scene.hints import is_hung
 from pmr.scene.keys import SceneTable, Usual
-from pmr.simulation.statics.loaded import LoadedState, LoadedStates
+from pmr.simulation.statics.loaded import LoadedState, LoadedStates, LoadEffects
 from pmr.simulation.statics.postures import HOOK, DeflectionOutputs, PostureMatrices
-from pmr.simulation.statics.swings import DecelerationLoads, stopping_swing
+from pmr.simulation.statics.swings import stopping_swing
 from pmr.studies.allowed import JUST_BELOW, Place
 from pmr.studies.chart_models import ChartModels
 from pmr.studies.limits import FIELD, Limit
@@ -225,7 +225,7 @@ class StopMotion:
         steadily, swinging = most(*(values[None] for values in swing.steady)), most(swing.outputs, swing.forces)
         return np.array([factor, place.used_share(limit, state), steadily, swinging, self.speed])
 
-    def _acting_loads(self, place: Place, load: float) -> DecelerationLoads:
+    def _acting_loads(self, place: Place, load: float) -> LoadEffects:
         """Return the loads by an acceleration of the angle of 1 rad/s^2, with the inertia of the `load` in kg."""
         at, k = place.postures, place.k
         f = self.acceleration_loads[k].copy()
@@ -233,7 +233,7 @@ class StopMotion:
             x, _, z = at.place.hook[k]
             lifted = float(at.place.up[k] @ [-z, 0.0, x])  # m by a rotation of one radian
             f += load * lifted / place.gravity * at.loads.f[at.loads.names.index(HOOK), k]
-        return DecelerationLoads(
+        return LoadEffects(
             at.structure.B @ f, -at.rows.H[k] @ f, np.vstack([at.structure.direct, at.machine.loads[k]]) @ f
         )
 

@@ -79,10 +79,12 @@ static const array_head *find_array(const pmr_system *y, const char *name)
     return NULL;
 }
 
-/* The array with a name; NULL, said in `why`, if it is missing or has not `count` entries (less than 0: any number). */
+/* The array with a name; NULL, said in `why`, if it is missing or has not `count` entries (less than 0: any number).  One
+   without entries may be missing. */
 const void *pmr_block_take(const pmr_system *y, const char *name, int kind, int64_t count, char *why)
 {
     const array_head *array = find_array(y, name);
+    if (!array && !count) return y->block;
     if (!array) return pmr_say(why, "array %s is missing", name), NULL;
     if (array->kind == kind && (count < 0 || array->count == count)) return y->block + array->offset;
     pmr_say(why, "array %s has %lld entries of kind %d", name, (long long)array->count, (int)array->kind);

@@ -139,7 +139,7 @@ def add_drawing(mbs: exu.MainSystem, items: SystemItems, scene: Scene, scale: fl
 
 
 class Posture(NamedTuple):
-    """Where a boom stands."""
+    """Position and axes of a boom, and how far it is out."""
 
     pivot: Array  # (3,) m
     axes: Array  # (3, 3): columns are the axes of the boom

@@ -36,6 +36,7 @@ from pmr.errors import InputError
 from pmr.files.arrays import Array, Mask
 from pmr.kernel.laws import ContactSearch
 from pmr.simulation.statics.equilibrium import LARGER, SMALLER, BorderedMatrix
+from pmr.system.contact_rows import ContactRows
 from pmr.system.soundness import cholesky_root, first_singular
 
 #: Share of the largest eigenvalue of the geometric stiffness below which an eigenvalue is round-off; share of the
@@ -53,30 +54,40 @@ STEPS = 40
 
 
 @dataclass(frozen=True)
-class Equations:
-    """Matrices and forces in one posture.
+class LoadEffects:
+    """Effects of loads on a structure with n coordinates, m contacts and o outputs."""
 
-    A pair holds what the fixed loads cause, then what a unit of the load that grows causes.  Sizes: n coordinates, m
-    contacts, o outputs, d directions of the load.
+    b: Array  # (n,): forces on coordinates
+    g: Array  # (m,): gaps minus direct displacements of contacts
+    direct: Array  # (o,): direct outputs
+    G: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (n, n): geometric stiffness
+    outputs: Array = field(default_factory=lambda: np.zeros((0, 1)))  # (r, n): added to the last r rows of the outputs
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Matrices of a structure in one posture, and the effects of its loads.
+
+    Sizes: n coordinates, m contacts, o outputs, d directions of the load that grows.
     """
 
     M: Array  # (n, n)
     K: Array  # (n, n)
-    G: tuple[Array, Array]  # (n, n) each: geometric stiffness
-    b: tuple[Array, Array]  # (n,) each: loads on coordinates
-    g: tuple[Array, Array]  # (m,) each: gaps minus direct displacements of contacts by the loads
-    C: Array  # (m, n)
-    F: Array  # (m, m)
-    outputs: Array  # (o, n)
-    X: Array  # (o, m): outputs are `outputs` q - X lambda + `direct`
-    direct: tuple[Array, Array]  # (o,) each: direct outputs by the loads
+    outputs: Array  # (o, n): outputs are `outputs` q - X lambda, and direct ones by the loads
+    rows: ContactRows  # C (m, n), F (m, m), X (o, m), and H (m, d) by a unit of the load's force in its directions
+    fixed: LoadEffects  # of the fixed loads
+    growing: LoadEffects  # of a unit of the load that grows
     pushes: Mask  # (m,): contacts that only push
-    # by a unit of the load's force in each of its d directions: forces on coordinates (n, d), direct displacements of
-    # contacts (m, d) and of the load's position (d, d)
-    load_inputs: tuple[Array, Array, Array]
-    # (r, n): added to the last r rows of `outputs` by a unit of the load
-    outputs_by_load: Array = field(default_factory=lambda: np.zeros((0, 1)))
+    # by a unit of the load's force in its directions: forces on coordinates, displacement of the load's position
+    load_inputs: Array  # (n, d)
+    load_flexibility: Array  # (d, d)
     names: tuple[str, ...] = ()  # (m,): of the contacts, for errors
+
+    @property
+    def unstressed(self) -> Equations:
+        """Equations without geometric stiffness."""
+        fixed, growing = (replace(of, G=np.zeros_like(self.K)) for of in (self.fixed, self.growing))
+        return replace(self, fixed=fixed, growing=growing)
 
 
 @dataclass(frozen=True)
@@ -158,11 +169,10 @@ class Form:
     def __init__(self, equations: Equations, closed: Mask) -> None:
         self.equations, self.closed = equations, closed
         e, n = equations, len(equations.K)
-        K, every = e.K + e.G[0], closed.all()
-        self._C, self._F, self._X = (e.C, e.F, e.X) if every else (e.C[closed], e.F[:, closed][closed], e.X[:, closed])
+        K, self._rows = e.K + e.fixed.G, e.rows if closed.all() else e.rows.select(closed)
         self.held, self.critical = False, 0.0
         try:
-            Z = BorderedMatrix(K, self._C, self._F).inverse()
+            Z = BorderedMatrix(K, self._rows.C, self._rows.F).inverse()
         except np.linalg.LinAlgError:
             return
         flexibility = (Z[:n, :n] + Z[:n, :n].T) / 2.0
@@ -170,7 +180,7 @@ class Form:
             return
         if size * np.abs(K).max() > 1.0 / np.finfo(float).eps or (L := cholesky_root(flexibility)) is None:
             return  # round-off alone holds the structure, or the fixed loads alone make it buckle
-        self.eta, V = np.linalg.eigh(L.T @ e.G[1] @ L)
+        self.eta, V = np.linalg.eigh(L.T @ e.growing.G @ L)
         least = float(self.eta[0]) if len(self.eta) else 0.0
         some = -least > ROUND_OFF * np.abs(self.eta).max(initial=0.0) and least < 0.0
         self.held, self.critical = True, -1.0 / least if some else np.inf
@@ -184,24 +194,22 @@ class Form:
         """
         e, n, closed, pushes = self.equations, len(self.equations.K), self.closed, self.equations.pushes
         o, m, d = len(e.outputs), len(closed), int(pushes.sum())
-        R = np.zeros((o + m + d + len(e.outputs_by_load), n + int(closed.sum())))
-        R[o + m + d :, :n] = e.outputs_by_load
-        R[:o, :n], R[:o, n:] = e.outputs, -self._X
+        R = np.zeros((o + m + d + len(e.growing.outputs), n + int(closed.sum())))
+        R[o + m + d :, :n] = e.growing.outputs
+        R[:o, :n], R[:o, n:] = e.outputs, -self._rows.X
         R[o + np.flatnonzero(closed), np.arange(n, R.shape[1])] = 1.0
         if d:
             pushing = slice(o + m, o + m + d)
-            R[pushing, :n], R[pushing, n:] = e.C[pushes], -e.F[pushes][:, closed]
-        z = [Z @ np.concatenate([b, g[closed]]) for b, g in zip(e.b, e.g, strict=True)]
+            R[pushing, :n], R[pushing, n:] = e.rows.C[pushes], -e.rows.F[pushes][:, closed]
+        z = [Z @ np.concatenate([of.b, of.g[closed]]) for of in (e.fixed, e.growing)]
         # closed contacts fulfil C q - F lambda = g: an overlap is the difference
-        none = np.zeros(len(e.outputs_by_load))
-        remainders = [
-            np.concatenate([direct, np.zeros(m), -g[pushes], none]) for direct, g in zip(e.direct, e.g, strict=True)
-        ]
+        none = np.zeros(len(e.growing.outputs))
+        remainders = [np.concatenate([of.direct, np.zeros(m), -of.g[pushes], none]) for of in (e.fixed, e.growing)]
         self._linear = [R @ response + more for response, more in zip(z, remainders, strict=True)]
-        Y = (R @ Z[:, :n]) @ e.G[1]
+        Y = (R @ Z[:, :n]) @ e.growing.G
         self._bent = [Y @ response[:n] for response in z]
         self._modal = np.ascontiguousarray((Y @ U).T)
-        self._on_modes = [U.T @ (e.G[1] @ response[:n]) for response in z]
+        self._on_modes = [U.T @ (e.growing.G @ response[:n]) for response in z]
 
     def responses(self, loads: Array) -> Array:
         """Responses (p, o + m + d) under loads (p,): outputs, contact forces, and overlaps of d contacts that push.
@@ -218,7 +226,7 @@ class Form:
         amplitudes = P * (u0 + P * u1) / (1.0 + P * self.eta)
         values = r0 + P * (r1 - y0 - P * y1 + amplitudes @ self._modal)
         values[~stands] = np.nan
-        o, count = len(self.equations.outputs), len(self.equations.outputs_by_load)
+        o, count = len(self.equations.outputs), len(self.equations.growing.outputs)
         last = values.shape[1] - count
         values[:, o - count : o] += P * values[:, last:]
         return np.asarray(values[:, :last])
@@ -231,11 +239,11 @@ class Form:
     def _unstressed(self) -> UnstressedFlexibility:
         """Flexibility without geometric stiffness."""
         e, n = self.equations, len(self.equations.K)
-        Z = BorderedMatrix(e.K, self._C, self._F).inverse()
+        Z = BorderedMatrix(e.K, self._rows.C, self._rows.F).inverse()
         size, Q = np.linalg.eigh((Z[:n, :n] + Z[:n, :n].T) / 2.0)
         some = size > len(size) * np.finfo(float).eps * size[-1]
         L = Q[:, some] * np.sqrt(size[some])
-        return UnstressedFlexibility(L, (L.T @ e.G[0] @ L, L.T @ e.G[1] @ L), Z[n:, :n])
+        return UnstressedFlexibility(L, (L.T @ e.fixed.G @ L, L.T @ e.growing.G @ L), Z[n:, :n])
 
     def inverse_factor(self, load: float) -> float:
         """Inverse 1 / Lambda of the buckling factor: Lambda times all axial forces under `load` cause buckling.
@@ -265,7 +273,7 @@ class Form:
             return np.zeros(len(self.closed))
         L, (fixed, growing), on_contacts = self._unstressed
         _, Y = np.linalg.eigh(fixed + load * growing)
-        G = self.equations.G[0] + load * self.equations.G[1]
+        G = self.equations.fixed.G + load * self.equations.growing.G
         forces = np.zeros(len(self.closed))
         forces[self.closed] = on_contacts @ (G @ (L @ Y[:, 0]))
         return np.asarray(forces / max(np.abs(forces).max(initial=0.0), np.finfo(float).tiny))
@@ -274,22 +282,22 @@ class Form:
     def condensed(self) -> Condensed:
         """Matrices on the motions that rigid closed contacts leave free; K includes the other closed contacts."""
         e, closed = self.equations, self.closed
-        T, H, E = e.load_inputs
+        T, H, E = e.load_inputs, e.rows.H, e.load_flexibility
         n, d = T.shape
         m = int(closed.sum())
         C, F, K = np.zeros((m + d, n + d)), np.empty((m + d, m + d)), np.zeros((n + d, n + d))
-        C[:m, :n], C[m:, :n], C[m:, n:] = self._C, T.T, -np.eye(d)
-        F[:m, :m], F[:m, m:], F[m:, :m], F[m:, m:] = self._F, H[closed], H[closed].T, E
+        C[:m, :n], C[m:, :n], C[m:, n:] = self._rows.C, T.T, -np.eye(d)
+        F[:m, :m], F[:m, m:], F[m:, :m], F[m:, m:] = self._rows.F, H[closed], H[closed].T, E
         diagonal = np.diagonal(F)
         rigid = diagonal == 0.0
         rigid[m:] |= diagonal[m:] <= RIGID * diagonal.max(initial=0.0)
         soft = ~rigid
-        K[:n, :n] = e.K + e.G[0]
+        K[:n, :n] = e.K + e.fixed.G
         pressing = np.zeros((n + d, m + d))
         pressing[:, soft] = np.linalg.solve(F[np.ix_(soft, soft)], C[soft]).T
         K += pressing @ C
         M, G0, G1 = (np.zeros_like(K) for _ in range(3))
-        M[:n, :n], G0[:n, :n], G1[:n, :n] = e.M, *e.G
+        M[:n, :n], G0[:n, :n], G1[:n, :n] = e.M, e.fixed.G, e.growing.G
         Z = scipy.linalg.null_space(C[rigid]) if rigid.any() else np.eye(len(K))
         M, K, G0, G1 = (Z.T @ matrix @ Z for matrix in (M, K, G0, G1))
         return Condensed(M, K, (G0, G1), Z[n:], Z[:n], (Z.T @ pressing)[:, :m])
@@ -297,7 +305,7 @@ class Form:
     @property
     def lifting_direction(self) -> Array:
         """Unit vector (d,) opposite to the pull of the load; it has one component for each input of the load."""
-        pull = np.linalg.lstsq(self.equations.load_inputs[0], self.equations.b[1], rcond=None)[0]
+        pull = np.linalg.lstsq(self.equations.load_inputs, self.equations.growing.b, rcond=None)[0]
         return np.asarray(-pull / np.linalg.norm(pull))
 
     def frequency(self, load: float) -> float:
@@ -381,7 +389,7 @@ class LoadedStructure:
             while not state.in_equilibrium and (nearest := self._nearest_loose(closed, load)) is not None:
                 closed = closed | (np.arange(len(closed)) == nearest)
                 state = self._search(closed, load)
-            if not state.in_equilibrium and np.any(self.equations.g[0][self.equations.pushes] > 0.0):
+            if not state.in_equilibrium and np.any(self.equations.fixed.g[self.equations.pushes] > 0.0):
                 state = self._search_downhill(state)
             if not state.in_equilibrium and not self._may_float:
                 self._nearest_loose(closed, load, refuse=True)
@@ -393,17 +401,15 @@ class LoadedStructure:
         Second order may press a body with play to a side that no first-order force presses it to.  The values of
         `state` are NaN, and so are those of the result if no step ends in an equilibrium.
         """
-        e, n, load = self.equations, len(self.equations.K), state.load
-        share, closed = 1.0, np.ones_like(self._last)
-        K, b, g = (of[0] + load * of[1] for of in ((e.K + e.G[0], e.G[1]), e.b, e.g))
-        floor, nothing = self._first_order.equations.K - e.K, np.zeros_like(e.K)
-        floor, q, shown = floor / ALMOST_FREE, np.zeros(n), (np.zeros(n), np.zeros(n))
-        step = replace(
-            e, G=(nothing, nothing), g=(g, 0.0 * g), outputs=np.eye(n), X=np.zeros((n, len(closed))), direct=shown,
-            outputs_by_load=np.zeros((0, n)),
-        )  # fmt: skip
+        e, load, share, closed = self.equations, state.load, 1.0, np.ones_like(self._last)
+        n, m = len(e.K), len(closed)
+        K, b, g = (getattr(e.fixed, of) + load * getattr(e.growing, of) for of in ("G", "b", "g"))
+        floor, q = (self._first_order.equations.K - e.K) / ALMOST_FREE, np.zeros(n)
+        nothing = LoadEffects(np.zeros(n), np.zeros(m), np.zeros(n), np.zeros_like(e.K), np.zeros((0, n)))
+        step = replace(e, outputs=np.eye(n), rows=replace(e.rows, X=np.zeros((n, m))), growing=nothing)
         for _ in range(STEPS):
-            held = replace(step, K=K + share * floor, b=(b + share * floor @ q, 0.0 * b))
+            fixed = replace(nothing, b=b + share * floor @ q, g=g)
+            held = replace(step, K=e.K + K + share * floor, fixed=fixed)
             almost = LoadedStructure(held)._search(closed, 0.0)
             if not almost.in_equilibrium:
                 share *= LARGER
@@ -421,17 +427,17 @@ class LoadedStructure:
         InputError with `refuse` if a body floats within the play of contacts that do not touch.
         """
         e, o = self._first_order.equations, len(self.equations.outputs) + len(closed)
-        if Form(replace(self.equations, G=e.G), closed).held:
+        if Form(self.equations.unstressed, closed).held:
             return None
-        gap, pushes, play = np.full(len(closed), np.inf), e.pushes, np.abs(e.g[0]).max()
+        gap, pushes, play = np.full(len(closed), np.inf), e.pushes, np.abs(e.fixed.g).max()
         gap[pushes] = -self._first_order._form(closed).responses(np.array([load]))[0, o:]
         push = np.append(np.random.default_rng(3).standard_normal(len(e.K)), np.zeros(int(closed.sum())))
-        held = BorderedMatrix(e.K, e.C[closed], e.F[closed][:, closed])
-        motion = np.abs(e.C @ held.solve(push[:, None])[: len(e.K), 0])
+        held = BorderedMatrix(e.K, e.rows.C[closed], e.rows.F[closed][:, closed])
+        motion = np.abs(e.rows.C @ held.solve(push[:, None])[: len(e.K), 0])
         loose = np.flatnonzero(~closed & pushes & (motion > LOOSE * motion.max()))
         if not len(loose) or not gap[loose].max() <= FAR * play:
             return None
-        touching = loose[(e.g[0] + load * e.g[1])[loose] <= TOUCH * play]
+        touching = loose[(e.fixed.g + load * e.growing.g)[loose] <= TOUCH * play]
         if len(touching):  # but for what walls give way there
             return int(touching[gap[touching].argmin()])
         if not refuse:
@@ -447,7 +453,7 @@ class LoadedStructure:
         """Structure without geometric stiffness, with a small multiple of M added to K; it always has equilibria."""
         e, every = self.equations, self._form(np.ones_like(self._last))
         floor = ALMOST_FREE * (2.0 * np.pi * every.frequency(0.0)) ** 2
-        return LoadedStructure(replace(e, K=e.K + floor * e.M, G=(0.0 * e.K, 0.0 * e.K)))
+        return LoadedStructure(replace(e.unstressed, K=e.K + floor * e.M))
 
     def _search(self, closed: Mask, load: float) -> LoadedState:
         """Search the equilibrium under a load, beginning with the mask `closed` (m,), through sets of closed contacts.

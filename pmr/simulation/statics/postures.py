@@ -32,7 +32,7 @@ from pmr.simulation.at_rest import (
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.frame_motion import FrameRotation
 from pmr.simulation.reactions import machine_wrench, outputs_of, outputs_of_ground
-from pmr.simulation.statics.loaded import Equations
+from pmr.simulation.statics.loaded import Equations, LoadEffects
 from pmr.system.assembly import Assembly
 from pmr.system.body import kinds_of
 from pmr.system.contact_rows import ContactRows
@@ -311,24 +311,20 @@ class PostureMatrices:
         shares = np.array([0.0 if name == HOOK else amounts.get(name, 0.0) for name in self.loads.names])
         acting = np.array([shares, factor * np.array([name == HOOK for name in self.loads.names])])
         f, c = (acting @ of_parts[:, k] for of_parts in (self.loads.f, self.loads.c))
-        on, C, F, H, hook = self.structure, self.rows.C[k], self.rows.F[k], self.rows.H[k], self.hook.numbers
+        on, rows, H, hook = self.structure, self.rows.at_time(k), self.rows.H[k], self.hook.numbers
         gap, G = np.where(on.pushes, on.clearance, 0.0), np.tensordot(c, on.terms, 1)
         direct = np.vstack([on.direct, self.machine.loads[k]])
         bent = np.tensordot(acting, self.machine.parts[k], 1)
         return Equations(
             M=on.M,
             K=on.K,
-            G=(G[0], G[1]),
-            b=(on.B @ f[0], on.B @ f[1]),
-            g=(gap - H @ f[0], -H @ f[1]),
-            C=C,
-            F=F,
             outputs=np.vstack([on.outputs, self.machine.coordinates[k] + bent[0]]),
-            X=np.vstack([self.rows.X[k], -self.machine.contacts[k]]),
-            direct=(direct @ f[0], direct @ f[1]),
+            rows=ContactRows(rows.C, rows.F, H[:, hook], np.vstack([rows.X, -self.machine.contacts[k]])),
+            fixed=LoadEffects(on.B @ f[0], gap - H @ f[0], direct @ f[0], G[0]),
+            growing=LoadEffects(on.B @ f[1], -H @ f[1], direct @ f[1], G[1], bent[1]),
             pushes=on.pushes,
-            load_inputs=(on.B[:, hook], H[:, hook], on.energy[np.ix_(hook, hook)]),
-            outputs_by_load=bent[1],
+            load_inputs=on.B[:, hook],
+            load_flexibility=on.energy[np.ix_(hook, hook)],
             names=self.force_names,
         )
 

@@ -35,7 +35,7 @@ import scipy.linalg
 
 from pmr.files.arrays import Array
 from pmr.simulation.statics.equilibrium import BorderedMatrix
-from pmr.simulation.statics.loaded import Form
+from pmr.simulation.statics.loaded import Form, LoadEffects
 
 #: Number of periods of the lowest frequency after the load leaves the ground, and number of times in these.
 PERIODS, SAMPLES = 2.0, 4000
@@ -128,15 +128,6 @@ def lift_off(form: Form, load: float, rope: Rope, gravity: float) -> float:
 STOP_PERIODS, STOP_SAMPLES = 2.0, 300
 
 
-@dataclass(frozen=True)
-class DecelerationLoads:
-    """Effects of a unit of the deceleration: b (n,) on forces, g (m,) on gaps, `direct` (o,) on outputs."""
-
-    b: Array
-    g: Array
-    direct: Array
-
-
 class StaticResponse(NamedTuple):
     """Outputs (o, k) and contact forces (m, k) at rest under k load cases."""
 
@@ -157,7 +148,7 @@ class Swing:
     steady: StaticResponse  # outputs (o,) and contact forces (m,)
 
 
-def stopping_swing(form: Form, load: float, acting: DecelerationLoads, duration: float) -> Swing | None:
+def stopping_swing(form: Form, load: float, acting: LoadEffects, duration: float) -> Swing | None:
     """Swing of a structure under a `load` in kg, during a constant deceleration of `duration` s and afterwards.
 
     The result is None if no equilibrium exists under the load.
@@ -165,7 +156,7 @@ def stopping_swing(form: Form, load: float, acting: DecelerationLoads, duration:
     if not form.held or not 0.0 <= load < form.critical:
         return None
     e, on, closed = form.equations, form.condensed, form.closed
-    pull = np.linalg.lstsq(e.load_inputs[0], e.b[1], rcond=None)[0]
+    pull = np.linalg.lstsq(e.load_inputs, e.growing.b, rcond=None)[0]
     hook, c = float(np.linalg.norm(pull)), -form.lifting_direction @ on.load_position  # along the pull
     K = on.K + load * on.G[1]
     inertia, shapes = scipy.linalg.eigh(on.M + load * np.outer(c, c), (K + K.T) / 2.0)
@@ -175,9 +166,9 @@ def stopping_swing(form: Form, load: float, acting: DecelerationLoads, duration:
     # inertia of a unit acceleration of each mode: on coordinates, and along the rope
     along = load * (c @ shapes) / hook
     resisting = [
-        e.M @ (on.coordinates @ shapes) + np.outer(e.b[1], along),
-        np.outer(e.g[1], along),
-        np.outer(e.direct[1], along),
+        e.M @ (on.coordinates @ shapes) + np.outer(e.growing.b, along),
+        np.outer(e.growing.g, along),
+        np.outer(e.growing.direct, along),
     ]
     each = zip((acting.b, acting.g, acting.direct), resisting, strict=True)
     outputs, forces = _static_response(form, load, [np.column_stack(pair) for pair in each])
@@ -199,11 +190,11 @@ def _static_response(form: Form, load: float, loads: list[Array]) -> StaticRespo
     stiffness.
     """
     e, closed = form.equations, form.closed
-    C, F, K = e.C[closed], e.F[np.ix_(closed, closed)], e.K + e.G[0] + load * e.G[1]
-    n, solution = len(K), BorderedMatrix(K, C, F).solve(np.vstack([loads[0], loads[1][closed]]))
+    rows, K = e.rows.select(closed), e.K + e.fixed.G + load * e.growing.G
+    n, solution = len(K), BorderedMatrix(K, rows.C, rows.F).solve(np.vstack([loads[0], loads[1][closed]]))
     forces = np.zeros((len(closed), solution.shape[1]))
     forces[closed] = solution[n:]
-    outputs = e.outputs @ solution[:n] - e.X @ forces + loads[2]
-    if len(e.outputs_by_load):
-        outputs[-len(e.outputs_by_load) :] += load * (e.outputs_by_load @ solution[:n])
+    outputs = e.outputs @ solution[:n] - e.rows.X @ forces + loads[2]
+    if len(e.growing.outputs):
+        outputs[-len(e.growing.outputs) :] += load * (e.growing.outputs @ solution[:n])
     return StaticResponse(outputs, forces)

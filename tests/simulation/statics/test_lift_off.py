@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pmr.simulation.statics.loaded import Equations, Form
+from pmr.simulation.statics.loaded import Equations, Form, LoadEffects
 from pmr.simulation.statics.swings import Rope, lift_off
+from pmr.system.contact_rows import ContactRows
 
 G = 9.80665
 
@@ -16,11 +17,11 @@ def springs(stiffness: list[float], masses: list[float]) -> Form:
     K = np.diag(np.add(stiffness, [*stiffness[1:], 0.0])).astype(float)
     K[np.arange(n - 1), np.arange(1, n)] = K[np.arange(1, n), np.arange(n - 1)] = -np.array(stiffness[1:])
     tip, none, rows = np.eye(n)[-1], np.zeros((n, n)), np.zeros((0, n))
-    gaps = (np.zeros(0), np.zeros(0))
-    on = (tip[:, None], np.zeros((0, 1)), np.zeros((1, 1)))
+    nothing = ContactRows(rows, np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((0, 0)))
+    fixed, growing = (LoadEffects(b, np.zeros(0), np.zeros(0), none) for b in (np.zeros(n), -G * tip))
     equations = Equations(
-        M=np.diag(masses), K=K, G=(none, none), b=(np.zeros(n), -G * tip), g=gaps, C=rows, F=np.zeros((0, 0)),
-        outputs=np.zeros((0, n)), X=np.zeros((0, 0)), direct=gaps, pushes=np.zeros(0, bool), load_inputs=on,
+        M=np.diag(masses), K=K, outputs=np.zeros((0, n)), rows=nothing, fixed=fixed, growing=growing,
+        pushes=np.zeros(0, bool), load_inputs=tip[:, None], load_flexibility=np.zeros((1, 1)),
     )  # fmt: skip
     return Form(equations, np.zeros(0, bool))
 

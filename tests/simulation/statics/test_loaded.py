@@ -10,8 +10,9 @@ import pytest
 from scipy.optimize import brentq
 
 from pmr import InputError
-from pmr.simulation.statics.loaded import Equations, Form, LoadedStructure
+from pmr.simulation.statics.loaded import Equations, Form, LoadedStructure, LoadEffects
 from pmr.studies.allowed import first_load
+from pmr.system.contact_rows import ContactRows
 from pmr.system.soundness import cholesky_root, first_singular
 
 Array = np.ndarray
@@ -24,16 +25,13 @@ def equations(K: Array, G: Array, b: Array, C: Array, F: Array, pushes: bool, ga
     return Equations(
         M=np.eye(n),
         K=K,
-        G=(nothing, G),
-        b=(np.zeros(n), b),
-        g=(np.full(m, gap), np.zeros(m)),
-        C=C,
-        F=F,
         outputs=np.eye(n),
-        X=np.zeros((n, m)),
-        direct=(np.zeros(n), np.zeros(n)),
+        rows=ContactRows(C, F, np.zeros((m, 0)), np.zeros((n, m))),
+        fixed=LoadEffects(np.zeros(n), np.full(m, gap), np.zeros(n), nothing),
+        growing=LoadEffects(b, np.zeros(m), np.zeros(n), G),
         pushes=np.full(m, pushes),
-        load_inputs=(np.zeros((n, 0)), np.zeros((m, 0)), np.zeros((0, 0))),
+        load_inputs=np.zeros((n, 0)),
+        load_flexibility=np.zeros((0, 0)),
     )
 
 
@@ -86,7 +84,8 @@ def sideways(gaps: list[float], load: float = 0.0) -> Equations:
     """A mass on a vertical spring, and sideways between two pads with these gaps, where `load` in N pushes it."""
     e = equations(np.diag([100.0, 0.0]), np.diag([0.0, -1.0]), np.array([1.0, 0.0]),
                   np.array([[0.0, 1.0], [0.0, -1.0]]), np.eye(2) / 300.0, True)  # fmt: skip
-    return replace(e, b=(np.array([0.0, load]), e.b[1]), g=(np.array(gaps), np.zeros(2)), names=("left", "right"))
+    fixed = replace(e.fixed, b=np.array([0.0, load]), g=np.array(gaps))
+    return replace(e, fixed=fixed, names=("left", "right"))
 
 
 def test_what_no_load_presses_sideways_lies_on_the_pad_without_play() -> None:
@@ -96,8 +95,8 @@ def test_what_no_load_presses_sideways_lies_on_the_pad_without_play() -> None:
         assert state.outputs == pytest.approx([0.07, 0.0]) and state.forces == pytest.approx([0.0, 0.0])
         assert state.form.closed.tolist() == closed and state.form.critical == pytest.approx(300.0)
     walls = np.array([[-1.0, 1.0], [0.0, -1.0]])  # give way as far as the spring
-    first_order = replace(sideways([0.0, 0.1]), C=walls, G=(np.zeros((2, 2)), np.zeros((2, 2))))
-    state = LoadedStructure(first_order).state(7.0)
+    first_order = sideways([0.0, 0.1]).unstressed
+    state = LoadedStructure(replace(first_order, rows=replace(first_order.rows, C=walls))).state(7.0)
     assert state.outputs == pytest.approx([0.07, 0.07]) and state.form.closed.tolist() == [True, False]
     state = LoadedStructure(sideways([0.0, 0.1], load=-6.0)).state(7.0)
     assert state.forces == pytest.approx([0.0, 6.0 + 7.0 * 0.1 + 7.0 * state.forces[1] / 300.0])
@@ -110,9 +109,8 @@ def test_what_second_order_tips_within_its_play_leans_on_pads_of_both_sides() ->
     """
     rows, tipping = np.vstack([np.eye(2), -np.eye(2)]), -np.array([[1.0, -1.0], [-1.0, 1.0]])
     e = equations(np.zeros((2, 2)), tipping, np.zeros(2), rows, np.eye(4) / 300.0, True)
-    loaded = LoadedStructure(
-        replace(e, b=(np.array([0.0, 1e-6]), e.b[1]), g=(np.array([0.0, 1e-3, 0.1, 0.1]), np.zeros(4)))
-    )
+    fixed = replace(e.fixed, b=np.array([0.0, 1e-6]), g=np.array([0.0, 1e-3, 0.1, 0.1]))
+    loaded = LoadedStructure(replace(e, fixed=fixed))
     thrust = 7.0 * 0.101 / (1.0 - 14.0 / 300.0)
     assert loaded.state(7.0).forces == pytest.approx([0.0, thrust, thrust, 0.0], rel=1e-3)
 
@@ -122,7 +120,8 @@ def test_what_floats_within_its_play_is_refused_by_the_names_of_its_pads() -> No
         LoadedStructure(sideways([0.1, 0.2])).state(7.0)
     floating = LoadedStructure(sideways([0.1, 0.2]), may_float=True).state(7.0)
     assert not floating.in_equilibrium and not floating.form.buckling_forces(7.0).any()
-    lost = replace(sideways([0.0, 0.1], load=5.0), C=-np.abs(sideways([0.0, 0.1]).C))  # both pads are behind it
+    lost = sideways([0.0, 0.1], load=5.0)
+    lost = replace(lost, rows=replace(lost.rows, C=-np.abs(lost.rows.C)))  # both pads are behind it
     assert not LoadedStructure(lost).state(7.0).in_equilibrium
 
 
@@ -132,22 +131,21 @@ def test_a_rod_between_pads_with_clearances_is_found_wherever_it_rests(seed: int
     rng = np.random.default_rng(seed)
     x = np.arange(4.0) - 1.5
     above = np.column_stack([np.ones(4), x, x**2 - 1.25])  # it moves, turns and bends
-    e = replace(
-        equations(np.diag([0.0, 0.0, 50.0]), np.zeros((3, 3)), rng.normal(size=3), np.vstack([above, -above]),
-                  np.diag(rng.uniform(0.005, 0.02, 8)), True),
-        b=(rng.normal(size=3), rng.normal(size=3)), g=(rng.uniform(0.0, 0.02, 8), np.zeros(8)),
-        G=(np.diag([0.0, -5.0, 0.0]), np.zeros((3, 3))),
-    )  # fmt: skip
+    e = equations(np.diag([0.0, 0.0, 50.0]), np.zeros((3, 3)), rng.normal(size=3), np.vstack([above, -above]),
+                  np.diag(rng.uniform(0.005, 0.02, 8)), True)  # fmt: skip
+    b = rng.normal(size=(2, 3))
+    fixed = replace(e.fixed, b=b[0], g=rng.uniform(0.0, 0.02, 8), G=np.diag([0.0, -5.0, 0.0]))
+    e = replace(e, fixed=fixed, growing=replace(e.growing, b=b[1]))
     states = list[Array]()
     for closed in map(np.array, product([False, True], repeat=8)):
-        K, C = e.K + e.G[0], e.C[closed]
-        stiffness = K + C.T @ np.linalg.solve(e.F[closed][:, closed], C)
+        K, C, F = e.K + fixed.G, e.rows.C[closed], e.rows.F[closed][:, closed]
+        stiffness = K + C.T @ np.linalg.solve(F, C)
         if np.linalg.eigvalsh(stiffness)[0] < 1e-6:
             continue
-        pressing = np.linalg.solve(e.F[closed][:, closed], np.column_stack([C, e.g[0][closed]]))
-        q = np.linalg.solve(stiffness, e.b[0] + 3.0 * e.b[1] + C.T @ pressing[:, -1])
+        pressing = np.linalg.solve(F, np.column_stack([C, fixed.g[closed]]))
+        q = np.linalg.solve(stiffness, b[0] + 3.0 * b[1] + C.T @ pressing[:, -1])
         forces = pressing @ np.append(q, -1.0)
-        if (forces > 0.0).all() and (e.C @ q < e.g[0])[~closed].all():
+        if (forces > 0.0).all() and (e.rows.C @ q < fixed.g)[~closed].all():
             states.append(q)
     assert len(states) == 1
     state = LoadedStructure(e).state(3.0)
