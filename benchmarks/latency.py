@@ -97,7 +97,10 @@ for name, scene, keys in (("boom_three",) * 2 + ([],), ("crane", sys.argv[2], []
 _STEPS = """
 import json, sys, time, warnings
 import numpy, pmr
-from pmr.simulation.native.luffing import stepped_frame
+try:
+    from pmr.simulation.native.free_motion import stepped_frame
+except ImportError:  # of an earlier checkout
+    from pmr.simulation.native.luffing import stepped_frame
 from pmr.simulation.native.machine import MachineRun
 from pmr.simulation.moving import MovingFrame
 from pmr.simulation.moving import read_scene

@@ -8,7 +8,7 @@ import free_boom
 import pmr
 from pmr.scene import Scene
 from pmr.simulation.free_base import FreeBase
-from pmr.simulation.native.extension import ExtensionRun
+from pmr.simulation.native.free_motion import ExtensionRun
 from pmr.system.system import System
 
 G = 9.80665

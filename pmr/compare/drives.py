@@ -22,7 +22,7 @@ from pmr.scene.hoist import HEIGHT, KEYS, KINDS, Hoist
 from pmr.scene.keys import LUFFING_CYLINDER
 from pmr.scene.mechanism import CYLINDER, NEAR, PinAndCylinder, pin_and_cylinder, supports_at_lug
 from pmr.simulation.frame_motion import ComputedMotion
-from pmr.simulation.native.extension import ACCELERATION, CYLINDER_UNITS, STOP, column_name
+from pmr.simulation.native.free_motion import ACCELERATION, CYLINDER_UNITS, STOP, column_name
 
 #: A support can't stand in for a cylinder if the cylinder's largest stiffness about the pivot is more than this times
 #: its smallest.

@@ -21,7 +21,7 @@ from pmr.scene.keys import ALONE, LUFFING_CYLINDER
 from pmr.simulation.balance import load_potential, row_blocks
 from pmr.simulation.frame_motion import ComputedMotion, MotionSamples
 from pmr.simulation.native import systems
-from pmr.simulation.native.extension import ACCELERATION, CYLINDER_UNITS, STOP, column_name
+from pmr.simulation.native.free_motion import ACCELERATION, CYLINDER_UNITS, STOP, column_name
 from pmr.simulation.reactions import outputs_of, with_row_multipliers, with_support_reactions
 from pmr.simulation.stepping import SimulationEnd
 from pmr.system.body import SlidingBody, Trajectory, clear_rates_without_inertia

@@ -27,7 +27,7 @@ from pmr.scene.keys import ALONE, SceneTable
 from pmr.scene.members import EXTENSION, Member, member_at, members
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import clip_path
-from pmr.simulation.native.luffing import with_free_motion
+from pmr.simulation.native.free_motion import with_free_motion
 from pmr.system.from_scene import system_of, with_hoist_of
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import System

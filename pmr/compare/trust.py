@@ -21,7 +21,7 @@ from pmr.scene.members import members
 from pmr.scene.signals import SignalBase
 from pmr.simulation import TimeStepping
 from pmr.simulation.balance import NOTABLE, describe_surplus
-from pmr.simulation.native.watched import SMALL
+from pmr.simulation.native.driving import SMALL
 from pmr.system.reduced_model import ReducedModel
 from pmr.system.system import AnyBody, BodySystem
 

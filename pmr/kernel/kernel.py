@@ -112,14 +112,14 @@ class Kernel:
 
 
 def pointer(array: NDArray[Any] | None) -> Any:
-    """Address of a contiguous array for the kernel, which keeps the array; NULL for None."""
+    """Address of a contiguous array for the kernel, NULL for None; the caller has to keep the array in use."""
     if array is None:
         return ffi.NULL
-    return ffi.from_buffer("int32_t[]" if array.dtype == np.int32 else "double[]", array)
+    return ffi.cast("int32_t *" if array.dtype == np.int32 else "double *", ffi.from_buffer(array))
 
 
-#: Addresses of arrays that a structure's fields hold, by the structure.
-_ADDRESSES = WeakKeyDictionary[Any, list[Any]]()
+#: Arrays to which a structure's fields point, by the structure.
+_ARRAYS = WeakKeyDictionary[Any, list[NDArray[Any]]]()
 
 
 @cache
@@ -134,17 +134,16 @@ def structure(kind: str, fields: Mapping[str, Any]) -> Any:
     A field that is a pointer takes an array, which is kept as long as the structure; it is copied unless it is
     contiguous and of the field's type.
     """
-    types, values, addresses = _field_types(kind), dict[str, Any](), list[Any]()
+    types, values, arrays = _field_types(kind), dict[str, Any](), list[NDArray[Any]]()
     for name, value in fields.items():
         of_field, values[name] = types[name], value
         if of_field.kind == "pointer":
-            array = np.ascontiguousarray(value, np.int32 if of_field.item.cname == "int32_t" else np.float64)
-            addresses.append(pointer(array))
-            values[name] = addresses[-1]
+            arrays.append(np.ascontiguousarray(value, np.int32 if of_field.item.cname == "int32_t" else np.float64))
+            values[name] = pointer(arrays[-1])
         elif of_field.kind == "array":
             values[name] = np.ravel(value).tolist()
     filled = ffi.new(f"{kind} *", values)
-    _ADDRESSES[filled] = addresses
+    _ARRAYS[filled] = arrays
     return filled
 
 

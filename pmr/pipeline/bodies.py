@@ -42,7 +42,7 @@ from pmr.results.run import SummaryPart
 from pmr.scene import Scene
 from pmr.scene.keys import ALONE
 from pmr.simulation import Excitation
-from pmr.simulation.native.luffing import with_free_motion
+from pmr.simulation.native.free_motion import with_free_motion
 from pmr.simulation.petsc import Checkpoint
 
 

@@ -29,7 +29,7 @@ from pmr.files.arrays import Array
 from pmr.simulation import Excitation
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.luffing import LuffingRun
+from pmr.simulation.native.free_motion import LuffingRun
 
 pytestmark = pytest.mark.slow  # a boom is reduced
 

@@ -30,7 +30,7 @@ from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.moving import DRIVE, MovingFrame, read_scene
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.luffing import stepped_frame, with_free_motion
+from pmr.simulation.native.free_motion import stepped_frame, with_free_motion
 from pmr.simulation.reactions import with_forces_on_machine
 
 pytestmark = [pytest.mark.slow, pytest.mark.numerical]

@@ -33,7 +33,7 @@ from pmr.kernel.filter import FilterData
 from pmr.kernel.kernel import checksum
 from pmr.simulation import contact_step
 from pmr.simulation.moving import StoredScene, read_scene
-from pmr.simulation.native.watched import watched_outputs
+from pmr.simulation.native.driving import watched_outputs
 from pmr.system.system import System
 
 #: Sizes and numbers of a filter in the order in which source/estimator.c reads them.

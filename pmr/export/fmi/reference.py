@@ -22,7 +22,7 @@ from pmr.simulation.excitation import Excitation, signals_in_order
 from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, StoredScene, store_boom_scene
 from pmr.simulation.native import systems
 from pmr.simulation.native.form import SystemForm
-from pmr.simulation.native.luffing import with_free_motion
+from pmr.simulation.native.free_motion import with_free_motion
 from pmr.simulation.stepping import TimeStepping
 
 #: Number of instants at which outputs are written; all steps if there are fewer.
@@ -58,7 +58,7 @@ def reference(drivers: Drivers, scene: StoredScene) -> Reference:
 
     Without a frame, paths and loads follow the FMU's cubics between steps; with a frame that moves, they follow the
     scene's signals.  A free luffing angle or extension is computed first, as in a run; errors as
-    `pmr.simulation.native.luffing.with_free_motion`.
+    `pmr.simulation.native.free_motion.with_free_motion`.
     """
     if scene.free_scene is not None:
         scene = store_boom_scene(with_free_motion(scene.free_scene, drivers.system)[0], drivers.system)

@@ -20,7 +20,7 @@ from pmr.scene.keys import LUFFING
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.modal import ModalForm, modal_form
 from pmr.simulation.moving import DRIVE, EXTENSION_DRIVE, GRAVITY, MovingFrame, read_scene
-from pmr.simulation.native.luffing import stepped_frame
+from pmr.simulation.native.free_motion import stepped_frame
 from pmr.system.body import force_outputs, names_of, units_of
 from pmr.system.contacts import ALONE, SLIDER, qualified_name
 from pmr.system.from_scene import combine_rings

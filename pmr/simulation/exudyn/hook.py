@@ -186,7 +186,10 @@ class _Joint:
         return ForcesAndStiffness(force, K)
 
     def _unloaded_point(self, t: float, q: Array, s: Array, R: Array) -> UnloadedPoint:
-        """Point of the hook without the hook's force, from the pivot O; R (3, 3) are the boom's axes in space."""
+        """Point of the hook without the hook's force, from the pivot O.
+
+        The boom has the coordinates q (n,), the extensions s (P,) in m, and the axes R (3, 3) in space.
+        """
         answers, e = self._base.answering.response(s), np.array([1.0, 0.0, 0.0])
         rows, bent, by = answers.B[:, self._on].T, np.zeros_like(q), np.zeros_like(s)
         for k, G in self._shortened:  # the boom is shorter by q^T G q / 2 at the hook's load along x

@@ -36,10 +36,9 @@ from pmr.simulation.contact_step import MOST_PARTS, contact_frequency, contact_f
 from pmr.simulation.excitation import Excitation
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.moving import StoredScene, read_scene
-from pmr.simulation.native.driving import JUMP, Drivers, Motion, Values, number_of
+from pmr.simulation.native.driving import JUMP, WATCHED_EVERY, Drivers, Motion, Values, number_of, watched_outputs
 from pmr.simulation.native.form import SystemForm, begin, path_text, step_failure
-from pmr.simulation.native.luffing import stepped_frame
-from pmr.simulation.native.watched import WATCHED_EVERY, watched_outputs
+from pmr.simulation.native.free_motion import stepped_frame
 from pmr.simulation.start import InitialState
 from pmr.simulation.stepping import TimeStepping
 from pmr.system.body import SlidingBody

@@ -17,7 +17,7 @@ from pmr.kernel.state import StepError
 from pmr.scene import Scene
 from pmr.simulation.free_base import with_all_inertia
 from pmr.simulation.moving import read_scene
-from pmr.simulation.native.luffing import LuffingRun
+from pmr.simulation.native.free_motion import LuffingRun
 
 pytestmark = pytest.mark.slow  # a boom is reduced
 
