@@ -13,7 +13,7 @@ from pmr.compare.round_off import Pair
 from pmr.errors import percent, two_digits
 from pmr.files.arrays import Array, Summary
 from pmr.results import Response
-from pmr.results.quantities import QUANTITIES, error_label, reduction_error, wall_stress_on_short_cells
+from pmr.results.quantities import QUANTITIES, error_label, reduction_error
 from pmr.results.response import ROUND_OFF
 from pmr.scene import Scene
 from pmr.scene.choice import has_walls_that_could_give
@@ -265,7 +265,7 @@ def budget_warnings(scene: Scene, budget: Summary) -> Iterator[str]:
         better = 'body.walls = "give" adds the compliance of walls under pads' if giving else "a richer model is closer"
         yield f"the model is off by up to {two_digits(100.0 * most)} % beside a {model['beside']}, {beyond}; {better}"
     walls = model.get("wall_stress") or {}
-    if "yield" in walls and (used := wall_stress_on_short_cells(walls) / walls["yield"]) > 1.0:
+    if "yield" in walls and (used := walls["value"] / walls["yield"]) > 1.0:
         of = f" of {walls['section']}" if walls["section"] else ""
         yield (
             f"the stress in walls{of} at pads is about {used:.3g} times the yield stress, but the model stays elastic"

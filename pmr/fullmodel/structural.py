@@ -126,9 +126,11 @@ def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, inn
 def _constrain_matrix(A: PETSc.Mat, T: sp.csr_matrix, addition: sp.csr_matrix) -> PETSc.Mat:
     """Sum T^T A T + `addition`, of which each rank owns consecutive rows; frees A.  Collective."""
     low, high = share(T.shape[1], A.comm.tompi4py())
-    P = sparse(T[slice(*A.getOwnershipRange())], A, columns=int(high - low))
-    result = project_matrix(A, P)
-    free_objects(P)
+    is_identity = T.shape[0] == T.shape[1] and (T != sp.eye(T.shape[0], format="csr")).nnz == 0
+    P = None if is_identity else sparse(T[slice(*A.getOwnershipRange())], A, columns=int(high - low))
+    result = A if P is None else project_matrix(A, P)
+    if P is not None:
+        free_objects(P)
     if addition.nnz:
         more = sparse(addition[low:high], result, columns=int(high - low))
         result.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)

@@ -33,7 +33,7 @@ from pmr.fullmodel.structural import structural_model
 from pmr.fullmodel.structure import Clamp, Structure, couple
 from pmr.fullmodel.walls import Sliding, Standing, Walls
 from pmr.models import DIRECTIONS, StructuralModel
-from pmr.models.beam3d import box_beam
+from pmr.models.beam3d import Beam3D, box_beam
 from pmr.models.box_mesh import BoxBoom, write_shell
 from pmr.models.named_mesh import read_mesh
 from pmr.models.shell import Shell, draw_box, of
@@ -117,7 +117,7 @@ def _compute_compliance(
     body: PlateBody, standing: tuple[Pad, ...], ends: tuple[tuple[str, str], ...], rings: tuple[Ring, ...]
 ) -> WallCompliance:
     """Compute the result of `wall_compliance`, from its arguments, by solves on the shell and the beam of the body."""
-    box, line = body.box, _beam_of(body)
+    box, line = body.box, beam_of(body)
     shell, beam = HeldModel(shell_of(body), body), HeldModel(line, body)
     fixed_shell, fixed_beam = (
         sp.vstack([model.pads(standing, np.zeros(1)), model.motions(ends)], "csr") for model in (shell, beam)
@@ -152,7 +152,7 @@ class HeldModel:
         self._J = self._R.T @ self._MR
         F = full.K.copy()
         if self._R.size:
-            sigma = (HELD * _beam_of(body).reference_frequency) ** 2
+            sigma = (HELD * beam_of(body).reference_frequency) ** 2
             F.axpy(sigma, full.M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         self._factor = factor_for_columns(F, "stiffness")
         free_objects(F)
@@ -229,7 +229,7 @@ def _smooth(values: Array) -> Array:
     return np.concatenate([between[:1], (between[:-1] + between[1:]) / 2.0, between[-1:]])
 
 
-def _beam_of(body: PlateBody) -> StructuralModel:
+def beam_of(body: PlateBody) -> Beam3D:
     """Beam of a box, whose compliance is subtracted from that of the shell."""
     line = Beam3DBody(
         length=body.box.length, profile=body.profile, material=body.material, shear=True, elements=ELEMENTS

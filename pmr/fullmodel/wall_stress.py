@@ -1,56 +1,228 @@
-"""Largest stress in the walls of a box under a unit force of a pad, on a shell whose cells are short beside the pad.
+r"""Stress in the walls of a box under a ring of pads, on shells whose cells follow from pads, not from a scene's mesh.
 
-A pad presses on its area evenly, so the stress at its edge is finite.  Cells as long as the pad miss a part of it.
+A piece of the section around the ring is a shell, which its inertia holds against the pads' forces.  Its stress under
+1 N of pad k, less the stress of a beam of the same piece under the same force, is the local stress :math:`\sigma_k`.
+It is added to the stress of the whole section, from its section forces F by the beam's law S.  At each point p of the
+wall
+
+.. math:: \sigma(p) = S(p)\, F(x_p) + \sum_k f_k\, \sigma_k(p)
+
+with the pads' forces :math:`f_k`.  The largest von Mises stress is computed on two meshes, the finer one with cells of
+half the size.  It converges with the square of the size, so that the limit and its error bar are
+
+.. math:: \sigma_v = \sigma_{fine} + (\sigma_{fine} - \sigma_{coarse}) / 3, \qquad e = |\sigma_v - \sigma_{fine}|
+
+Left out are the shear of transverse forces, which is small in walls that bend, and rings of pads nearby.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 
 from pmr.errors import InputError, environment
 from pmr.files import npz
-from pmr.files.arrays import Array
+from pmr.files.arrays import Array, Indices
 from pmr.fullmodel.pads import Pad
-from pmr.fullmodel.wall_compliance import MOST_PLACES, HeldModel, PlateBody, shell_of
+from pmr.fullmodel.wall_compliance import HeldModel, PlateBody, beam_of, shell_of
+from pmr.models.named_mesh import NamedMesh
+from pmr.models.profile_section import section_of
+from pmr.models.sections_along import axial_stress_factors, torsion_stress_factors
 from pmr.models.shell import draw_box
-from pmr.scene.box import Box
+from pmr.results.field_stress import FORCES, PLANE
 from pmr.scene.joints import BoomSection
 from pmr.scene.members import body_ring, seats
 from pmr.scene.scene import Scene
 
-#: Length of the piece of a section that is looked at, less that of the pad, over the larger of width and height.
+#: Length of the piece of a section that is looked at, less that of the pads, over the larger of width and height.
 PIECE = 2.0
-#: Cells along and across a pad: on three boxes the stress is 2 to 4 % below that of cells half as long.
-ALONG, ACROSS = 8, 4
-#: Places along its range at which a pad that slides on a section is looked at.
+#: Cells along and across a pad on the coarser mesh; those of the finer mesh are half as long and wide.
+ALONG, ACROSS = 4, 2
+#: Order with which the largest stress converges as cells get smaller.
+ORDER = 2
+#: Places along its range at which a ring that slides on a section is looked at.
 PLACES = 3
+#: Points are stored at which the stress of a pad alone is at least this share of its largest one.
+STORED = 0.3
+#: Share by which yield forces of pads that are mirror images of each other may differ.
+ROUND_OFF = 1e-6
+#: Largest distance of a node from the middle of the cells around it, over the size of the cells.
+CENTRED = 0.05
 
 
-def pad_stress(part: BoomSection, pads: Sequence[Pad]) -> Array:
-    """Return the largest von Mises stress (k,) in Pa/N in the walls of a box under the force of each of k pads alone.
+class Estimate(NamedTuple):
+    """Value that is extrapolated from two meshes, and its error bar, both in the same unit."""
 
-    It is computed on a piece of the section around the pad, which the piece's inertia holds against the force.  Results
-    are stored in the user's cache folder.  Not collective.
+    value: float
+    error: float
 
-    Raises an `InputError` if a pad leaves its face or the walls change along the section.
+    @classmethod
+    def from_meshes(cls, coarse: float, fine: float) -> Estimate:
+        """Return the extrapolated value of those on the coarser and the finer mesh."""
+        change = (fine - coarse) / (2.0**ORDER - 1.0)
+        return cls(fine + change, abs(change))
+
+
+@dataclass(frozen=True)
+class RingStress:
+    """Local stresses of k pads, each with 1 N alone, at P points on both faces of the walls around them."""
+
+    points: Array  # (P, 3) m: x from the middle of the pads, y and z
+    thickness: Array  # (P,) m
+    unit: Array  # (k, P, 3) Pa/N: along, across and shear
+
+    @property
+    def largest(self) -> Array:
+        """Largest von Mises stress (k,) in Pa/N of each pad alone."""
+        return von_mises(self.unit).max(axis=1)
+
+
+def von_mises(stress: Array) -> Array:
+    """Return the von Mises stress (...) in Pa of plane stresses (..., 3) in Pa."""
+    return np.asarray(np.sqrt(np.maximum(np.sum(stress @ PLANE * stress, axis=-1), 0.0)))
+
+
+class SectionPiece:
+    """A piece of a section around pads of one size, as a shell on two meshes."""
+
+    def __init__(self, part: BoomSection, length: float, width: float) -> None:
+        """Choose the meshes for pads of this `length` and `width` in m.
+
+        Raises an `InputError` if the walls change along the section, or the cells would be too many.
+        """
+        box = part.body.box
+        if box is None or not has_even_walls(part):
+            raise InputError("scene", "body.box", None, "walls that stay the same along the section are allowed")
+        self.section, self.length = box, min(box.length, length + PIECE * max(box.width, box.height))
+        piece = box.model_copy(update={"length": self.length})
+        self.bodies = [
+            PlateBody(
+                draw_box(piece, width / (fineness * ACROSS), length / (fineness * ALONG)),
+                piece,
+                part.body.material,
+                part.body.shear_correction,
+            )
+            for fineness in (1, 2)
+        ]
+
+    @cached_property
+    def meshes(self) -> list[PieceMesh]:
+        """Models of the piece on the coarser and the finer mesh."""
+        return [PieceMesh(body) for body in self.bodies]
+
+    def place(self, x: Array) -> Array:
+        """Return the places (...) in m on the piece that stand for places x (...) in m on the section."""
+        middle, ahead = self.length / 2.0, self.section.length - x
+        return np.where(x < middle, x, np.where(ahead < middle, self.length - ahead, middle)).round(9)
+
+    def stresses(self, pads: Sequence[Pad], place: float) -> list[RingStress]:
+        """Return the local stresses of pads at a place in m on the piece, on the coarser and the finer mesh.
+
+        They are stored in the user's cache folder.  Raises an `InputError` if a pad leaves its face.
+        """
+        ring = [
+            Pad("pad", pad.on, place, pad.across, length=pad.length, width=pad.width, stiffness=1.0) for pad in pads
+        ]
+
+        def compute(number: int) -> dict[str, Array]:
+            return npz.record_arrays(self.meshes[number].stress(ring), "")
+
+        result = []
+        for number, body in enumerate(self.bodies):
+            request = repr((body, ring, environment.computing_digest()))
+            arrays = npz.stored_or_computed("wall-stress", request, partial(compute, number))
+            result.append(npz.record_from_arrays(RingStress, arrays, ""))
+        return result
+
+    def factors(self, stress: RingStress) -> Array:
+        """Return the stresses (P, 3, 6) in Pa at the points of `stress` per unit of each section force.
+
+        Section forces are in the order of `FORCES`.  Stresses are along, across and shear as in `RingStress`.
+        """
+        box, factors = self.section, np.zeros((len(stress.points), 3, len(FORCES)))
+        section = section_of(box, self.bodies[0].material.poisson)
+        factors[:, 0] = axial_stress_factors(section, stress.points[:, 1:])
+        factors[:, 2] = -torsion_stress_factors(box, stress.thickness)  # along x and clockwise
+        return factors
+
+    def destroy(self) -> None:
+        """Free the memory of the models."""
+        for mesh in self.__dict__.get("meshes", ()):
+            mesh.destroy()
+
+
+class PieceMesh:
+    """Shell and beam of a piece of a section, and means of the shell's stresses at the nodes of its walls."""
+
+    def __init__(self, body: PlateBody) -> None:
+        self._shell, self._line = shell_of(body), beam_of(body)
+        self._on_shell, self._on_line = HeldModel(self._shell, body), HeldModel(self._line, body)
+        self._means = node_means(self._shell.mesh, body.box.size)
+        self._body = body
+
+    def stress(self, pads: Sequence[Pad]) -> RingStress:
+        """Return the local stresses of pads, near which alone they are kept."""
+        rows, means = self._shell.stresses(), self._means
+        stress = rows.evaluate(self._on_shell.under_pads(pads).T)
+        faces = [rows.points_on(face) for face in (rows.faces[0], rows.faces[-1])]
+        points = np.concatenate([means @ rows.points[on] for on in faces])
+        unit = np.array([np.concatenate([means @ of_pad[on] for on in faces]) for of_pad in stress])
+        thickness = np.tile(means @ self._shell.thickness, 2)
+        section = section_of(self._body.profile, self._body.material.poisson)
+        forces = self._beam_forces(pads, points[:, 0])
+        unit[..., 0] -= np.einsum("pc,kcp->kp", axial_stress_factors(section, points[:, 1:]), forces)
+        unit[..., 2] += np.einsum("pc,kcp->kp", torsion_stress_factors(self._body.profile, thickness), forces)
+        size = von_mises(unit)
+        near = np.any(size >= STORED * size.max(axis=1)[:, None], axis=0)
+        points[:, 0] -= pads[0].at
+        return RingStress(points[near], thickness[near], unit[:, near])
+
+    def _beam_forces(self, pads: Sequence[Pad], x: Array) -> Array:
+        """Section forces (k, 6, P) of the beam under 1 N of each of k pads at the places x (P,) in m."""
+        rows = self._line.section_forces()
+        forces, names = rows.rows @ self._on_line.under_pads(pads), np.array(rows.names)
+        result = np.zeros((len(pads), len(FORCES), len(x)))
+        for number, name in enumerate(FORCES):
+            if np.any(of := names == name):
+                at, values = mean_by_place(rows.x[of], forces[of].T)
+                result[:, number] = [np.interp(x, at, value) for value in values]
+        return result
+
+    def destroy(self) -> None:
+        """Free the memory of the models."""
+        self._on_shell.destroy()
+        self._on_line.destroy()
+
+
+def mean_by_place(x: Array, values: Array) -> tuple[Array, Array]:
+    """Return the different places of x (P,), ascending (p,), and the means (S, p) of values (S, P) at each of them."""
+    places, inverse, counts = np.unique(x.round(9), return_inverse=True, return_counts=True)
+    means = sp.csr_matrix((1.0 / counts[inverse], (np.arange(len(x)), inverse)))
+    return places, np.asarray(values @ means)
+
+
+def node_means(mesh: NamedMesh, size: float) -> sp.csr_matrix:
+    """Return the matrix (p, C) of means over the cells around nodes, within one wall; `size` is that of cells in m.
+
+    Nodes at edges of a wall are left out: the middle of the cells around them is not the node.
     """
-    box = part.body.box
-    if box is None or not has_even_walls(part):
-        raise InputError("scene", "body.box", None, "walls that stay the same along the section are allowed")
-    if len(sizes := {(pad.length, pad.width) for pad in pads}) != 1:
-        return np.concatenate([pad_stress(part, [pad]) for pad in pads])
-    ((long, wide),) = sizes
-    piece = box.model_copy(update={"length": min(box.length, long + PIECE * max(box.width, box.height))})
-    body = _shell_body(part, piece, long / ALONG, wide / ACROSS)
-    at = np.array([min(pad.at, box.length - pad.at, piece.length / 2.0) for pad in pads])
-    placed = [replace(pad, name="pad", at=float(x), stiffness=1.0) for pad, x in zip(pads, at.round(9), strict=True)]
-    distinct = tuple(dict.fromkeys(placed))
-    request = repr((body, distinct, environment.computing_digest()))
-    stored = npz.stored_or_computed("wall-stress", request, lambda: {"stress": _largest_stress(body, distinct)})
-    return np.asarray(stored["stress"][[distinct.index(pad) for pad in placed]])
+    nodes, cells, walls = list[Indices](), list[Indices](), list[Indices]()
+    for number, of_wall in enumerate(mesh.regions.values()):
+        nodes.append(mesh.cells[of_wall].ravel())
+        cells.append(np.repeat(of_wall, mesh.cells.shape[1]))
+        walls.append(np.full(nodes[-1].shape, number))
+    keys = np.concatenate(walls) * len(mesh.points) + np.concatenate(nodes)
+    different, row, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    shape = (len(different), len(mesh.cells))
+    means = sp.csr_matrix((1.0 / counts[row], (row, np.concatenate(cells))), shape)
+    middles = means @ mesh.points[mesh.cells].mean(axis=1)
+    apart = np.linalg.norm(middles - mesh.points[different % len(mesh.points)], axis=1)
+    return sp.csr_matrix(means[apart <= CENTRED * size])
 
 
 def has_even_walls(part: BoomSection) -> bool:
@@ -59,45 +231,78 @@ def has_even_walls(part: BoomSection) -> bool:
     return box is not None and not box.varying_keys and not box.frames and not part.body.regions
 
 
-def _shell_body(part: BoomSection, box: Box, along: float, size: float) -> PlateBody:
-    """Return the shell of a section with another box, whose cells are `along` m long and `size` m wide."""
-    return PlateBody(draw_box(box, size, along), box, part.body.material, part.body.shear_correction)
+@dataclass(frozen=True)
+class SectionStates:
+    """Section forces along a section at S times."""
 
+    x: Array  # (X,) m: places along the section, ascending
+    forces: Array  # (S, 6, X) N and N m, in the order of `FORCES`
 
-def _largest_stress(body: PlateBody, pads: Sequence[Pad]) -> Array:
-    """Return the largest von Mises stress (k,) in Pa/N on the shell of a body under 1 N of each of k pads."""
-    shell = shell_of(body)
-    model, stress = HeldModel(shell, body), shell.stresses()
-    largest = stress.von_mises(stress.evaluate(model.under_pads(pads).T)).max(axis=1)
-    model.destroy()
-    return np.asarray(largest)
+    def near(self, state: int, x: Array) -> Array:
+        """Return the section forces (6, P) at one time and the places x (P,) in m."""
+        return np.array([np.interp(x, self.x, values) for values in self.forces[state]])
 
 
 @dataclass(frozen=True)
-class JointPad:
-    """Pad of a joint on a section that it touches, at one place, and the number of the section whose joint it is of."""
+class LoadedRing:
+    """Pads that are on a section at one place along it, and move together."""
 
-    joint: int
-    pad: Pad
+    pads: tuple[Pad, ...]  # k
+    x: Array  # (S,) m: their place along the section at S times
+    forces: Array  # (S, k) N, positive where they push the wall inwards
 
 
-def joint_pads(scene: Scene, number: int, places: int = PLACES) -> list[JointPad]:
-    """Return the pads of joints on section `number`, each at up to `places` places along its range.
+@dataclass(frozen=True)
+class WallPeak:
+    """Largest von Mises stress in the walls of a section at a ring of pads."""
 
-    Of two pads that are mirror images of each other in the boom's vertical plane, one is returned.
+    stress: Estimate  # Pa
+    state: int  # number of the time
+    position: Array  # (3,) m on the section
+
+
+def wall_peak(part: BoomSection, states: SectionStates, rings: Sequence[LoadedRing]) -> WallPeak | None:
+    """Return the largest von Mises stress in the walls at the pads of a section, at all times; None without pads.
+
+    The time is that of the largest stress with each ring at the nearest of up to `PLACES` places; then the ring is put
+    where it is.  Not collective.  Raises an `InputError` as `SectionPiece` and its method `stresses` do.
     """
-    pads, part = list[JointPad](), scene.sections[number]
-    for seat in seats(scene, number):
-        if (faces := seat.ring.faces) is None:
-            continue
-        ring, half = body_ring(seat.ring, seat.key.partition("[")[0]), seat.ring.length / 2.0
-        x = np.unique(np.clip(np.linspace(*seat.positions, places), half, part.length - half)).tolist()
-        for name, face, across in ring.named_pads:
-            mirrored = face == "right" and across in faces.get("left", ())
-            mirrored |= face in ("bottom", "top") and across < 0.0 and -across in faces[face]
-            if not mirrored:
-                pads += [JointPad(seat.joint, Pad(name, face, at, across, ring.length, ring.width)) for at in x]
-    return pads
+    best: WallPeak | None = None
+    for (length, width), of_size in _by_size(rings).items():
+        piece = SectionPiece(part, length, width)
+        for ring in of_size:
+            places = piece.place(ring.x)
+            looked_at = np.unique(piece.place(np.linspace(ring.x.min(), ring.x.max(), PLACES)))
+            nearest = np.abs(places[:, None] - looked_at).argmin(axis=1)
+            largest = np.zeros(len(places))
+            for number, place in enumerate(looked_at.tolist()):
+                fine, numbers = piece.stresses(ring.pads, place)[-1], np.flatnonzero(nearest == number)
+                largest[numbers] = [_combined(piece, fine, ring, states, k).max() for k in numbers.tolist()]
+            state = int(largest.argmax())
+            on_meshes = piece.stresses(ring.pads, float(places[state]))
+            combined = [_combined(piece, stress, ring, states, state) for stress in on_meshes]
+            estimate = Estimate.from_meshes(*(float(values.max()) for values in combined))
+            if best is None or estimate.value > best.stress.value:
+                point = on_meshes[-1].points[combined[-1].argmax()] + [ring.x[state], 0.0, 0.0]
+                best = WallPeak(estimate, state, point)
+        piece.destroy()
+    return best
+
+
+def _by_size(rings: Sequence[LoadedRing]) -> dict[tuple[float, float], list[LoadedRing]]:
+    """Return the rings with pads of each length and width in m."""
+    by_size = dict[tuple[float, float], list[LoadedRing]]()
+    for ring in rings:
+        by_size.setdefault((ring.pads[0].length, ring.pads[0].width), []).append(ring)
+    return by_size
+
+
+def _combined(piece: SectionPiece, stress: RingStress, ring: LoadedRing, states: SectionStates, state: int) -> Array:
+    """Return the von Mises stress (P,) in Pa at the points of `stress` at one time."""
+    layers, layer = np.unique(stress.points[:, 0], return_inverse=True)
+    forces = states.near(state, np.clip(ring.x[state] + layers, *states.x[[0, -1]]))[:, layer]
+    of_section = np.einsum("psc,cp->ps", piece.factors(stress), forces)
+    return von_mises(of_section - np.einsum("k,kps->ps", ring.forces[state], stress.unit))
 
 
 @dataclass(frozen=True)
@@ -112,46 +317,51 @@ class YieldForce:
 def yield_forces(scene: Scene) -> dict[str, YieldForce]:
     """Return for each section with a joint the smallest force of a pad at which the walls it touches begin to yield.
 
-    Each pad acts alone: bending of the whole section comes on top.  Left out are joints that touch a section without
-    even walls (`has_even_walls`) or without a yield stress.
+    Each pad acts alone: the stress of the whole section, of which bending is the largest part, comes on top.  Left out
+    are joints that touch a section without even walls (`has_even_walls`) or without a yield stress.
 
-    Raises an `InputError` as `pad_stress` does.
+    Raises an `InputError` as `SectionPiece` and its method `stresses` do.
     """
     least, lacking = dict[int, YieldForce](), set[int]()
     for number, part in enumerate(scene.sections):
-        pads, material = joint_pads(scene, number), part.body.material
+        material = part.body.material
         if not has_even_walls(part) or material is None or material.yield_stress is None:
             lacking |= {number, number + 1}
-        elif pads:
-            allowed = material.yield_stress / pad_stress(part, [each.pad for each in pads])
-            for each, force in zip(pads, allowed.tolist(), strict=True):
-                if each.joint not in least or force < least[each.joint].force:
-                    least[each.joint] = YieldForce(force, part.name, each.pad.name)
+            continue
+        for largest in largest_pad_stresses(scene, number):
+            allowed = material.yield_stress / largest.stress.value
+            if largest.joint not in least or allowed < (1.0 - ROUND_OFF) * least[largest.joint].force:
+                least[largest.joint] = YieldForce(allowed, part.name, largest.pad)
     return {scene.sections[k].name: least[k] for k in sorted(least) if k not in lacking}
 
 
-def stress_growth(scene: Scene, number: int, place: Array) -> float | None:
-    """Return by what factor the stress of the pad that is nearest to a place grows with cells that are short beside it.
+@dataclass(frozen=True)
+class PadStress:
+    """Largest local von Mises stress in Pa/N of a pad of a joint, at one place along a section."""
 
-    `place` (3,) in m is on section `number`, from its tail.  The result is None if no pad's edge comes within the
-    length of a pad of the place, or if the section has no even walls (`has_even_walls`).
+    joint: int  # number of the section whose joint it is
+    pad: str
+    stress: Estimate
 
-    Raises an `InputError` as `pad_stress` does.
+
+def largest_pad_stresses(scene: Scene, number: int) -> Iterator[PadStress]:
+    """Yield the stress of each pad of joints on section `number`, at up to `PLACES` places along its range.
+
+    Raises an `InputError` as `SectionPiece` and its method `stresses` do.
     """
+    pieces = dict[tuple[float, float], SectionPiece]()
     part = scene.sections[number]
-    box = part.body.box
-    if box is None or not has_even_walls(part):
-        return None
-    width, height = box.width / 2.0, box.height / 2.0
-    sides = {"left": width, "right": -width, "top": height, "bottom": -height}
-    nearest, least = None, np.inf
-    for pad in (each.pad for each in joint_pads(scene, number, MOST_PLACES)):
-        if pad.on in sides and abs(pad.at - place[0]) <= pad.length:
-            across, up = (sides[pad.on], pad.across) if pad.on in ("left", "right") else (pad.across, sides[pad.on])
-            aside = min(abs(across - place[1]), abs(across + place[1]))  # one of two mirror images stands for both
-            distance = float(np.linalg.norm([pad.at - place[0], aside, up - place[2]]))
-            nearest, least = (pad, distance) if distance < least else (nearest, least)
-    if nearest is None:
-        return None
-    body = _shell_body(part, box, part.mesh.along or part.mesh.size, part.mesh.size)
-    return float(pad_stress(part, [nearest])[0] / _largest_stress(body, [nearest])[0])
+    for seat in seats(scene, number):
+        if seat.ring.faces is None:
+            continue
+        ring = body_ring(seat.ring, seat.key.partition("[")[0])
+        size = (ring.length, ring.width)
+        piece = pieces[size] if size in pieces else pieces.setdefault(size, SectionPiece(part, *size))
+        x = np.clip(np.linspace(*seat.positions, PLACES), ring.length / 2.0, part.length - ring.length / 2.0)
+        pads = [Pad(name, face, 0.0, across, ring.length, ring.width) for name, face, across in ring.named_pads]
+        for place in np.unique(piece.place(x)).tolist():
+            coarse, fine = (stress.largest.tolist() for stress in piece.stresses(pads, place))
+            for pad, pair in zip(pads, zip(coarse, fine, strict=True), strict=True):
+                yield PadStress(seat.joint, pad.name, Estimate.from_meshes(*pair))
+    for piece in pieces.values():
+        piece.destroy()

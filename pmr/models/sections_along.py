@@ -234,24 +234,41 @@ def _principal_axes(section: BeamSection) -> Array:
 Corners = tuple[dict[str, Array], Array]
 
 
-def corner_stress_factors(profile: BoxProfile, section: BeamSection) -> Corners:
-    r"""Corners of a profile, and the axial and torsion stress in each of k corners per unit section force, (k, 2, 6).
+def axial_stress_factors(section: BeamSection, points: Array) -> Array:
+    r"""Axial stress at k points (k, 2) in m of a section, per unit section force, (k, 6).
 
-    Section forces are in the order of `FORCES`.  The axial stress :math:`\sigma` follows from the normal force N and
-    the bending moments :math:`M_y` and :math:`M_z`, the torsion stress :math:`\tau` from the torque T.  With the corner
-    p, the centroid c, the area A, the second moments I, the enclosed area :math:`A_m` and the thickness t
+    Section forces are in the order of `FORCES`.  The axial stress :math:`\sigma` at the point p follows from the normal
+    force N and the bending moments :math:`M_y` and :math:`M_z`.  With the centroid c, the area A and the second moments
+    I it is
 
-    .. math:: \sigma = \frac{N}{A} + \begin{pmatrix} -M_z & M_y \end{pmatrix} I^{-1} (p - c), \qquad
-        \tau = \frac{T}{2 A_m t}
+    .. math:: \sigma = \frac{N}{A} + \begin{pmatrix} -M_z & M_y \end{pmatrix} I^{-1} (p - c)
     """
     I = np.array([[section.second_moment_z, section.product_of_inertia],
                   [section.product_of_inertia, section.second_moment_y]])  # fmt: skip
-    stresses_of_corners, enclosed = np.zeros((len(profile.corners), 2, len(FORCES))), MidLine(profile).enclosed_area
-    for stresses, corner in zip(stresses_of_corners, profile.corners, strict=True):
-        of_z, of_y = np.linalg.solve(I, np.subtract(corner.position, section.centroid))
-        stresses[0, [0, 4, 5]] = 1.0 / section.area, of_y, -of_z
-        stresses[1, 3] = 1.0 / (2.0 * enclosed * corner.thickness)
-    return {corner.name: np.array(corner.position) for corner in profile.corners}, stresses_of_corners
+    of_z, of_y = np.linalg.solve(I, np.subtract(points, section.centroid).T)
+    factors = np.zeros((len(points), len(FORCES)))
+    factors[:, 0], factors[:, 4], factors[:, 5] = 1.0 / section.area, of_y, -of_z
+    return factors
+
+
+def torsion_stress_factors(profile: BoxProfile, thickness: Array) -> Array:
+    r"""Shear stress in k walls of the given `thickness` (k,) in m, counter-clockwise, per unit section force, (k, 6).
+
+    Section forces are in the order of `FORCES`.  With the torque T, the enclosed area :math:`A_m` and the thickness t
+
+    .. math:: \tau = \frac{T}{2 A_m t}
+    """
+    factors = np.zeros((len(thickness), len(FORCES)))
+    factors[:, 3] = 1.0 / (2.0 * MidLine(profile).enclosed_area * thickness)
+    return factors
+
+
+def corner_stress_factors(profile: BoxProfile, section: BeamSection) -> Corners:
+    """Corners of a profile, and the axial and torsion stress in each of k corners per unit section force, (k, 2, 6)."""
+    points = np.array([corner.position for corner in profile.corners])
+    thickness = np.array([corner.thickness for corner in profile.corners])
+    factors = np.stack([axial_stress_factors(section, points), torsion_stress_factors(profile, thickness)], axis=1)
+    return {corner.name: np.array(corner.position) for corner in profile.corners}, factors
 
 
 def fibre_stress_factors(profile: BoxProfile, section: BeamSection) -> Corners:

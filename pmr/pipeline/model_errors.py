@@ -6,33 +6,27 @@ import logging
 from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from pmr.compare import mesh_part
 from pmr.compare.model_part import FREQUENCIES, Motion, frequency_error, largest_model_error, model_budget
 from pmr.compare.moving_frame import decide_second_order as with_order
-from pmr.compare.simulated import simulate_with_states
 from pmr.errors import ConvergenceError, InputError, NotHeldError, SimulationError, call_on_first_rank
 from pmr.errors.environment import Clock
 from pmr.fem.compat import MPI
-from pmr.files.arrays import Array
 from pmr.fullmodel.build import build_bodies, log_warnings
 from pmr.reduction.bodies import Reduction, reduce_bodies, with_stress_flags
 from pmr.reduction.cache import Cache, SystemCache, cache_in
 from pmr.reduction.from_scene import Vectors
-from pmr.reduction.recovery import recover
 from pmr.results import Frequencies, Response
 from pmr.scene import Scene
 from pmr.scene.checks import check_scene
 from pmr.scene.choice import model_of
 from pmr.scene.members import members
 from pmr.scene.model_ladder import candidate_scenes, comparable_scene, model_comparison
-from pmr.scene.run_settings import Recovery
 from pmr.system.system import System
 
 
@@ -136,72 +130,6 @@ class ComparedScene:
         system = self.system
         return call_on_first_rank(self.comm, lambda: Motion.compute(self.scene, system))
 
-    def wall_stress(self, recovery: Recovery | None) -> dict[str, Any]:
-        """Entries of ``budget.model`` on stress in walls, ``wall_stress`` and ``pad_yield``; collective.
-
-        The first is the largest von Mises stress of a scene of shells.  It has ``value`` in Pa, ``t`` in s,
-        ``position`` in m, ``section`` and ``region``, and length and width of the section's ``cells`` in m, and
-        ``yield`` in Pa if the walls there have a yield stress.  If a pad of a joint is near, ``growth`` is the factor
-        by which the stress of this pad grows with short cells.  The stresses are those at the times of a `recovery`,
-        from the reduced shells.  The second has the force of a joint's pad at which walls begin to yield
-        (`pmr.fullmodel.wall_stress.yield_forces`), by the name of the joint's section.
-        Both are missing without a recovery of stresses, and for models other than shells.
-        """
-        shells = all(model_of(of) == "shell" and of.part.body.box is not None for of in members(self.scene))
-        if recovery is None or not recovery.stress or not shells:
-            return {}
-        peak_numbers = partial(self._peak_numbers, recovery)
-        request = {"scene": self.scene.model_dump_json(exclude={"title"}), "every": recovery.every}
-        from pmr.fullmodel.wall_stress import stress_growth, yield_forces  # needs FEniCSx, given matrices do not
-
-        try:
-            numbers = peak_numbers() if self.cache is None else self.cache.arrays("stress", request, peak_numbers)
-        except UNNEEDED as error:  # the difference of the models is known all the same
-            _log.warning("the stress in walls is not known: %s", error)
-            return {}
-        section, side, value, t, *position = numbers.tolist()
-        part = self.scene.sections[int(section)]
-        box = part.body.box
-        assert box is not None  # as of all sections
-        name = [*(side.name for side in box.sides), ""][int(side)]
-        entry = {"value": value, "t": t, "position": position, "section": part.name, "region": name,
-                 "cells": [part.mesh.along or part.mesh.size, part.mesh.size]}  # fmt: skip
-        region = part.body.regions.get(name)
-        allowed = (region and region.material or part.body.material).yield_stress
-        entry |= {} if allowed is None else {"yield": allowed}
-        entries: dict[str, Any] = {"wall_stress": entry}
-        place = np.array(position)
-        try:
-            growth = self.comm.bcast(
-                call_on_first_rank(self.comm, lambda: stress_growth(self.scene, int(section), place))
-            )
-            entry |= {} if growth is None else {"growth": growth}
-            forces = self.comm.bcast(call_on_first_rank(self.comm, lambda: yield_forces(self.scene)))
-            entries |= {"pad_yield": {name: asdict(force) for name, force in forces.items()}} if forces else {}
-        except UNKNOWN as error:
-            _log.warning("the stress in walls under pads is not known: %s", error)
-        return entries
-
-    def _peak_numbers(self, recovery: Recovery) -> Array:
-        """The largest stress of all sections in a simulation with the keys of `recovery`, as seven numbers; collective.
-
-        They are the numbers of the section and of the side of its box (-1: none), the stress in Pa, the time in s and
-        the place (3,) in m.
-        """
-        reduction = self.reduction
-        scene = reduction.scene.model_copy(update={"recovery": recovery})
-        simulated = call_on_first_rank(
-            self.comm, lambda: simulate_with_states(scene, reduction.system, scene.recovered_steps.tolist()).states
-        )
-        fields = recover(scene, reduction.built, reduction.bodies, self.comm.bcast(simulated), {}).values()
-        peaks = [body.reduced.stress.peak for body in fields if body.reduced.stress is not None]
-        number = max(range(len(peaks)), key=lambda k: peaks[k].value)
-        peak, box = peaks[number], scene.sections[number].body.box
-        assert box is not None
-        sides = [side.name for side in box.sides]
-        side = sides.index(peak.region) if peak.region in sides else -1
-        return np.array([number, side, peak.value, peak.t, *peak.position])
-
 
 def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] | None:
     """Let another process, which `helper` has, reduce the richer model of a scene and store it for `measure_model`.
@@ -214,19 +142,18 @@ def start_richer(scene: Scene, cache: Cache, helper: Executor) -> Future[None] |
     with suppress(InputError, BrokenExecutor, OSError):  # no comparison, or no process can be started
         richer = model_comparison(scene).richer
         if not cache.has_system(richer):
-            return helper.submit(_store_richer, richer, scene.recovery, cache.folder, cache.content)
+            return helper.submit(_store_richer, richer, cache.folder, cache.content)
     return None
 
 
-def _store_richer(scene: Scene, recovery: Recovery | None, folder: Path, content: str) -> None:
-    """Reduce a scene and store system and largest stress in the `folder` of a `SystemCache`.
+def _store_richer(scene: Scene, folder: Path, content: str) -> None:
+    """Reduce a scene and store its system in the `folder` of a `SystemCache`.
 
     `content` is the cache's digest.  Errors are those of `measure_model`.
     """
     richer = ComparedScene(scene, MPI.COMM_WORLD, SystemCache(folder, content, MPI.COMM_WORLD))
     with suppress(*UNNEEDED):  # the process that measures meets them too
         richer.system  # noqa: B018  (is stored)
-        richer.wall_stress(recovery)
 
 
 def measure_model(
@@ -248,7 +175,7 @@ def measure_model(
             motion = ComparedScene(of_scene, comm, cache).motion()
         else:
             motion = call_on_first_rank(comm, partial(of_run.motion, scene))
-        return _model_budget(scene, motion, richer_motion, label, comm) | richer.wall_stress(scene.recovery)
+        return _model_budget(scene, motion, richer_motion, label, comm)
     except UNNEEDED as error:
         return _unknown_model_error(error, label)
 
@@ -309,7 +236,7 @@ def _choose_model(options: list[Scene], comm: MPI.Comm, cache: Cache | None) -> 
             if comm.rank == 0:
                 _log.info("%(name)s, walls %(walls)s: the error is %(error).2g of a shell's result", tried[-1])
             if tried[-1]["error"] <= beam.compare.model_tolerance:
-                return ModelDecision(beam, part | richest.wall_stress(beam.recovery), chosen_figures(beam))
+                return ModelDecision(beam, part, chosen_figures(beam))
     except UNKNOWN as error:
         reason = str(error)
         return ModelDecision(beams[0], {"beside": None, "reason": reason}, chosen_figures(beams[0], reason=reason))

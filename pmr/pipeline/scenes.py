@@ -37,6 +37,7 @@ from pmr.pipeline.model_errors import (
     reduce_scene,
     start_richer,
 )
+from pmr.pipeline.stress_at_pads import stress_at_pads
 from pmr.reduction.bodies import Reduction
 from pmr.reduction.cache import Cache, cache_in
 from pmr.reduction.from_scene import Vectors, with_array_basis
@@ -259,7 +260,17 @@ def _measure(
             wait([] if richer is None else [richer])
             cache = cache or next(iter(bodies.caches.values()), None)
             of_model = {"model": measure_model(scene, comm, cache, of_run if with_full else None)}
-    return of_model | of_mesh
+        model = {**budget, **of_model}.get("model", {})
+        return of_mesh | {"model": model | _stress_at_pads(bodies, motions)}
+
+
+def _stress_at_pads(bodies: Bodies, motions: Motions) -> Summary:
+    """Return the entries of ``budget.model`` on stress in walls at pads; none without a recovery of stresses."""
+    scene, comm = bodies.scene, next(iter(bodies.built.values())).model.comm
+    if scene.recovery is None or not scene.recovery.stress:
+        return {}
+    states = comm.bcast(None if motions.reduced is None else motions.reduced.first.states)
+    return stress_at_pads(scene, bodies.built, bodies.bodies, states)
 
 
 class FullSizes(NamedTuple):

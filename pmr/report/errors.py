@@ -291,10 +291,19 @@ def certainty_rows(result: RunResult) -> Iterator[tuple[str, str]]:
     """Yield rows (name, text) in brief on the errors of stress, tip, pad forces and reactions, all sources added up."""
     summed = summed_errors(result.summary)
     if "reduced" in result.summary.get("max_von_mises", {}):
-        yield "stress", f"its error is not known: {'; '.join(_stress_gaps(result))}"
+        yield "stress", _stress_certainty(result)
     for key in ("tip", "pad_force", "reaction"):
         if (error := summed.by_label.get(label := QUANTITIES[key].label)) is not None:
             yield label, f"± {format_percent(error, 2)} {summed.sources_clause(label)}"
+
+
+def _stress_certainty(result: RunResult) -> str:
+    """Return the error of the stress in walls at pads, if known, and what is not known of stresses."""
+    walls, unknown = wall_stress(result.summary), f"error is not known: {'; '.join(_stress_gaps(result))}"
+    if walls is None or "error" not in walls:
+        return f"its {unknown}"
+    share = format_percent(walls["error"] / walls["value"], 2)
+    return f"in walls at pads ± {share} by their cells, and the error of pad forces; elsewhere the {unknown}"
 
 
 def _stress_gaps(result: RunResult) -> Iterator[str]:
@@ -302,7 +311,7 @@ def _stress_gaps(result: RunResult) -> Iterator[str]:
     are_beams = [traits_of(of).is_beam for of in members(result.scene)]
     if any(are_beams):
         yield stress_remark(result.scene) or "beams have no local stress at pads, loads and corners"
-    if not all(are_beams) or wall_stress(result.summary) is not None:
+    if not all(are_beams):
         yield "cells are not short enough at pads, loads and corners to tell"
 
 

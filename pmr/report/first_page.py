@@ -41,7 +41,7 @@ from pmr.report.subject import (
 )
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
-from pmr.results.quantities import QUANTITIES, stress_name, stress_remark, wall_stress, wall_stress_on_short_cells
+from pmr.results.quantities import QUANTITIES, stress_name, stress_remark, wall_stress
 from pmr.results.response import Extremes
 from pmr.scene.hints import left_out
 
@@ -131,8 +131,7 @@ def _stress_rows(result: RunResult) -> LargestValues:
         if (shell := wall_stress(summary)) is not None:
             yield _wall_stress_row(result, shell)
         else:
-            prescribed = "" if result.scene.computed_key is None else "in a run with a prescribed motion "
-            local += f", which adds to it; by how much is not known: {prescribed}compare.richer = 'shell' computes it"
+            local += f", which adds to it; by how much is not known{_missing_clause(summary)}"
         used = used if used and used["value"] > 1.0 else None
     share, highest = "", used["value"] if used else None
     if used:
@@ -147,28 +146,42 @@ def _stress_rows(result: RunResult) -> LargestValues:
 
 
 def _wall_stress_row(result: RunResult, shell: Summary) -> LargestValue:
-    """Row on the largest stress of the shells that the model is compared with: value, share, place, time, cells."""
-    long, wide = (format_input(round(1e3 * size, 1)) for size in shell["cells"])
+    """Row on the largest stress in walls at pads: value and its bar, share, place, time, and what it contains."""
     at = PeakSummary(t=shell["t"], position=shell["position"], section=shell["section"])
     at["region"] = f"{shell['region']} wall" if shell["region"] else "walls"
-    most, allowed = wall_stress_on_short_cells(shell), shell.get("yield")
-    share = None if allowed is None else most / allowed
-    used = (
-        ""
-        if allowed is None
-        else f", {format_percent(most / allowed)} of the {format_quantity(allowed, 'Pa')} of yield"
-    )
-    cells = f"{format_quantity(shell['value'], 'Pa')} on a shell with cells of {long} × {wide}{SPACE}mm"
-    if (growth := shell.get("growth")) is None:
-        how = f"{cells}, shorter ones give more under pads"
-    else:
-        how = f"{cells}, times {growth:.2f} by which the nearest pad's part grows with short ones"
+    allowed = shell.get("yield")
+    share = None if allowed is None else shell["value"] / allowed
+    used = ""
+    if allowed is not None:
+        used = f", {format_percent(shell['value'] / allowed)} of the {format_quantity(allowed, 'Pa')} of yield"
     return LargestValue(
-        "largest von Mises stress in walls",
-        f"{wall_stress_words(shell)}{used}, {peak_place_clause(result, at)}; {how}; not converged, its error is "
-        "not known; without welds",
+        QUANTITIES["wall_stress"].reported,
+        f"{wall_stress_words(shell)}{used}, {peak_place_clause(result, at)}; {WALL_STRESS_PARTS}"
+        f"{_missing_clause(result.summary)}",
         share,
     )
+
+
+#: What the stress in walls at pads contains, and what its bar.
+WALL_STRESS_PARTS = (
+    "stress of the whole section and bending of the wall under the pads, added at each point; ± by the cells of the "
+    "wall, to which the error of pad forces comes; without welds"
+)
+
+
+def _missing_clause(summary: Summary) -> str:
+    """Clause on the sections in whose walls the stress at pads is not known, with the reasons; empty if there is none.
+
+    If nothing was measured for the walls of any section, it says what computes it.
+    """
+    model = summary.get("budget", {}).get("model") or {}
+    missing = model.get("wall_stress_missing", {})
+    if not missing and "wall_stress" not in model:
+        return ": a run that also measures the errors of its mesh and model computes it"
+    reasons = dict[str, list[str]]()
+    for name, reason in missing.items():
+        reasons.setdefault(reason, []).append(name or "the body")
+    return "".join(f"; not known of {' and '.join(names)}: {reason}" for reason, names in reasons.items())
 
 
 def _closed_pads_clause(result: RunResult) -> str:

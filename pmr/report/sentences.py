@@ -25,12 +25,7 @@ from pmr.report.subject import (
 )
 from pmr.results import RunResult
 from pmr.results.field_stress import PeakSummary
-from pmr.results.quantities import (
-    QUANTITIES,
-    stress_name,
-    wall_stress,
-    wall_stress_on_short_cells,
-)
+from pmr.results.quantities import QUANTITIES, stress_name, wall_stress
 from pmr.scene.model_traits import model_traits
 
 #: Largest number of further points with the largest stress that are named; if there are more, only their number is
@@ -59,10 +54,8 @@ def key_numbers(result: RunResult) -> Iterator[KeyNumber]:
         full = f"full model {format_quantity(peak['full'], 'Pa')}" if "full" in peak else ""
         stress_text, name = format_quantity(peak["reduced"], "Pa"), stress_name(result.scene)
         if (walls := wall_stress(summary)) is not None:
-            note = f"{wall_stress_words(walls)}: not converged, its error is not known; of the beams {stress_text}"
-            yield KeyNumber(
-                format_quantity(wall_stress_on_short_cells(walls), "Pa"), "largest von Mises stress in walls", note
-            )
+            note = f"{wall_stress_words(walls)}; of the beams {stress_text}"
+            yield KeyNumber(format_quantity(walls["value"], "Pa"), QUANTITIES["wall_stress"].reported, note)
         else:
             yield KeyNumber(stress_text, name, full)
     if damages := summary.get("fatigue"):

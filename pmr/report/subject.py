@@ -13,7 +13,7 @@ import numpy as np
 from pmr.files.arrays import Array, Summary
 from pmr.report.numbers import format_input, format_percent, format_quantity
 from pmr.results import BodyResult, RunResult
-from pmr.results.quantities import wall_stress, wall_stress_on_short_cells
+from pmr.results.quantities import wall_stress
 from pmr.scene.built import PadRing
 from pmr.scene.choice import input_directions
 from pmr.scene.joints import JointPads
@@ -57,9 +57,12 @@ def walls_clause(result: RunResult) -> str:
 
 
 def wall_stress_words(walls: Summary) -> str:
-    """Words for the largest stress in walls (`pmr.results.quantities.wall_stress`): about or at least a value."""
-    value = format_quantity(wall_stress_on_short_cells(walls), "Pa")
-    return f"{'at least' if walls.get('growth') is None else 'about'} {value}"
+    """Words for the largest stress in walls (`pmr.results.quantities.wall_stress`): its value and error bar.
+
+    Files of earlier versions have no bar, and a value that is a lower bound.
+    """
+    value = format_quantity(walls["value"], "Pa")
+    return f"{value} ± {format_quantity(walls['error'], 'Pa', 2)}" if "error" in walls else f"at least {value}"
 
 
 def direction_words(result: RunResult, direction: str) -> str:

@@ -357,18 +357,10 @@ def stress_name(scene: Scene) -> str:
 
 
 def wall_stress(summary: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    """Return the largest stress in walls, of the shell that a run is compared with, from its summary.json, or None."""
+    """Return the largest stress in walls at pads from a run's summary.json, or None."""
     model = summary.get("budget", {}).get("model") or {}
     stress: Mapping[str, Any] | None = model.get("wall_stress")
     return stress
-
-
-def wall_stress_on_short_cells(walls: Mapping[str, Any]) -> float:
-    """Return the largest stress in walls in Pa as cells that are short beside a pad would have it, so far as is known.
-
-    `walls` is the result of `wall_stress`.  Its whole stress is taken to grow as that of the nearest pad alone does.
-    """
-    return float(walls["value"]) * float(walls.get("growth") or 1.0)
 
 
 #: All quantities, by their keys.
@@ -485,6 +477,9 @@ QUANTITIES: Mapping[str, Quantity] = {
         ),
         Quantity(
             "field", "stresses of walls", "Pa", "section", limit=ChartLimit("field", _stress_measure, "stress")
+        ),
+        Quantity(
+            "wall_stress", "stresses of walls at pads", "Pa", "pad", (), "largest von Mises stress in walls", "most"
         ),
         Quantity("probe", "what probes measure", "", "probe", ("probe",)),
         Quantity(

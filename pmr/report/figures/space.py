@@ -41,7 +41,7 @@ from pmr.report.subject import (
     slider_offsets,
 )
 from pmr.results import RunResult
-from pmr.results.quantities import stress_name, wall_stress, wall_stress_on_short_cells
+from pmr.results.quantities import QUANTITIES, stress_name, wall_stress
 
 #: Number of moments at which a boom is drawn; they are evenly spaced along the path of its tip.
 MOMENTS = 4
@@ -326,11 +326,11 @@ class LargestStress:
 
 
 def largest_stress(result: RunResult) -> LargestStress | None:
-    """Largest von Mises stress: in walls, if a shell was compared, else of the reduced model; None without stresses."""
+    """Largest von Mises stress: in walls at pads, if known, else of the reduced model; None without stresses."""
     peak, walls = result.summary.get("stress_peak", {}).get("reduced"), wall_stress(result.summary)
     if peak is None:
         return None
-    peak = peak if walls is None else {**walls, "value": wall_stress_on_short_cells(walls)}
+    peak = walls or peak
     step = int(np.argmin(np.abs(result.responses["reduced"].t - peak["t"])))
     return LargestStress(step, peak.get("section", ""), float(peak["position"][0]), float(peak["value"]))
 
@@ -339,7 +339,7 @@ def ringed_stress_name(result: RunResult) -> str:
     """Name of the stress that `largest_stress` returns."""
     if wall_stress(result.summary) is None:
         return stress_name(result.scene)
-    return "largest von Mises stress in walls, as the first page describes it"
+    return f"{QUANTITIES['wall_stress'].reported}, as the first page describes it"
 
 
 def _tip_distance(result: RunResult) -> Array:
