@@ -232,7 +232,8 @@ def _wrong_axes(M: sp.csr_matrix, body: Resistance) -> Iterator[Reason]:
     """
     held = body.grounded_nodes & ~body.spring_nodes
     if body.dense:
-        wrong = held if held.any() and _free_motion_count(body) > 6 - len(body.held_motions()) else np.zeros_like(held)
+        free_count = np.sum(body.scaled_eigenvalues < body.least_energy) if held.any() else 0
+        wrong = held & (free_count > 6 - len(body.held_motions()))
     else:
         wrong = held & (~_supported_nodes(body) | lone_turned_nodes(body))
     if wrong.any():
@@ -322,11 +323,6 @@ def centre_of_mass(J: Array) -> Array:
     """
     moments = np.array([J[1, 5] - J[2, 4], J[2, 3] - J[0, 5], J[0, 4] - J[1, 3]])
     return np.asarray(1.5 * moments / np.trace(J[:3, :3]))
-
-
-def _free_motion_count(body: Resistance) -> int:
-    """Return the number of motions, rigid or not, that a dense stiffness K leaves free."""
-    return int(np.sum(body.scaled_eigenvalues < body.least_energy))
 
 
 def _nodes_without_rotations(body: Resistance) -> Mask:

@@ -87,6 +87,7 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
     weight = [Weight(member.gravity.direction)] if member.gravity and member.frame is None else []
     driven = [Weight((-1.0, 0.0, 0.0), EXTENSION)] if is_accelerated(member) else []
     inertia = [Inertia(field) for field in inertia_fields(member)]
+    ports = {place if isinstance(place, str) else f"{place:g} m": place for place in member.part.reduction.ports}
     return Structure(
         model,
         clamps=tuple(
@@ -100,7 +101,7 @@ def structure_of(member: Member, comm: MPI.Comm = MPI.COMM_WORLD) -> Structure:
         damping=member.scene.damping if member.part.body.mover is None else member.part.body.mover.rayleigh,
         pads=replace(pads, supports=supports),
         ports=(
-            *(_port(model, place, d) for place in member.part.reduction.ports for d in model.directions),
+            *(Action(f"{name} {d}", place, d) for name, place in ports.items() for d in model.directions),
             *(Action(name, "tail", name[-1]) for name in tail_outputs(member)),
         ),
     )
@@ -119,11 +120,6 @@ def _load(member: Member, load: Load) -> Action | Warmth | LineLoad:
     depth = load.depth or (getattr(box, {"y": "width", "z": "height"}[load.direction]) if box else None)
     assert depth is not None  # the scene's check
     return Warmth(load.name, load.direction, load.expansion / depth)
-
-
-def _port(model: StructuralModel, place: str | float, direction: str) -> Action:
-    """Action along `direction` on a place where another body may be attached, with a name made from both."""
-    return Action(f"{place if isinstance(place, str) else f'{place:g} m'} {direction}", place, direction)
 
 
 def _pads(member: Member) -> Pads:

@@ -211,15 +211,15 @@ class _Stresses:
 
         A cell has the material of its region, or that of the body if the region has none.
         """
-        cells, others = self.rows.cell[points], np.ones(len(points), bool)
+        cells, is_in_body = self.rows.cell[points], np.ones(len(points), bool)
         for name, region in self.part.body.regions.items():
             if region.material is not None:
                 inside = np.isin(cells, self.model.grid.regions[name])
-                others &= ~inside
+                is_in_body &= ~inside
                 if inside.any():
                     yield region.material, np.where(inside, weights, 0.0)
-        if others.any():
-            yield self.part.body.material, np.where(others, weights, 0.0)
+        if is_in_body.any():
+            yield self.part.body.material, np.where(is_in_body, weights, 0.0)
 
 
 def _hooke(material: Material, components: int) -> sp.csr_matrix:

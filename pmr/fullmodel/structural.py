@@ -9,14 +9,12 @@ import scipy.sparse as sp
 
 from pmr.fem.compat import MPI, PETSc
 from pmr.fem.distributed import columns, free_objects, sparse
-from pmr.files.arrays import Array
 from pmr.fullmodel.assembly import Operators, operators_of, pad_pattern, project_matrix, rayleigh, share
 from pmr.fullmodel.model import FullModel, RigidMotions, masses_of
 from pmr.fullmodel.moving import FrameAssembler
 from pmr.fullmodel.pads import Restraints, restrain
 from pmr.fullmodel.probes import Gauge
 from pmr.fullmodel.structure import Action, Coupling, PadForce, Structure, couple
-from pmr.models import StructuralModel
 from pmr.models.matrices import Matrices
 from pmr.system.body_matrices import CARRIED, DAMPING, ROTATING, Rayleigh
 from pmr.system.rows import Rows
@@ -63,7 +61,7 @@ def structural_model(structure: Structure, comm: MPI.Comm = MPI.COMM_WORLD) -> F
         output_units=tuple(output.unit for output in structure.outputs),
         output_kinds=tuple(output.kind for output in structure.outputs),
         reference_frequency=model.reference_frequency,
-        rigid=_rigid_motions(coupling, restraints, operators.K, _inner_supports(model)),
+        rigid=_rigid_motions(coupling, restraints, operators.K),
         node_stations=model.node_stations,
         ports={port.name: coupling.rows([port]) for port in structure.ports},
         matrices=matrices,
@@ -101,17 +99,13 @@ def _frame_matrices(names: Sequence[str], coupling: Coupling, moving: FrameAssem
     return matrices
 
 
-def _inner_supports(model: StructuralModel) -> Array:
-    """Measures (h, k) of the k rigid motions by supports inside given matrices; no rows for other models."""
-    return model.body_matrices.held if isinstance(model, Matrices) else np.empty((0, len(model.directions)))
+def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat) -> RigidMotions:
+    """Rigid motions of a structure, and what clamps, springs and supports inside given matrices measure of them.
 
-
-def _rigid_motions(coupling: Coupling, restraints: Restraints, K: PETSc.Mat, inner_supports: Array) -> RigidMotions:
-    """Rigid motions of a structure, and what clamps, springs and inner supports measure of them; collective.
-
-    `inner_supports` (h, k) are from `_inner_supports`.  A spring weaker than the round-off in K is left out.
+    A spring weaker than the round-off in the stiffness K is left out.  Collective.
     """
-    size = coupling.T.shape[1]
+    model, size = coupling.model, coupling.T.shape[1]
+    inner_supports = model.body_matrices.held if isinstance(model, Matrices) else np.empty((0, len(model.directions)))
     lost = size * np.finfo(float).eps * np.concatenate(K.comm.tompi4py().allgather(K.getDiagonal().getArray()))
     springs = [
         np.asarray(c @ coupling.rigid)

@@ -200,15 +200,15 @@ class Coupling:
             count = sum(direction in ALONG for direction in directions)
             numbers = [count * first[action.on] + directions.index(action.direction) for action in along.values()]
             rows.append(self.model.displacement(*first)[numbers])
-        others = [k for k in range(len(actions)) if k not in along]
-        for action in (actions[k] for k in others):
+        further = [k for k in range(len(actions)) if k not in along]
+        for action in (actions[k] for k in further):
             if isinstance(action, Gauge):
                 rows.append(sp.csr_matrix(action.row))
                 continue
             at = None if action.point is None else np.array(action.point)
-            moved = motion(action.on) if at is None else self.model.motion(action.on, at)
-            rows.append(moved[directions.index(action.direction)])
-        result = sp.csr_matrix(sp.vstack(rows, "csr")[np.argsort([*along, *others])] @ self.T)
+            of_place = motion(action.on) if at is None else self.model.motion(action.on, at)
+            rows.append(of_place[directions.index(action.direction)])
+        result = sp.csr_matrix(sp.vstack(rows, "csr")[np.argsort([*along, *further])] @ self.T)
         if self.walls.count and actions:
             result = sp.csr_matrix(result + sp.vstack([self._dents(action) for action in actions]))
         return result

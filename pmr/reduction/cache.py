@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pmr.errors import InputError, NotHeldError, environment
@@ -75,8 +74,9 @@ def model_digest(model: FullModel) -> str:
         for part in A.getValuesCSR():
             digest.update(part.tobytes())
     for row in model.rows.rows:
-        parts = (row.breaks, row.coefficients, row.touched, *_csr(row.carriers))
-        for part in parts:
+        U = row.carriers
+        indices = U.indptr.astype(np.int64), U.indices.astype(np.int64)  # in 64 bits on every machine
+        for part in (row.breaks, row.coefficients, row.touched, *indices, U.data):
             digest.update(part.tobytes())
         digest.update(repr((row.name, row.compliance, row.clearance)).encode())
     for name, row in model.ports.items():
@@ -97,11 +97,6 @@ def structure_text(scene: Scene) -> str:
     exclude: dict[str, Any] = dict.fromkeys(IRRELEVANT_KEYS, True)
     exclude |= {"sections": {"__all__": {"slider": {"path"}, "loads": {"__all__": {"signal"}}}}}
     return scene.model_dump_json(exclude=exclude)
-
-
-def _csr(A: sp.csr_matrix) -> tuple[NDArray[Any], ...]:
-    """Row pointers, column numbers and entries of a sparse matrix, with 64-bit integers."""
-    return A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data
 
 
 class SystemFiles(NamedTuple):

@@ -144,6 +144,11 @@ def fixed_rows(model: FullModel) -> tuple[Row, ...]:
     return tuple(row for row in model.rows.rows if row.is_fixed)
 
 
+def released_rows(model: FullModel) -> Rows:
+    """Rows of sliders and pads: all rows of the model that are not fixed (`Row.is_fixed`)."""
+    return Rows(tuple(row for row in model.rows.rows if not row.is_fixed), model.size)
+
+
 def rigid_modes(model: FullModel) -> Array:
     """Rigid-body modes (n_local, c) that fixed supports leave free, M-orthonormal: this rank's part; collective.
 
@@ -263,5 +268,5 @@ def _work_on_motions(reduced: ReducedModel, model: FullModel, V: Array, motions:
 
 def _carrier_motions(model: FullModel, motions: Array) -> Array:
     """Values U Phi (K, h) of the motions Phi on the carriers U of all rows that are not rigid supports."""
-    U = Rows(tuple(row for row in model.rows.rows if not row.is_fixed), model.size).shared_carriers.carriers
+    U = released_rows(model).shared_carriers.carriers
     return np.asarray(model.comm.allreduce(U[:, model.share] @ motions))

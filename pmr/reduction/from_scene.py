@@ -19,8 +19,8 @@ from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import Basis, modal_basis, pod, reduced_model, with_held_coordinates, with_rigid_modes
 from pmr.reduction.cache import ReducedBody
-from pmr.reduction.free_body import FreeBody, rigid_modes
-from pmr.reduction.residual import check_independence, flexible_model, released_rows, section_model
+from pmr.reduction.free_body import FreeBody, released_rows, rigid_modes
+from pmr.reduction.residual import check_independence, flexible_model, section_model
 from pmr.reduction.snapshots import Snapshots, eigenmode_snapshots, free_modes
 from pmr.scene import Reduction, Scene
 from pmr.scene.keys import ALONE

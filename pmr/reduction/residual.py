@@ -15,7 +15,7 @@ from pmr.fem.distributed import free_dropped, inner, local_csr, times
 from pmr.files.arrays import Array
 from pmr.fullmodel.model import FullModel
 from pmr.reduction.basis import RANK_CHECKS, Basis, galerkin, without_rows
-from pmr.reduction.free_body import FreeBody
+from pmr.reduction.free_body import FreeBody, released_rows
 from pmr.reduction.residual_tables import (
     ResidualFlexibility,
     carrier_loads,
@@ -28,7 +28,7 @@ from pmr.system.attachment import RICHER
 from pmr.system.carriers import CarrierFlexibility, CarrierRows, CylinderResponses, Flexibility
 from pmr.system.polynomials import add_tables, multiply_tables
 from pmr.system.reduced_model import ReducedModel, satisfied_rows
-from pmr.system.rows import Rows, SharedCarriers
+from pmr.system.rows import SharedCarriers
 from pmr.system.soundness import dependence_of_flexibility
 from pmr.system.truncation import is_modal, truncate, with_tables
 
@@ -266,11 +266,6 @@ def _yielding_rows(model: ReducedModel) -> list[int]:
     C = np.abs(model.rows(s)).max(axis=(0, 2), initial=0.0)
     still = (G <= HELD * G.max(initial=0.0)) & (C <= HELD * C.max(initial=0.0))
     return np.flatnonzero(~still).tolist()
-
-
-def released_rows(model: FullModel) -> Rows:
-    """Rows of sliders and pads: all rows of the model that are not fixed (`Row.is_fixed`)."""
-    return Rows(tuple(row for row in model.rows.rows if not row.is_fixed), model.size)
 
 
 def _rows_on_path(model: FullModel) -> SharedCarriers:

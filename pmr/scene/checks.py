@@ -203,8 +203,8 @@ def _check_simulators(scene: Scene) -> None:
 
 def _check_accuracy(scene: Scene) -> None:
     """Refuse accuracy beside a budget, and either unless each section has free modes, flexibility and an estimate."""
-    both = scene.accuracy is not None and scene.budget is not None
-    refuse(both, "budget", None, "accuracy or budget is allowed, not both")
+    has_two_goals = scene.accuracy is not None and scene.budget is not None
+    refuse(has_two_goals, "budget", None, "accuracy or budget is allowed, not both")
     for number, part in enumerate(scene.sections):
         if scene.goal is not None and not part.reduction.estimable:
             allowed = (

@@ -302,8 +302,8 @@ def _check_extension(scene: Scene, number: int) -> None:
     for (i, tail), (k, mouth) in product(enumerate(joint.tail), enumerate(joint.mouth)):
         most, face = length - tail.at - mouth.at - (tail.length + mouth.length) / 2.0, _common_face(tail, mouth)
         if face is not None and last > most + slack:
-            both = f"pads of tail[{i}] and mouth[{k}] overlap on the {face} at an extension of {last:.6g} m"
-            raise scene_error(key, None, f"{both}; with the length of these pads at most {most:.6g} m is allowed")
+            overlap = f"pads of tail[{i}] and mouth[{k}] overlap on the {face} at an extension of {last:.6g} m"
+            raise scene_error(key, None, f"{overlap}; with the length of these pads at most {most:.6g} m is allowed")
     ends = length - min(ring.at for ring in joint.mouth) - scene.sections[number].length
     before = f"at an extension of {first:.6g} m {name} ends before a pad at the mouth of {outer}"
     refuse(first < ends - slack, key, None, f"{before}; {ends:.6g} m or more is allowed")
@@ -313,8 +313,7 @@ def _common_face(ring: JointPads, other: JointPads) -> str | None:
     """Return a face on which pads of both rings are at the same place across, counting their widths; None without."""
     width = (ring.width + other.width) / 2.0
     for face, places in (ring.faces or {}).items():
-        others = (other.faces or {}).get(face, ())
-        if any(abs(a - b) < width for a, b in product(places, others)):
+        if any(abs(a - b) < width for a, b in product(places, (other.faces or {}).get(face, ()))):
             return str(face)
     return None
 

@@ -356,8 +356,8 @@ class Scene(SectionTables):
     def pivot_height(self) -> float:
         """Height in m of the pivot, or without a frame of the base's tail, above the ground; 0 if it is not given."""
         ground = None if self.frame is None else self.frame.ground
-        own = 0.0 if self.hoist is None else self.hoist.pivot_height
-        return own or (0.0 if ground is None else ground.height)
+        of_hoist = 0.0 if self.hoist is None else self.hoist.pivot_height
+        return of_hoist or (0.0 if ground is None else ground.height)
 
     @property
     def driven_paths(self) -> dict[str, SignalBase]:

@@ -240,8 +240,8 @@ def _check_box_variation(member: Member, box: Box) -> None:
     """Refuse a box that varies along x or has frames, together with models and keys that can't represent this."""
     model, traits, key = model_of(member), traits_of(member), "body.box." + " and ".join(box.varying_keys)
     if box.varying_keys and not traits.may_vary:
-        *others, last = (name for name, other in MODELS.items() if other.may_vary)
-        raise scene_error("body.model", model, f"{', '.join(others)} and {last} are allowed with {key}")
+        *varying, last = (name for name, other in MODELS.items() if other.may_vary)
+        raise scene_error("body.model", model, f"{', '.join(varying)} and {last} are allowed with {key}")
     if box.varying_keys and member.part.body.section is not None:
         raise scene_error("body.section", None, f"none is allowed with {key}, which says what the section is")
     allowed = f"1 is allowed with {key}, which says where nodes are"
