@@ -109,7 +109,7 @@ class Search:
         begin, self.scene = time.perf_counter(), scene
         if why := reason_without_estimate(models):
             allowed = f"the search needs an estimate of the error, and there is none: {why}"
-            raise InputError("scene", _key(scene), None, allowed)
+            raise InputError("scene", _goal_key(scene), None, allowed)
         self.trials = trials = trials_of(scene, models)
         if lacking := [kind for kind in trials.wanted if kind not in trials.kinds]:
             needed = _NEEDED.get(lacking[0], "such outputs")
@@ -218,17 +218,17 @@ def accuracy_summary(choice: Choice) -> dict[str, Any]:
         "reasons": list(choice.reasons),
         "seconds": choice.seconds,
     }
-    budget: dict[str, Any] = {name: _finite(part) for name, part in parts.items()}
+    budget: dict[str, Any] = {name: _none_if_unknown(part) for name, part in parts.items()}
     budget |= {
         "mesh": choice.mesh,
         "mesh_reason": choice.mesh_reason,
-        "sum": _finite(choice.total_errors),
+        "sum": _none_if_unknown(choice.total_errors),
         "first": max(parts, key=lambda name: max(parts[name].values())),
     }
     return {"accuracy": accuracy, "budget": budget}
 
 
-def _finite(errors: Mapping[str, float]) -> dict[str, float | None]:
+def _none_if_unknown(errors: Mapping[str, float]) -> dict[str, float | None]:
     """Errors by kind, with None for errors that are not finite and therefore unknown."""
     return {kind: size if np.isfinite(size) else None for kind, size in errors.items()}
 
@@ -258,14 +258,14 @@ def accuracy_warnings(choice: Choice) -> list[str]:
     return lines
 
 
-def _key(scene: Scene) -> str:
+def _goal_key(scene: Scene) -> str:
     """Key of the scene that asks for the search: ``accuracy`` or ``budget``."""
     return "budget" if scene.accuracy is None else "accuracy"
 
 
 def _outputs_error(scene: Scene, allowed: str) -> InputError:
     """Return the error of the key of the outputs that the scene names; `allowed` says what is allowed."""
-    return InputError("scene", f"{_key(scene)}.outputs", list(scene.goal.outputs if scene.goal else ()), allowed)
+    return InputError("scene", f"{_goal_key(scene)}.outputs", list(scene.goal.outputs if scene.goal else ()), allowed)
 
 
 def _with_step(scene: Scene, steps: int) -> Scene:

@@ -91,7 +91,7 @@ class Factor(_PetscFactor):
             needed = self._factor.getMumpsInfog(16)
             self._factor.destroy()
             self._factor = factorise(A, free, in_files=True)
-            self._say(name, needed, free)
+            self._check_size(name, needed, free)
         code = self._factor.getMumpsInfog(1)
         if code < 0:
             raise refusal(name, code)
@@ -100,8 +100,8 @@ class Factor(_PetscFactor):
         """Whether MUMPS was allowed less memory than the factor takes."""
         return bool(self._factor.getMumpsInfog(1) == TOO_LITTLE)
 
-    def _say(self, name: str, needed: int, free: int) -> None:
-        """Raise an `InputError` if the factor does not fit even with files, else warn that it is kept in files.
+    def _check_size(self, name: str, needed: int, free: int) -> None:
+        """Warn that the factor is kept in files; raise an `InputError` if the memory is too small even so.
 
         `name` is the name of the matrix; `needed` and `free` are in MB on a rank.
         """

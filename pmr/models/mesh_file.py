@@ -102,7 +102,10 @@ class MeshFile:
 
 
 def split_quads(quads: Indices, first: int) -> Indices:
-    """Triangles (4 e, 3) around the centres of e quadrilaterals `quads` (e, 4), which are numbered from `first` on."""
+    """Triangles (4 e, 3) around the centres of e quadrilaterals `quads` (e, 4).
+
+    The centres have the numbers from `first` on.
+    """
     centre = first + np.arange(len(quads))
     triangles = [np.stack([quads[:, i], quads[:, (i + 1) % 4], centre], axis=1) for i in range(4)]
     return np.stack(triangles, axis=1).reshape(-1, 3)

@@ -198,10 +198,10 @@ def frequency_scale(points: Array, material: Material, thickness: float = 0.0) -
 
 
 def outward_signs(mesh: NamedMesh, places: Array, normals: Array) -> Array:
-    """For each of f points the direction of a unit normal: 1 away from the body's axis, -1 towards it, 0 neither.
+    """Direction of the normal at each of f points: 1 away from the body's axis, -1 towards it, otherwise 0.
 
-    `places` (f, 3) m are the points and `normals` (f, 3) their normals.  The axis is along the mesh's longest extent,
-    in the middle of the other extents.
+    `places` (f, 3) m are the points and `normals` (f, 3) their unit normals.  The axis is along the mesh's longest
+    extent, in the middle of the other extents.
     """
     arm = places - (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2.0
     arm[:, mesh.axis] = 0.0

@@ -394,7 +394,7 @@ def _step_words(step: Mapping[str, object]) -> str:
 
 
 def _estimate_words(result: RunResult) -> str:
-    """Clauses on the estimated error of the reduction: how it was made, its ratio to the true error, and of probes.
+    """Clauses on the estimated error of the reduction: how it was made, its ratio to the true error, and probes.
 
     If the error was neither estimated nor computed, the reason is given; without an estimate the text is empty.
     """

@@ -130,13 +130,13 @@ class SceneWords:
         quantity, usual = quantity_of(type(table), key), usual_ranges(type(table), key)
         units = [quantity.unit] if quantity is not None else [limits.unit for limits in usual] or [""]
         straight, _, turning = units[0].partition(", of angles ")
-        unit = (turning or units[-1]) if _turns(table, key) else straight
+        unit = (turning or units[-1]) if _is_rotation(table, key) else straight
         if unit in ("rad", "degrees") and not isinstance(table, SignalBase):
             unit = self.angles
         return "" if unit == "1" else unit.replace("frame.unit", self.angles) or UNITS.get(key, "")
 
 
-def _turns(table: BaseModel, key: str) -> bool:
+def _is_rotation(table: BaseModel, key: str) -> bool:
     """Whether the numbers of a key are about a rotation: by the key (``rx``), or by the table's directions."""
     directions = getattr(table, "held_directions", None) or (getattr(table, "direction", None) or key,)
     return all(str(direction) in ("rx", "ry", "rz") for direction in directions)

@@ -157,9 +157,10 @@ class Box(BoxProfile):
 
     @property
     def volume(self) -> float:
-        """Volume of the walls in m^3, with doublers and tapers, without frames: linear in x between breaks.
+        """Volume of the walls in m^3, with doublers and tapers, without frames.
 
-        A plate's area is thickness times length, both linear along a stretch, so Simpson's rule is exact.
+        All dimensions are linear in x between breaks.  A plate's area is thickness times length, so Simpson's rule is
+        exact.
         """
         areas = [
             [

@@ -192,7 +192,7 @@ class BaseMotion(SceneTable):
     )
 
     @model_validator(mode="after")
-    def _moves(self) -> Self:
+    def _check_motion(self) -> Self:
         """Refuse a base that has neither a motion nor an acceleration."""
         if not (self.motions or any(self.accelerations.values())):
             raise ValueError("a motion is needed: x, y, z, rx, ry, rz or acceleration")

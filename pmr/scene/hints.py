@@ -237,12 +237,12 @@ def left_out(scene: Scene, at_rest: bool = False) -> dict[str, str]:
     does not use it.  A model `at_rest`, as that of a load chart, has neither friction nor fatigue.
     """
     clauses = {
-        "strength": _strength(scene, at_rest),
+        "strength": _strength_effects(scene, at_rest),
         "walls": _walls(scene),
-        "pads": _pads(scene, at_rest),
+        "pads": _pad_effects(scene, at_rest),
         "masses": _masses(scene),
-        "loads": _loads(scene),
-        "machine": _machine(scene),
+        "loads": _load_effects(scene),
+        "machine": _machine_effects(scene),
     }
     return {subject: ", ".join(parts) for subject, parts in clauses.items() if parts}
 
@@ -284,7 +284,7 @@ def hung_force_remark(scene: Scene) -> str:
     )
 
 
-def _strength(scene: Scene, at_rest: bool) -> list[str]:
+def _strength_effects(scene: Scene, at_rest: bool) -> list[str]:
     """Effects on strength that no stress contains; with `at_rest`, fatigue is always among them.
 
     The list is empty if no section has a cross-section.
@@ -311,7 +311,7 @@ def _walls(scene: Scene) -> list[str]:
     ]
 
 
-def _pads(scene: Scene, at_rest: bool) -> list[str]:
+def _pad_effects(scene: Scene, at_rest: bool) -> list[str]:
     """Effects in pads that the scene does not use; with `at_rest`, friction is always among them.
 
     The list is empty if there are no pads.
@@ -335,7 +335,7 @@ def _masses(scene: Scene) -> list[str]:
     return [*cylinders, "stiffeners, pads, hoses and fittings, unless [[masses]] has them: walls alone have weight"]
 
 
-def _loads(scene: Scene) -> list[str]:
+def _load_effects(scene: Scene) -> list[str]:
     """Loads and their dynamic effects that the scene does not have.
 
     The list is empty for a scene without a frame whose sections are no boxes.
@@ -352,7 +352,7 @@ def _loads(scene: Scene) -> list[str]:
     return clauses
 
 
-def _machine(scene: Scene) -> list[str]:
+def _machine_effects(scene: Scene) -> list[str]:
     """Parts of the machine that the model holds rigid or leaves out; empty for a single body without a frame."""
     frame = scene.frame
     if frame is None and len(scene.sections) == 1:

@@ -155,9 +155,9 @@ def check_chart(file: Path, scene: Scene, up_to: float) -> None:
 def chart_study_text(file: Path, scene: Scene, up_to: float) -> str:
     """Return the text of a study file for a load chart, over the ranges of the scene's extensions and luffing angle.
 
-    Limits are tipping, the stress at probes and that of walls at pads, as far as the scene has what they need; pads are
-    pressed on shells of the sections for it.  `up_to` is the largest load in kg.  The scene is one that `check_chart`
-    accepts.
+    Limits are tipping, the stress at probes and the stress of walls at pads, as far as the scene has what they need.
+    The stress of walls is computed on shells of the sections, on which the pads press.  `up_to` is the largest load in
+    kg.  The scene is one that `check_chart` accepts.
     """
     assert scene.frame is not None and scene.frame.luffing is not None and scene.frame.luffing != "free"
     end, names = scene.time.end, scene.names[1:]

@@ -289,9 +289,9 @@ class TippingMoments:
         )
 
     def share(self, states: LoadedStates, factor: float) -> Array:
-        """Return (p,) the moment of `factor` times the load over the resisting moment about the worst edge, by state.
+        """Return the moment of `factor` times the load over the resisting moment about the worst edge, (p,).
 
-        The result is infinite where no moment resists.
+        The result has an entry for each state; it is infinite in states in which no moment resists.
         """
         load = states.load[:, None] * (self.tip_moment + states.outputs @ self.tip_derivative.T)
         held = load - self.machine - states.outputs @ self.boom.T

@@ -135,8 +135,8 @@ def _cell_text(study: FinishedStudy, table: LeastLoads, chart: LoadChart, error:
 def _key_numbers(study: FinishedStudy, least_loads: Array, error: Array, parts: Parts) -> list[KeyNumber]:
     """Key numbers: number of points, and the largest of `least_loads` in kg.
 
-    If any `error` bar is finite, the largest one follows with what it contains, and the number of points where another
-    limit may govern within them.
+    If an `error` bar is finite, two more follow: the largest error bar, with the errors that it contains, and the
+    number of points at which another limit may govern within the error bars.
     """
     count, most = len(study.study_file["limits"]) + 1, float(np.nanmax(least_loads))
     key_numbers = [KeyNumber(str(least_loads.size), "points", f"{count} limit{'s' if count > 1 else ''}")]

@@ -49,8 +49,8 @@ def machine_of(
     """Return the fields of the kernel's machine of a scene, below the system, without a cylinder.
 
     `frame` is the frame of the scene, with a base at rest in the `excitation`.  `modes` (n, r') are the bodies' n
-    coordinates by the kernel's r' modes.  `level` is the luffing angle in rad at which a machine that is a free luffing
-    angle does not pitch.  Errors as `FreeBase` and `ChangingRows`.
+    coordinates by the kernel's r' modes.  If a free luffing angle is simulated as a machine that pitches, `level` is
+    the luffing angle in rad at a pitch of 0.  Errors as `FreeBase` and `ChangingRows`.
     """
     assembly = Assembly(system)
     free_base = FreeBase(scene, system, assembly)

@@ -408,7 +408,7 @@ class Stepper:
         return part_counts(omega, TimeStepping(self._step, self._step, parts=parts)), omega
 
     def _refuse_moved(self, s: Values) -> None:
-        """Raise InputError if path coordinates `s` contain a free extension or that of a section that follows it."""
+        """Raise InputError if path coordinates `s` contain a free extension or an extension that follows it."""
         if not isinstance(s, Mapping):
             raise InputError("stepper", "s", None, "a mapping without the free extension is allowed after the start")
         for path in self._moved:

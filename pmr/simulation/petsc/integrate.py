@@ -112,7 +112,7 @@ class Integrator:
         while True:
             scaled = ahead.q / self._q_gain
             if free is None:
-                free = self._free(scaled, ahead.v, f)
+                free = self._solve_without_contacts(scaled, ahead.v, f)
             b = free if w is None else free + self._factor.solve(w)
             motion = self._q_gain * self.constraint.rows.apply(b)
             summed = np.concatenate([motion, [float(b.sum()), float(flag)]])  # over the ranks, by one message
@@ -148,7 +148,7 @@ class Integrator:
         added = Prediction.from_shares(self._factors, state.a, state.acceleration)
         return Prediction(state.q + self._factors.h * state.v + added.q, state.v + added.v, added.a)
 
-    def _free(self, scaled: Array, v: Array, f: Array) -> Array:
+    def _solve_without_contacts(self, scaled: Array, v: Array, f: Array) -> Array:
         """This rank's rows (n_local,) of the solution b_free without contact forces; overwritten by the next call.
 
         `scaled` (n_local,) is q* / dq: the predicted coordinates q* over dq, the derivative of the coordinates by the

@@ -294,9 +294,9 @@ class CheckpointFile:
         return self._comm.rank == 0 and time.monotonic() - self._last >= self._checkpoint.seconds
 
     def save(self, reached: ReachedState, recorder: Recorder) -> None:
-        """Write a checkpoint after a step; it replaces the checkpoint before in one operation.
+        """Write a checkpoint after a step; it replaces the earlier checkpoint in one operation.
 
-        If the disk is full, a warning is logged, and the checkpoint before is kept.
+        If the disk is full, a warning is logged, and the earlier checkpoint is kept.
         """
         gathered, state, file = self._system.gather_vectors, reached.state, self._checkpoint.file
         arrays = {name: gathered(getattr(state, name)[None])[0] for name in _SPREAD}
