@@ -255,7 +255,7 @@ def _pin_warnings(scene: Scene, held: PinAndCylinder | None) -> list[str]:
 
 
 def slack_spans(t: Array, force: Array) -> list[dict[str, float]]:
-    """For each span in which a rope is slack, its ``start`` and ``end`` in s, and the largest force in N behind it.
+    """Spans in which a rope is slack, with ``start`` and ``end`` in s and the largest force in N behind the span.
 
     `force` (T,) in N is that of the rope at the times t (T,) in s.  The force behind a span, ``snatch``, is the largest
     one until the rope is slack again or the run ends.

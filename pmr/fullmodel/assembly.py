@@ -124,7 +124,7 @@ class Assembler:
 
 
 def model_order(model: FiniteElementModel, space: FunctionSpace) -> Indices:
-    """For each coordinate of the model its PETSc index (n,) in the function space; collective, the same on every rank.
+    """PETSc indices (n,) in the function space of the model's n coordinates; collective, the same on every rank.
 
     Raises
     ------

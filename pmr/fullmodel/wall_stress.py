@@ -315,7 +315,7 @@ class YieldForce:
 
 
 def yield_forces(scene: Scene) -> dict[str, YieldForce]:
-    """Return for each section with a joint the smallest force of a pad at which the walls it touches begin to yield.
+    """Return the smallest force of a pad at which the walls that it touches begin to yield, by section with a joint.
 
     Each pad acts alone: the stress of the whole section, of which bending is the largest part, comes on top.  Left out
     are joints that touch a section without even walls (`has_even_walls`) or without a yield stress.

@@ -170,9 +170,10 @@ class Walls:
 
     @cached_property
     def _sliding_factors(self) -> list[tuple[Array, Array, Array]]:
-        """For each `Sliding` two factors A' (p, k, r) and V (r, m) of A = A' V, and S_m (p, k, k).
+        """Factors A' (p, k, r) and V (r, m) of A = A' V, and the matrices S_m (p, k, k), for each `Sliding`.
 
-        Components V of y_f to which A contributes less than `SHARED` are left out.
+        The module's docstring has the equations.  Components V of y_f to which A contributes less than `SHARED` are
+        left out.
         """
         inverse, factors = np.linalg.pinv(self._standing_root, rcond=SAME**0.5).T, []
         for sliding in self.sliding:

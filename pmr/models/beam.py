@@ -360,7 +360,7 @@ class Beam(FiniteElementModel, ABC):
 
     @staticmethod
     def _beyond(values: Array) -> Array:
-        """For each element the sum of `values` (E,) over all elements behind it."""
+        """Sums (E,) of `values` (E,) over all elements behind each element."""
         return np.append(np.cumsum(values[:0:-1])[::-1], 0.0)
 
     def _sums_beyond(self, mesh: Mesh, state: UnitState, component: int) -> list[Function]:

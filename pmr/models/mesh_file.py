@@ -194,10 +194,10 @@ def _warn_of_unread(file: Path, deck: Deck) -> None:
 
 
 def join_ties(deck: Deck, points: Array) -> Indices:
-    """Return for each of N nodes at `points` (N, 3) m the number of the node in whose place it is: its own if not tied.
+    """Numbers (N,) of the nodes that stand for the nodes at `points` (N, 3) m, after ties are joined.
 
-    Raises an `InputError` if a tie names a surface that is not read, or if a node of its first surface has no node of
-    the second one at its place.
+    A node that is not tied stands for itself.  Raises an `InputError` if a tie names a surface that is not read, or if
+    a node of its first surface has no node of the second one at its place.
     """
     number, joined = {node: k for k, node in enumerate(deck.nodes)}, np.arange(len(points))
     for card in deck.ties:
@@ -271,9 +271,9 @@ def _meshio_content(file: Path) -> MeshFile:
 
 
 def _physical_groups(mesh: meshio.Mesh) -> dict[str, list[Indices]]:
-    """For each physical group the numbers of its cells in each of meshio's blocks, from sets (MSH 4) or tags (2).
+    """Numbers of the cells of each physical group in each of meshio's blocks, by the group's name.
 
-    The result is empty if the file has neither.
+    They come from sets (MSH 4) or tags (MSH 2).  The result is empty if the file has neither.
     """
     sets = {name: parts for name, parts in mesh.cell_sets.items() if not name.startswith("gmsh:")}
     empty = np.empty(0, np.int64)

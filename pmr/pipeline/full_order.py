@@ -241,7 +241,10 @@ class SupportReactions(NamedTuple):
 
 
 def _support_reactions(full_system: FullSystem, history: History) -> SupportReactions:
-    """Return by body the h rigid supports with forces that are no outputs of the system, and the forces (T, h) in N."""
+    """Return the rigid supports whose forces are no outputs of the system, and their forces (T, h) in N, by body.
+
+    h is the number of such supports on the body; bodies without such supports are left out.
+    """
     system, bearing_contacts = full_system.with_supports(), set(output_contacts(full_system))
     inner = {k: contact.inner for k, contact in enumerate(system.contacts) if k not in bearing_contacts}
     rows = {(side.body, side.row): k for k, side in inner.items()}

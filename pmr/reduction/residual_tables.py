@@ -100,10 +100,10 @@ def terms(A: PETSc.Mat, X: Array) -> Array:
 
 
 def _diagonalise(model: FullModel, W: Array) -> Array:
-    """Combinations W of the given columns W, and K W over the diagonal of W^T K W, (2, n_local, k).
+    """Combinations U of the columns W, and K U over the diagonal of U^T K U, as one array (2, n_local, k).
 
-    The combinations satisfy W^T M W = I, and their W^T K W is diagonal.  For a column that is an eigenvector up to
-    round-off, the second result is M W, which is more accurate.  Collective.
+    The combinations satisfy U^T M U = I, and U^T K U is diagonal.  For a column that is an eigenvector up to round-off,
+    the second result is M U, which is more accurate.  Collective.
     """
     if W.shape[1] == 0:
         return np.array([W, W])

@@ -171,7 +171,7 @@ def _nested_tables(tables: Sequence[Schema], parts: Schema) -> Iterator[tuple[st
 
 
 def _unique_key_paths(schema: Schema) -> dict[str, str]:
-    """Return for each key that only one table of a file's schema has its dotted path."""
+    """Return the dotted paths of the keys that only one table of a file's schema has, by key."""
     prefixes_of, visited, ahead = dict[str, list[str]](), list[Schema](), [("", schema)]
     for prefix, node in ahead:  # the list grows in the loop
         for table in _table_schemas(node, schema.get("$defs", {})):

@@ -313,11 +313,11 @@ def tail_outputs(member: Member) -> tuple[str, ...]:
 
 
 def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
-    r"""For each section's rope or cylinder, return the shares of other sections' forces that it carries, by section.
+    r"""Return the shares of sections' forces that the rope or cylinder of each section carries, by section.
 
     With the forces :math:`F_j` along the boom and the ratios :math:`r_k`, the rope or cylinder of section j carries
-    :math:`T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k`.  Only sections that follow another one, are followed or
-    have a rope are in the result.
+    :math:`T_j = F_j + \sum_{k\ \mathrm{follows}\ j} r_k T_k`.  Its shares, by section, are the factors of all F in this
+    sum.  Only sections that follow another one, are followed or have a rope are in the result.
     """
     names = scene.names[1:]
     follows = {name: scene.joint(k).follows for k, name in enumerate(names, 1)}
@@ -337,10 +337,11 @@ def rope_shares(scene: Scene) -> dict[str, dict[str, float]]:
 
 
 def drive_rows(scene: Scene, forces: Sequence[str]) -> dict[str, Array]:
-    """For each section return the factors (m,) of m named `forces` whose weighted sum moves the section along the boom.
+    """Return the factors (m,) of m named `forces` whose weighted sum moves a section along the boom, by section.
 
-    The sum is T of `rope_shares` for a section with a rope, or one that follows or is followed, otherwise the force of
-    its own cylinder.  Factors are NaN if the force of one of the cylinders in the sum is not among the names.
+    For a section with a rope, or one that follows or is followed, the sum is T of `rope_shares`.  For all others it is
+    the force of the section's own cylinder.  Factors are NaN if the force of one of the cylinders in the sum is not
+    among the names.
     """
     shares = {name: {name: 1.0} for name in scene.names[1:]} | rope_shares(scene)
     rows = {name: np.zeros(len(forces)) for name in shares}

@@ -117,7 +117,7 @@ class Shortening:
     cylinder: int | None = None
 
     def factor(self, extended: Extensions) -> list[float]:
-        """Factor f with its rate, and with its second rate while the extension has a constant rate."""
+        """Factor f, its rate, and the second rate that it has if the extension has a constant rate."""
         if self.cylinder is None:
             return [1.0, 0.0, 0.0]
         l, v = extended.value[self.cylinder], extended.rate[self.cylinder]

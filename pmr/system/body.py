@@ -163,7 +163,7 @@ class FullOrderBody(ABC):
 
     @property
     def held(self) -> dict[int, int]:
-        """By the number of each row that is a support on a single coordinate: the number of the coordinate it holds."""
+        """Numbers of the coordinates that supports on a single coordinate hold, by the number of the support's row."""
         rows = enumerate(self.rows.rows)
         return {number: row.held_coordinate for number, row in rows if row.held_coordinate is not None}
 
