@@ -27,6 +27,7 @@ from pmr.compare.errors import ForceHistories, force_errors, force_histories
 from pmr.compare.moving_frame import with_choice_of_terms
 from pmr.compare.outputs import probe_errors
 from pmr.compare.responses import march_once, refuse_growth
+from pmr.compare.round_off import zero_round_off
 from pmr.files.arrays import Array, Summary
 from pmr.results import Response
 from pmr.results.quantities import COMPARED
@@ -150,17 +151,18 @@ def evenly_spaced_steps(excitation: Excitation) -> list[int]:
 def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str) -> dict[str, Any]:
     """Entry ``budget.model`` of summary.json: errors of `motion` against the motion `richer` of a richer model.
 
-    The richer model has the name `richer_name`.  Kinds of displacements and ``largest`` are None if it does not move.
-    Kinds of outputs that the two models do not have in common are missing.
+    The richer model has the name `richer_name`.  Kinds of displacements are None if they are round-off in the richer
+    model, ``largest`` if it does not move.  Kinds of outputs that the two models do not have in common are missing.
     """
     shares, displacements = dict[str, float | None](), list[Array]()
+    still = max(motion.response.round_off, richer.response.round_off)
     for kind in ("beam", "tip"):
         histories = motion.histories(kind), richer.histories(kind)
         if kind == "beam":
             histories = histories[0] | motion.displacements_at(richer), histories[1]
         names = [name for name in histories[0] if name in histories[1]]
         if names:
-            y, reference = (np.array([of[name] for name in names]) for of in histories)
+            y, reference = zero_round_off(*(np.array([of[name] for name in names]).T for of in histories), still)
             shares[kind] = _relative_difference(y, reference)
             displacements.append(y)
     shares |= force_errors(motion.forces, richer.forces)
