@@ -162,7 +162,8 @@ def model_budget(scene: Scene, motion: Motion, richer: Motion, richer_name: str)
             histories = histories[0] | motion.displacements_at(richer), histories[1]
         names = [name for name in histories[0] if name in histories[1]]
         if names:
-            y, reference = zero_round_off(*(np.array([of[name] for name in names]).T for of in histories), still)
+            y, reference = (np.array([of[name] for name in names]).T for of in histories)
+            y, reference = zero_round_off(y, reference, still)
             shares[kind] = _relative_difference(y, reference)
             displacements.append(y)
     shares |= force_errors(motion.forces, richer.forces)

@@ -19,6 +19,7 @@ from pmr.scene import Scene
 from pmr.scene.built import force_name
 from pmr.scene.frame import BaseMotion
 from pmr.scene.mechanism import AXIAL, TIPPING_MARGIN, stress_terms
+from pmr.scene.signals import SignalBase
 from pmr.simulation import Excitation
 from pmr.simulation.excitation import side_positions
 from pmr.simulation.frame import term_signals
@@ -251,8 +252,17 @@ def second_order_effect(scene: Scene, bodies: Mapping[str, SlidingBody]) -> Seco
     terms = list(stress_terms(scene))
     system = replace(system_of(_with_second_order(scene, False), bodies), terms=terms_of(scene, bodies, terms))
     signals, excitation = term_signals(scene, terms), Excitation.from_scene(_with_second_order(scene, False))
+    return stiffness_changes(system, excitation, signals, [term.name for term in terms if term.kind in AXIAL])
+
+
+def stiffness_changes(
+    system: System, excitation: Excitation, signals: Mapping[str, SignalBase], axial: Sequence[str]
+) -> SecondOrderEffect:
+    """Effect of the terms of a `system` on its stiffness, as in `second_order_effect`, which has the errors.
+
+    `signals` are the amplitudes of the terms by their names, `axial` the names of the terms of axial forces.
+    """
     assembly, x = Assembly(system), side_positions(system, excitation)
-    axial = [term.name for term in terms if term.kind in AXIAL]
     steps = _second_order_steps(excitation)
     rows = assembly.contact_rows_over_time(x[steps])
     factors, shares = np.full(len(steps), np.inf), np.zeros(len(steps))

@@ -13,6 +13,7 @@ import numpy as np
 
 from pmr.compare import mesh_part
 from pmr.compare.accuracy import accuracy_summary, accuracy_warnings
+from pmr.compare.axial_forces import axial_part
 from pmr.compare.forces import pad_extremes
 from pmr.compare.frequencies import frequency_part, response_on_way, result_paths
 from pmr.compare.responses import check_installed, check_memory, memory_warnings
@@ -183,6 +184,7 @@ def _outcome(
         SummaryPart(warnings=memory_warnings(scene, size, outputs)),
         *(SummaryPart(warnings=build_warnings(structure)) for structure in structures),
         SummaryPart(warnings=free_motions),
+        axial_part(scene, system, excitation, _masses(built)),
         SummaryPart(warnings=mesh_part.mesh_warnings(scene)),
         SummaryPart(probe_summary({name: body.structure.outputs for name, body in built.items()})),
         SummaryPart(summary_of_walls({name: body.structure.pads.walls for name, body in built.items()})),
@@ -271,6 +273,11 @@ def _stress_at_pads(bodies: Bodies, motions: Motions) -> Summary:
         return {}
     states = comm.bcast(None if motions.reduced is None else motions.reduced.first.states)
     return stress_at_pads(scene, bodies.built, bodies.bodies, states)
+
+
+def _masses(built: Mapping[str, AssembledBody]) -> dict[str, float]:
+    """Masses of the bodies in kg by name, without what is attached to them; given matrices have none."""
+    return {name: body.model.masses.body for name, body in built.items() if body.model.masses is not None}
 
 
 class FullSizes(NamedTuple):
