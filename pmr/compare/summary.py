@@ -51,7 +51,7 @@ from pmr.errors import environment
 from pmr.errors.environment import Clock
 from pmr.files.arrays import Array, Summary
 from pmr.results import BodyResult, Frequencies, Loads, Response, RunResult, Shapes
-from pmr.results.fatigue import SNLine, rainflow_cycles
+from pmr.results.fatigue import SNLine, damage
 from pmr.results.quantities import with_unit
 from pmr.results.response import Output
 from pmr.results.run import SummaryPart, combine_parts
@@ -189,12 +189,12 @@ def theory_part(scene: Scene, responses: Mapping[str, Response]) -> SummaryPart:
 def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
     r"""``fatigue`` of summary.json, a row for each probe's stress, the worst one first; empty unless it is wanted.
 
-    .. math:: D = \sum_l n_l \sum_i D_i(f_l\, \Delta\sigma_i)
+    .. math:: D = \sum_l D(f_l\, \sigma, n_l)
 
-    for each stress component by itself, with the damage D.  The lines l of the spectrum occur n_l times, with the
-    factor f_l on the stresses.  D_i is the damage by the run's rainflow cycle i, whose stress range is
-    :math:`\Delta\sigma_i` (`pmr.results.tables`).  ``life`` is the number of times that the whole spectrum may occur
-    until D is 1, and None if D is 0.  A warning names the worst stress if its D is above 1.
+    for each stress component :math:`\sigma` by itself.  The lines l of the spectrum occur n_l times, with the factor
+    f_l on stresses; D is the damage by a history that is repeated (`pmr.results.fatigue.damage`).  ``life`` is the
+    number of times that the whole spectrum may occur until D is 1, and None if D is 0.  A warning names the worst
+    stress if its D is above 1.
     """
     settings = scene.fatigue
     if settings is None:
@@ -203,9 +203,8 @@ def fatigue_part(scene: Scene, response: Response) -> SummaryPart:
     damage_of_probe = dict[str, float]()
     for output in response.outputs:
         if output.kind == "probe" and output.unit == "Pa":
-            ranges, _, counts = rainflow_cycles(response.t, response.other(output.name)).T[:3]
-            lines = settings.spectrum_lines
-            damage_of_probe[output.name] = sum(of.cycles * line.damage(of.factor * ranges, counts) for of in lines)
+            t, stress, lines = response.t, response.other(output.name), settings.spectrum_lines
+            damage_of_probe[output.name] = sum(damage(t, of.factor * stress, line, of.cycles) for of in lines)
     worst_first = sorted(damage_of_probe.items(), key=lambda item: -item[1])
     rows = [{"name": name, "damage": d, "life": 1.0 / d if d > 0.0 else None} for name, d in worst_first]
     failed = [

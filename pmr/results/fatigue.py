@@ -8,8 +8,9 @@ The damage D is the sum over i of the cycles as shares of the endured cycles :ma
     D = \sum_i \frac{n_i}{N_i}, \qquad N_i = N_{ref} \Bigl(\frac{\Delta\sigma_{ref}}{\Delta\sigma_i}\Bigr)^m,
     \qquad N_{ref} = 2 \cdot 10^6
 
-Ranges below the cut-off of the line do no damage.  Miner: Cumulative damage in fatigue, Journal of Applied Mechanics
-12, 1945.
+Ranges below the cut-off of the line do no damage.  A history that is repeated closes its cycles: 1e5 loads from 0 to
+:math:`\sigma` are 1e5 cycles of this range, though the load of one history is half a cycle.  Miner: Cumulative damage
+in fatigue, Journal of Applied Mechanics 12, 1945.
 """
 
 from __future__ import annotations
@@ -69,7 +70,12 @@ class SNLine:
 def damage(t: Array, stress: Array, line: SNLine, times: float = 1.0) -> float:
     """Return the damage, a number, by a stress (T,) in Pa at times t (T,) in s, repeated `times` times; 1 is failure.
 
-    Cycles with a range below a hundredth of the largest range are left out (`rainflow_cycles`).
+    Each further time does the damage by which two histories, one after the other, exceed one: a cycle that the history
+    does not close is closed by its repetition.  Cycles with a range below a hundredth of the largest range are left out
+    (`rainflow_cycles`).
     """
-    loops = rainflow_cycles(t, stress)
-    return times * line.damage(loops[:, 0], loops[:, 2])
+    once, twice = (
+        line.damage(loops[:, 0], loops[:, 2])
+        for loops in (rainflow_cycles(t, stress), rainflow_cycles(np.tile(t, 2), np.tile(stress, 2)))
+    )
+    return min(times, 1.0) * once + max(times - 1.0, 0.0) * (twice - once)

@@ -55,3 +55,12 @@ def test_what_is_tiny_beside_the_largest_is_left_out() -> None:
     history = np.array([0.0, 100.0, 100.0 - 99.0 * SMALLEST, 100.0, 100.0 - 101.0 * SMALLEST, 100.0, 0.0])
     assert sorted(rainflow_cycles(np.arange(7.0), history)[:, 0]) == pytest.approx([101.0 * SMALLEST, 100.0, 100.0])
     assert rainflow_cycles(np.arange(5.0), np.ones(5)).shape == (0, 5)
+
+
+def test_a_load_that_is_repeated_closes_its_cycles() -> None:
+    """A history from 0 to the reference range is half a cycle; repeated it is a cycle each time but the first."""
+    line, t, x = SNLine(3.0, 90e6), np.arange(3.0), np.array([0.0, 45e6, 90e6])
+    assert damage(t, x, line) == pytest.approx(0.5 / 2e6)
+    assert damage(t, x, line, times=1e5) == pytest.approx((1e5 - 0.5) / 2e6)
+    closed, returned = np.arange(4.0), np.append(x, 0.0)
+    assert damage(closed, returned, line, times=1e5) == pytest.approx(1e5 / 2e6)
