@@ -46,7 +46,7 @@ def luffing_part(scene: Scene, response: Response) -> SummaryPart:
         L(\varphi) = |R(\varphi)\, r_1 - r_0|, \qquad F = \mathfrak M / \tfrac{dL}{d\varphi}, \qquad P = F\, \dot L
 
     In it, L is the length at the luffing angle :math:`\varphi`, R the rotation, r_1 the lug on the boom, r_0 the foot
-    on the machine, F the force and P the power. :math:`\mathfrak M` is the moment about the pivot of all forces with
+    on the machine, F the force and P the power.  :math:`\mathfrak M` is the moment about the pivot of all forces with
     which the boom presses on its machine (`pmr.simulation.reactions`).  The pivot turns freely, and the cylinder alone
     keeps the angle, whatever holds the base in the scene.
 

@@ -247,7 +247,7 @@ def _escape(text: str) -> str:
 
 
 def _braces(values: Array) -> str:
-    """Array as a Modelica expression with all digits, one row per line."""
+    """The array `values` as a Modelica expression with all digits, one row per line."""
     if values.size == 0:  # in Modelica {} is not an array
         return f"zeros({', '.join(map(str, values.shape))})"
     if values.ndim == 1:

@@ -201,9 +201,8 @@ class LagrangeRule(NamedTuple):
 def lagrange_rule(cell: str, nodes: int, degree: int, parts: int = 1) -> LagrangeRule:
     """Quadrature on the reference cell, which has d dimensions, with the k functions of a Lagrange element.
 
-     `nodes` is the polynomial
-    degree of the element, and `degree` the one that the quadrature rule integrates exactly.  The rule is repeated in
-    the `parts`^d equal pieces of the cell, for lines, triangles and quadrilaterals.
+    `nodes` is the polynomial degree of the element, and `degree` the one that the quadrature rule integrates exactly.
+    The rule is repeated in the `parts`^d equal pieces of the cell, for lines, triangles and quadrilaterals.
     """
     if cell == "point":
         return LagrangeRule(np.ones(1), np.ones((1, 1)), np.zeros((0, 1, 1)))

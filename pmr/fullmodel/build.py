@@ -321,7 +321,7 @@ def full_model(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> FullModel:
 
 
 def log_warnings(built: Iterable[AssembledBody], comm: MPI.Comm) -> None:
-    """Log the warnings of the bodies' structures on rank 0, each text once."""
+    """Log the warnings of the structures of the bodies `built` on rank 0, each text once."""
     messages = dict.fromkeys(message for model in built for message in warnings(model.structure))
     for message in messages if comm.rank == 0 else ():
         logger.warning("%s", message)
@@ -379,27 +379,31 @@ def build_bodies(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> Mapping[str, 
 
 
 def models_of(built: Mapping[str, AssembledBody]) -> dict[str, FullModel]:
-    """Full models of the bodies by name."""
+    """Full models of the bodies `built`, by name."""
     return {name: body.model for name, body in built.items()}
 
 
 def free_motion_warnings(scene: Scene, built: Mapping[str, AssembledBody]) -> list[str]:
     """One sentence in a list that names the rigid motions which nothing resists, or an empty list; collective.
 
-    The sentence is about the position with most free motions, among those that the bodies pass through in the scene.
+    The sentence is about the position with most free motions, among those that the bodies `built` pass through in the
+    scene.
     """
     free = _find_free_motions(scene, built)
     return [_free_motion_sentence(built, free)] if free.sentence else []
 
 
 def _free_motion_sentence(built: Mapping[str, AssembledBody], free: FreeMotions) -> str:
-    """Sentence that names the motions which the supports and pads of the bodies leave free."""
+    """Sentence that names the motions which the supports and pads of the bodies `built` leave free."""
     holds = "supports and pads" if ALONE in built else "supports, pads and cylinders"
     return f"{holds} leave {free.sentence}: loads along that move it without limit"
 
 
 def _find_free_motions(scene: Scene, built: Mapping[str, AssembledBody]) -> FreeMotions:
-    """Find the free rigid motions of a scene's bodies; supports count as contacts with the ground.  Collective."""
+    """Find the free rigid motions of the bodies `built` of a scene; collective.
+
+    Supports count as contacts with the ground.
+    """
     models = models_of(built)
     system = FullSystem(models, contacts_of(scene, models)).with_supports()
     return describe_free_motions(

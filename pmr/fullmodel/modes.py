@@ -171,7 +171,7 @@ class Modes:
     is_cut: bool = False  # whether the first mode that is left out has the frequency of the last one
 
     def warn_if_cut(self, s: float) -> None:
-        """Log a warning if the number of modes separates two of one frequency, at the path coordinate s in m."""
+        """Log a warning if only one of two modes with the same frequency is included; s in m is for the message."""
         if self.is_cut:
             logger.warning(
                 "s = %g m: mode %d and the next one have the same frequency; the snapshot holds one of the two. "

@@ -63,7 +63,7 @@ class Estimate(NamedTuple):
 
     @classmethod
     def from_meshes(cls, coarse: float, fine: float) -> Estimate:
-        """Return the extrapolated value of those on the coarser and the finer mesh."""
+        """Extrapolate from the values on a `coarse` and a `fine` mesh; the error bar is the last change."""
         change = (fine - coarse) / (2.0**ORDER - 1.0)
         return cls(fine + change, abs(change))
 
@@ -166,7 +166,10 @@ class PieceMesh:
         self._body = body
 
     def stress(self, pads: Sequence[Pad]) -> RingStress:
-        """Return the local stresses of pads, near which alone they are kept."""
+        """Return the local stresses of pads, at points near the pads.
+
+        At each point, the stress of a pad is at least the share `STORED` of the pad's largest stress.
+        """
         rows, means = self._shell.stresses(), self._means
         stress = rows.evaluate(self._on_shell.under_pads(pads).T)
         faces = [rows.points_on(face) for face in (rows.faces[0], rows.faces[-1])]
@@ -262,10 +265,11 @@ class WallPeak:
 
 
 def wall_peak(part: BoomSection, states: SectionStates, rings: Sequence[LoadedRing]) -> WallPeak | None:
-    """Return the largest von Mises stress in the walls at the pads of a section, at all times; None without pads.
+    """Return the largest von Mises stress in the walls at the pads of a section at all times.
 
-    The time is that of the largest stress with each ring at the nearest of up to `PLACES` places; then the ring is put
-    where it is.  Not collective.  Raises an `InputError` as `SectionPiece` and its method `stresses` do.
+    The time of the peak is found with each ring at the nearest of up to `PLACES` places along its way.  The stress at
+    this time is then computed with the ring at its true place.  None if there are no pads.  Not collective.  Raises an
+    `InputError` as `SectionPiece` and its method `stresses` do.
     """
     best: WallPeak | None = None
     for (length, width), of_size in _by_size(rings).items():
@@ -307,7 +311,7 @@ def _combined(piece: SectionPiece, stress: RingStress, ring: LoadedRing, states:
 
 @dataclass(frozen=True)
 class YieldForce:
-    """Force of a joint's pad at which walls reach their yield stress, and the section and pad of which this is so."""
+    """Force of a joint's pad at which walls reach their yield stress, with the names of the section and the pad."""
 
     force: float  # N
     section: str

@@ -124,7 +124,7 @@ _ARRAYS = WeakKeyDictionary[Any, list[NDArray[Any]]]()
 
 @cache
 def _field_types(kind: str) -> dict[str, Any]:
-    """Types of the fields of a structure of the kernel by their names."""
+    """Types of the fields of the kernel's structure `kind`, by their names."""
     return {name: field.type for name, field in ffi.typeof(kind).fields}
 
 

@@ -124,7 +124,10 @@ class FixedPoint:
         lib.pmr_restart(self._state)
 
     def next(self, x: Array, phi: Array) -> Array:
-        """Return the iterate (n,) that follows x (n,), for `phi` = phi(x) (n,); an error of `add_up` is raised."""
+        """Return the iterate (n,) that follows x (n,), for `phi` = phi(x) (n,).
+
+        An error of the function `add_up` is raised again.
+        """
         self._rows[0, : self._size], self._rows[1, : self._size] = x, phi - x
         lib.pmr_extrapolate(self._state)
         if self._raised is not None:

@@ -42,12 +42,12 @@ PARTS: Mapping[str, tuple[str, ...]] = {
 
 
 def output_errors(summary: Summary, motion: LinearMotion, run_step: float | None = None) -> dict[str, dict[str, float]]:
-    """Errors of outputs of a linear model, as fractions of their RMS, by the part of the budget and the output's name.
+    """Errors of outputs of a linear model, fractions of their RMS, by part of the budget and name of the output.
 
-    `summary` is the content of a run's ``summary.json``, whose time step was `run_step` s: with another step the model
-    has an error of the step as the squares of the steps, since the scheme is of second order.  An output that a part
-    does not cover is missing in that part;
-    accelerations and velocities have the errors of velocities, or of displacements where the part does not cover them.
+    `summary` is the content of a run's ``summary.json``, whose time step was `run_step` s.  If the model has another
+    step, its error of the step is scaled by the squares of the steps, since the scheme is of second order.  An output
+    that a part does not cover is missing in that part.  Accelerations and velocities have the errors of velocities, or
+    those of displacements if the part does not cover velocities.
     """
     errors = dict[str, dict[str, float]]()
     for part, keys in PARTS.items():

@@ -224,7 +224,10 @@ class Box(BoxProfile):
         return [edge.face for edge in self.edges]
 
     def _check_taper(self, key: str, taper: Taper) -> None:
-        """Refuse a taper without dimensions, too long, larger at its end than the box, or with other faces than it."""
+        """Refuse a taper without dimensions, too long, larger at its end than the box, or with other faces than it.
+
+        `key` is the taper's key.
+        """
         dimensions: dict[str, Any] = taper.model_dump(exclude={"length"}, exclude_none=True)
         if not dimensions:
             raise key_error(key, None, "a dimension at the end is needed: width, height, wall, radius or chamfer")

@@ -122,7 +122,7 @@ class FrameRotation:
     ) -> FrameRotation:
         """Rotation of the frame at the times t (T,) in s.
 
-        `rocking` are the angles roll, pitch, yaw of its base; empty: the base does not turn.
+        `rocking` are the angles roll, pitch, yaw of its base; it is empty if the base does not turn.
         """
         return cls.from_angles(
             _motion_of(luffing, t), _motion_of(slewing, t), [_motion_of(angle, t) for angle in rocking]

@@ -155,7 +155,7 @@ def _share_of_user_function(limit: Limit, at: PostureMatrices, k: int, amounts: 
 def _share_of_buckling(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on the buckling factor.
 
-    The arguments after `limit` are not used.
+    Posture and `amounts` are not used, as each state has its form.
     """
     amount = limit.allowed_amount
     return lambda states: amount * np.array([form.inverse_factor(load) for form, load in _forms_and_loads(states)])
@@ -164,7 +164,7 @@ def _share_of_buckling(limit: Limit, at: PostureMatrices, k: int, amounts: Seque
 def _share_of_frequency(limit: Limit, at: PostureMatrices, k: int, amounts: Sequence[float]) -> Share:
     """Return the function from states to the used shares (p,) of a limit on the lowest natural frequency.
 
-    The arguments after `limit` are not used.
+    Posture and `amounts` are not used, as each state has its form.
     """
     amount = limit.allowed_amount
     return lambda states: np.array([_ratio(amount, form.frequency(load)) for form, load in _forms_and_loads(states)])

@@ -101,7 +101,7 @@ class UnitObserver:
         yield from (replace(variable, reference=first + k) for k, variable in enumerate(listed))
 
     def _unit(self, name: str) -> str:
-        """Unit of an output or unknown as FMI writes it."""
+        """Unit of the output or unknown called `name`, as FMI writes it."""
         return self.units[name].replace("^", "")
 
     @staticmethod
